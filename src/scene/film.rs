@@ -1,0 +1,44 @@
+//! The film: resolution, the part of it that is rendered, the pixel filter.
+
+/// The image to be made.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Film {
+    /// Resolution of the whole image, in pixels.
+    pub width: usize,
+    pub height: usize,
+    /// The part that is rendered: x0, x1, y0, y1 in pixels, half open (pbrt's order).
+    pub pixel_bounds: [usize; 4],
+    pub filter: PixelFilter,
+    /// File name that the scene gives, if any.
+    pub filename: Option<String>,
+    /// Factor from radiance to pixel value (exposure; pbrt-v4's imaging ratio). 1 by default.
+    pub scale: f32,
+}
+
+/// Reconstruction filter of a pixel, sampled by importance: a sample belongs to one pixel.
+/// Radii are in pixels.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum PixelFilter {
+    Box {
+        radius: [f32; 2],
+    },
+    Triangle {
+        radius: [f32; 2],
+    },
+    /// exp(-x²/2σ²) minus its value at the radius.
+    Gaussian {
+        radius: [f32; 2],
+        sigma: f32,
+    },
+    /// Mitchell and Netravali 1988.
+    Mitchell {
+        radius: [f32; 2],
+        b: f32,
+        c: f32,
+    },
+    /// sin(x)/x windowed by sin(x/τ)/(x/τ).
+    Sinc {
+        radius: [f32; 2],
+        tau: f32,
+    },
+}

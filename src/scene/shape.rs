@@ -1,0 +1,79 @@
+//! Shapes, and the primitives and objects made of them.
+
+use std::sync::Arc;
+
+use glam::{DAffine3, Vec2, Vec3};
+
+use super::{AnimatedTransform, AreaLight, FloatTextureId, MaterialId};
+
+/// Triangles in the space of the object they belong to (render space for the static object).
+///
+/// `normals` and `uvs` are empty or as long as `positions`; every index is in range; positions
+/// are finite. The reader guarantees this.
+#[derive(Clone, Debug, Default)]
+pub struct TriangleMesh {
+    pub positions: Vec<Vec3>,
+    pub normals: Vec<Vec3>,
+    pub uvs: Vec<Vec2>,
+    pub indices: Vec<[u32; 3]>,
+}
+
+/// A (possibly partial) sphere around the origin of its own space, as pbrt's `sphere`.
+#[derive(Clone, Debug)]
+pub struct Sphere {
+    /// Sphere space to the object's space.
+    pub to_object: DAffine3,
+    pub radius: f32,
+    pub z_min: f32,
+    pub z_max: f32,
+    /// Radians, in (0, 2π].
+    pub phi_max: f32,
+}
+
+/// A (possibly partial) disk or ring perpendicular to z, as pbrt's `disk`.
+#[derive(Clone, Debug)]
+pub struct Disk {
+    /// Disk space to the object's space.
+    pub to_object: DAffine3,
+    pub height: f32,
+    pub radius: f32,
+    pub inner_radius: f32,
+    /// Radians, in (0, 2π].
+    pub phi_max: f32,
+}
+
+#[derive(Clone, Debug)]
+pub enum Shape {
+    Mesh(Arc<TriangleMesh>),
+    Sphere(Sphere),
+    Disk(Disk),
+}
+
+/// A shape with its looks.
+#[derive(Clone, Debug)]
+pub struct Primitive {
+    pub shape: Shape,
+    pub material: MaterialId,
+    /// Opacity in [0, 1]; `None` is opaque.
+    pub alpha: Option<FloatTextureId>,
+    /// Only on primitives of the static object.
+    pub area_light: Option<AreaLight>,
+    /// Flip the geometric normal (`ReverseOrientation`, xor a mirroring transform).
+    pub flip_normal: bool,
+}
+
+/// A group of primitives: a range of [`super::Scene::primitives`].
+#[derive(Clone, Debug)]
+pub struct Object {
+    pub name: String,
+    pub primitives: std::ops::Range<usize>,
+}
+
+/// One appearance of an object.
+#[derive(Clone, Debug)]
+pub struct Instance {
+    /// Index into [`super::Scene::objects`], never 0.
+    pub object: usize,
+    /// Object space to render space.
+    pub transform: AnimatedTransform,
+}
