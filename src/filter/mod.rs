@@ -3,6 +3,16 @@
 //!
 //! Knows nothing of where samples come from.
 
+mod assess;
+mod blur;
+mod fast_exp;
+mod halves;
+mod padded;
+mod patch;
+mod standard;
+
+pub use standard::StandardSettings;
+
 use crate::image::Planes;
 
 /// What a filter makes of a store.
@@ -26,4 +36,9 @@ pub struct Filtered {
     pub variance: Planes,
     /// Estimated squared error of the filtered pixel, mean of channels. 1 plane.
     pub error: Planes,
+}
+
+/// Makes an image of a store with the filter of `standard` or `draft`.
+pub fn standard(store: &crate::stats::Store, settings: &StandardSettings) -> Filtered {
+    standard::filter(store, settings)
 }
