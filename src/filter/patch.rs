@@ -15,7 +15,7 @@ use multiversion::multiversion;
 use rayon::prelude::*;
 
 use super::fast_exp::exp_negative;
-use super::padded::{Margin, Padded};
+use super::margin::{Margin, Padded};
 use crate::image::Planes;
 
 /// Half side of the 7×7 patch.
