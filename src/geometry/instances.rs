@@ -19,8 +19,8 @@ const MOTION_STEPS: u32 = 128;
 /// Where an instance is.
 #[derive(Debug)]
 enum Placement {
-    /// Object to render space, and its inverse.
-    Fixed(DAffine3, DAffine3),
+    /// Render to object space.
+    Fixed(DAffine3),
     /// Index into the scene's instances.
     Moving(usize),
 }
@@ -62,7 +62,7 @@ impl InstanceAccel {
             let placement = if instance.transform.is_animated() {
                 Placement::Moving(index)
             } else {
-                Placement::Fixed(instance.transform.start, instance.transform.start.inverse())
+                Placement::Fixed(instance.transform.start.inverse())
             };
             Placed { object: instance.object, instance: index as u32, placement }
         };
@@ -115,7 +115,7 @@ impl Leaves for InstanceLeaves<'_, '_> {
     fn test(&mut self, leaf: u32, ray: &mut TraversalRay) -> bool {
         let placed = &self.instances.placed[leaf as usize];
         let to_object = match placed.placement {
-            Placement::Fixed(_, to_object) => to_object,
+            Placement::Fixed(to_object) => to_object,
             Placement::Moving(index) => {
                 transforms_at(&self.query.scene.instances[index].transform, self.query.ray.time).1
             }

@@ -11,6 +11,7 @@ mod mesh;
 mod object;
 mod query;
 mod rounding;
+mod sampling;
 mod sphere;
 mod surface;
 #[cfg(test)]
@@ -25,6 +26,7 @@ use crate::scene::Scene;
 use instances::{InstanceAccel, search_instances};
 use object::{ObjectAccel, search};
 use query::Query;
+pub use sampling::{ShapeSample, area, pdf_shape, sample_shape};
 use traverse::TraversalRay;
 
 /// A ray in render space.

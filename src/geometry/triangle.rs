@@ -21,7 +21,6 @@ pub struct TrianglePacket {
 /// Where a ray meets a triangle.
 #[derive(Clone, Copy, Debug)]
 pub struct TriangleHit {
-    pub lane: usize,
     pub t: f32,
     /// Weights of vertices 1 and 2.
     pub barycentric: Vec2,
@@ -124,7 +123,7 @@ impl TrianglePacket {
             }
         }
         let barycentric = Vec2::new(lanes.edges[1][lane], lanes.edges[2][lane]) / determinant;
-        Some(TriangleHit { lane, t, barycentric })
+        Some(TriangleHit { t, barycentric })
     }
 }
 
