@@ -175,7 +175,7 @@ fn attributes(
 ) -> Vec<(String, Attribute)> {
     let spread = Spread::of(&outcome.store);
     let own = |name: &str| format!("prpf.{name}");
-    let schedule = outcome.batches.iter().map(|b| b.samples_total.min(i32::MAX as u64) as i32).collect();
+    let schedule = outcome.batches.iter().map(|b| b.samples_total as i64).collect();
     let mut attributes = vec![
         (names::SAMPLES_PER_PIXEL.to_owned(), Attribute::Int(spread.mean.round() as i32)),
         (names::RENDER_TIME_SECONDS.to_owned(), Attribute::Float(start.elapsed().as_secs_f32())),

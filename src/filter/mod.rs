@@ -9,8 +9,10 @@ mod fast_exp;
 mod halves;
 mod margin;
 mod patch;
+pub mod prpf;
 mod standard;
 
+pub use prpf::PrpfSettings;
 pub use standard::StandardSettings;
 
 use crate::image::Planes;

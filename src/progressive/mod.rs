@@ -305,10 +305,10 @@ impl<'a> Loop<'a> {
             filter_seconds,
             interpolation_success,
             estimated_error: self.estimate.as_ref().map(|e| e.image),
-            mse: against(Some(&filtered.image), Pair::mse),
-            relmse: against(Some(&filtered.image), Pair::relmse),
-            noisy_mse: against(noisy.as_ref(), Pair::mse),
-            noisy_relmse: against(noisy.as_ref(), Pair::relmse),
+            mse: against(Some(&filtered.image), |pair| pair.mse()),
+            relmse: against(Some(&filtered.image), |pair| pair.relmse()),
+            noisy_mse: against(noisy.as_ref(), |pair| pair.mse()),
+            noisy_relmse: against(noisy.as_ref(), |pair| pair.relmse()),
         };
         self.batches.push(batch);
     }
