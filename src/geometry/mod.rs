@@ -7,6 +7,9 @@ use glam::{Vec2, Vec3};
 
 use crate::scene::Scene;
 
+mod sampling;
+pub use sampling::{ShapeSample, area, pdf_shape, sample_shape};
+
 /// A ray in render space.
 #[derive(Clone, Copy, Debug)]
 pub struct Ray {

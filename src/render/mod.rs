@@ -1,1 +1,3 @@
-//! Not yet.
+//! x
+pub mod bsdf;
+mod sampler;
