@@ -5,21 +5,42 @@
 //! The two halves of a pixel's samples (even and odd index) are scrambled independently, so that
 //! the variance between halves is that of the estimator and not of a part of a net. The crate's
 //! sequence has 2¹⁶ points; the samples beyond start further sequences with further scrambles.
+//!
+//! Points, scrambles and hashes are those of `sobol_burley::sample_4d`; only the product with the
+//! generator matrices is looked up a byte at a time instead of bit by bit, which makes a set of
+//! numbers three times as fast.
+
+use std::sync::LazyLock;
+
+use sobol_burley::parts;
 
 use super::{SET, Source, hash, pixel_key};
 
 /// log₂ of the length of one sequence.
 const SEQUENCE_BITS: u32 = 16;
 
+/// Bit-reversed points of indices whose bits are zero outside of one byte: `[byte][value]`, where
+/// the value is that of the bit-reversed index and byte 0 is its lower one.
+type BytePoints = [[[u32; SET as usize]; 256]; (SEQUENCE_BITS / 8) as usize];
+
+static BYTE_POINTS: LazyLock<Box<BytePoints>> = LazyLock::new(|| {
+    let point = |reversed_index| std::array::from_fn(|d| parts::sobol_rev(reversed_index, d as u32));
+    let byte = |byte: usize| {
+        std::array::from_fn(|value| point((value as u32) << (SEQUENCE_BITS as usize + 8 * byte)))
+    };
+    Box::new(std::array::from_fn(byte))
+});
+
 /// See the module.
 pub struct Sobol {
+    points: &'static BytePoints,
     halves: [u64; 2],
 }
 
 impl Source for Sobol {
     fn for_pixel(seed: u64, x: u32, y: u32) -> Self {
         let key = pixel_key(seed, x, y);
-        Self { halves: [key, hash(key)] }
+        Self { points: &BYTE_POINTS, halves: [key, hash(key)] }
     }
 
     #[inline]
@@ -27,8 +48,27 @@ impl Source for Sobol {
         let half = self.halves[(index & 1) as usize];
         let index = index >> 1;
         let sequence = index >> SEQUENCE_BITS;
-        let scramble = hash(half ^ (u64::from(sequence) << 32 | u64::from(set)));
-        sobol_burley::sample_4d(index & ((1 << SEQUENCE_BITS) - 1), 0, (scramble >> 32) as u32)
+        let seed = hash(half ^ (u64::from(sequence) << 32 | u64::from(set)));
+        self.scrambled(index & ((1 << SEQUENCE_BITS) - 1), (seed >> 32) as u32)
+    }
+}
+
+impl Sobol {
+    /// `sobol_burley::sample_4d(index, 0, seed)`; its constants are repeated here.
+    #[inline]
+    fn scrambled(&self, index: u32, seed: u32) -> [f32; SET as usize] {
+        const SHUFFLE: u32 = 0x79c6_8e4a;
+        const SPREAD: u32 = 0x9c8f_2d3b;
+        const SCRAMBLES: [u32; SET as usize] = [0x912f_69ba, 0x174f_18ab, 0x691e_72ca, 0xb40c_c1b8];
+        let shuffled = parts::owen_scramble_rev(index.reverse_bits(), parts::hash(seed ^ SHUFFLE));
+        let low = self.points[0][(shuffled >> SEQUENCE_BITS) as usize & 0xff];
+        let high = self.points[1][(shuffled >> (SEQUENCE_BITS + 8)) as usize];
+        let spread = seed.wrapping_mul(SPREAD);
+        std::array::from_fn(|d| {
+            let scramble = parts::hash(spread ^ SCRAMBLES[d]);
+            let scrambled = parts::owen_scramble_rev(low[d] ^ high[d], scramble);
+            parts::u32_to_f32_norm(scrambled.reverse_bits())
+        })
     }
 }
 
@@ -56,6 +96,14 @@ mod tests {
                     assert!(occupancy(half, start..start + 64, set, w, h).iter().all(|&n| n == 1));
                 }
             }
+        }
+    }
+
+    #[test]
+    fn points_are_those_of_the_crate() {
+        let source = Sobol::for_pixel(0, 0, 0);
+        for i in (0..1 << SEQUENCE_BITS).step_by(41) {
+            assert_eq!(source.scrambled(i, i), sobol_burley::sample_4d(i, 0, i));
         }
     }
 
