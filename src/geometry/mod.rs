@@ -29,9 +29,6 @@ use query::Query;
 pub use sampling::{ShapeSample, area, pdf_shape, sample_shape};
 use traverse::TraversalRay;
 
-mod sampling;
-pub use sampling::{ShapeSample, area, pdf_shape, sample_shape};
-
 /// A ray in render space.
 #[derive(Clone, Copy, Debug)]
 pub struct Ray {

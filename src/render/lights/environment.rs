@@ -28,7 +28,7 @@ impl EnvironmentLight {
                 EnvironmentMap::EqualArea(id) => (SphereMap::EqualArea, id),
             };
             let image = scene.textures.image(id);
-            EnvironmentImage::new(map, image.width(), image.height(), |x, y| image.texel(x, y))
+            EnvironmentImage::new(map, image.width(), image.height(), |x, y| image.rgb(x, y))
         });
         Self { to_render, from_render: to_render.inverse(), scale: environment.scale, image }
     }
