@@ -16,7 +16,7 @@ const POLAR_TOLERANCE: f64 = 1e-15;
 /// stands still at the respective key.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AnimatedTransform {
-    start: DAffine3,
+    pub start: DAffine3,
     pub start_time: f32,
     pub end_time: f32,
     /// Boxed, because most of many instances stand still.
@@ -133,7 +133,7 @@ mod tests {
     use super::*;
 
     fn assert_close(a: DAffine3, b: DAffine3) {
-        let difference = a.to_cols_array().iter().zip(b.to_cols_array()).map(|(a, b)| (a - b).abs());
+        let difference = a.to_cols_array().into_iter().zip(b.to_cols_array()).map(|(a, b)| (a - b).abs());
         assert!(difference.fold(0.0, f64::max) < 1e-9, "{a:?} is not {b:?}");
     }
 

@@ -140,9 +140,8 @@ mod tests {
     fn texels_beyond_a_border_are_neighbours_on_the_sphere() {
         let n = 32;
         for map in MAPS {
-            let texel = |x: usize, y: usize| {
-                map.direction(Vec2::new(x as f32 + 0.5, y as f32 + 0.5) / n as f32)
-            };
+            let texel =
+                |x: usize, y: usize| map.direction(Vec2::new(x as f32 + 0.5, y as f32 + 0.5) / n as f32);
             for i in 0..n as isize {
                 let inside = [(0, i), (n as isize - 1, i), (i, 0), (i, n as isize - 1)];
                 let outside = [(-1, i), (n as isize, i), (i, -1), (i, n as isize)];
