@@ -7,7 +7,7 @@ mod sobol;
 
 use glam::Vec2;
 
-pub use dimensions::{BounceNumbers, CameraNumbers, Dimensions, Needs};
+pub use dimensions::{BounceNumbers, Dimensions, Needs};
 pub use independent::Independent;
 pub use sobol::Sobol;
 
