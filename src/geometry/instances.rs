@@ -166,7 +166,7 @@ fn swept_bounds(transform: &AnimatedTransform, bounds: &Aabb, shutter: (f32, f32
 /// the second derivative, which is at most (π² |S| + 2π |S₁ - S₀|) |p|.
 fn deviation(transform: &AnimatedTransform, radius: f64) -> f64 {
     use std::f64::consts::PI;
-    let (start, end) = (transform.start.matrix3, transform.end.matrix3);
+    let (start, end) = (transform.start.matrix3, transform.at(transform.end_time).as_daffine3().matrix3);
     if start == end {
         return 0.0;
     }

@@ -13,7 +13,7 @@ use super::disk::DiskExtent;
 use super::local::LocalPoint;
 use super::sphere::SphereExtent;
 use super::surface::quadric_point;
-use super::{SurfacePoint, mesh};
+use super::{SurfacePoint, mesh, rounding};
 use crate::scene::{Primitive, Scene, Shape, Sphere};
 
 /// Sides of the grid over which a stretched sphere's area is integrated.
@@ -30,6 +30,13 @@ pub struct ShapeSample {
     pub uv: Vec2,
     /// Density by solid angle at the reference; positive and finite.
     pub pdf: f32,
+}
+
+impl ShapeSample {
+    /// As [`SurfacePoint::offset_origin`].
+    pub fn offset_origin(&self, w: Vec3) -> Vec3 {
+        rounding::offset_origin(self.position, self.position_error, self.normal, w)
+    }
 }
 
 /// Draws a point of a primitive's element, as seen from `reference`, with `u` in [0, 1)².
