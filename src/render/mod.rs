@@ -32,6 +32,7 @@ pub struct Renderer<'s> {
     sampler: SamplerKind,
     /// First column and row of the film that are rendered.
     corner: [usize; 2],
+    resolution: (usize, usize),
     /// Factor from radiance to pixel value.
     exposure: f32,
     filter: FilterSampler,
@@ -46,11 +47,12 @@ impl<'s> Renderer<'s> {
     /// for. Everything random follows from `seed`.
     pub fn new(scene: &'s Scene, accel: &'s Accel<'s>, seed: u64) -> Self {
         let layout = Layout::for_effects(&scene.effects());
-        let [x0, _, y0, _] = scene.film.pixel_bounds;
+        let [x0, x1, y0, y1] = scene.film.pixel_bounds;
         Self {
             seed,
             sampler: scene.sampler,
             corner: [x0, y0],
+            resolution: (x1 - x0, y1 - y0),
             exposure: scene.film.scale,
             filter: FilterSampler::new(&scene.film.filter),
             camera: CameraRays::new(&scene.camera, &scene.film),
@@ -63,6 +65,16 @@ impl<'s> Renderer<'s> {
     /// The sample vector's layout: that of the stores to render into.
     pub fn layout(&self) -> &Layout {
         &self.layout
+    }
+
+    /// Width and height of what is rendered, in pixels: those of the stores to render into.
+    pub fn resolution(&self) -> (usize, usize) {
+        self.resolution
+    }
+
+    /// What positions in sample vectors are divided by, in scene units.
+    pub fn diameter(&self) -> f32 {
+        self.tracer.diameter()
     }
 
     /// Renders `counts[pixel]` more samples into every pixel, row by row over the film's pixel

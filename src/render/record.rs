@@ -29,7 +29,7 @@ pub struct Record {
 }
 
 /// Dimensions of a sample vector when everything is alive.
-const ALL: usize = 31;
+const ALL: usize = 34;
 
 impl Record {
     /// The sample vector of a layout in which everything is alive.
@@ -37,12 +37,12 @@ impl Record {
     pub fn values(&self) -> [f32; ALL] {
         let [film, lens, light1, bsdf1] = [self.film, self.lens, self.light1, self.bsdf1];
         let [c, p1, n1, a] = [self.colour, self.position1, self.normal1, self.albedo];
-        let [p2, n2, r] = [self.position2, self.normal2, self.colour + self.visible];
+        let [p2, n2, e, r] = [self.position2, self.normal2, self.visible, self.colour + self.visible];
         let hit = if self.hit { 1.0 } else { 0.0 };
         [
             film.x, film.y, c.x, c.y, c.z, p1.x, p1.y, p1.z, n1.x, n1.y, n1.z, a.x, a.y, a.z, p2.x, p2.y,
             p2.z, n2.x, n2.y, n2.z, lens.x, lens.y, self.time, light1.x, light1.y, bsdf1.x, bsdf1.y, r.x,
-            r.y, r.z, hit,
+            r.y, r.z, e.x, e.y, e.z, hit,
         ]
     }
 
@@ -80,7 +80,7 @@ mod tests {
         let layout = Layout::with_blocks(|_| true);
         let values = record.values();
         assert_eq!(layout.len(), values.len());
-        let expected: [(Block, &[f32]); 13] = [
+        let expected: [(Block, &[f32]); 14] = [
             (Block::Film, &[1.0, 2.0]),
             (Block::Colour, &[3.0, 4.0, 5.0]),
             (Block::Position1, &[6.0; 3]),
@@ -93,6 +93,7 @@ mod tests {
             (Block::Light1, &[13.0; 2]),
             (Block::Bsdf1, &[14.0, 15.0]),
             (Block::Radiance, &[13.0, 14.0, 15.0]),
+            (Block::Emission, &[10.0; 3]),
             (Block::Hit, &[1.0]),
         ];
         for (block, expected) in expected {
@@ -103,6 +104,6 @@ mod tests {
     #[test]
     fn dead_dimensions_are_left_out() {
         let layout = Layout::with_blocks(|block| block == Block::Hit);
-        assert_eq!(Record::alive(&layout), [0, 1, 2, 3, 4, 30]);
+        assert_eq!(Record::alive(&layout), [0, 1, 2, 3, 4, 33]);
     }
 }

@@ -78,6 +78,11 @@ impl<'s> PathTracer<'s> {
         &self.dimensions
     }
 
+    /// What recorded positions are divided by, in scene units.
+    pub fn diameter(&self) -> f32 {
+        1.0 / self.inverse_diameter
+    }
+
     fn is_interface(&self, point: &SurfacePoint) -> bool {
         let material = self.scene.primitives[point.primitive as usize].material;
         matches!(self.scene.materials[material.0 as usize].kind, MaterialKind::Interface)
