@@ -30,7 +30,8 @@ impl Layers {
         let (store, filtered) = (&outcome.store, &outcome.filtered);
         let layout = store.layout();
         let mut layers = Vec::new();
-        let mut add = |name, suffixes, planes, precision| layers.push(Layer { name, suffixes, planes, precision });
+        let mut add =
+            |name, suffixes, planes, precision| layers.push(Layer { name, suffixes, planes, precision });
         add("", RGB, filtered.image.clone(), Float);
         add("Noisy", RGB, store.means(Part::Whole, layout.radiance()), Float);
         if let Some(dims) = layout.block(Block::Albedo) {
@@ -61,12 +62,18 @@ impl Layers {
     /// The channels to write.
     pub fn channels(&self) -> Vec<Channel<'_>> {
         let of_layer = |layer: &'_ Layer| -> Vec<(String, usize)> {
-            let name = |suffix: &&str| if layer.name.is_empty() { suffix.to_string() } else { format!("{}.{suffix}", layer.name) };
+            let name = |suffix: &&str| {
+                if layer.name.is_empty() { suffix.to_string() } else { format!("{}.{suffix}", layer.name) }
+            };
             layer.suffixes.iter().map(name).zip(0..).collect()
         };
         self.0
             .iter()
-            .flat_map(|layer| of_layer(layer).into_iter().map(move |(name, plane)| Channel::new(name, layer.planes.plane(plane), layer.precision)))
+            .flat_map(|layer| {
+                of_layer(layer)
+                    .into_iter()
+                    .map(move |(name, plane)| Channel::new(name, layer.planes.plane(plane), layer.precision))
+            })
             .collect()
     }
 }

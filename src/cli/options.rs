@@ -195,7 +195,9 @@ fn parse_resolution(text: &str) -> Result<[usize; 2], String> {
     let sides = text.split_once(['x', 'X']).and_then(|(w, h)| Some([w.parse().ok()?, h.parse().ok()?]));
     match sides {
         Some([w, h]) if (1..=LONGEST_SIDE).contains(&w) && (1..=LONGEST_SIDE).contains(&h) => Ok([w, h]),
-        _ => Err(format!("found `{text}`; accepted is WIDTHxHEIGHT with sides from 1 to {LONGEST_SIDE}, e.g. 640x480")),
+        _ => Err(format!(
+            "found `{text}`; accepted is WIDTHxHEIGHT with sides from 1 to {LONGEST_SIDE}, e.g. 640x480"
+        )),
     }
 }
 
@@ -216,7 +218,8 @@ fn parse_drive(text: &str) -> Result<PrioritySettings, String> {
             )
         };
         let (map, weight) = item.split_once('=').ok_or_else(error)?;
-        let weight: f32 = weight.parse().ok().filter(|w: &f32| *w >= 0.0 && w.is_finite()).ok_or_else(error)?;
+        let weight: f32 =
+            weight.parse().ok().filter(|w: &f32| *w >= 0.0 && w.is_finite()).ok_or_else(error)?;
         match map {
             "filtered-variance" => settings.filtered_variance = weight,
             "raw-variance" => settings.raw_variance = weight,
@@ -234,7 +237,9 @@ mod tests {
 
     #[test]
     fn durations_are_read_as_people_write_them() {
-        for (text, seconds) in [("20s", 20.0), ("5m", 300.0), ("1h30m", 5400.0), ("0.5m", 30.0), ("500ms", 0.5), ("7", 7.0)] {
+        for (text, seconds) in
+            [("20s", 20.0), ("5m", 300.0), ("1h30m", 5400.0), ("0.5m", 30.0), ("500ms", 0.5), ("7", 7.0)]
+        {
             assert_eq!(parse_duration(text), Ok(seconds), "{text}");
         }
         for text in ["", "s", "5x", "-3s", "1..2s", "ten"] {
@@ -245,7 +250,11 @@ mod tests {
     #[test]
     fn resolutions_and_bounds_are_checked() {
         assert_eq!(parse_resolution("640x480"), Ok([640, 480]));
-        assert!(parse_resolution("640").is_err() && parse_resolution("0x5").is_err() && parse_resolution("9x99999999").is_err());
+        assert!(
+            parse_resolution("640").is_err()
+                && parse_resolution("0x5").is_err()
+                && parse_resolution("9x99999999").is_err()
+        );
         assert_eq!(parse_bounds("0,10,5,20"), Ok([0, 10, 5, 20]));
         assert!(parse_bounds("1,2,3").is_err());
     }

@@ -43,7 +43,12 @@ fn run_in_pool(options: &RenderOptions, start: Instant) -> Result<u8, Failure> {
     let mut scene = pbrt::read(&options.scene).map_err(|error| Failure::Input(error.into()))?;
     options.apply(&mut scene).map_err(Failure::Input)?;
     let outfiles = outfiles(options, &scene).map_err(Failure::Input)?;
-    let reference = options.reference.as_deref().map(|path| reference(path, &scene)).transpose().map_err(Failure::Input)?;
+    let reference = options
+        .reference
+        .as_deref()
+        .map(|path| reference(path, &scene))
+        .transpose()
+        .map_err(Failure::Input)?;
     warn(options, &scene);
     let load = start.elapsed().as_secs_f64();
 
@@ -55,13 +60,15 @@ fn run_in_pool(options: &RenderOptions, start: Instant) -> Result<u8, Failure> {
     let interrupt = Arc::new(AtomicBool::new(false));
     listen_to_signals(&interrupt).map_err(Failure::Run)?;
     let bar = bar(options);
-    let outcome = Loop::new(&renderer, &settings, start, &interrupt, reference.as_ref()).run(&mut |progress| show(&bar, progress));
+    let outcome = Loop::new(&renderer, &settings, start, &interrupt, reference.as_ref())
+        .run(&mut |progress| show(&bar, progress));
     bar.finish_and_clear();
 
     let writing = Instant::now();
     let layers = Layers::of(&outcome, &scene, renderer.diameter());
     for path in &outfiles {
-        write(path, &layers, &outcome, &scene, &settings, reference.as_ref(), start).map_err(|error| Failure::Run(error.into()))?;
+        write(path, &layers, &outcome, &scene, &settings, reference.as_ref(), start)
+            .map_err(|error| Failure::Run(error.into()))?;
     }
     let seconds = Times {
         load,
@@ -74,7 +81,9 @@ fn run_in_pool(options: &RenderOptions, start: Instant) -> Result<u8, Failure> {
     };
     if let Some(path) = &options.report {
         let report = Report::of(&scene, &settings, &outcome, seconds);
-        write_report(path, &report).with_context(|| format!("writing {}", path.display())).map_err(Failure::Run)?;
+        write_report(path, &report)
+            .with_context(|| format!("writing {}", path.display()))
+            .map_err(Failure::Run)?;
     }
     if !options.quiet {
         summarise(&outcome, seconds, &outfiles, options.verbose);
@@ -136,8 +145,9 @@ fn bar(options: &RenderOptions) -> ProgressBar {
     if options.quiet {
         return ProgressBar::hidden();
     }
-    let style = ProgressStyle::with_template("{elapsed_precise} [{bar:32}] {percent:>3} %  {msg}  to go {eta}")
-        .unwrap_or_else(|_| ProgressStyle::default_bar());
+    let style =
+        ProgressStyle::with_template("{elapsed_precise} [{bar:32}] {percent:>3} %  {msg}  to go {eta}")
+            .unwrap_or_else(|_| ProgressStyle::default_bar());
     ProgressBar::new(BAR_STEPS).with_style(style)
 }
 
@@ -159,7 +169,8 @@ fn write(
     match OutputFormat::of(path)? {
         OutputFormat::Png => png_file::write(path, &outcome.filtered.image, 0.0),
         OutputFormat::Exr => {
-            let windows = Windows { data: scene.film.pixel_bounds, display: [scene.film.width, scene.film.height] };
+            let windows =
+                Windows { data: scene.film.pixel_bounds, display: [scene.film.width, scene.film.height] };
             let attributes = attributes(outcome, scene, settings, reference, start);
             exr_file::write(path, windows, &layers.channels(), &attributes)
         }
@@ -217,7 +228,8 @@ fn summarise(outcome: &Outcome, seconds: Times, outfiles: &[PathBuf], verbose: b
             );
         }
     }
-    let stopped_by = serde_json::to_value(outcome.stopped_by).ok().and_then(|v| v.as_str().map(str::to_owned));
+    let stopped_by =
+        serde_json::to_value(outcome.stopped_by).ok().and_then(|v| v.as_str().map(str::to_owned));
     println!(
         "{:.2} s (load {:.2}, build {:.2}, render {:.2}, filter {:.2}, allocate {:.2}, write {:.2}), \
          {:.1} samples per pixel ({} to {}), {:.2} M samples/s",
@@ -237,7 +249,8 @@ fn summarise(outcome: &Outcome, seconds: Times, outfiles: &[PathBuf], verbose: b
     if rejected > 0 {
         println!("{rejected} samples were rejected: their radiance was not finite, or negative");
     }
-    let error = outcome.estimated_error.map(|e| format!("estimated relMSE {:.2e}, ", e.max(0.0))).unwrap_or_default();
+    let error =
+        outcome.estimated_error.map(|e| format!("estimated relMSE {:.2e}, ", e.max(0.0))).unwrap_or_default();
     println!("{error}stopped by {}", stopped_by.unwrap_or_default());
     for path in outfiles {
         println!("{}", path.display());

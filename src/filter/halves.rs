@@ -1,6 +1,8 @@
 //! Groups of three dimensions as each half of the samples sees them: means, and how uncertain
 //! these are.
 
+use rayon::prelude::*;
+
 use crate::image::Planes;
 use crate::stats::{Part, Store};
 
@@ -49,26 +51,22 @@ impl Halves {
     /// Reads dimensions of a store. A half without samples in a pixel takes the other half's mean,
     /// and a pixel without any the mean of its nearest neighbours that have some.
     pub fn of(store: &Store, dims: std::ops::Range<usize>, counts: &Counts) -> Self {
-        let (width, height) = (store.width(), store.height());
-        let mut mean = [0, 1].map(|h| store.means(Part::Half(h), dims.clone()));
+        let (mut mean, mut sample_variance) = store.halves(dims);
         fill_missing(&mut mean, counts);
-        let mut sample_variance = store.variances(Part::Whole, dims);
         pool(&mut sample_variance, &mean[0], counts);
-        let mut variance = [0, 1].map(|h| {
-            let mut variance = sample_variance.clone();
-            let pixels = variance.pixels();
-            for (i, v) in variance.data_mut().iter_mut().enumerate() {
-                *v /= counts.0[h][i % pixels].max(0.5);
-            }
-            variance
-        });
+        let mut variance = [sample_variance.clone(), sample_variance];
         // Points of low discrepancy make means less uncertain than s²/n; the halves are independent
         // and tell by how much.
-        let agreement = agreement(width, height, &mean, &variance, counts);
+        for (variance, count) in variance.iter_mut().zip(&counts.0) {
+            variance.planes_mut().par_bridge().for_each(|plane| {
+                plane.iter_mut().zip(count).for_each(|(v, n)| *v /= n.max(0.5));
+            });
+        }
+        let agreement = agreement(&mean, &variance, counts);
         for variance in &mut variance {
-            for plane in variance.planes_mut() {
+            variance.planes_mut().par_bridge().for_each(|plane| {
                 plane.iter_mut().zip(&agreement).for_each(|(v, &factor)| *v *= factor);
-            }
+            });
         }
         Self { mean, variance }
     }
@@ -86,26 +84,16 @@ impl Halves {
 }
 
 /// Variance of the mean by the halves' difference over that by s²/n, both blurred.
-fn agreement(
-    width: usize,
-    height: usize,
-    mean: &[Planes; 2],
-    variance: &[Planes; 2],
-    counts: &Counts,
-) -> Vec<f32> {
-    let pixels = width * height;
-    let mut seen = vec![0.0; pixels];
-    let mut expected = vec![0.0; pixels];
-    for channel in 0..3 {
-        let [a, b] = [0, 1].map(|h| mean[h].plane(channel));
-        let [v, u] = [0, 1].map(|h| variance[h].plane(channel));
-        for i in (0..pixels).filter(|&i| counts.0.iter().all(|n| n[i] > 0.0)) {
-            seen[i] += (a[i] - b[i]).powi(2);
-            expected[i] += v[i] + u[i];
-        }
-    }
-    let [seen, expected] =
-        [seen, expected].map(|plane| blur::gaussian(width, height, &plane, AGREEMENT_SIGMA));
+fn agreement(mean: &[Planes; 2], variance: &[Planes; 2], counts: &Counts) -> Vec<f32> {
+    let (width, height) = (mean[0].width(), mean[0].height());
+    let sum = |value: &(dyn Fn(usize, usize) -> f32 + Sync)| -> Vec<f32> {
+        let both = |i: usize| counts.0[0][i] > 0.0 && counts.0[1][i] > 0.0;
+        let of_pixel = |i| if both(i) { value(0, i) + value(1, i) + value(2, i) } else { 0.0 };
+        let plane: Vec<f32> = (0..width * height).into_par_iter().map(of_pixel).collect();
+        blur::gaussian(width, height, &plane, AGREEMENT_SIGMA)
+    };
+    let seen = sum(&|c, i| (mean[0].plane(c)[i] - mean[1].plane(c)[i]).powi(2));
+    let expected = sum(&|c, i| variance[0].plane(c)[i] + variance[1].plane(c)[i]);
     let (low, high) = AGREEMENT_RANGE;
     let factor = |(&s, &e): (&f32, &f32)| if e > 0.0 { (s / e).clamp(low, high) } else { 1.0 };
     seen.iter().zip(&expected).map(factor).collect()
@@ -119,37 +107,36 @@ fn pool(variance: &mut Planes, mean: &Planes, counts: &Counts) {
     let count: Vec<f32> = counts.0[0].iter().zip(&counts.0[1]).map(|(a, b)| a + b).collect();
     let known: Vec<f32> = count.iter().map(|&n| if n >= 2.0 { 1.0 } else { 0.0 }).collect();
     let weight = sum_3x3(width, height, &known);
-    for (channel, plane) in variance.planes_mut().enumerate() {
-        let own = plane.to_vec();
-        let sum = sum_3x3(width, height, &own);
+    variance.planes_mut().enumerate().for_each(|(channel, plane)| {
+        let sum = sum_3x3(width, height, plane);
         let of_neighbours = |i: usize| {
             let row = mean.row(channel, i / width);
             let x = i % width;
             0.5 * (row[x] - row[if x > 0 { x - 1 } else { 1.min(width - 1) }]).powi(2) * count[i]
         };
-        for i in 0..plane.len() {
+        plane.par_iter_mut().enumerate().with_min_len(width).for_each(|(i, v)| {
             let pooled = if weight[i] > 0.0 { sum[i] / weight[i] } else { of_neighbours(i) };
             let freedom = (count[i] - 1.0).max(0.0);
-            plane[i] = (POOL_SAMPLES * pooled + freedom * own[i]) / (POOL_SAMPLES + freedom);
-        }
-    }
+            *v = (POOL_SAMPLES * pooled + freedom * *v) / (POOL_SAMPLES + freedom);
+        });
+    });
 }
 
+/// Sums over 3×3 pixels, of which fewer are there at the border.
 fn sum_3x3(width: usize, height: usize, plane: &[f32]) -> Vec<f32> {
-    let mut rows = plane.to_vec();
-    for (out, row) in rows.chunks_mut(width.max(1)).zip(plane.chunks(width.max(1))) {
-        for x in 1..width {
-            out[x] += row[x - 1];
-            out[x - 1] += row[x];
-        }
+    let mut sums = vec![0.0; plane.len()];
+    if width == 0 {
+        return sums;
     }
-    let mut sums = rows.clone();
-    for y in 1..height {
-        for x in 0..width {
-            sums[y * width + x] += rows[(y - 1) * width + x];
-            sums[(y - 1) * width + x] += rows[y * width + x];
+    sums.par_chunks_mut(width).enumerate().for_each(|(y, out)| {
+        let mut column = vec![0.0; width];
+        for row in plane.chunks_exact(width).take((y + 2).min(height)).skip(y.saturating_sub(1)) {
+            column.iter_mut().zip(row).for_each(|(sum, v)| *sum += v);
         }
-    }
+        out.copy_from_slice(&column);
+        out[1..].iter_mut().zip(&column).for_each(|(out, v)| *out += v);
+        out.iter_mut().zip(&column[1..]).for_each(|(out, v)| *out += v);
+    });
     sums
 }
 

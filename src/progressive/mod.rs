@@ -167,7 +167,12 @@ impl<'a> Loop<'a> {
             start,
             interrupt,
             reference,
-            schedule: Schedule::new(&settings.budget, (width * height) as u64, settings.min_spp, settings.max_spp),
+            schedule: Schedule::new(
+                &settings.budget,
+                (width * height) as u64,
+                settings.min_spp,
+                settings.max_spp,
+            ),
             store,
             batches: Vec::new(),
             seconds: Seconds::default(),
@@ -189,7 +194,8 @@ impl<'a> Loop<'a> {
             let allocation = self.allocate(shown.as_ref(), total);
             let interrupted = self.render(&allocation, listen);
             if let Some(shown) = &shown {
-                self.estimate = ErrorEstimate::of(&shown.filtered.image, &before, &self.store, &allocation.probes);
+                self.estimate =
+                    ErrorEstimate::of(&shown.filtered.image, &before, &self.store, &allocation.probes);
             }
             if interrupted {
                 break StoppedBy::Interrupt;
@@ -230,7 +236,14 @@ impl<'a> Loop<'a> {
                 };
                 let priority = adaptive::priority(maps, &self.settings.priority);
                 let batch = self.batches.len() as u32;
-                adaptive::allocate(&priority, &counts, self.store.width(), total, self.settings.max_spp, batch)
+                adaptive::allocate(
+                    &priority,
+                    &counts,
+                    self.store.width(),
+                    total,
+                    self.settings.max_spp,
+                    batch,
+                )
             }
             _ => adaptive::uniform(total, &counts, self.settings.max_spp),
         };
@@ -246,7 +259,8 @@ impl<'a> Loop<'a> {
         let mut interrupted = false;
         for step in 0..steps {
             // Step k brings every pixel to the k-th share of its batch, rounded down to pairs.
-            let share = |n: u32, k: u64| if k == steps { u64::from(n) } else { u64::from(n) * k / steps & !1 };
+            let share =
+                |n: u32, k: u64| if k == steps { u64::from(n) } else { u64::from(n) * k / steps & !1 };
             let counts: Vec<u32> =
                 allocation.counts.iter().map(|&n| (share(n, step + 1) - share(n, step)) as u32).collect();
             self.renderer.render_batch(&counts, &mut self.store);
@@ -272,7 +286,9 @@ impl<'a> Loop<'a> {
     fn rerun(&mut self) -> Shown {
         let (filtered, mut seconds) = self.filter(Quality::Draft);
         let started = Instant::now();
-        let grid = drives_interpolation(self.settings).then(|| filter::prpf::interpolation_failure(&self.store, &PrpfSettings::paper(), self.settings.seed));
+        let grid = drives_interpolation(self.settings).then(|| {
+            filter::prpf::interpolation_failure(&self.store, &PrpfSettings::paper(), self.settings.seed)
+        });
         let grid_seconds = started.elapsed().as_secs_f64();
         self.seconds.filter += grid_seconds;
         seconds += grid_seconds;
@@ -296,7 +312,9 @@ impl<'a> Loop<'a> {
     fn report(&mut self, filtered: &Filtered, filter_seconds: f64, interpolation_success: Option<f32>) {
         let noisy = self.reference.map(|_| self.store.means(Part::Whole, self.store.layout().radiance()));
         let against = |image: Option<&Planes>, metric: fn(&Pair) -> f64| {
-            image.zip(self.reference).and_then(|(image, reference)| Some(metric(&Pair::new(image, reference).ok()?)))
+            image
+                .zip(self.reference)
+                .and_then(|(image, reference)| Some(metric(&Pair::new(image, reference).ok()?)))
         };
         let batch = Batch {
             index: self.batches.len(),

@@ -100,7 +100,8 @@ impl Schedule {
 
     /// Share of the nearest budget that is spent.
     pub fn fraction(&self, elapsed: f64, samples: u64) -> f64 {
-        let by_spp = self.budget.spp.map(|spp| samples as f64 / (f64::from(spp) * self.pixels as f64).max(1.0));
+        let by_spp =
+            self.budget.spp.map(|spp| samples as f64 / (f64::from(spp) * self.pixels as f64).max(1.0));
         let by_time = self.budget.seconds.map(|seconds| elapsed / seconds);
         by_spp.into_iter().chain(by_time).fold(0.0, f64::max).min(1.0)
     }

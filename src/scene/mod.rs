@@ -94,7 +94,8 @@ impl Scene {
         let scale = |at: usize, from: usize, to: usize| at * to / from.max(1);
         let (x0, x1) = (scale(x0, film.width, width), scale(x1, film.width, width));
         let (y0, y1) = (scale(y0, film.height, height), scale(y1, film.height, height));
-        film.pixel_bounds = [x0.min(width - 1), x1.max(x0 + 1).min(width), y0.min(height - 1), y1.max(y0 + 1).min(height)];
+        film.pixel_bounds =
+            [x0.min(width - 1), x1.max(x0 + 1).min(width), y0.min(height - 1), y1.max(y0 + 1).min(height)];
         (film.width, film.height) = (width, height);
     }
 

@@ -145,6 +145,20 @@ impl Store {
         self.extract(part, dims, Moments::variance)
     }
 
+    /// What a filter that works on halves reads of some dimensions, in one go: the means of both
+    /// halves, and the unbiased variance of the samples of the whole.
+    pub fn halves(&self, dims: std::ops::Range<usize>) -> ([Planes; 2], Planes) {
+        let planes = || Planes::new(self.width, self.height(), dims.len());
+        let (mut a, mut b, mut variance) = (planes(), planes(), planes());
+        let width = self.width.max(1);
+        let each = a.planes_mut().zip(b.planes_mut()).zip(variance.planes_mut()).zip(dims.clone());
+        for (((a, b), variance), dim) in each {
+            let rows = a.par_chunks_mut(width).zip(b.par_chunks_mut(width)).zip(variance.par_chunks_mut(width));
+            rows.zip(&self.rows).for_each(|(((a, b), variance), row)| row.read_halves(dim, a, b, variance));
+        }
+        ([a, b], variance)
+    }
+
     fn extract(
         &self,
         part: Part,
@@ -246,6 +260,26 @@ impl Row {
         match part {
             Part::Half(h) => half(h),
             Part::Whole => half(0).merge(half(1)),
+        }
+    }
+
+    /// Means of the halves and variance of the whole of one dimension, in a loop over pixels that
+    /// has no branches.
+    fn read_halves(&self, dim: usize, mean_a: &mut [f32], mean_b: &mut [f32], variance: &mut [f32]) {
+        let width = self.width;
+        let [a, b] = &self.halves;
+        let span = dim * self.stride..dim * self.stride + width;
+        let (n_a, n_b) = (&a.count[..width], &b.count[..width]);
+        let (m_a, m_b) = (&a.mean[span.clone()], &b.mean[span.clone()]);
+        let (s_a, s_b) = (&a.m2[span.clone()], &b.m2[span]);
+        let (mean_a, mean_b, variance) = (&mut mean_a[..width], &mut mean_b[..width], &mut variance[..width]);
+        for x in 0..width {
+            let (n, k) = (f64::from(n_a[x]), f64::from(n_b[x]));
+            let d = m_a[x] - m_b[x];
+            let m2 = s_a[x] + s_b[x] + d * d * (n * k) / (n + k).max(1.0);
+            mean_a[x] = m_a[x] as f32;
+            mean_b[x] = m_b[x] as f32;
+            variance[x] = (m2 / (n + k - 1.0).max(1.0)) as f32;
         }
     }
 
@@ -422,7 +456,13 @@ mod tests {
     fn negative_positions_are_no_reason_to_reject() {
         let layout = layout();
         let mut store = Store::new(1, 1, layout.clone(), 0, 0);
-        store.push(0, 0, &sample(&layout, |d| if layout.colour().contains(&d) || layout.radiance().contains(&d) { 1.0 } else { -1.0 }));
+        store.push(
+            0,
+            0,
+            &sample(&layout, |d| {
+                if layout.colour().contains(&d) || layout.radiance().contains(&d) { 1.0 } else { -1.0 }
+            }),
+        );
         assert_eq!(store.rejected(), 0);
     }
 
@@ -441,14 +481,27 @@ mod tests {
     }
 
     #[test]
+    fn reading_halves_at_once_equals_reading_them_one_by_one() {
+        for per_pixel in [0, 1, 2, 7] {
+            let (store, _) = random_store(11, per_pixel);
+            let ([a, b], variance) = store.halves(2..5);
+            assert_eq!(a, store.means(Part::Half(0), 2..5));
+            assert_eq!(b, store.means(Part::Half(1), 2..5));
+            let expected = store.variances(Part::Whole, 2..5);
+            assert!(variance.data().iter().zip(expected.data()).all(|(v, e)| (v - e).abs() <= 1e-6 * e));
+        }
+    }
+
+    #[test]
     fn the_bytes_that_are_promised_are_the_bytes_that_are_held() {
         let (width, layout) = (512, layout());
         let store = Store::new(width, 1, layout.clone(), 4, 0);
         let row = &store.rows()[0];
-        let held = row.halves.iter().map(|h| h.count.len() * 4 + (h.mean.len() + h.m2.len()) * 8).sum::<usize>()
-            + (row.drawn.len() + row.rejected.len()) * 4
-            + row.keys.len() * 8
-            + row.reservoir.len() * 4;
+        let held =
+            row.halves.iter().map(|h| h.count.len() * 4 + (h.mean.len() + h.m2.len()) * 8).sum::<usize>()
+                + (row.drawn.len() + row.rejected.len()) * 4
+                + row.keys.len() * 8
+                + row.reservoir.len() * 4;
         let promised = Store::bytes_per_pixel(&layout, 4) * width;
         // Rows are padded to an odd number of cache lines.
         assert!(held >= promised && (held as f64) < 1.03 * promised as f64, "{held} {promised}");
