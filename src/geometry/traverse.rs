@@ -10,7 +10,7 @@ use super::bvh::{Bvh, LEAF, Node, WIDTH};
 use super::kernels::Entered;
 
 /// Entries of the stack before it spills to the heap; enough for any but degenerate scenes.
-const STACK_SIZE: usize = 128;
+const STACK_SIZE: usize = 64;
 
 /// A ray, prepared for boxes and triangles.
 #[derive(Clone, Copy, Debug)]

@@ -40,13 +40,14 @@ pub fn candidates(packet: &TrianglePacket, ray: &TraversalRay) -> u32 {
     let [a, b, major] = ray.axes;
     let [origin_a, origin_b, origin_major] = ray.permuted_origin.map(|x| _mm256_set1_ps(x));
     let [shear_a, shear_b] = ray.shear.map(|x| _mm256_set1_ps(x));
-    let z = packet.corners.each_ref().map(|planes| _mm256_sub_ps(load(&planes[major]), origin_major));
-    let sheared = |axis: usize, origin: __m256, shear: __m256, corner: usize| {
-        let centred = _mm256_sub_ps(load(&packet.corners[corner][axis]), origin);
-        _mm256_sub_ps(centred, _mm256_mul_ps(shear, z[corner]))
-    };
-    let x = [0, 1, 2].map(|corner| sheared(a, origin_a, shear_a, corner));
-    let y = [0, 1, 2].map(|corner| sheared(b, origin_b, shear_b, corner));
+    let (mut x, mut y, mut z) = ([zero; 3], [zero; 3], [zero; 3]);
+    for (corner, planes) in packet.corners.iter().enumerate() {
+        z[corner] = _mm256_sub_ps(load(&planes[major]), origin_major);
+        let (centred_a, centred_b) =
+            (_mm256_sub_ps(load(&planes[a]), origin_a), _mm256_sub_ps(load(&planes[b]), origin_b));
+        x[corner] = _mm256_sub_ps(centred_a, _mm256_mul_ps(shear_a, z[corner]));
+        y[corner] = _mm256_sub_ps(centred_b, _mm256_mul_ps(shear_b, z[corner]));
+    }
     let edge = |b: usize, c: usize| _mm256_sub_ps(_mm256_mul_ps(x[b], y[c]), _mm256_mul_ps(y[b], x[c]));
     let (u, v, w) = (edge(2, 1), edge(0, 2), edge(1, 0));
 
