@@ -20,22 +20,22 @@ pub const NO_ITEM: u32 = u32::MAX;
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(64))]
 pub struct Node {
-    /// Box planes: minimum and maximum of x, of y, of z.
-    pub planes: [[f32; WIDTH]; 6],
+    /// Box planes: for each axis the minima and the maxima.
+    pub planes: [[[f32; WIDTH]; 2]; 3],
     /// Index of a node, or [`LEAF`] and the number of a leaf.
     pub children: [u32; WIDTH],
 }
 
 impl Node {
     const EMPTY: Self = {
-        let (low, high) = ([f32::INFINITY; WIDTH], [f32::NEG_INFINITY; WIDTH]);
-        Self { planes: [low, high, low, high, low, high], children: [LEAF; WIDTH] }
+        let inverted = [[f32::INFINITY; WIDTH], [f32::NEG_INFINITY; WIDTH]];
+        Self { planes: [inverted; 3], children: [LEAF; WIDTH] }
     };
 
     fn set_box(&mut self, child: usize, bounds: &Aabb) {
-        for axis in 0..3 {
-            self.planes[2 * axis][child] = bounds.min[axis];
-            self.planes[2 * axis + 1][child] = bounds.max[axis];
+        for (axis, [low, high]) in self.planes.iter_mut().enumerate() {
+            low[child] = bounds.min[axis];
+            high[child] = bounds.max[axis];
         }
     }
 }

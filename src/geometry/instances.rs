@@ -1,10 +1,11 @@
 //! The upper level: instances of objects, and the boxes of those that move.
 
 use glam::{DAffine3, DMat3, DVec3};
-use multiversion::multiversion;
+use multiversion::{multiversion, target::match_target};
 use obvhs::aabb::Aabb;
 
-use super::bvh::{Bvh, rounded_out};
+use super::bvh::{Bvh, Node, rounded_out};
+use super::kernels;
 use super::object::{ObjectAccel, search};
 use super::query::Query;
 use super::rounding::gamma;
@@ -91,17 +92,23 @@ pub fn transforms_at(transform: &AnimatedTransform, time: f32) -> (DAffine3, DAf
 }
 
 /// Searches all instances along a ray in render space.
-#[multiversion(targets(
-    "x86_64+avx512f+avx512bw+avx512dq+avx512vl+bmi1+bmi2+fma+avx2+popcnt+lzcnt",
-    "x86_64+avx2+fma+bmi1+bmi2+popcnt+lzcnt"
-))]
+#[multiversion(targets("x86_64+avx2+fma+bmi1+bmi2+popcnt+lzcnt"))]
 pub fn search_instances(
     instances: &InstanceAccel,
     objects: &[ObjectAccel],
     ray: &mut TraversalRay,
     query: &mut Query,
 ) {
-    traverse(&instances.bvh, ray, &mut InstanceLeaves { instances, objects, query })
+    let leaves = &mut InstanceLeaves { instances, objects, query };
+    match_target! {
+        "x86_64+avx2" => traverse(
+            &instances.bvh,
+            ray,
+            |node: &Node, ray: &TraversalRay| kernels::avx2::enter(node, ray),
+            leaves,
+        ),
+        _ => traverse(&instances.bvh, ray, kernels::enter, leaves),
+    }
 }
 
 struct InstanceLeaves<'a, 'q> {

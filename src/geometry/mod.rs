@@ -6,6 +6,7 @@
 mod bvh;
 mod disk;
 mod instances;
+mod kernels;
 mod local;
 mod mesh;
 mod object;

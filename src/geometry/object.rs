@@ -1,11 +1,12 @@
 //! Acceleration structure of one object: a hierarchy for its triangles, one for the other shapes.
 
 use glam::{DAffine3, Vec2, Vec3A};
-use multiversion::multiversion;
+use multiversion::{multiversion, target::match_target};
 use obvhs::aabb::Aabb;
 
-use super::bvh::{Bvh, NO_ITEM, WIDTH};
+use super::bvh::{Bvh, NO_ITEM, Node, WIDTH};
 use super::disk::{self, DiskExtent};
+use super::kernels::{self, Entered};
 use super::query::Query;
 use super::sphere::{self, SphereExtent};
 use super::traverse::{Leaves, TraversalRay, traverse};
@@ -149,41 +150,53 @@ fn is_usable(bounds: &Aabb) -> bool {
 }
 
 /// Searches an object along a ray in its space; `instance` is what hits are labelled with.
-#[multiversion(targets(
-    "x86_64+avx512f+avx512bw+avx512dq+avx512vl+bmi1+bmi2+fma+avx2+popcnt+lzcnt",
-    "x86_64+avx2+fma+bmi1+bmi2+popcnt+lzcnt"
-))]
+#[multiversion(targets("x86_64+avx2+fma+bmi1+bmi2+popcnt+lzcnt"))]
 pub fn search(object: &ObjectAccel, instance: u32, ray: &mut TraversalRay, query: &mut Query) {
-    search_portably(object, instance, ray, query)
-}
-
-/// [`search`], for whatever instruction set it is inlined into.
-#[inline(always)]
-fn search_portably(object: &ObjectAccel, instance: u32, ray: &mut TraversalRay, query: &mut Query) {
-    traverse(&object.triangles, ray, &mut TriangleLeaves { object, instance, query });
-    if !(query.any && query.hit.is_some()) {
-        traverse(&object.quadrics, ray, &mut QuadricLeaves { object, instance, query });
+    match_target! {
+        "x86_64+avx2" => search_with(
+            object,
+            instance,
+            ray,
+            query,
+            |node: &Node, ray: &TraversalRay| kernels::avx2::enter(node, ray),
+            |packet: &TrianglePacket, ray: &TraversalRay| kernels::avx2::candidates(packet, ray),
+        ),
+        _ => search_with(object, instance, ray, query, kernels::enter, kernels::candidates),
     }
 }
 
-struct TriangleLeaves<'a, 'q> {
+/// [`search`] with given kernels.
+#[inline(always)]
+fn search_with(
+    object: &ObjectAccel,
+    instance: u32,
+    ray: &mut TraversalRay,
+    query: &mut Query,
+    enter: impl Fn(&Node, &TraversalRay) -> Entered,
+    candidates: impl Fn(&TrianglePacket, &TraversalRay) -> u32,
+) {
+    traverse(&object.triangles, ray, &enter, &mut TriangleLeaves { object, instance, query, candidates });
+    if !(query.any && query.hit.is_some()) {
+        traverse(&object.quadrics, ray, &enter, &mut QuadricLeaves { object, instance, query });
+    }
+}
+
+struct TriangleLeaves<'a, 'q, C> {
     object: &'a ObjectAccel,
     instance: u32,
     query: &'a mut Query<'q>,
+    candidates: C,
 }
 
-impl Leaves for TriangleLeaves<'_, '_> {
+impl<C: Fn(&TrianglePacket, &TraversalRay) -> u32> Leaves for TriangleLeaves<'_, '_, C> {
     #[inline(always)]
     fn test(&mut self, leaf: u32, ray: &mut TraversalRay) -> bool {
         let packet = &self.object.packets[leaf as usize];
-        let lanes = packet.intersect(ray);
-        let mut candidates = lanes.candidates;
+        let mut candidates = (self.candidates)(packet, ray);
         while candidates != 0 {
             let lane = candidates.trailing_zeros() as usize % WIDTH;
             candidates &= candidates - 1;
-            let Some(found) = packet.hit(ray, &lanes, lane).filter(|found| found.t < ray.t_max) else {
-                continue;
-            };
+            let Some(found) = packet.hit(ray, lane) else { continue };
             let id = self.object.triangle_ids[leaf as usize * WIDTH + lane];
             let hit = Hit {
                 t: found.t,

@@ -7,46 +7,44 @@
 use glam::{DAffine3, Vec3};
 
 use super::bvh::{Bvh, LEAF, Node, WIDTH};
-use super::rounding::gamma;
-
-/// Widening of a ray's interval in each box. It covers the rounding of the slab test (Ize 2013:
-/// two of γ(3)) and that of the triangle test's shear, so that a ray enters every box with a
-/// triangle that it hits; an unneeded visit costs nothing in correctness.
-const SLAB_WIDENING: f32 = 1.0 + 2.0 * gamma(16);
+use super::kernels::Entered;
 
 /// Entries of the stack before it spills to the heap; enough for any but degenerate scenes.
-const STACK_SIZE: usize = 96;
+const STACK_SIZE: usize = 64;
 
 /// A ray, prepared for boxes and triangles.
 #[derive(Clone, Copy, Debug)]
 pub struct TraversalRay {
     pub origin: Vec3,
     pub direction: Vec3,
-    inverse: Vec3,
+    /// Reciprocals of the direction's components.
+    pub inverse: Vec3,
     /// Distance of the nearest hit so far.
     pub t_max: f32,
     /// For each axis 0 if the ray meets a box's minimum first, otherwise 1.
-    backward: [usize; 3],
+    pub backward: [usize; 3],
     /// Axes permuted so that the last is the one of the largest direction component, and the
     /// handedness is kept (Woop, Benthin and Wald 2013, section 3.1).
     pub axes: [usize; 3],
-    /// Shear that takes the direction to the last axis, and that axis' scale.
-    pub shear: [f32; 3],
+    /// The origin's coordinates in the order of `axes`.
+    pub permuted_origin: [f32; 3],
+    /// Shear that takes the direction to the last axis.
+    pub shear: [f32; 2],
+    /// Distance for a unit along the last axis.
+    pub scale: f32,
 }
 
 impl TraversalRay {
     /// `None` for rays that can hit nothing: not finite, or without a direction.
     #[inline]
     pub fn new(origin: Vec3, direction: Vec3, t_max: f32) -> Option<Self> {
-        let major = {
-            let size = direction.abs();
-            if size.x > size.y && size.x > size.z {
-                0
-            } else if size.y > size.z {
-                1
-            } else {
-                2
-            }
+        let size = direction.abs();
+        let major = if size.x > size.y && size.x > size.z {
+            0
+        } else if size.y > size.z {
+            1
+        } else {
+            2
         };
         let usable = origin.is_finite() && direction.is_finite() && direction[major] != 0.0 && t_max > 0.0;
         if !usable {
@@ -57,7 +55,6 @@ impl TraversalRay {
             (a, b) = (b, a);
         }
         let inverse = direction.recip();
-        let scale = inverse[major];
         Some(Self {
             origin,
             direction,
@@ -65,7 +62,9 @@ impl TraversalRay {
             t_max,
             backward: inverse.to_array().map(|x| x.is_sign_negative() as usize),
             axes: [a, b, major],
-            shear: [direction[a] / direction[major], direction[b] / direction[major], scale],
+            permuted_origin: [origin[a], origin[b], origin[major]],
+            shear: [direction[a] / direction[major], direction[b] / direction[major]],
+            scale: inverse[major],
         })
     }
 
@@ -87,77 +86,75 @@ pub trait Leaves {
 }
 
 /// Calls `leaves` for every leaf whose box the ray enters before its `t_max`, roughly in order.
+/// `enter` is the slab test for the instruction set at hand.
 #[inline(always)]
-pub fn traverse(bvh: &Bvh, ray: &mut TraversalRay, leaves: &mut impl Leaves) {
+pub fn traverse(
+    bvh: &Bvh,
+    ray: &mut TraversalRay,
+    enter: impl Fn(&Node, &TraversalRay) -> Entered,
+    leaves: &mut impl Leaves,
+) {
     if bvh.nodes.is_empty() {
         return;
     }
     let mut stack = Stack::new();
     let mut current = 0;
     loop {
-        if current & LEAF != 0 {
-            if leaves.test(current & !LEAF, ray) {
-                return;
-            }
-        } else {
+        let child = if current & LEAF == 0 {
             let node = &bvh.nodes[current as usize];
-            let (entry, mut entered) = enter(node, ray);
-            let mut sorted = [0; WIDTH];
-            let mut count = 0;
-            while entered != 0 {
-                let lane = entered.trailing_zeros() as usize % WIDTH;
-                entered &= entered - 1;
-                // Farthest first.
-                let visit = Visit::new(entry[lane], node.children[lane]);
-                let mut place = count;
-                while place > 0 && sorted[place - 1] < visit.0 {
-                    sorted[place] = sorted[place - 1];
-                    place -= 1;
-                }
-                sorted[place] = visit.0;
-                count += 1;
-            }
-            for &visit in &sorted[..count] {
-                stack.push(Visit(visit));
-            }
-        }
-        loop {
-            let Some(visit) = stack.pop() else { return };
-            if visit.entry() <= ray.t_max {
-                current = visit.child();
-                break;
-            }
-        }
+            descend(node, enter(node, ray), &mut stack)
+        } else if leaves.test(current & !LEAF, ray) {
+            return;
+        } else {
+            None
+        };
+        let Some(next) = child.or_else(|| stack.pop_before(ray.t_max)) else { return };
+        current = next;
     }
 }
 
-/// Distances at which the ray enters the children's boxes, and a bit for each that it does enter.
+/// The nearest child that was entered; the others are left on the stack, nearer ones above.
 #[inline(always)]
-fn enter(node: &Node, ray: &TraversalRay) -> ([f32; WIDTH], u32) {
-    let mut near = [0.0; WIDTH];
-    let mut far = [ray.t_max; WIDTH];
-    for axis in 0..3 {
-        let front = &node.planes[2 * axis + ray.backward[axis]];
-        let back = &node.planes[2 * axis + 1 - ray.backward[axis]];
-        let (origin, inverse) = (ray.origin[axis], ray.inverse[axis]);
-        for lane in 0..WIDTH {
-            // A ray within a plane gives NaN, which these comparisons ignore.
-            let first = (front[lane] - origin) * inverse;
-            let last = (back[lane] - origin) * inverse;
-            near[lane] = if first > near[lane] { first } else { near[lane] };
-            far[lane] = if last < far[lane] { last } else { far[lane] };
+fn descend(node: &Node, entered: Entered, stack: &mut Stack) -> Option<u32> {
+    let visit = |mask: u32| {
+        let lane = mask.trailing_zeros() as usize % WIDTH;
+        Visit::new(entered.near[lane], node.children[lane])
+    };
+    let without_lowest = |mask: u32| mask & mask.wrapping_sub(1);
+    if entered.mask == 0 {
+        return None;
+    }
+    // One or two children are by far the most frequent.
+    let first = visit(entered.mask);
+    let mut mask = without_lowest(entered.mask);
+    if mask == 0 {
+        return Some(first.child());
+    }
+    let second = visit(mask);
+    mask = without_lowest(mask);
+    let mut sorted = [Visit(0); WIDTH];
+    (sorted[0], sorted[1]) = if first < second { (second, first) } else { (first, second) };
+    let mut count = 2;
+    while mask != 0 {
+        let next = visit(mask);
+        mask = without_lowest(mask);
+        let mut place = count;
+        while place > 0 && sorted[place - 1] < next {
+            sorted[place % WIDTH] = sorted[place - 1];
+            place -= 1;
         }
+        sorted[place % WIDTH] = next;
+        count += 1;
     }
-    let mut entered = 0;
-    for lane in 0..WIDTH {
-        entered |= ((near[lane] <= far[lane] * SLAB_WIDENING) as u32) << lane;
+    for &visit in &sorted[..count - 1] {
+        stack.push(visit);
     }
-    (near, entered)
+    Some(sorted[count - 1].child())
 }
 
 /// A node to visit: entry distance above, child reference below, ordered by distance. The bits of
 /// floats that are not negative are ordered as the floats are.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, PartialEq, PartialOrd)]
 struct Visit(u64);
 
 impl Visit {
@@ -178,35 +175,41 @@ impl Visit {
 }
 
 struct Stack {
-    near: [u64; STACK_SIZE],
+    visits: [Visit; STACK_SIZE],
     len: usize,
-    spilled: Vec<u64>,
+    spilled: Vec<Visit>,
 }
 
 impl Stack {
     #[inline(always)]
     fn new() -> Self {
-        Self { near: [0; STACK_SIZE], len: 0, spilled: Vec::new() }
+        Self { visits: [Visit(0); STACK_SIZE], len: 0, spilled: Vec::new() }
     }
 
     #[inline(always)]
     fn push(&mut self, visit: Visit) {
         if self.len < STACK_SIZE {
-            self.near[self.len] = visit.0;
+            self.visits[self.len] = visit;
             self.len += 1;
         } else {
-            self.spilled.push(visit.0);
+            self.spilled.push(visit);
         }
     }
 
+    /// The child on top among those entered before `t_max`; what lies above it is dropped.
     #[inline(always)]
-    fn pop(&mut self) -> Option<Visit> {
-        if self.len == STACK_SIZE
-            && let Some(visit) = self.spilled.pop()
-        {
-            return Some(Visit(visit));
+    fn pop_before(&mut self, t_max: f32) -> Option<u32> {
+        loop {
+            let visit = match self.spilled.pop() {
+                Some(visit) => visit,
+                None => {
+                    self.len = self.len.checked_sub(1)?;
+                    self.visits[self.len % STACK_SIZE]
+                }
+            };
+            if visit.entry() <= t_max {
+                return Some(visit.child());
+            }
         }
-        self.len = self.len.checked_sub(1)?;
-        self.near.get(self.len).map(|&visit| Visit(visit))
     }
 }

@@ -15,7 +15,7 @@ use super::traverse::TraversalRay;
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(32))]
 pub struct TrianglePacket {
-    corners: [[[f32; WIDTH]; 3]; 3],
+    pub corners: [[[f32; WIDTH]; 3]; 3],
 }
 
 /// Where a ray meets a triangle.
@@ -26,15 +26,12 @@ pub struct TriangleHit {
     pub barycentric: Vec2,
 }
 
-/// The result of testing a ray against a packet, before the rare checks of [`TriangleLanes::hit`].
-pub struct TriangleLanes {
-    /// A bit for each lane that may be hit.
-    pub candidates: u32,
-    /// Edge functions, which weigh the three corners.
-    edges: [[f32; WIDTH]; 3],
-    determinant: [f32; WIDTH],
-    /// Distance times the determinant.
-    scaled_t: [f32; WIDTH],
+/// A triangle's corners in the sheared space of a ray: coordinates `x[corner]`, and so on. The ray
+/// runs along z, unscaled, from the origin.
+pub struct Sheared {
+    x: [f32; 3],
+    y: [f32; 3],
+    z: [f32; 3],
 }
 
 impl TrianglePacket {
@@ -48,97 +45,70 @@ impl TrianglePacket {
         }
     }
 
-    /// Tests all lanes. Distances compare with the ray's `t_max`.
     #[inline(always)]
-    pub fn intersect(&self, ray: &TraversalRay) -> TriangleLanes {
-        let (x, y, z) = self.sheared(ray);
-        let mut edges = [[0.0; WIDTH]; 3];
-        for corner in 0..3 {
-            let (b, c) = ((corner + 2) % 3, (corner + 1) % 3);
-            for lane in 0..WIDTH {
-                edges[corner][lane] = x[b][lane] * y[c][lane] - y[b][lane] * x[c][lane];
-            }
-        }
-        let mut touched = false;
-        for lane in 0..WIDTH {
-            touched |= (edges[0][lane] == 0.0) | (edges[1][lane] == 0.0) | (edges[2][lane] == 0.0);
-        }
-        if touched {
-            recompute_in_double(&x, &y, &mut edges);
-        }
-
-        let mut determinant = [0.0; WIDTH];
-        let mut scaled_t = [0.0; WIDTH];
-        let mut candidates = 0;
-        for lane in 0..WIDTH {
-            let [u, v, w] = [edges[0][lane], edges[1][lane], edges[2][lane]];
-            determinant[lane] = u + v + w;
-            scaled_t[lane] = ray.shear[2] * (u * z[0][lane] + v * z[1][lane] + w * z[2][lane]);
-            let t = scaled_t[lane] / determinant[lane];
-            let inside = ((u >= 0.0) & (v >= 0.0) & (w >= 0.0)) | ((u <= 0.0) & (v <= 0.0) & (w <= 0.0));
-            let counts = inside & (determinant[lane] != 0.0) & (t > 0.0) & (t < ray.t_max);
-            candidates |= (counts as u32) << lane;
-        }
-        TriangleLanes { candidates, edges, determinant, scaled_t }
-    }
-
-    /// Corner coordinates relative to the ray, the first two sheared: `[corner][lane]` each.
-    #[inline(always)]
-    fn sheared(&self, ray: &TraversalRay) -> ([[f32; WIDTH]; 3], [[f32; WIDTH]; 3], [[f32; WIDTH]; 3]) {
+    pub fn sheared(&self, ray: &TraversalRay, lane: usize) -> Sheared {
         let [a, b, major] = ray.axes;
-        let origin = [ray.origin[a], ray.origin[b], ray.origin[major]];
-        let (mut x, mut y, mut z) = ([[0.0; WIDTH]; 3], [[0.0; WIDTH]; 3], [[0.0; WIDTH]; 3]);
-        for corner in 0..3 {
-            let planes = &self.corners[corner];
-            let (from_x, from_y, from_z) = (&planes[a], &planes[b], &planes[major]);
-            for lane in 0..WIDTH {
-                z[corner][lane] = from_z[lane] - origin[2];
-                x[corner][lane] = (from_x[lane] - origin[0]) - ray.shear[0] * z[corner][lane];
-                y[corner][lane] = (from_y[lane] - origin[1]) - ray.shear[1] * z[corner][lane];
-            }
-        }
-        (x, y, z)
+        let z = self.corners.map(|planes| planes[major][lane] - ray.permuted_origin[2]);
+        let along = |axis: usize, index: usize| {
+            std::array::from_fn(|corner| {
+                let centred = self.corners[corner][axis][lane] - ray.permuted_origin[index];
+                centred - ray.shear[index] * z[corner]
+            })
+        };
+        Sheared { x: along(a, 0), y: along(b, 1), z }
     }
 
-    /// The hit of a candidate lane, unless it may lie behind the origin by rounding.
+    /// The hit of one lane, if there is one nearer than the ray's `t_max`.
     #[inline]
-    pub fn hit(&self, ray: &TraversalRay, lanes: &TriangleLanes, lane: usize) -> Option<TriangleHit> {
-        let determinant = lanes.determinant[lane];
-        let t = lanes.scaled_t[lane] / determinant;
-        let (x, y, z) = self.sheared(ray);
-        let [x, y, z] = [x, y, z].map(|planes| planes.map(|plane| plane[lane]));
-        // All corners ahead leave no doubt about the sign of t.
-        let ahead = z.iter().all(|&z| z * ray.shear[2] > 0.0);
-        if !ahead {
-            let largest = |values: [f32; 3]| values.iter().fold(0.0f32, |m, v| m.max(v.abs()));
-            let [size_x, size_y, size_z] = [largest(x), largest(y), largest(z)];
-            let size_edge = largest(lanes.edges.map(|edge| edge[lane]));
-            let error_z = gamma(3) * size_z;
-            let error_x = gamma(5) * (size_x + size_z);
-            let error_y = gamma(5) * (size_y + size_z);
-            let error_edge = 2.0 * (gamma(2) * size_x * size_y + error_y * size_x + error_x * size_y);
-            let error_sum = gamma(3) * size_edge * size_z + error_edge * size_z + error_z * size_edge;
-            if t <= 3.0 * error_sum * (ray.shear[2] / determinant).abs() {
-                return None;
-            }
+    pub fn hit(&self, ray: &TraversalRay, lane: usize) -> Option<TriangleHit> {
+        let sheared = self.sheared(ray, lane);
+        let mut edges = sheared.edges();
+        if edges.contains(&0.0) {
+            edges = sheared.edges_in_double();
         }
-        let barycentric = Vec2::new(lanes.edges[1][lane], lanes.edges[2][lane]) / determinant;
-        Some(TriangleHit { t, barycentric })
+        let outside = edges.iter().any(|&edge| edge < 0.0) && edges.iter().any(|&edge| edge > 0.0);
+        let determinant = edges[0] + edges[1] + edges[2];
+        let t = sheared.scaled_t(edges, ray) / determinant;
+        // Written so that NaN is a miss.
+        let hits = !outside && t > 0.0 && t < ray.t_max && sheared.is_ahead(t, edges, ray);
+        hits.then(|| TriangleHit { t, barycentric: Vec2::new(edges[1], edges[2]) / determinant })
     }
 }
 
-/// Edge functions that came out as zero, again from exact products: only then is their sign sure.
-#[cold]
-#[inline(never)]
-fn recompute_in_double(x: &[[f32; WIDTH]; 3], y: &[[f32; WIDTH]; 3], edges: &mut [[f32; WIDTH]; 3]) {
-    for lane in 0..WIDTH {
-        if edges.iter().any(|edge| edge[lane] == 0.0) {
-            for (corner, edge) in edges.iter_mut().enumerate() {
-                let (b, c) = ((corner + 2) % 3, (corner + 1) % 3);
-                let double = |value: f32| value as f64;
-                edge[lane] = (double(x[b][lane]) * double(y[c][lane])
-                    - double(y[b][lane]) * double(x[c][lane])) as f32;
-            }
+impl Sheared {
+    /// Edge functions, which weigh the corners.
+    #[inline(always)]
+    pub fn edges(&self) -> [f32; 3] {
+        let Self { x, y, .. } = self;
+        [x[2] * y[1] - y[2] * x[1], x[0] * y[2] - y[0] * x[2], x[1] * y[0] - y[1] * x[0]]
+    }
+
+    /// The same from exact products. In single precision their sign is right or they are zero
+    /// (rounding keeps order), so this is needed only for zeros.
+    fn edges_in_double(&self) -> [f32; 3] {
+        let [x, y] = [self.x, self.y].map(|values| values.map(f64::from));
+        [x[2] * y[1] - y[2] * x[1], x[0] * y[2] - y[0] * x[2], x[1] * y[0] - y[1] * x[0]]
+            .map(|edge| edge as f32)
+    }
+
+    /// Distance along the ray times the sum of the edge functions.
+    #[inline(always)]
+    pub fn scaled_t(&self, edges: [f32; 3], ray: &TraversalRay) -> f32 {
+        (edges[0] * self.z[0] + edges[1] * self.z[1] + edges[2] * self.z[2]) * ray.scale
+    }
+
+    /// Whether a distance `t` is positive beyond doubt.
+    fn is_ahead(&self, t: f32, edges: [f32; 3], ray: &TraversalRay) -> bool {
+        if self.z.iter().all(|&z| z * ray.scale > 0.0) {
+            return true;
         }
+        let largest = |values: [f32; 3]| values.iter().fold(0.0f32, |size, v| size.max(v.abs()));
+        let [size_x, size_y, size_z] = [largest(self.x), largest(self.y), largest(self.z)];
+        let error_x = gamma(5) * (size_x + size_z);
+        let error_y = gamma(5) * (size_y + size_z);
+        let error_edge = 2.0 * (gamma(2) * size_x * size_y + error_y * size_x + error_x * size_y);
+        let error_sum = 2.0 * gamma(3) * largest(edges) * size_z + error_edge * size_z;
+        let determinant = edges[0] + edges[1] + edges[2];
+        t > 3.0 * error_sum * (ray.scale / determinant).abs()
     }
 }
