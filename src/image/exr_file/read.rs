@@ -3,7 +3,7 @@
 
 use std::collections::HashSet;
 use std::fs::File;
-use std::io::BufReader;
+use std::io::{BufReader, Read, Seek, SeekFrom};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
@@ -38,7 +38,7 @@ pub struct ExrInfo {
 /// Reads the header alone.
 pub fn read_info(path: &Path) -> Result<ExrInfo, ImageError> {
     guarded(|| {
-        let reader = open(path)?;
+        let reader = open(BufReader::new(File::open(path)?))?;
         let header = &reader.headers()[0];
         Ok(ExrInfo {
             width: header.layer_size.width(),
@@ -67,17 +67,25 @@ pub fn read_channels(path: &Path, names: &[&str]) -> Result<Planes, ImageError> 
 /// # Errors
 /// Those of [`read_channels`].
 pub fn read_layer(path: &Path, layer: Option<&str>) -> Result<Planes, ImageError> {
-    let choices = [["R", "G", "B"], ["X", "Y", "Z"], ["Y"; 3], ["X"; 3]].map(|channels| {
-        let full_name = |channel: &str| layer.map_or(channel.into(), |layer| format!("{layer}.{channel}"));
-        channels.map(full_name).to_vec()
-    });
-    read_first_of(path, &choices)
+    read_first_of(path, &layer_channels(layer))
+}
+
+/// The sets of channels that a layer may have.
+pub(super) fn layer_channels(layer: Option<&str>) -> Vec<Vec<String>> {
+    let full_name = |channel: &str| layer.map_or(channel.into(), |layer| format!("{layer}.{channel}"));
+    let choices = [["R", "G", "B"], ["X", "Y", "Z"], ["Y"; 3], ["X"; 3]];
+    choices.map(|channels| channels.map(full_name).to_vec()).to_vec()
+}
+
+fn read_first_of(path: &Path, choices: &[Vec<String>]) -> Result<Planes, ImageError> {
+    let file = File::open(path).map_err(|error| Problem::Io(error).at(path))?;
+    decode_first_of(BufReader::new(file), choices).map_err(|problem| problem.at(path))
 }
 
 /// Reads the first of these sets of channels that a part of the file has.
-fn read_first_of(path: &Path, choices: &[Vec<String>]) -> Result<Planes, ImageError> {
+pub(super) fn decode_first_of(source: impl Read + Seek, choices: &[Vec<String>]) -> Result<Planes, Problem> {
     guarded(|| {
-        let reader = open(path)?;
+        let reader = open(source)?;
         let parts = reader.headers().iter().enumerate();
         let found = parts
             .flat_map(|(part, header)| choices.iter().map(move |names| (part, find(header, names))))
@@ -90,7 +98,6 @@ fn read_first_of(path: &Path, choices: &[Vec<String>]) -> Result<Planes, ImageEr
             }),
         }
     })
-    .map_err(|problem| problem.at(path))
 }
 
 /// Turns a panic inside the decoder into an error.
@@ -103,11 +110,11 @@ fn guarded<T>(read: impl FnOnce() -> Result<T, Problem>) -> Result<T, Problem> {
         .unwrap_or_else(|_| Err(Problem::Malformed("its contents contradict each other".into())))
 }
 
-/// Opens a file and checks what its headers ask for.
-fn open(path: &Path) -> Result<Reader<BufReader<File>>, Problem> {
-    let file = File::open(path)?;
-    let file_bytes = file.metadata()?.len();
-    let reader = exr::block::read(BufReader::new(file), false)?;
+/// Reads the headers and checks what they ask for.
+fn open<R: Read + Seek>(mut source: R) -> Result<Reader<R>, Problem> {
+    let file_bytes = source.seek(SeekFrom::End(0))?;
+    source.rewind()?;
+    let reader = exr::block::read(source, false)?;
     for header in reader.headers() {
         check(header, file_bytes)?;
     }
@@ -161,7 +168,7 @@ fn find(header: &Header, names: &[String]) -> Option<Vec<usize>> {
 }
 
 /// The full-resolution pixels of some channels of one part.
-fn decode(reader: Reader<BufReader<File>>, part: usize, channels: &[usize]) -> Result<Planes, Problem> {
+fn decode<R: Read + Seek>(reader: Reader<R>, part: usize, channels: &[usize]) -> Result<Planes, Problem> {
     // Enough blocks at a time to keep all threads busy, few enough to bound the memory.
     const BLOCKS_PER_THREAD: usize = 4;
     let at_once = BLOCKS_PER_THREAD * rayon::current_num_threads();

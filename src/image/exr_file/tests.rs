@@ -1,3 +1,4 @@
+use std::io::Cursor;
 use std::path::{Path, PathBuf};
 
 use exr::compression::Compression;
@@ -231,36 +232,38 @@ fn a_header_that_asks_for_too_much_is_refused_before_allocation() {
     assert!(matches!(problem_of(29_999), Problem::Malformed(_)));
 }
 
+fn decode(file: &[u8]) -> Result<Planes, Problem> {
+    read::decode_first_of(Cursor::new(file), &read::layer_channels(None))
+}
+
 #[test]
 fn a_truncated_file_is_an_error() {
-    let (_folder, path) = scratch();
     let plane = ramp(20 * 20, 1.0);
     let whole =
         write::encode(Windows::whole(20, 20), &[Channel::new("X", &plane, Precision::Float)], &[]).unwrap();
+    assert!(decode(&whole).is_ok());
     for length in 0..whole.len() {
-        std::fs::write(&path, &whole[..length]).unwrap();
-        assert!(read_channels(&path, &["X"]).is_err(), "{length} of {} bytes", whole.len());
+        assert!(decode(&whole[..length]).is_err(), "{length} of {} bytes", whole.len());
     }
 }
 
 #[test]
 fn a_flipped_bit_gives_an_image_or_an_error_and_never_a_panic() {
     let (_folder, path) = scratch();
-    // The panics of the decoder that are caught would fill the test's output.
     for compression in COMPRESSIONS {
         let samples = || FlatSamples::F16((0..7 * 37).map(|i| f16::from_f32((i * i % 91) as f32)).collect());
         write_foreign(&path, compression, Blocks::ScanLines, [samples(), samples(), samples()]);
         let whole = std::fs::read(&path).unwrap();
-        for byte in 0..whole.len() {
-            // One bit of each byte, another one from byte to byte.
+        let mut refused = 0;
+        for bit in 0..8 * whole.len() {
             let mut damaged = whole.clone();
-            damaged[byte] ^= 1 << (byte % 8);
-            std::fs::write(&path, &damaged).unwrap();
-            if let Ok(planes) = read_layer(&path, None) {
-                assert_eq!(planes.count(), 3);
+            damaged[bit / 8] ^= 1 << (bit % 8);
+            match decode(&damaged) {
+                Ok(planes) => assert_eq!(planes.count(), 3),
+                Err(_) => refused += 1,
             }
-            read_info(&path).ok();
         }
+        assert!(refused > 0);
     }
 }
 
