@@ -13,17 +13,19 @@ use crate::render::sampler::BounceNumbers;
 pub(super) const MAX_PASSES: u32 = 256;
 
 impl PathTracer<'_> {
-    /// Radiance in direction `wo` that comes from one sampled light by way of `bsdf`.
+    /// Radiance in direction `wo` that comes from one sampled light by way of `bsdf`. Lights are
+    /// sampled as seen from `from`, see [`lit_from`].
     #[inline]
     pub(super) fn direct_light(
         &self,
         point: &SurfacePoint,
+        from: Vec3,
         bsdf: &Bsdf,
         wo: Vec3,
         numbers: &BounceNumbers,
         time: f32,
     ) -> Vec3 {
-        let Some(light) = self.lights.sample(point, numbers.light, numbers.light_uv) else {
+        let Some(light) = self.lights.sample(from, numbers.light, numbers.light_uv) else {
             return Vec3::ZERO;
         };
         let scattered = bsdf.eval(wo, light.wi) * light.radiance;
@@ -57,6 +59,13 @@ impl PathTracer<'_> {
         }
         false
     }
+}
+
+/// Where a point's light is sampled from: moved to the viewer's side of the surface, so that a
+/// surface that is itself a light is not seen from its other side.
+#[inline]
+pub(super) fn lit_from(point: &SurfacePoint, wo: Vec3) -> Vec3 {
+    point.offset_origin(wo)
 }
 
 /// Share of the technique with density `pdf` against another one.

@@ -5,7 +5,7 @@
 use glam::Vec3;
 
 use super::PathTracer;
-use super::direct::{MAX_PASSES, power_heuristic};
+use super::direct::{MAX_PASSES, lit_from, power_heuristic};
 use crate::geometry::{Ray, SurfacePoint};
 use crate::render::bsdf::Bsdf;
 use crate::render::record::Record;
@@ -92,8 +92,9 @@ impl PathTracer<'_> {
             }
 
             // Light that one more scattering event brings, from a sampled light.
+            let from = lit_from(&point, wo);
             if !bsdf.is_specular() {
-                let light = self.direct_light(&point, &bsdf, wo, &drawn, path.ray.time);
+                let light = self.direct_light(&point, from, &bsdf, wo, &drawn, path.ray.time);
                 record.colour += path.throughput * light;
             }
 
@@ -112,7 +113,7 @@ impl PathTracer<'_> {
             path.arrival = if sample.specular {
                 Arrival::Certain
             } else {
-                Arrival::Scattered { from: point.position, pdf: sample.pdf, light_sampling: true }
+                Arrival::Scattered { from, pdf: sample.pdf, light_sampling: true }
             };
             path.ray = Ray {
                 origin: point.offset_origin(sample.wi),

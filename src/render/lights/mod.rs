@@ -107,18 +107,18 @@ impl<'s> Lights<'s> {
         !self.environments.is_empty() || self.surfaces.found_by_rays()
     }
 
-    /// Light for a point: `choice` picks the light, `u` a point of it. `None` if the sampled light
+    /// Light at `from`: `choice` picks the light, `u` a point of it. `None` if the sampled light
     /// cannot send any.
     #[inline]
-    pub fn sample(&self, point: &SurfacePoint, choice: f32, u: Vec2) -> Option<LightSample> {
+    pub fn sample(&self, from: Vec3, choice: f32, u: Vec2) -> Option<LightSample> {
         let (light, probability) = self.table.sample(choice)?;
         let mut sample = match self.sources.get(light) {
-            Some(Source::Delta(delta)) => delta.sample(point.position)?,
+            Some(Source::Delta(delta)) => delta.sample(from)?,
             Some(Source::Environment(environment)) => {
                 let (wi, radiance, pdf) = environment.sample(u)?;
                 LightSample { wi, radiance, pdf, found_by_rays: true, target: None }
             }
-            None => self.surfaces.sample(light - self.sources.len(), point.position, u)?,
+            None => self.surfaces.sample(light - self.sources.len(), from, u)?,
         };
         sample.pdf *= probability;
         Some(sample)
