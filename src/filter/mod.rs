@@ -3,6 +3,21 @@
 //!
 //! Knows nothing of where samples come from.
 
+mod assessment;
+mod bilateral;
+mod mutual_information;
+mod neighbourhood;
+mod outliers;
+mod padded;
+mod prpf;
+#[cfg(test)]
+mod synthetic;
+mod upsampling;
+mod weights;
+
+pub use outliers::OutlierSettings;
+pub use prpf::{Gain, PrpfSettings, filter, interpolation_failure};
+
 use crate::image::Planes;
 
 /// What a filter makes of a store.
