@@ -11,6 +11,7 @@ mod ajar;
 mod courtyard;
 mod dragon;
 mod figure;
+mod foliage;
 mod implicit;
 mod mesh;
 mod noise;

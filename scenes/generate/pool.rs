@@ -202,8 +202,8 @@ fn pocket() -> Mesh {
         ),
         line((POCKET_RADIUS, top - 1.4), (POCKET_RADIUS, -14.0)),
     ];
-    // The corner's three quadrants outside the bed; the fourth stays open.
-    let casting = partial_lathe(&ring, 48, -TAU * 0.25, TAU * 0.5);
+    // Three quadrants; the one towards the bed, from x to -z, stays open.
+    let casting = partial_lathe(&ring, 48, TAU * 0.25, TAU);
     let well = partial_lathe(&[line((POCKET_RADIUS, 0.04), (0.0, 0.04))], 48, 0.0, TAU);
     Mesh::union([casting, well]).translated(-HALF_BED.x, 0.0, HALF_BED.y)
 }

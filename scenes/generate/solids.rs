@@ -7,8 +7,9 @@ use glam::{DVec2, DVec3};
 
 use crate::mesh::Mesh;
 
-/// Grid lines across the rounded edge of a [`rounded_box`], to either side.
-const EDGE_STEPS: i32 = 3;
+/// Quadrilaterals across the rounded edge of a [`rounded_box`], to either side of its middle; normals
+/// do the rest.
+const EDGE_STEPS: i32 = 1;
 
 /// A box with rounded edges.
 pub fn rounded_box(low: DVec3, high: DVec3, radius: f64) -> Mesh {
