@@ -1,1 +1,77 @@
-//! Not yet.
+//! The command line: arguments → settings → loop → report.
+//!
+//! Exit status: 0 done; 1 the render failed (or an image is farther from its reference than asked);
+//! 2 the command line or an input file is wrong; 130 stopped by a person, image written.
+
+mod compare;
+mod info;
+mod layers;
+mod options;
+mod render;
+mod report;
+
+use std::ffi::OsString;
+use std::process::ExitCode;
+use std::time::Instant;
+
+use clap::{Parser, Subcommand};
+
+#[derive(Parser)]
+#[command(
+    name = "prpf",
+    version,
+    about = "Progressive path tracer whose adaptive sampling is coupled to its denoiser (P-RPF)",
+    before_help = "Try: prpf render scenes/pool/pool.pbrt -o pool.png --spp 16",
+    arg_required_else_help = true,
+    disable_help_subcommand = true
+)]
+struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Render a scene; write the image and say what was achieved
+    Render(Box<options::RenderOptions>),
+    /// Show what a scene holds, the effects it calls for, and the dimensions of its sample vector
+    Info(info::InfoOptions),
+    /// Compare an image with a reference: MSE, relMSE, PSNR, SSIM, FLIP, brightness
+    Compare(compare::CompareArgs),
+}
+
+/// Something that went wrong, and the exit status it ends in.
+#[derive(Debug)]
+pub(crate) enum Failure {
+    /// The command line or an input file: 2.
+    Input(anyhow::Error),
+    /// Everything else: 1.
+    Run(anyhow::Error),
+}
+
+/// Runs the program; `start` is when it started, which is what time budgets count from.
+pub fn run(arguments: impl IntoIterator<Item = OsString>, start: Instant) -> ExitCode {
+    let arguments = match Arguments::try_parse_from(arguments) {
+        Ok(arguments) => arguments,
+        Err(error) => {
+            let _ = error.print();
+            return ExitCode::from(if error.use_stderr() { 2 } else { 0 });
+        }
+    };
+    let outcome = match arguments.command {
+        Command::Render(options) => render::run(&options, start),
+        Command::Info(options) => info::run(&options),
+        Command::Compare(options) => compare::run(&options).map_err(Failure::Input),
+    };
+    match outcome {
+        Ok(status) => ExitCode::from(status),
+        Err(failure) => {
+            let (error, status) = match failure {
+                Failure::Input(error) => (error, 2),
+                Failure::Run(error) => (error, 1),
+            };
+            eprintln!("prpf: {error:#}");
+            ExitCode::from(status)
+        }
+    }
+}

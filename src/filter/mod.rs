@@ -3,7 +3,31 @@
 //!
 //! Knows nothing of where samples come from.
 
+mod assess;
+mod assessment;
+mod bilateral;
+pub mod blur;
+mod fast_exp;
+mod halves;
+mod margin;
+mod mutual_information;
+mod neighbourhood;
+mod outliers;
+mod padded;
+mod patch;
+pub mod prpf;
+mod standard;
+#[cfg(test)]
+mod synthetic;
+mod upsampling;
+mod weights;
+
+pub use outliers::OutlierSettings;
+pub use prpf::{Gain, PrpfSettings};
+pub use standard::StandardSettings;
+
 use crate::image::Planes;
+use crate::stats::{Part, Store};
 
 /// What a filter makes of a store.
 #[derive(Clone, Debug)]
@@ -26,4 +50,57 @@ pub struct Filtered {
     pub variance: Planes,
     /// Estimated squared error of the filtered pixel, mean of channels. 1 plane.
     pub error: Planes,
+}
+
+/// How much effort the reconstruction makes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, clap::ValueEnum)]
+#[serde(rename_all = "lowercase")]
+pub enum Quality {
+    /// `Standard` with smaller discs, for reruns between batches.
+    Draft,
+    /// The patch-distance filter: what measures best.
+    Standard,
+    /// P-RPF as published, nothing tuned.
+    Paper,
+}
+
+/// Makes an image of a store. `seed` decides which samples mutual information is estimated from.
+pub fn filter(store: &Store, quality: Quality, seed: u64) -> Filtered {
+    match quality {
+        Quality::Draft => standard::filter(store, &StandardSettings::draft()),
+        Quality::Standard => standard::filter(store, &StandardSettings::standard()),
+        Quality::Paper => prpf::filter(store, &PrpfSettings::paper(), seed),
+    }
+}
+
+/// The means of the samples, in the shape of a filtered image.
+pub fn unfiltered(store: &Store) -> Filtered {
+    let radiance = store.layout().radiance();
+    let variance = variance_of_mean(store);
+    let mut error = Planes::new(store.width(), store.height(), 1);
+    let mut residual = error.clone();
+    residual.data_mut().fill(1.0);
+    for (i, error) in error.data_mut().iter_mut().enumerate() {
+        *error = (0..3).map(|c| variance.plane(c)[i]).sum::<f32>() / 3.0;
+    }
+    Filtered {
+        image: store.means(Part::Whole, radiance.clone()),
+        halves: [0, 1].map(|h| store.means(Part::Half(h), radiance.clone())),
+        interpolation_failure: None,
+        interpolation_success: None,
+        residual,
+        variance,
+        error,
+    }
+}
+
+/// Variance of the mean of the unfiltered radiance, emission included: 3 planes; 0 where fewer than
+/// two samples are.
+pub fn variance_of_mean(store: &Store) -> Planes {
+    let mut variance = store.variances(Part::Whole, store.layout().radiance());
+    let counts = store.counts(Part::Whole);
+    for plane in variance.planes_mut() {
+        plane.iter_mut().zip(&counts).for_each(|(v, &n)| *v /= n.max(1) as f32);
+    }
+    variance
 }

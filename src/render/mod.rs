@@ -1,1 +1,132 @@
-//! Not yet.
+//! Renders a batch into a pixel-statistics store: samplers, camera rays, BSDFs, light sampling,
+//! integrators.
+//!
+//! A sample is one path. Its numbers are addressed by seed, pixel, sample index and dimension, and
+//! what is remembered of it is written in the order of the store's [`Layout`]. Knows nothing of
+//! filters and budgets: it is told how many samples each pixel gets.
+
+pub mod bsdf;
+mod camera;
+mod disk;
+mod integrator;
+mod lights;
+mod pixel_filter;
+mod record;
+mod sampler;
+
+use rayon::prelude::*;
+
+use self::camera::CameraRays;
+use self::integrator::PathTracer;
+use self::pixel_filter::FilterSampler;
+use self::record::Record;
+use self::sampler::{Independent, Sobol, Source, Stream};
+use crate::geometry::Accel;
+use crate::scene::{SamplerKind, Scene};
+use crate::stats::{Layout, Row, Store};
+
+/// Renders samples of one scene.
+pub struct Renderer<'s> {
+    seed: u64,
+    layout: Layout,
+    sampler: SamplerKind,
+    /// First column and row of the film that are rendered.
+    corner: [usize; 2],
+    resolution: (usize, usize),
+    /// Factor from radiance to pixel value.
+    exposure: f32,
+    filter: FilterSampler,
+    camera: CameraRays,
+    tracer: PathTracer<'s>,
+    /// For each of the layout's dimensions, its place in [`Record::values`].
+    alive: Vec<usize>,
+}
+
+impl<'s> Renderer<'s> {
+    /// Prepares what all batches share: light tables, and the layout that the scene's effects call
+    /// for. Everything random follows from `seed`.
+    pub fn new(scene: &'s Scene, accel: &'s Accel<'s>, seed: u64) -> Self {
+        let layout = Layout::for_effects(&scene.effects());
+        let [x0, x1, y0, y1] = scene.film.pixel_bounds;
+        Self {
+            seed,
+            sampler: scene.sampler,
+            corner: [x0, y0],
+            resolution: (x1 - x0, y1 - y0),
+            exposure: scene.film.scale,
+            filter: FilterSampler::new(&scene.film.filter),
+            camera: CameraRays::new(&scene.camera, &scene.film),
+            tracer: PathTracer::new(scene, accel, &layout),
+            alive: Record::alive(&layout),
+            layout,
+        }
+    }
+
+    /// The sample vector's layout: that of the stores to render into.
+    pub fn layout(&self) -> &Layout {
+        &self.layout
+    }
+
+    /// Width and height of what is rendered, in pixels: those of the stores to render into.
+    pub fn resolution(&self) -> (usize, usize) {
+        self.resolution
+    }
+
+    /// What positions in sample vectors are divided by, in scene units.
+    pub fn diameter(&self) -> f32 {
+        self.tracer.diameter()
+    }
+
+    /// Renders `counts[pixel]` more samples into every pixel, row by row over the film's pixel
+    /// bounds, in parallel on rayon's current pool.
+    ///
+    /// # Panics
+    /// If there is not one count for each of the store's pixels, or its layout is not
+    /// [`Self::layout`].
+    pub fn render_batch(&self, counts: &[u32], store: &mut Store) {
+        assert_eq!(counts.len(), store.pixels(), "one count for each pixel");
+        assert_eq!(*store.layout(), self.layout, "the store's samples are made by this renderer");
+        let width = store.width().max(1);
+        // Rows differ much in cost where sampling is adaptive, so they are dealt out one by one.
+        let rows = store.rows_mut().par_iter_mut().zip(counts.par_chunks(width)).enumerate().with_max_len(1);
+        match self.sampler {
+            SamplerKind::Sobol => {
+                rows.for_each(|(y, (row, counts))| self.render_row::<Sobol>(y, counts, row))
+            }
+            SamplerKind::Independent => {
+                rows.for_each(|(y, (row, counts))| self.render_row::<Independent>(y, counts, row));
+            }
+        }
+    }
+
+    fn render_row<S: Source>(&self, y: usize, counts: &[u32], row: &mut Row) {
+        let mut sample = vec![0.0; self.layout.len()];
+        let y = y + self.corner[1];
+        for (column, &count) in counts.iter().enumerate() {
+            let x = column + self.corner[0];
+            let source = S::for_pixel(self.seed, x as u32, y as u32);
+            for _ in 0..count {
+                let mut numbers = Stream::new(&source, row.next_index(column));
+                let values = self.sample(x, y, &mut numbers).values();
+                for (out, &i) in sample.iter_mut().zip(&self.alive) {
+                    *out = values[i];
+                }
+                row.push(column, &sample);
+            }
+        }
+    }
+
+    /// One sample of the pixel at (`x`, `y`) of the whole image.
+    #[inline]
+    fn sample<S: Source>(&self, x: usize, y: usize, numbers: &mut Stream<S>) -> Record {
+        let camera = self.tracer.dimensions().camera(numbers);
+        let centre = glam::Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
+        let film = centre + self.filter.sample(camera.film);
+        let ray = self.camera.ray(film, camera.lens, camera.time);
+        let mut record = Record { film, lens: camera.lens, time: camera.time, ..Record::default() };
+        self.tracer.trace(ray, numbers, &mut record);
+        record.colour *= self.exposure;
+        record.visible *= self.exposure;
+        record
+    }
+}

@@ -30,3 +30,8 @@ pub enum Projection {
     /// Parallel rays; the screen window is in scene units.
     Orthographic,
 }
+
+/// The screen window of a film with this aspect (width over height): the shorter side spans [-1, 1].
+pub fn fitted_screen_window(aspect: f32) -> [f32; 4] {
+    if aspect > 1.0 { [-aspect, aspect, -1.0, 1.0] } else { [-1.0, 1.0, -1.0 / aspect, 1.0 / aspect] }
+}

@@ -82,6 +82,23 @@ pub struct Scene {
 }
 
 impl Scene {
+    /// Gives the film another resolution; the part that is rendered keeps its share of it, and a
+    /// screen window that fits the film's aspect goes on fitting it.
+    pub fn resize_film(&mut self, width: usize, height: usize) {
+        let film = &mut self.film;
+        let fitted = |width, height| camera::fitted_screen_window(width as f32 / height as f32);
+        if self.camera.screen_window == fitted(film.width, film.height) {
+            self.camera.screen_window = fitted(width, height);
+        }
+        let [x0, x1, y0, y1] = film.pixel_bounds;
+        let scale = |at: usize, from: usize, to: usize| at * to / from.max(1);
+        let (x0, x1) = (scale(x0, film.width, width), scale(x1, film.width, width));
+        let (y0, y1) = (scale(y0, film.height, height), scale(y1, film.height, height));
+        film.pixel_bounds =
+            [x0.min(width - 1), x1.max(x0 + 1).min(width), y0.min(height - 1), y1.max(y0 + 1).min(height)];
+        (film.width, film.height) = (width, height);
+    }
+
     /// The effects this scene calls for; everything a render simulates follows from them.
     pub fn effects(&self) -> Effects {
         Effects::of(self)

@@ -64,12 +64,15 @@ pub enum Block {
     /// Auxiliary: radiance with everything (3). Absent where nothing emissive can be seen, since
     /// then it equals [`Block::Colour`].
     Radiance,
+    /// Auxiliary: directly visible emission (3), what [`Block::Radiance`] has beyond
+    /// [`Block::Colour`].
+    Emission,
     /// Auxiliary: 1 where the camera ray hit a surface, else 0 (1).
     Hit,
 }
 
 /// In the order of [`Block`]'s variants, which is the order in a sample.
-const ALL: [(Block, &[Dimension]); 13] = {
+const ALL: [(Block, &[Dimension]); 14] = {
     use Feature::{Albedo, Normal, WorldPosition};
     const fn dim(name: &'static str, group: Group) -> Dimension {
         Dimension { name, group }
@@ -106,6 +109,14 @@ const ALL: [(Block, &[Dimension]); 13] = {
                 dim("radiance.b", Group::Auxiliary),
             ],
         ),
+        (
+            Block::Emission,
+            &[
+                dim("emission.r", Group::Auxiliary),
+                dim("emission.g", Group::Auxiliary),
+                dim("emission.b", Group::Auxiliary),
+            ],
+        ),
         (Block::Hit, &[dim("hit", Group::Auxiliary)]),
     ]
 };
@@ -130,7 +141,7 @@ impl Layout {
             Block::Time => effects.motion,
             Block::Light1 => effects.extended_lights,
             Block::Bsdf1 => effects.second_hit,
-            Block::Radiance => effects.visible_emission,
+            Block::Radiance | Block::Emission => effects.visible_emission,
         })
     }
 

@@ -1,0 +1,212 @@
+//! Sample counts of a batch from priorities: exact sums, a share for everyone, a ceiling.
+
+/// Share of an adaptive batch that is spread regardless of priority: no pixel is ever given up, and
+/// the pixels it falls on are an unbiased choice for measuring error.
+const UNIFORM_SHARE: f64 = 0.15;
+/// A pixel gets at most this many times the batch's mean.
+const CEILING: f64 = 8.0;
+
+/// The plan of a batch.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Allocation {
+    /// Samples to add per pixel.
+    pub counts: Vec<u32>,
+    /// Pixels that were chosen regardless of priority.
+    pub probes: Vec<bool>,
+}
+
+/// `total` samples over `pixels` pixels, as even as can be; pixels with `max_spp` are passed over.
+pub fn uniform(total: u64, have: &[u32], max_spp: u32) -> Allocation {
+    let pixels = have.len();
+    let open: Vec<usize> = (0..pixels).filter(|&i| have[i] < max_spp).collect();
+    let mut counts = vec![0; pixels];
+    let mut left = total;
+    for (k, &i) in open.iter().enumerate() {
+        // What is left over the pixels that are left: differs by at most one between pixels.
+        let share = left.div_ceil((open.len() - k) as u64).min(u64::from(max_spp - have[i])) as u32;
+        counts[i] = share;
+        left -= u64::from(share);
+    }
+    let probes = counts.iter().map(|&n| n > 0).collect();
+    Allocation { counts, probes }
+}
+
+/// `total` samples, so that with those that a pixel has (`have`) the counts approach proportionality
+/// to `priority`. Counts are even, so that both halves of a pixel grow alike (one pixel may get the
+/// odd sample of an odd total). `width` is the image's; `batch` is the batch's index, which moves the
+/// uniform share about.
+pub fn allocate(
+    priority: &[f32],
+    have: &[u32],
+    width: usize,
+    total: u64,
+    max_spp: u32,
+    batch: u32,
+) -> Allocation {
+    let pixels = priority.len();
+    let sum: f64 = priority.iter().map(|&p| f64::from(p)).sum();
+    if sum.is_nan() || sum <= 0.0 || !sum.is_finite() {
+        return uniform(total, have, max_spp);
+    }
+    let pairs = total / 2;
+    let room = |i: usize| f64::from(max_spp.saturating_sub(have[i]) / 2);
+
+    // Some pairs go to pixels chosen by chance alone.
+    let chance = (UNIFORM_SHARE * pairs as f64 / pixels as f64).min(1.0);
+    let probes: Vec<bool> = (0..pixels).map(|i| room(i) >= 1.0 && draw(i, batch) < chance).collect();
+    let probed = probes.iter().filter(|&&probe| probe).count() as u64;
+    let probed = probed.min(pairs);
+
+    // The rest raises pixels to what their priority asks for.
+    let targets = targets(priority, have, (pairs - probed) as f64, |i| {
+        (CEILING * pairs as f64 / pixels as f64)
+            .max(1.0)
+            .min((room(i) - f64::from(u8::from(probes[i]))).max(0.0))
+    });
+    let mut counts = round(&targets, width, pairs - probed, room);
+    let mut left = probed;
+    for (count, _) in counts.iter_mut().zip(&probes).filter(|(_, probe)| **probe) {
+        if left == 0 {
+            break;
+        }
+        *count += 1;
+        left -= 1;
+    }
+    counts.iter_mut().for_each(|n| *n *= 2);
+
+    // What found no room in pairs, and the odd sample.
+    let placed: u64 = counts.iter().map(|&n| u64::from(n)).sum();
+    if placed < total {
+        let grown: Vec<u32> = have.iter().zip(&counts).map(|(a, b)| a + b).collect();
+        let mut rest = total - placed;
+        let mut order: Vec<usize> = (0..pixels).filter(|&i| grown[i] < max_spp).collect();
+        order.sort_by(|&a, &b| priority[b].total_cmp(&priority[a]).then(a.cmp(&b)));
+        for i in order {
+            let extra = rest.min(u64::from(max_spp - grown[i])).min(if rest > 1 { 2 } else { 1 });
+            counts[i] += extra as u32;
+            rest -= extra;
+            if rest == 0 {
+                break;
+            }
+        }
+    }
+    Allocation { counts, probes }
+}
+
+/// Pairs per pixel, not yet whole: max(0, λ·priority − have/2) with λ such that they sum to `pairs`,
+/// each at most its ceiling.
+fn targets(priority: &[f32], have: &[u32], pairs: f64, ceiling: impl Fn(usize) -> f64) -> Vec<f64> {
+    let want = |lambda: f64, i: usize| {
+        (lambda * f64::from(priority[i]) - 0.5 * f64::from(have[i])).clamp(0.0, ceiling(i))
+    };
+    let sum = |lambda: f64| (0..priority.len()).map(|i| want(lambda, i)).sum::<f64>();
+    // The sum grows with λ: bracket, then bisect.
+    let mut high = 1.0;
+    for _ in 0..128 {
+        if sum(high) >= pairs {
+            break;
+        }
+        high *= 2.0;
+    }
+    let mut low = 0.0;
+    for _ in 0..BISECTIONS {
+        let middle = 0.5 * (low + high);
+        if sum(middle) < pairs { low = middle } else { high = middle }
+    }
+    (0..priority.len()).map(|i| want(high, i)).collect()
+}
+
+/// Enough to fix λ to a part in 10⁹ of the bracket.
+const BISECTIONS: usize = 30;
+
+/// Rounds targets to whole numbers whose sum is `pairs`, carrying the rounding error along a
+/// serpentine path through the image.
+fn round(targets: &[f64], width: usize, pairs: u64, room: impl Fn(usize) -> f64) -> Vec<u32> {
+    let sum: f64 = targets.iter().sum();
+    let scale = if sum > 0.0 { pairs as f64 / sum } else { 0.0 };
+    let mut counts = vec![0; targets.len()];
+    let (mut wanted, mut given) = (0.0, 0u64);
+    for k in 0..targets.len() {
+        let (y, x) = (k / width, k % width);
+        let i = y * width + if y % 2 == 0 { x } else { width - 1 - x };
+        wanted += targets[i] * scale;
+        let whole = (wanted.round() - given as f64).clamp(0.0, room(i)).min((pairs - given) as f64);
+        counts[i] = whole as u32;
+        given += whole as u64;
+    }
+    counts
+}
+
+/// A number in [0, 1) for a pixel and a batch.
+fn draw(pixel: usize, batch: u32) -> f64 {
+    let mut z = (pixel as u64 + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15)
+        ^ (u64::from(batch) + 1).wrapping_mul(0xd1b5_4a32_d192_ed03);
+    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const NO_CEILING: u32 = u32::MAX / 4;
+
+    fn total(allocation: &Allocation) -> u64 {
+        allocation.counts.iter().map(|&n| u64::from(n)).sum()
+    }
+
+    #[test]
+    fn a_uniform_batch_differs_by_at_most_one() {
+        let a = uniform(1003, &[0; 100], NO_CEILING);
+        assert_eq!(total(&a), 1003);
+        assert!(a.counts.iter().all(|&n| n == 10 || n == 11));
+    }
+
+    #[test]
+    fn totals_approach_proportionality_to_priority() {
+        let priority: Vec<f32> = (0..1024).map(|i| if i % 32 < 16 { 1.0 } else { 3.0 }).collect();
+        let a = allocate(&priority, &[8; 1024], 32, 1024 * 24, NO_CEILING, 1);
+        let mean = |low: bool| {
+            let picked = (0..1024).filter(|i| (i % 32 < 16) == low).map(|i| 8 + a.counts[i]);
+            f64::from(picked.sum::<u32>()) / 512.0
+        };
+        // 85 % follow the priorities, 15 % go to all alike.
+        let ratio = mean(false) / mean(true);
+        assert!(ratio > 2.2 && ratio < 3.0, "{ratio}");
+    }
+
+    #[test]
+    fn all_error_in_one_pixel_does_not_take_everything() {
+        let mut priority = vec![0.0; 400];
+        priority[210] = 1.0;
+        let a = allocate(&priority, &[4; 400], 20, 1600, NO_CEILING, 0);
+        assert_eq!(total(&a), 1600);
+        assert!(a.counts[210] >= 16);
+        assert!(a.counts.iter().filter(|&&n| n > 0).count() > 30, "the uniform share is kept");
+    }
+
+    #[test]
+    fn no_error_anywhere_falls_back_to_uniform() {
+        assert_eq!(allocate(&[0.0; 64], &[4; 64], 8, 640, NO_CEILING, 3), uniform(640, &[4; 64], NO_CEILING));
+    }
+
+    proptest! {
+        #[test]
+        fn budgets_are_spent_exactly_and_ceilings_hold(
+            priority in prop::collection::vec(0.0f32..10.0, 64),
+            have in prop::collection::vec(0u32..40, 64),
+            spend in 0u64..4000,
+            spare in 0u32..100,
+        ) {
+            let max_spp = 40 + spare;
+            let room: u64 = have.iter().map(|&n| u64::from(max_spp - n)).sum();
+            let spend = spend.min(room / 2);
+            let a = allocate(&priority, &have, 8, spend, max_spp, 0);
+            prop_assert_eq!(total(&a), spend);
+            prop_assert!(a.counts.iter().zip(&have).all(|(n, h)| n + h <= max_spp));
+            prop_assert!(a.counts.iter().filter(|&&n| n % 2 == 1).count() <= 1 + (spend as usize & 1));
+        }
+    }
+}

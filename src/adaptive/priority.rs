@@ -1,0 +1,196 @@
+//! How many samples a pixel deserves, from what the filter says of it.
+//!
+//! If a pixel's part in the image's relative error is e/n after n samples, the total error for a
+//! given number of samples is least when n ∝ √e. The maps estimate e/n, so a pixel's priority is
+//! √(n·(e/n)) of a weighted sum of them.
+
+use crate::filter::blur;
+use crate::image::Planes;
+
+/// What drives the samples, each map with a weight; 0 leaves it out.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct PrioritySettings {
+    /// Variance of the filtered image, from the halves.
+    pub filtered_variance: f32,
+    /// Variance of the unfiltered image, scaled to the mean of the filtered one.
+    pub raw_variance: f32,
+    /// Raises the filtered variance where interpolation of feature weights failed, by this factor.
+    pub interpolation_failure: f32,
+    /// Raises it where the filter's residual is larger than noise explains, by this factor per unit
+    /// of excess.
+    pub residual: f32,
+    /// Blur of the maps, in pixels.
+    pub blur: f32,
+    /// Keeps dark pixels from counting for too much: added to the squared radiance, in units of the
+    /// squared mean of the image.
+    pub epsilon: f32,
+    /// Priorities above this quantile are cut to it, so that a few pixels cannot take everything.
+    pub cap_quantile: f32,
+}
+
+impl Default for PrioritySettings {
+    fn default() -> Self {
+        Self {
+            filtered_variance: 1.0,
+            raw_variance: 1.0,
+            interpolation_failure: 0.5,
+            residual: 0.1,
+            blur: 3.0,
+            epsilon: 0.05,
+            cap_quantile: 0.995,
+        }
+    }
+}
+
+/// Largest excess of the residual that counts.
+const RESIDUAL_CEILING: f32 = 10.0;
+
+/// The maps of one image.
+#[derive(Clone, Copy, Debug)]
+pub struct Maps<'a> {
+    /// Samples per pixel.
+    pub counts: &'a [u32],
+    /// Filtered image: 3 planes.
+    pub image: &'a Planes,
+    /// Variance of the filtered image: 3 planes.
+    pub filtered_variance: &'a Planes,
+    /// Variance of the mean of the unfiltered image: 3 planes.
+    pub raw_variance: &'a Planes,
+    /// 1 plane, about 1 where the filter is right.
+    pub residual: &'a Planes,
+    /// 1 plane in [0, 1].
+    pub interpolation_failure: Option<&'a Planes>,
+}
+
+/// Priority of each pixel: what its total of samples should be proportional to. All zero where the
+/// maps know of no error.
+pub fn priority(maps: Maps, settings: &PrioritySettings) -> Vec<f32> {
+    let (width, height) = (maps.image.width(), maps.image.height());
+    let smooth = |plane: &[f32]| blur::gaussian(width, height, plane, settings.blur);
+    let level = brightness(maps.image, settings.blur);
+    let mean = level.iter().map(|&v| f64::from(v)).sum::<f64>() / level.len().max(1) as f64;
+    let epsilon = (f64::from(settings.epsilon) * mean * mean) as f32;
+
+    let relative = |variance: &Planes| {
+        let sum = |i: usize| (0..3).map(|c| variance.plane(c)[i]).sum::<f32>() / 3.0;
+        let value = |i: usize| sum(i) / (level[i] * level[i] + epsilon).max(f32::MIN_POSITIVE);
+        smooth(&(0..width * height).map(value).collect::<Vec<_>>())
+    };
+    let mut filtered = relative(maps.filtered_variance);
+    let mut raw = relative(maps.raw_variance);
+    let scale = mean_of(&filtered) / mean_of(&raw).max(f32::MIN_POSITIVE);
+    raw.iter_mut().for_each(|v| *v *= settings.raw_variance * scale);
+
+    let excess = |&r: &f32| (r - 1.0).clamp(0.0, RESIDUAL_CEILING);
+    let excess = smooth(&maps.residual.plane(0).iter().map(excess).collect::<Vec<_>>());
+    let failure = maps.interpolation_failure.map(|failure| smooth(failure.plane(0)));
+    for (i, v) in filtered.iter_mut().enumerate() {
+        let failed = failure.as_ref().map_or(0.0, |failure| failure[i]);
+        *v *= settings.filtered_variance
+            + settings.interpolation_failure * failed
+            + settings.residual * excess[i];
+    }
+
+    let value = |(i, &n): (usize, &u32)| ((n.max(1) as f32) * (filtered[i] + raw[i])).sqrt();
+    let mut priority: Vec<f32> = maps.counts.iter().enumerate().map(value).collect();
+    cap(&mut priority, settings.cap_quantile);
+    priority
+}
+
+/// Mean of the channels, blurred: a stand-in for the true radiance.
+fn brightness(image: &Planes, sigma: f32) -> Vec<f32> {
+    let mean = |i: usize| (image.plane(0)[i] + image.plane(1)[i] + image.plane(2)[i]) / 3.0;
+    let plane: Vec<f32> = (0..image.pixels()).map(mean).collect();
+    blur::gaussian(image.width(), image.height(), &plane, sigma)
+}
+
+fn mean_of(plane: &[f32]) -> f32 {
+    (plane.iter().map(|&v| f64::from(v)).sum::<f64>() / plane.len().max(1) as f64) as f32
+}
+
+fn cap(values: &mut [f32], quantile: f32) {
+    if values.is_empty() {
+        return;
+    }
+    let rank = ((values.len() - 1) as f32 * quantile) as usize;
+    let mut sorted = values.to_vec();
+    let (_, &mut bound, _) = sorted.select_nth_unstable_by(rank, f32::total_cmp);
+    if bound > 0.0 {
+        values.iter_mut().for_each(|v| *v = v.min(bound));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn maps_of(
+        width: usize,
+        height: usize,
+        level: f32,
+        variance: impl Fn(usize, usize) -> f32,
+    ) -> (Planes, Planes, Planes) {
+        let mut image = Planes::new(width, height, 3);
+        image.data_mut().fill(level);
+        let mut v = Planes::new(width, height, 3);
+        for plane in v.planes_mut() {
+            plane.iter_mut().enumerate().for_each(|(i, out)| *out = variance(i % width, i / width));
+        }
+        let mut residual = Planes::new(width, height, 1);
+        residual.data_mut().fill(1.0);
+        (image, v, residual)
+    }
+
+    fn priority_of(level: f32, variance: impl Fn(usize, usize) -> f32) -> Vec<f32> {
+        let (image, v, residual) = maps_of(64, 64, level, variance);
+        let maps = Maps {
+            counts: &[4; 64 * 64],
+            image: &image,
+            filtered_variance: &v,
+            raw_variance: &v,
+            residual: &residual,
+            interpolation_failure: None,
+        };
+        priority(maps, &PrioritySettings::default())
+    }
+
+    #[test]
+    fn four_times_the_variance_deserves_twice_the_samples() {
+        let p = priority_of(1.0, |x, _| if x < 32 { 0.01 } else { 0.04 });
+        let (low, high) = (p[32 * 64 + 8], p[32 * 64 + 56]);
+        assert!((high / low - 2.0).abs() < 0.02, "{low} {high}");
+    }
+
+    #[test]
+    fn exposure_does_not_matter() {
+        let dark = priority_of(1e-3, |x, _| if x < 32 { 1e-8 } else { 4e-8 });
+        let bright = priority_of(1e3, |x, _| if x < 32 { 1e4 } else { 4e4 });
+        for (d, b) in dark.iter().zip(&bright) {
+            assert!((d / b - 1.0).abs() < 1e-3, "{d} {b}");
+        }
+    }
+
+    #[test]
+    fn no_error_anywhere_gives_no_priority() {
+        assert!(priority_of(1.0, |_, _| 0.0).iter().all(|&p| p == 0.0));
+    }
+
+    #[test]
+    fn failed_interpolation_and_residual_raise_the_priority() {
+        let (image, v, mut residual) = maps_of(64, 64, 1.0, |_, _| 0.01);
+        let mut failure = Planes::new(64, 64, 1);
+        (0..64 * 64).filter(|i| i % 64 >= 48).for_each(|i| failure.data_mut()[i] = 1.0);
+        (0..64 * 64).filter(|i| i % 64 < 16).for_each(|i| residual.data_mut()[i] = 5.0);
+        let maps = Maps {
+            counts: &[4; 64 * 64],
+            image: &image,
+            filtered_variance: &v,
+            raw_variance: &v,
+            residual: &residual,
+            interpolation_failure: Some(&failure),
+        };
+        let p = priority(maps, &PrioritySettings::default());
+        assert!(p[32 * 64 + 60] > 1.05 * p[32 * 64 + 32]);
+        assert!(p[32 * 64 + 4] > 1.05 * p[32 * 64 + 32]);
+    }
+}

@@ -1,0 +1,95 @@
+//! `prpf info`: what a scene holds and what it calls for.
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+use super::Failure;
+use super::report::dimension_names;
+use crate::scene::{Integrator, Light, Scene, Shape, pbrt};
+use crate::stats::{Group, Layout, Store};
+
+/// `prpf info`.
+#[derive(Args)]
+#[command(after_help = "Example:\n  prpf info scenes/pool/pool.pbrt")]
+pub(super) struct InfoOptions {
+    /// Scene in pbrt's format
+    scene: PathBuf,
+}
+
+/// Sample vectors that the reservoir keeps by default.
+const DEFAULT_CAPACITY: usize = 0;
+
+pub(super) fn run(options: &InfoOptions) -> Result<u8, Failure> {
+    let scene = pbrt::read(&options.scene).map_err(|error| Failure::Input(error.into()))?;
+    print!("{}", describe(&scene));
+    for warning in &scene.warnings {
+        println!("warning: {warning}");
+    }
+    Ok(0)
+}
+
+fn describe(scene: &Scene) -> String {
+    let layout = Layout::for_effects(&scene.effects());
+    let film = &scene.film;
+    let [x0, x1, y0, y1] = film.pixel_bounds;
+    let integrator = match scene.integrator {
+        Integrator::Path { max_depth } => format!("path tracing, depth {max_depth}"),
+        Integrator::Direct { max_depth } => format!("direct lighting, specular depth {max_depth}"),
+    };
+    let count = |group: fn(Group) -> bool| layout.dimensions().iter().filter(|d| group(d.group)).count();
+    let features = count(|g| matches!(g, Group::Feature(_)));
+    let randoms = count(|g| g == Group::Random);
+    let vector = count(|g| g != Group::Auxiliary);
+    let bytes = Store::bytes_per_pixel(&layout, DEFAULT_CAPACITY);
+    let megabytes = (bytes * (x1 - x0) * (y1 - y0)) as f64 / 1e6;
+    let (stored, instanced) = triangles(scene);
+    let emissive = scene.primitives.iter().filter(|p| p.area_light.is_some()).count();
+    let environments = scene.lights.iter().filter(|l| matches!(l, Light::Environment(_))).count();
+    // Features and colours against random parameters and position, and colours against features.
+    let pairs = (features + 3) * (randoms + 2) + 3 * features;
+    format!(
+        "scene       {}\n\
+         film        {}x{}, pixels {x0},{x1},{y0},{y1}, {:?}\n\
+         integrator  {integrator}, {} samples per pixel\n\
+         geometry    {} triangles stored, {} with instances; {} primitives, {} objects, {} instances\n\
+         lights      {} emissive shapes, {} without a surface ({environments} environment)\n\
+         materials   {}\n\
+         effects     {}\n\
+         dimensions  {vector} of 27 alive: {}\n\
+         auxiliary   {}\n\
+         pairs       {pairs} of mutual information\n\
+         store       {bytes} bytes per pixel, {megabytes:.0} MB for this film\n",
+        scene.source,
+        film.width,
+        film.height,
+        film.filter,
+        scene.spp,
+        stored,
+        instanced,
+        scene.primitives.len(),
+        scene.objects.len(),
+        scene.instances.len(),
+        emissive,
+        scene.lights.len(),
+        scene.materials.len(),
+        scene.effects().names().join(", "),
+        dimension_names(&layout)[..vector].join(" "),
+        dimension_names(&layout)[vector..].join(" "),
+    )
+}
+
+/// Triangles stored, and seen when instances are counted.
+fn triangles(scene: &Scene) -> (usize, usize) {
+    let of_object = |object: usize| -> usize {
+        let primitives = &scene.primitives[scene.objects[object].primitives.clone()];
+        let of_shape = |shape: &Shape| match shape {
+            Shape::Mesh(mesh) => mesh.indices.len(),
+            Shape::Sphere(_) | Shape::Disk(_) => 0,
+        };
+        primitives.iter().map(|p| of_shape(&p.shape)).sum()
+    };
+    let sizes: Vec<usize> = (0..scene.objects.len()).map(of_object).collect();
+    let instanced: usize = scene.instances.iter().map(|instance| sizes[instance.object]).sum();
+    (sizes.iter().sum(), sizes.first().unwrap_or(&0) + instanced)
+}

@@ -1,0 +1,79 @@
+//! The layers of the EXR, in pbrt's spellings where pbrt has one.
+
+use crate::filter;
+use crate::image::Planes;
+use crate::image::exr_file::{Channel, Precision};
+use crate::progressive::Outcome;
+use crate::scene::Scene;
+use crate::stats::{Block, Part};
+
+/// A named layer: its channels' suffixes, one plane each.
+struct Layer {
+    /// Empty for the image itself.
+    name: &'static str,
+    suffixes: &'static [&'static str],
+    planes: Planes,
+    precision: Precision,
+}
+
+const RGB: &[&str] = &["R", "G", "B"];
+const XYZ: &[&str] = &["X", "Y", "Z"];
+const X: &[&str] = &["X"];
+
+/// All layers of a finished render.
+pub(super) struct Layers(Vec<Layer>);
+
+impl Layers {
+    /// `diameter` is what positions in the store were divided by.
+    pub fn of(outcome: &Outcome, scene: &Scene, diameter: f32) -> Self {
+        use Precision::{Float, Half};
+        let (store, filtered) = (&outcome.store, &outcome.filtered);
+        let layout = store.layout();
+        let mut layers = Vec::new();
+        let mut add =
+            |name, suffixes, planes, precision| layers.push(Layer { name, suffixes, planes, precision });
+        add("", RGB, filtered.image.clone(), Float);
+        add("Noisy", RGB, store.means(Part::Whole, layout.radiance()), Float);
+        if let Some(dims) = layout.block(Block::Albedo) {
+            add("Albedo", RGB, store.means(Part::Whole, dims), Half);
+        }
+        if let Some(dims) = layout.block(Block::Normal1) {
+            add("Ns", XYZ, store.means(Part::Whole, dims), Half);
+        }
+        if let Some(dims) = layout.block(Block::Position1) {
+            let mut position = store.means(Part::Whole, dims);
+            for (plane, origin) in position.planes_mut().zip(scene.origin.to_array()) {
+                plane.iter_mut().for_each(|v| *v = (f64::from(*v * diameter) + origin) as f32);
+            }
+            add("P", XYZ, position, Float);
+        }
+        add("Variance", RGB, filter::variance_of_mean(store), Float);
+        add("Error", X, filtered.error.clone(), Float);
+        let mut counts = Planes::new(store.width(), store.height(), 1);
+        counts.data_mut().iter_mut().zip(store.counts(Part::Whole)).for_each(|(v, n)| *v = n as f32);
+        add("SampleCount", X, counts, Float);
+        if let Some(failure) = &filtered.interpolation_failure {
+            add("InterpolationFailure", X, failure.clone(), Half);
+        }
+        add("FilterResidual", X, filtered.residual.clone(), Half);
+        Self(layers)
+    }
+
+    /// The channels to write.
+    pub fn channels(&self) -> Vec<Channel<'_>> {
+        let of_layer = |layer: &'_ Layer| -> Vec<(String, usize)> {
+            let name = |suffix: &&str| {
+                if layer.name.is_empty() { suffix.to_string() } else { format!("{}.{suffix}", layer.name) }
+            };
+            layer.suffixes.iter().map(name).zip(0..).collect()
+        };
+        self.0
+            .iter()
+            .flat_map(|layer| {
+                of_layer(layer)
+                    .into_iter()
+                    .map(move |(name, plane)| Channel::new(name, layer.planes.plane(plane), layer.precision))
+            })
+            .collect()
+    }
+}

@@ -1,0 +1,269 @@
+//! Options of `render`.
+
+use std::path::PathBuf;
+
+use clap::{Args, ValueEnum};
+
+use crate::adaptive::{PrioritySettings, Sampling};
+use crate::filter::Quality;
+use crate::progressive::{Budget, Denoiser, Settings};
+use crate::scene::{Integrator, Scene};
+
+/// `prpf render`.
+#[derive(Args)]
+#[command(after_help = "\
+Examples:
+  prpf render scenes/pool/pool.pbrt -o pool.png --spp 16
+  prpf render scene.pbrt --time 30s -o out.exr -o out.png --report out.json
+  prpf render scene.pbrt --sampling uniform --denoiser none --spp 1024 -o reference.exr
+
+Several budgets may be given: the first one reached ends the render; 0 means off. The clock of --time
+counts everything: loading, building, the last filter pass and writing. Ctrl-C finishes the step being
+rendered, writes the image and exits 130.")]
+pub(super) struct RenderOptions {
+    /// Scene in pbrt's format
+    pub scene: PathBuf,
+    /// Output, .exr (all layers) or .png; may be given twice [default: the scene's, else SCENE.exr]
+    #[arg(short, long, value_name = "FILE")]
+    pub outfile: Vec<PathBuf>,
+    /// Budget: samples per pixel, on average over the image [default: the scene's]
+    #[arg(long, value_name = "N")]
+    pub spp: Option<u32>,
+    /// Budget: wall time of the whole command, e.g. 20s, 5m, 1h30m
+    #[arg(long, value_name = "DURATION", value_parser = parse_duration)]
+    pub time: Option<f64>,
+    /// Budget: stop when the image's estimated relMSE falls to this
+    #[arg(long, value_name = "E", value_parser = parse_positive)]
+    pub target_error: Option<f64>,
+    /// How a batch is spread over the pixels
+    #[arg(long, value_enum, default_value_t = SamplingOption::Adaptive)]
+    pub sampling: SamplingOption,
+    /// The reconstruction
+    #[arg(long, value_enum, default_value_t = DenoiserOption::Prpf)]
+    pub denoiser: DenoiserOption,
+    /// Filter effort; `paper` is the published method, nothing tuned
+    #[arg(long, value_enum, default_value_t = Quality::Standard)]
+    pub quality: Quality,
+    /// Everything random follows from it
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub seed: u64,
+    /// Worker threads [default: all cores]
+    #[arg(long, visible_alias = "nthreads", value_name = "N")]
+    pub threads: Option<std::num::NonZeroUsize>,
+    /// Floor per pixel for adaptive allocation
+    #[arg(long, value_name = "N", default_value_t = 4)]
+    pub min_spp: u32,
+    /// Ceiling per pixel for adaptive allocation
+    #[arg(long, value_name = "N")]
+    pub max_spp: Option<u32>,
+    /// Override the film's resolution
+    #[arg(long, value_name = "WxH", value_parser = parse_resolution)]
+    pub resolution: Option<[usize; 2]>,
+    /// Override the part of the film that is rendered: pixels, half open
+    #[arg(long, value_name = "X0,X1,Y0,Y1", value_parser = parse_bounds)]
+    pub pixelbounds: Option<[usize; 4]>,
+    /// Override the integrator's path depth
+    #[arg(long, value_name = "N")]
+    pub max_depth: Option<u32>,
+    /// Write a machine-readable account
+    #[arg(long, value_name = "FILE.json")]
+    pub report: Option<PathBuf>,
+    /// Also report the true error after every batch
+    #[arg(long, value_name = "FILE.exr")]
+    pub reference: Option<PathBuf>,
+    /// Weights of what drives adaptive samples, e.g. interpolation-failure=0,residual=1; also
+    /// filtered-variance, raw-variance
+    #[arg(long, value_name = "MAP=WEIGHT,...", value_parser = parse_drive, default_value = "")]
+    pub drive: PrioritySettings,
+    /// No progress bar, no summary
+    #[arg(long)]
+    pub quiet: bool,
+    /// Print every warning of the scene reader and every batch
+    #[arg(short, long)]
+    pub verbose: bool,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(super) enum SamplingOption {
+    Uniform,
+    Adaptive,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(super) enum DenoiserOption {
+    /// The mean of the samples
+    None,
+    /// Pixel-based random parameter filtering
+    Prpf,
+}
+
+/// Without a ceiling a pixel still cannot count beyond what indices hold.
+const NO_CEILING: u32 = u32::MAX / 4;
+
+impl RenderOptions {
+    /// What the loop follows.
+    pub fn settings(&self, scene: &Scene) -> Settings {
+        let spp = match (self.spp, self.time, self.target_error) {
+            (Some(0), ..) => None,
+            (None, None, None) => Some(scene.spp),
+            (spp, ..) => spp,
+        };
+        let on = |value: Option<f64>| value.filter(|&v| v > 0.0);
+        Settings {
+            budget: Budget { spp, seconds: on(self.time), target_error: on(self.target_error) },
+            sampling: match self.sampling {
+                SamplingOption::Uniform => Sampling::Uniform,
+                SamplingOption::Adaptive => Sampling::Adaptive,
+            },
+            denoiser: match self.denoiser {
+                DenoiserOption::None => Denoiser::None,
+                DenoiserOption::Prpf => Denoiser::Prpf,
+            },
+            quality: self.quality,
+            seed: self.seed,
+            min_spp: self.min_spp,
+            max_spp: self.max_spp.filter(|&n| n > 0).unwrap_or(NO_CEILING),
+            priority: self.drive,
+        }
+    }
+
+    /// Applies the overrides to a scene.
+    ///
+    /// # Errors
+    /// Pixel bounds outside the film.
+    pub fn apply(&self, scene: &mut Scene) -> anyhow::Result<()> {
+        if let Some([width, height]) = self.resolution {
+            scene.resize_film(width, height);
+        }
+        if let Some([x0, x1, y0, y1]) = self.pixelbounds {
+            let (width, height) = (scene.film.width, scene.film.height);
+            if x0 >= x1 || y0 >= y1 || x1 > width || y1 > height {
+                anyhow::bail!(
+                    "--pixelbounds {x0},{x1},{y0},{y1}: found bounds that are empty or outside the film; \
+                     accepted are 0 <= X0 < X1 <= {width} and 0 <= Y0 < Y1 <= {height}"
+                );
+            }
+            scene.film.pixel_bounds = [x0, x1, y0, y1];
+        }
+        if let Some(depth) = self.max_depth {
+            scene.integrator = match scene.integrator {
+                Integrator::Path { .. } => Integrator::Path { max_depth: depth },
+                Integrator::Direct { .. } => Integrator::Direct { max_depth: depth },
+            };
+        }
+        Ok(())
+    }
+}
+
+/// `90`, `20s`, `5m`, `1h30m`, `1.5m`, `500ms` to seconds.
+fn parse_duration(text: &str) -> Result<f64, String> {
+    let error = || format!("found `{text}`; accepted are durations such as 20s, 5m, 1h30m, 500ms");
+    let mut seconds = 0.0;
+    let mut rest = text.trim();
+    if rest.is_empty() {
+        return Err(error());
+    }
+    while !rest.is_empty() {
+        let digits = rest.find(|c: char| !c.is_ascii_digit() && c != '.').unwrap_or(rest.len());
+        let value: f64 = rest[..digits].parse().map_err(|_| error())?;
+        rest = &rest[digits..];
+        let unit = rest.find(|c: char| c.is_ascii_digit()).unwrap_or(rest.len());
+        let factor = match &rest[..unit] {
+            "ms" => 1e-3,
+            "s" | "" => 1.0,
+            "m" | "min" => 60.0,
+            "h" => 3600.0,
+            _ => return Err(error()),
+        };
+        seconds += value * factor;
+        rest = &rest[unit..];
+    }
+    if seconds.is_finite() { Ok(seconds) } else { Err(error()) }
+}
+
+fn parse_positive(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if value >= 0.0 && value.is_finite() => Ok(value),
+        _ => Err(format!("found `{text}`; accepted are numbers from 0 (off) up")),
+    }
+}
+
+/// Longest side of a film: an EXR of all layers still fits in memory.
+const LONGEST_SIDE: usize = 1 << 15;
+
+fn parse_resolution(text: &str) -> Result<[usize; 2], String> {
+    let sides = text.split_once(['x', 'X']).and_then(|(w, h)| Some([w.parse().ok()?, h.parse().ok()?]));
+    match sides {
+        Some([w, h]) if (1..=LONGEST_SIDE).contains(&w) && (1..=LONGEST_SIDE).contains(&h) => Ok([w, h]),
+        _ => Err(format!(
+            "found `{text}`; accepted is WIDTHxHEIGHT with sides from 1 to {LONGEST_SIDE}, e.g. 640x480"
+        )),
+    }
+}
+
+fn parse_bounds(text: &str) -> Result<[usize; 4], String> {
+    let numbers: Option<Vec<usize>> = text.split(',').map(|n| n.trim().parse().ok()).collect();
+    numbers
+        .and_then(|n| n.try_into().ok())
+        .ok_or_else(|| format!("found `{text}`; accepted are four whole numbers X0,X1,Y0,Y1"))
+}
+
+fn parse_drive(text: &str) -> Result<PrioritySettings, String> {
+    let mut settings = PrioritySettings::default();
+    for item in text.split(',').filter(|item| !item.is_empty()) {
+        let error = || {
+            format!(
+                "found `{item}`; accepted are filtered-variance, raw-variance, interpolation-failure and residual, \
+                 each =WEIGHT from 0 up"
+            )
+        };
+        let (map, weight) = item.split_once('=').ok_or_else(error)?;
+        let weight: f32 =
+            weight.parse().ok().filter(|w: &f32| *w >= 0.0 && w.is_finite()).ok_or_else(error)?;
+        match map {
+            "filtered-variance" => settings.filtered_variance = weight,
+            "raw-variance" => settings.raw_variance = weight,
+            "interpolation-failure" => settings.interpolation_failure = weight,
+            "residual" => settings.residual = weight,
+            _ => return Err(error()),
+        }
+    }
+    Ok(settings)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn durations_are_read_as_people_write_them() {
+        for (text, seconds) in
+            [("20s", 20.0), ("5m", 300.0), ("1h30m", 5400.0), ("0.5m", 30.0), ("500ms", 0.5), ("7", 7.0)]
+        {
+            assert_eq!(parse_duration(text), Ok(seconds), "{text}");
+        }
+        for text in ["", "s", "5x", "-3s", "1..2s", "ten"] {
+            assert!(parse_duration(text).unwrap_err().contains("20s"), "{text}");
+        }
+    }
+
+    #[test]
+    fn resolutions_and_bounds_are_checked() {
+        assert_eq!(parse_resolution("640x480"), Ok([640, 480]));
+        assert!(
+            parse_resolution("640").is_err()
+                && parse_resolution("0x5").is_err()
+                && parse_resolution("9x99999999").is_err()
+        );
+        assert_eq!(parse_bounds("0,10,5,20"), Ok([0, 10, 5, 20]));
+        assert!(parse_bounds("1,2,3").is_err());
+    }
+
+    #[test]
+    fn drive_weights_change_what_they_name() {
+        let drive = parse_drive("residual=0,filtered-variance=2").unwrap();
+        assert_eq!((drive.residual, drive.filtered_variance), (0.0, 2.0));
+        assert_eq!(drive.raw_variance, PrioritySettings::default().raw_variance);
+        assert!(parse_drive("colour=1").is_err() && parse_drive("residual=-1").is_err());
+    }
+}

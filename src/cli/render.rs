@@ -1,0 +1,258 @@
+//! `prpf render`.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+use std::time::Instant;
+
+use anyhow::Context;
+use indicatif::{ProgressBar, ProgressStyle};
+
+use super::Failure;
+use super::layers::Layers;
+use super::options::RenderOptions;
+use super::report::{Report, Spread, Times};
+use crate::geometry::Accel;
+use crate::image::exr_file::{self, Attribute, Windows, names};
+use crate::image::formats::OutputFormat;
+use crate::image::metrics::Pair;
+use crate::image::{self, Planes, atomic, png_file};
+use crate::progressive::{Loop, Outcome, Progress, Settings, StoppedBy};
+use crate::render::Renderer;
+use crate::scene::{Scene, pbrt};
+
+/// Exit status after a person's interruption: 128 + SIGINT.
+const INTERRUPTED: u8 = 130;
+/// Steps of the progress bar.
+const BAR_STEPS: u64 = 1000;
+
+pub(super) fn run(options: &RenderOptions, start: Instant) -> Result<u8, Failure> {
+    // What is wrong with the command line should be known before minutes of rendering.
+    for path in &options.outfile {
+        OutputFormat::of(path).map_err(|error| Failure::Input(error.into()))?;
+    }
+    let mut pool = rayon::ThreadPoolBuilder::new();
+    if let Some(threads) = options.threads {
+        pool = pool.num_threads(threads.get());
+    }
+    let pool = pool.build().context("starting the worker threads").map_err(Failure::Run)?;
+    pool.install(|| run_in_pool(options, start))
+}
+
+fn run_in_pool(options: &RenderOptions, start: Instant) -> Result<u8, Failure> {
+    let mut scene = pbrt::read(&options.scene).map_err(|error| Failure::Input(error.into()))?;
+    options.apply(&mut scene).map_err(Failure::Input)?;
+    let outfiles = outfiles(options, &scene).map_err(Failure::Input)?;
+    let reference = options
+        .reference
+        .as_deref()
+        .map(|path| reference(path, &scene))
+        .transpose()
+        .map_err(Failure::Input)?;
+    warn(options, &scene);
+    let load = start.elapsed().as_secs_f64();
+
+    let accel = Accel::build(&scene);
+    let renderer = Renderer::new(&scene, &accel, options.seed);
+    let build = start.elapsed().as_secs_f64() - load;
+
+    let settings = options.settings(&scene);
+    let interrupt = Arc::new(AtomicBool::new(false));
+    listen_to_signals(&interrupt).map_err(Failure::Run)?;
+    let bar = bar(options);
+    let outcome = Loop::new(&renderer, &settings, start, &interrupt, reference.as_ref())
+        .run(&mut |progress| show(&bar, progress));
+    bar.finish_and_clear();
+
+    let writing = Instant::now();
+    let layers = Layers::of(&outcome, &scene, renderer.diameter());
+    for path in &outfiles {
+        write(path, &layers, &outcome, &scene, &settings, reference.as_ref(), start)
+            .map_err(|error| Failure::Run(error.into()))?;
+    }
+    let seconds = Times {
+        load,
+        build,
+        render: outcome.seconds.render,
+        filter: outcome.seconds.filter,
+        allocate: outcome.seconds.allocate,
+        write: writing.elapsed().as_secs_f64(),
+        total: start.elapsed().as_secs_f64(),
+    };
+    if let Some(path) = &options.report {
+        let report = Report::of(&scene, &settings, &outcome, seconds);
+        write_report(path, &report)
+            .with_context(|| format!("writing {}", path.display()))
+            .map_err(Failure::Run)?;
+    }
+    if !options.quiet {
+        summarise(&outcome, seconds, &outfiles, options.verbose);
+    }
+    Ok(if outcome.stopped_by == StoppedBy::Interrupt { INTERRUPTED } else { 0 })
+}
+
+/// What was asked for, else what the scene's film says, else the scene's name with `.exr`.
+fn outfiles(options: &RenderOptions, scene: &Scene) -> anyhow::Result<Vec<PathBuf>> {
+    if !options.outfile.is_empty() {
+        return Ok(options.outfile.clone());
+    }
+    let named = scene.film.filename.as_ref().map(PathBuf::from).filter(|path| OutputFormat::of(path).is_ok());
+    let fallback = || Path::new(options.scene.file_stem().unwrap_or_default()).with_extension("exr");
+    Ok(vec![named.unwrap_or_else(fallback)])
+}
+
+fn reference(path: &Path, scene: &Scene) -> anyhow::Result<Planes> {
+    let reference = image::formats::read_rgb(path)?;
+    let [x0, x1, y0, y1] = scene.film.pixel_bounds;
+    let (width, height) = (x1 - x0, y1 - y0);
+    if (reference.width(), reference.height()) != (width, height) {
+        anyhow::bail!(
+            "{}: found a reference of {}x{} pixels; accepted is the size of the render, {width}x{height}",
+            path.display(),
+            reference.width(),
+            reference.height()
+        );
+    }
+    Ok(reference)
+}
+
+fn warn(options: &RenderOptions, scene: &Scene) {
+    /// Warnings shown without `-v`.
+    const SHOWN: usize = 8;
+    if options.quiet {
+        return;
+    }
+    let shown = if options.verbose { scene.warnings.len() } else { SHOWN };
+    for warning in scene.warnings.iter().take(shown) {
+        eprintln!("warning: {warning}");
+    }
+    if let Some(more) = scene.warnings.len().checked_sub(shown).filter(|&n| n > 0) {
+        eprintln!("warning: {more} more, see `prpf info`");
+    }
+}
+
+/// A first SIGINT or SIGTERM ends the loop after its current step, a second one the program at once.
+fn listen_to_signals(interrupt: &Arc<AtomicBool>) -> anyhow::Result<()> {
+    for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
+        signal_hook::flag::register_conditional_shutdown(signal, i32::from(INTERRUPTED), interrupt.clone())
+            .and_then(|_| signal_hook::flag::register(signal, interrupt.clone()))
+            .context("listening to signals")?;
+    }
+    Ok(())
+}
+
+fn bar(options: &RenderOptions) -> ProgressBar {
+    if options.quiet {
+        return ProgressBar::hidden();
+    }
+    let style =
+        ProgressStyle::with_template("{elapsed_precise} [{bar:32}] {percent:>3} %  {msg}  to go {eta}")
+            .unwrap_or_else(|_| ProgressStyle::default_bar());
+    ProgressBar::new(BAR_STEPS).with_style(style)
+}
+
+fn show(bar: &ProgressBar, progress: Progress) {
+    let error = progress.estimated_error.map(|e| format!("  relMSE ~{:.2e}", e.max(0.0))).unwrap_or_default();
+    bar.set_message(format!("{:.1} spp{error}", progress.spp));
+    bar.set_position((progress.fraction * BAR_STEPS as f64) as u64);
+}
+
+fn write(
+    path: &Path,
+    layers: &Layers,
+    outcome: &Outcome,
+    scene: &Scene,
+    settings: &Settings,
+    reference: Option<&Planes>,
+    start: Instant,
+) -> Result<(), image::ImageError> {
+    match OutputFormat::of(path)? {
+        OutputFormat::Png => png_file::write(path, &outcome.filtered.image, 0.0),
+        OutputFormat::Exr => {
+            let windows =
+                Windows { data: scene.film.pixel_bounds, display: [scene.film.width, scene.film.height] };
+            let attributes = attributes(outcome, scene, settings, reference, start);
+            exr_file::write(path, windows, &layers.channels(), &attributes)
+        }
+    }
+}
+
+fn attributes(
+    outcome: &Outcome,
+    scene: &Scene,
+    settings: &Settings,
+    reference: Option<&Planes>,
+    start: Instant,
+) -> Vec<(String, Attribute)> {
+    let spread = Spread::of(&outcome.store);
+    let own = |name: &str| format!("prpf.{name}");
+    let schedule = outcome.batches.iter().map(|b| b.samples_total as i64).collect();
+    let mut attributes = vec![
+        (names::SAMPLES_PER_PIXEL.to_owned(), Attribute::Int(spread.mean.round() as i32)),
+        (names::RENDER_TIME_SECONDS.to_owned(), Attribute::Float(start.elapsed().as_secs_f32())),
+        (own("seed"), Attribute::Text(settings.seed.to_string())),
+        (own("version"), Attribute::Text(env!("CARGO_PKG_VERSION").to_owned())),
+        (own("commandLine"), Attribute::Text(std::env::args().collect::<Vec<_>>().join(" "))),
+        (own("scene"), Attribute::Text(scene.source.clone())),
+        (own("samplesMin"), Attribute::Int(spread.min as i32)),
+        (own("samplesMean"), Attribute::Float(spread.mean as f32)),
+        (own("samplesMax"), Attribute::Int(spread.max as i32)),
+        (own("batches"), Attribute::Ints(schedule)),
+    ];
+    if let Some(mse) = reference.and_then(|r| Some(Pair::new(&outcome.filtered.image, r).ok()?.mse())) {
+        attributes.push((names::MSE.to_owned(), Attribute::Float(mse as f32)));
+    }
+    attributes
+}
+
+fn write_report(path: &Path, report: &Report) -> anyhow::Result<()> {
+    let text = serde_json::to_vec_pretty(report)?;
+    atomic::replace_file::<anyhow::Error>(path, |file| {
+        use std::io::Write;
+        file.write_all(&text)?;
+        Ok(file.write_all(b"\n")?)
+    })
+}
+
+fn summarise(outcome: &Outcome, seconds: Times, outfiles: &[PathBuf], verbose: bool) {
+    let spread = Spread::of(&outcome.store);
+    if verbose {
+        for batch in &outcome.batches {
+            println!(
+                "batch {:>2}  {:>8.2} s  {:>12} samples  filter {:>6.3} s  error {}",
+                batch.index,
+                batch.seconds,
+                batch.samples_total,
+                batch.filter_seconds,
+                batch.relmse.or(batch.estimated_error).map_or("-".to_owned(), |e| format!("{e:.3e}")),
+            );
+        }
+    }
+    let stopped_by =
+        serde_json::to_value(outcome.stopped_by).ok().and_then(|v| v.as_str().map(str::to_owned));
+    println!(
+        "{:.2} s (load {:.2}, build {:.2}, render {:.2}, filter {:.2}, allocate {:.2}, write {:.2}), \
+         {:.1} samples per pixel ({} to {}), {:.2} M samples/s",
+        seconds.total,
+        seconds.load,
+        seconds.build,
+        seconds.render,
+        seconds.filter,
+        seconds.allocate,
+        seconds.write,
+        spread.mean,
+        spread.min,
+        spread.max,
+        outcome.store.samples() as f64 / seconds.render.max(1e-9) / 1e6,
+    );
+    let rejected = outcome.store.rejected();
+    if rejected > 0 {
+        println!("{rejected} samples were rejected: their radiance was not finite, or negative");
+    }
+    let error =
+        outcome.estimated_error.map(|e| format!("estimated relMSE {:.2e}, ", e.max(0.0))).unwrap_or_default();
+    println!("{error}stopped by {}", stopped_by.unwrap_or_default());
+    for path in outfiles {
+        println!("{}", path.display());
+    }
+}

@@ -1,0 +1,99 @@
+//! The machine-readable account of a render.
+
+use serde::Serialize;
+
+use crate::progressive::{Batch, Outcome, Settings, StoppedBy};
+use crate::scene::Scene;
+use crate::stats::{Layout, Part, Store};
+
+/// Where the time of the whole command went.
+#[derive(Clone, Copy, Debug, Default, Serialize)]
+pub(super) struct Times {
+    pub load: f64,
+    pub build: f64,
+    pub render: f64,
+    pub filter: f64,
+    pub allocate: f64,
+    pub write: f64,
+    pub total: f64,
+}
+
+/// Fewest, mean and most samples of a pixel.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Spread {
+    pub min: u32,
+    pub mean: f64,
+    pub max: u32,
+}
+
+impl Spread {
+    pub fn of(store: &Store) -> Self {
+        let counts = store.counts(Part::Whole);
+        Self {
+            min: counts.iter().copied().min().unwrap_or(0),
+            mean: store.samples() as f64 / counts.len().max(1) as f64,
+            max: counts.iter().copied().max().unwrap_or(0),
+        }
+    }
+}
+
+/// See the documentation of the command line for the meaning of each key.
+#[derive(Serialize)]
+pub(super) struct Report<'a> {
+    scene: &'a str,
+    width: usize,
+    height: usize,
+    seed: u64,
+    threads: usize,
+    effects: Vec<&'static str>,
+    dimensions: Vec<&'static str>,
+    settings: &'a Settings,
+    stopped_by: StoppedBy,
+    seconds: Times,
+    samples_total: u64,
+    samples_min: u32,
+    samples_max: u32,
+    rejected_samples: u64,
+    peak_memory_bytes: Option<u64>,
+    estimated_error: Option<f64>,
+    batches: &'a [Batch],
+}
+
+impl<'a> Report<'a> {
+    pub fn of(scene: &'a Scene, settings: &'a Settings, outcome: &'a Outcome, seconds: Times) -> Self {
+        let store = &outcome.store;
+        let spread = Spread::of(store);
+        Self {
+            scene: &scene.source,
+            width: store.width(),
+            height: store.height(),
+            seed: settings.seed,
+            threads: rayon::current_num_threads(),
+            effects: scene.effects().names(),
+            dimensions: dimension_names(store.layout()),
+            settings,
+            stopped_by: outcome.stopped_by,
+            seconds,
+            samples_total: store.samples(),
+            samples_min: spread.min,
+            samples_max: spread.max,
+            rejected_samples: store.rejected(),
+            peak_memory_bytes: peak_memory_bytes(),
+            estimated_error: outcome.estimated_error,
+            batches: &outcome.batches,
+        }
+    }
+}
+
+/// Names of the alive dimensions of the sample vector.
+pub(super) fn dimension_names(layout: &Layout) -> Vec<&'static str> {
+    layout.dimensions().iter().map(|d| d.name).collect()
+}
+
+/// Largest resident set of the process so far, where the system tells.
+fn peak_memory_bytes() -> Option<u64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
+    let kibibytes: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
+    Some(kibibytes * 1024)
+}

@@ -1,0 +1,64 @@
+//! What the two halves tell of a filtered image: its variance, its bias, its error.
+//!
+//! The weights of a half come from the other half, so the filtered half F_h is linear in its own
+//! noisy values c_h and, with a_h = ∂F_h/∂c_h, R = ½Σ_h[(F_h − c_h)² − v_h + 2v_h a_h] − ¼(F_A − F_B)²
+//! estimates the squared error of ½(F_A + F_B) without bias (Stein's estimate for a linear filter;
+//! Bitterli et al. 2016, section 5, use the halves alike). Pixel by pixel it is far too noisy to
+//! use; blurred it is a map.
+
+use crate::image::Planes;
+
+use super::blur;
+use super::halves::Halves;
+
+/// Blur of the risk, in pixels.
+const RISK_SIGMA: f32 = 4.0;
+
+/// Maps of a filtered image.
+pub(super) struct Assessment {
+    /// ¼(F_A − F_B)²: 3 planes.
+    pub variance: Planes,
+    /// (F − c)² over its expectation where the filter is unbiased: 1 plane.
+    pub residual: Planes,
+    /// Estimated squared error, mean of channels: 1 plane.
+    pub error: Planes,
+}
+
+impl Assessment {
+    /// `noisy` went into the filter, `filtered` came out: 3 planes of each half. `own_weight`: a_h of
+    /// each pixel.
+    pub fn of(noisy: &Halves, filtered: &[Planes; 2], own_weight: &[Vec<f32>; 2]) -> Self {
+        let (width, height) = (filtered[0].width(), filtered[0].height());
+        let mut variance = Planes::new(width, height, 3);
+        let mut residual = Planes::new(width, height, 1);
+        let mut risk = vec![0.0; width * height];
+        let mut spread = vec![0.0; width * height];
+        for channel in 0..3 {
+            let [c_a, c_b] = [0, 1].map(|h| noisy.mean[h].plane(channel));
+            let [f_a, f_b] = [0, 1].map(|h| filtered[h].plane(channel));
+            let [v_a, v_b] = [0, 1].map(|h| noisy.variance[h].plane(channel));
+            for i in 0..width * height {
+                let between = 0.25 * (f_a[i] - f_b[i]).powi(2);
+                let of_half = |f: f32, c: f32, v: f32, a: f32| (f - c).powi(2) - v + 2.0 * v * a;
+                let of_a = of_half(f_a[i], c_a[i], v_a[i], own_weight[0][i]);
+                let of_b = of_half(f_b[i], c_b[i], v_b[i], own_weight[1][i]);
+                risk[i] += (0.5 * (of_a + of_b) - between) / 3.0;
+                spread[i] += between / 3.0;
+                variance.plane_mut(channel)[i] = between;
+
+                let own = 0.5 * (own_weight[0][i] + own_weight[1][i]);
+                let expected = 0.25 * (v_a[i] + v_b[i]) * (1.0 - 2.0 * own).max(0.0) + between;
+                let seen = (0.5 * (f_a[i] + f_b[i] - c_a[i] - c_b[i])).powi(2);
+                // 0/0 is a pixel without noise that was left alone.
+                residual.plane_mut(0)[i] += if expected > 0.0 { seen / expected / 3.0 } else { 0.0 };
+            }
+        }
+        let bias: Vec<f32> = risk.iter().zip(&spread).map(|(r, s)| r - s).collect();
+        let [bias, spread] = [bias, spread].map(|plane| blur::gaussian(width, height, &plane, RISK_SIGMA));
+        let mut error = Planes::new(width, height, 1);
+        for (error, (bias, spread)) in error.plane_mut(0).iter_mut().zip(bias.iter().zip(&spread)) {
+            *error = spread + bias.max(0.0);
+        }
+        Self { variance, residual, error }
+    }
+}

@@ -1,0 +1,185 @@
+//! Groups of three dimensions as each half of the samples sees them: means, and how uncertain
+//! these are.
+
+use rayon::prelude::*;
+
+use crate::image::Planes;
+use crate::stats::{Part, Store};
+
+use super::blur;
+
+/// Weight of the neighbourhood's variance against a pixel's own, in samples.
+const POOL_SAMPLES: f32 = 2.0;
+/// Blur, in pixels, of what the halves say of the variance of the mean (after Rousselle, Knaus and
+/// Zwicker 2012, section 5.1).
+const AGREEMENT_SIGMA: f32 = 8.0;
+/// The halves may correct s²/n within these factors.
+const AGREEMENT_RANGE: (f32, f32) = (0.02, 2.0);
+
+/// Three dimensions of a store, by halves.
+#[derive(Clone, Debug)]
+pub(super) struct Halves {
+    /// Mean of each half: 3 planes.
+    pub mean: [Planes; 2],
+    /// Variance of that mean: 3 planes.
+    pub variance: [Planes; 2],
+}
+
+/// Sample counts of the halves, as floats.
+#[derive(Clone, Debug)]
+pub(super) struct Counts(pub [Vec<f32>; 2]);
+
+impl Counts {
+    pub fn of(store: &Store) -> Self {
+        Self([0, 1].map(|h| store.counts(Part::Half(h)).into_iter().map(|n| n as f32).collect()))
+    }
+
+    /// Mean of the halves' values, weighted by their counts.
+    pub fn mean(&self, halves: &[Planes; 2]) -> Planes {
+        let mut mean = halves[0].clone();
+        let pixels = mean.pixels();
+        for (i, (a, &b)) in mean.data_mut().iter_mut().zip(halves[1].data()).enumerate() {
+            let (n_a, n_b) = (self.0[0][i % pixels], self.0[1][i % pixels]);
+            let share = if n_a + n_b > 0.0 { n_b / (n_a + n_b) } else { 0.5 };
+            *a += share * (b - *a);
+        }
+        mean
+    }
+}
+
+impl Halves {
+    /// Reads dimensions of a store. A half without samples in a pixel takes the other half's mean,
+    /// and a pixel without any the mean of its nearest neighbours that have some.
+    pub fn of(store: &Store, dims: std::ops::Range<usize>, counts: &Counts) -> Self {
+        let (mut mean, mut sample_variance) = store.halves(dims);
+        fill_missing(&mut mean, counts);
+        pool(&mut sample_variance, &mean[0], counts);
+        let mut variance = [sample_variance.clone(), sample_variance];
+        // Points of low discrepancy make means less uncertain than s²/n; the halves are independent
+        // and tell by how much.
+        for (variance, count) in variance.iter_mut().zip(&counts.0) {
+            variance.planes_mut().par_bridge().for_each(|plane| {
+                plane.iter_mut().zip(count).for_each(|(v, n)| *v /= n.max(0.5));
+            });
+        }
+        let agreement = agreement(&mean, &variance, counts);
+        for variance in &mut variance {
+            variance.planes_mut().par_bridge().for_each(|plane| {
+                plane.iter_mut().zip(&agreement).for_each(|(v, &factor)| *v *= factor);
+            });
+        }
+        Self { mean, variance }
+    }
+
+    /// Divides by a colour per pixel and half.
+    pub fn divide(&mut self, divisor: &[Planes; 2]) {
+        for h in 0..2 {
+            let planes = self.mean[h].data_mut().iter_mut().zip(self.variance[h].data_mut());
+            for ((mean, variance), &d) in planes.zip(divisor[h].data()) {
+                *mean /= d;
+                *variance /= d * d;
+            }
+        }
+    }
+}
+
+/// Variance of the mean by the halves' difference over that by s²/n, both blurred.
+fn agreement(mean: &[Planes; 2], variance: &[Planes; 2], counts: &Counts) -> Vec<f32> {
+    let (width, height) = (mean[0].width(), mean[0].height());
+    let sum = |value: &(dyn Fn(usize, usize) -> f32 + Sync)| -> Vec<f32> {
+        let both = |i: usize| counts.0[0][i] > 0.0 && counts.0[1][i] > 0.0;
+        let of_pixel = |i| if both(i) { value(0, i) + value(1, i) + value(2, i) } else { 0.0 };
+        let plane: Vec<f32> = (0..width * height).into_par_iter().map(of_pixel).collect();
+        blur::gaussian(width, height, &plane, AGREEMENT_SIGMA)
+    };
+    let seen = sum(&|c, i| (mean[0].plane(c)[i] - mean[1].plane(c)[i]).powi(2));
+    let expected = sum(&|c, i| variance[0].plane(c)[i] + variance[1].plane(c)[i]);
+    let (low, high) = AGREEMENT_RANGE;
+    let factor = |(&s, &e): (&f32, &f32)| if e > 0.0 { (s / e).clamp(low, high) } else { 1.0 };
+    seen.iter().zip(&expected).map(factor).collect()
+}
+
+/// Draws each pixel's sample variance towards the mean over its 3×3 neighbourhood, the more the
+/// fewer samples it has: σ̃² = (ν₀σ_pool² + (n−1)s²)/(ν₀ + n − 1). Where no pixel around has two
+/// samples, half the squared difference of horizontal neighbours stands in.
+fn pool(variance: &mut Planes, mean: &Planes, counts: &Counts) {
+    let (width, height) = (variance.width(), variance.height());
+    let count: Vec<f32> = counts.0[0].iter().zip(&counts.0[1]).map(|(a, b)| a + b).collect();
+    let known: Vec<f32> = count.iter().map(|&n| if n >= 2.0 { 1.0 } else { 0.0 }).collect();
+    let weight = sum_3x3(width, height, &known);
+    variance.planes_mut().enumerate().for_each(|(channel, plane)| {
+        let sum = sum_3x3(width, height, plane);
+        let of_neighbours = |i: usize| {
+            let row = mean.row(channel, i / width);
+            let x = i % width;
+            0.5 * (row[x] - row[if x > 0 { x - 1 } else { 1.min(width - 1) }]).powi(2) * count[i]
+        };
+        plane.par_iter_mut().enumerate().with_min_len(width).for_each(|(i, v)| {
+            let pooled = if weight[i] > 0.0 { sum[i] / weight[i] } else { of_neighbours(i) };
+            let freedom = (count[i] - 1.0).max(0.0);
+            *v = (POOL_SAMPLES * pooled + freedom * *v) / (POOL_SAMPLES + freedom);
+        });
+    });
+}
+
+/// Sums over 3×3 pixels, of which fewer are there at the border.
+fn sum_3x3(width: usize, height: usize, plane: &[f32]) -> Vec<f32> {
+    let mut sums = vec![0.0; plane.len()];
+    if width == 0 {
+        return sums;
+    }
+    sums.par_chunks_mut(width).enumerate().for_each(|(y, out)| {
+        let mut column = vec![0.0; width];
+        for row in plane.chunks_exact(width).take((y + 2).min(height)).skip(y.saturating_sub(1)) {
+            column.iter_mut().zip(row).for_each(|(sum, v)| *sum += v);
+        }
+        out.copy_from_slice(&column);
+        out[1..].iter_mut().zip(&column).for_each(|(out, v)| *out += v);
+        out.iter_mut().zip(&column[1..]).for_each(|(out, v)| *out += v);
+    });
+    sums
+}
+
+fn fill_missing(mean: &mut [Planes; 2], counts: &Counts) {
+    let (width, pixels) = (mean[0].width(), mean[0].pixels());
+    let has = |h: usize, i: usize| counts.0[h][i] > 0.0;
+    let mut empty = Vec::new();
+    for i in 0..pixels {
+        match (has(0, i), has(1, i)) {
+            (true, true) => {}
+            (false, false) => empty.push(i),
+            (first, _) => {
+                let (from, to) = if first { (0, 1) } else { (1, 0) };
+                for plane in 0..mean[0].count() {
+                    let value = mean[from].plane(plane)[i];
+                    mean[to].plane_mut(plane)[i] = value;
+                }
+            }
+        }
+    }
+    // Ring by ring inwards, so that a hole of any size fills from its rim.
+    let mut known: Vec<bool> = (0..pixels).map(|i| has(0, i) || has(1, i)).collect();
+    while !empty.is_empty() {
+        let neighbours = |i: usize, known: &[bool]| -> Vec<usize> {
+            let (x, y) = (i % width, i / width);
+            let xs = x.saturating_sub(1)..(x + 2).min(width);
+            let ys = y.saturating_sub(1)..(y + 2).min(pixels / width);
+            ys.flat_map(|y| xs.clone().map(move |x| y * width + x)).filter(|&j| known[j]).collect()
+        };
+        let (ready, waiting): (Vec<_>, Vec<_>) =
+            empty.into_iter().map(|i| (i, neighbours(i, &known))).partition(|(_, from)| !from.is_empty());
+        if ready.is_empty() {
+            break;
+        }
+        for (i, from) in &ready {
+            for half in mean.iter_mut() {
+                for plane in 0..half.count() {
+                    let sum: f32 = from.iter().map(|&j| half.plane(plane)[j]).sum();
+                    half.plane_mut(plane)[*i] = sum / from.len() as f32;
+                }
+            }
+        }
+        ready.iter().for_each(|&(i, _)| known[i] = true);
+        empty = waiting.into_iter().map(|(i, _)| i).collect();
+    }
+}

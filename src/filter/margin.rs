@@ -1,0 +1,74 @@
+//! Planes with a margin, so that windows and patches need no test at the image's border.
+
+use rayon::prelude::*;
+
+/// Planes of one size with `margin` extra pixels on every side.
+#[derive(Clone, Debug)]
+pub(super) struct Padded {
+    width: usize,
+    height: usize,
+    margin: usize,
+    planes: Vec<Vec<f32>>,
+}
+
+/// What stands in the margin.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Margin {
+    /// The nearest pixel of the image.
+    Nearest,
+    /// One value.
+    Value(f32),
+}
+
+impl Padded {
+    /// Copies planes of `width`×`height` values.
+    pub fn new(width: usize, height: usize, planes: &[&[f32]], margin: usize, fill: Margin) -> Self {
+        let planes = planes.par_iter().map(|plane| pad(width, height, plane, margin, fill)).collect();
+        Self { width, height, margin, planes }
+    }
+
+    pub fn width(&self) -> usize {
+        self.width
+    }
+
+    pub fn height(&self) -> usize {
+        self.height
+    }
+
+    pub fn margin(&self) -> usize {
+        self.margin
+    }
+
+    pub fn count(&self) -> usize {
+        self.planes.len()
+    }
+
+    /// `length` values of a row from column `x` on; both may reach into the margin.
+    #[inline]
+    pub fn span(&self, plane: usize, x: isize, y: isize, length: usize) -> &[f32] {
+        let margin = self.margin as isize;
+        let start = (y + margin) as usize * (self.width + 2 * self.margin) + (x + margin) as usize;
+        &self.planes[plane][start..][..length]
+    }
+}
+
+fn pad(width: usize, height: usize, plane: &[f32], margin: usize, fill: Margin) -> Vec<f32> {
+    let stride = width + 2 * margin;
+    let mut padded = vec![0.0; stride * (height + 2 * margin)];
+    for (y, row) in padded.chunks_exact_mut(stride).enumerate() {
+        let inside = (margin..margin + height).contains(&y);
+        if let (Margin::Value(value), false) = (fill, inside) {
+            row.fill(value);
+            continue;
+        }
+        let source = &plane[(y.max(margin) - margin).min(height - 1) * width..][..width];
+        row[margin..margin + width].copy_from_slice(source);
+        let (left, right) = match fill {
+            Margin::Nearest => (source[0], source[width - 1]),
+            Margin::Value(value) => (value, value),
+        };
+        row[..margin].fill(left);
+        row[margin + width..].fill(right);
+    }
+    padded
+}

@@ -1,0 +1,186 @@
+//! The upper level: instances of objects, and the boxes of those that move.
+
+use glam::{DAffine3, DMat3, DVec3};
+use multiversion::{multiversion, target::match_target};
+use obvhs::aabb::Aabb;
+
+use super::bvh::{Bvh, Node, rounded_out};
+use super::kernels;
+use super::object::{ObjectAccel, search};
+use super::query::Query;
+use super::rounding::gamma;
+use super::sphere::corner_bounds;
+use super::traverse::{Leaves, TraversalRay, traverse};
+use crate::scene::{AnimatedTransform, Scene};
+
+/// Times at which the path of a moving instance is evaluated. What it may do in between is bounded,
+/// see [`deviation`]: at this number, by 0.02 % of its size.
+const MOTION_STEPS: u32 = 128;
+
+/// Where an instance is.
+#[derive(Debug)]
+enum Placement {
+    /// Render to object space.
+    Fixed(DAffine3),
+    /// Index into the scene's instances.
+    Moving(usize),
+}
+
+#[derive(Debug)]
+struct Placed {
+    object: usize,
+    instance: u32,
+    placement: Placement,
+}
+
+/// All instances.
+#[derive(Debug)]
+pub struct InstanceAccel {
+    bvh: Bvh,
+    /// One for each leaf.
+    placed: Vec<Placed>,
+}
+
+impl InstanceAccel {
+    /// `objects` are indexed as the scene's.
+    pub fn build(scene: &Scene, objects: &[ObjectAccel]) -> Self {
+        let shutter = (scene.camera.shutter_open, scene.camera.shutter_close);
+        let mut boxes = Vec::new();
+        let mut items = Vec::new();
+        for (index, instance) in scene.instances.iter().enumerate() {
+            let bounds = objects.get(instance.object).and_then(ObjectAccel::bounds);
+            let Some(swept) = bounds.and_then(|bounds| swept_bounds(&instance.transform, &bounds, shutter))
+            else {
+                continue;
+            };
+            boxes.push(swept);
+            items.push(index);
+        }
+        let bvh = Bvh::build(&boxes, 1);
+        let place = |&item: &u32| {
+            let index = items[item as usize];
+            let instance = &scene.instances[index];
+            let placement = if instance.transform.is_animated() {
+                Placement::Moving(index)
+            } else {
+                Placement::Fixed(instance.transform.start.inverse())
+            };
+            Placed { object: instance.object, instance: index as u32, placement }
+        };
+        let placed = bvh.slots.iter().map(place).collect();
+        Self { bvh, placed }
+    }
+
+    pub fn is_empty(&self) -> bool {
+        self.placed.is_empty()
+    }
+
+    /// Invalid if there are no instances.
+    pub fn bounds(&self) -> Aabb {
+        self.bvh.bounds
+    }
+
+    pub fn memory_bytes(&self) -> usize {
+        self.bvh.memory_bytes() + size_of_val(&*self.placed)
+    }
+}
+
+/// An instance's transform to render space at a time, and its inverse.
+pub fn transforms_at(transform: &AnimatedTransform, time: f32) -> (DAffine3, DAffine3) {
+    let to_render = if transform.is_animated() { transform.at(time).as_daffine3() } else { transform.start };
+    (to_render, to_render.inverse())
+}
+
+/// Searches all instances along a ray in render space.
+#[multiversion(targets("x86_64+avx2+fma+bmi1+bmi2+popcnt+lzcnt"))]
+pub fn search_instances(
+    instances: &InstanceAccel,
+    objects: &[ObjectAccel],
+    ray: &mut TraversalRay,
+    query: &mut Query,
+) {
+    let leaves = &mut InstanceLeaves { instances, objects, query };
+    match_target! {
+        "x86_64+avx2" => traverse(
+            &instances.bvh,
+            ray,
+            |node: &Node, ray: &TraversalRay| kernels::avx2::enter(node, ray),
+            leaves,
+        ),
+        _ => traverse(&instances.bvh, ray, kernels::enter, leaves),
+    }
+}
+
+struct InstanceLeaves<'a, 'q> {
+    instances: &'a InstanceAccel,
+    objects: &'a [ObjectAccel],
+    query: &'a mut Query<'q>,
+}
+
+impl Leaves for InstanceLeaves<'_, '_> {
+    #[inline(always)]
+    fn test(&mut self, leaf: u32, ray: &mut TraversalRay) -> bool {
+        let placed = &self.instances.placed[leaf as usize];
+        let to_object = match placed.placement {
+            Placement::Fixed(to_object) => to_object,
+            Placement::Moving(index) => {
+                transforms_at(&self.query.scene.instances[index].transform, self.query.ray.time).1
+            }
+        };
+        if let Some(mut local) = ray.transformed(&to_object) {
+            search(&self.objects[placed.object], placed.instance, &mut local, self.query);
+            ray.t_max = local.t_max;
+        }
+        self.query.any && self.query.hit.is_some()
+    }
+}
+
+/// A box around everything that a transformed box touches while the shutter is open; `None` if it
+/// is not finite.
+fn swept_bounds(transform: &AnimatedTransform, bounds: &Aabb, shutter: (f32, f32)) -> Option<Aabb> {
+    let (min, max) = (bounds.min.as_dvec3(), bounds.max.as_dvec3());
+    let farthest = min.abs().max(max.abs());
+    let mut swept = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+    let mut rounding = DVec3::ZERO;
+    let mut add = |placed: &DAffine3| {
+        let (low, high) = corner_bounds(placed, min, max);
+        swept = (swept.0.min(low), swept.1.max(high));
+        // Rays are moved to object space through rounded origins.
+        let linear = placed.matrix3;
+        let absolute = DMat3::from_cols(linear.x_axis.abs(), linear.y_axis.abs(), linear.z_axis.abs());
+        rounding = rounding.max(gamma(8) as f64 * (absolute * farthest + placed.translation.abs()));
+    };
+    let mut padding = 0.0;
+    if transform.is_animated() {
+        let key_range = |time: f32| time.max(transform.start_time).min(transform.end_time);
+        let (open, close) = (key_range(shutter.0), key_range(shutter.1));
+        for step in 0..=MOTION_STEPS {
+            let fraction = step as f32 / MOTION_STEPS as f32;
+            add(&transform.at(open + fraction * (close - open)).as_daffine3());
+        }
+        padding = deviation(transform, farthest.length());
+    } else {
+        add(&transform.start);
+    }
+    rounded_out(swept.0 - rounding - padding, swept.1 + rounding + padding)
+}
+
+/// Bound on how far a point at `radius` from the object's origin strays from the chord between two
+/// of the [`MOTION_STEPS`].
+///
+/// Its path is T(s) + R(s) S(s) p with s in [0, 1] between the keys, where T and S are linear and R
+/// turns evenly by an angle of at most π. A chord of length h in s is missed by at most h²/8 times
+/// the second derivative, which is at most (π² |S| + 2π |S₁ - S₀|) |p|.
+fn deviation(transform: &AnimatedTransform, radius: f64) -> f64 {
+    use std::f64::consts::PI;
+    let (start, end) = (transform.start.matrix3, transform.at(transform.end_time).as_daffine3().matrix3);
+    if start == end {
+        return 0.0;
+    }
+    // The Frobenius norm bounds the spectral norm, which rotation does not change.
+    let norm =
+        |m: DMat3| (m.x_axis.length_squared() + m.y_axis.length_squared() + m.z_axis.length_squared()).sqrt();
+    let second_derivative = PI * PI * norm(start).max(norm(end)) + 2.0 * PI * (norm(start) + norm(end));
+    let step = 1.0 / MOTION_STEPS as f64;
+    step * step / 8.0 * second_derivative * radius
+}

@@ -1,0 +1,67 @@
+//! The two tests that work on eight lanes at once: boxes of a node, triangles of a leaf.
+//!
+//! Written once for any machine and once with AVX2. Both do the same operations in the same order,
+//! none of them fused, and so give the same bits.
+
+#[cfg(target_arch = "x86_64")]
+pub mod avx2;
+
+use super::bvh::{Node, WIDTH};
+use super::rounding::gamma;
+use super::traverse::TraversalRay;
+use super::triangle::TrianglePacket;
+
+/// Widening of a ray's interval in each box. It covers the rounding of the slab test (Ize 2013:
+/// two of γ(3)) and that of the triangle test's shear, so that a ray enters every box with a
+/// triangle that it hits; an unneeded visit costs nothing in correctness.
+const SLAB_WIDENING: f32 = 1.0 + 2.0 * gamma(16);
+
+/// Which children of a node a ray enters.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Entered {
+    /// A bit for each child.
+    pub mask: u32,
+    /// Distance of entry into each, meaningful where the bit is set.
+    pub near: [f32; WIDTH],
+}
+
+/// The slab test of eight boxes.
+#[inline(always)]
+pub fn enter(node: &Node, ray: &TraversalRay) -> Entered {
+    let mut near = [0.0; WIDTH];
+    let mut far = [ray.t_max; WIDTH];
+    for (axis, planes) in node.planes.iter().enumerate() {
+        let (origin, inverse) = (ray.origin[axis], ray.inverse[axis]);
+        let front = &planes[ray.backward[axis] & 1];
+        let back = &planes[!ray.backward[axis] & 1];
+        for lane in 0..WIDTH {
+            // A ray within a plane gives NaN, which these comparisons ignore.
+            let first = (front[lane] - origin) * inverse;
+            let last = (back[lane] - origin) * inverse;
+            near[lane] = if first > near[lane] { first } else { near[lane] };
+            far[lane] = if last < far[lane] { last } else { far[lane] };
+        }
+    }
+    let mut mask = 0;
+    for lane in 0..WIDTH {
+        mask |= ((near[lane] <= far[lane] * SLAB_WIDENING) as u32) << lane;
+    }
+    Entered { mask, near }
+}
+
+/// A bit for each triangle that may be hit; [`TrianglePacket::hit`] decides. All that are hit are
+/// among them.
+#[inline(always)]
+pub fn candidates(packet: &TrianglePacket, ray: &TraversalRay) -> u32 {
+    let mut mask = 0;
+    for lane in 0..WIDTH {
+        let sheared = packet.sheared(ray, lane);
+        let [u, v, w] = sheared.edges();
+        let inside = (u.min(v).min(w) >= 0.0) | (u.max(v).max(w) <= 0.0);
+        let on_edge = (u == 0.0) | (v == 0.0) | (w == 0.0);
+        let t = sheared.scaled_t([u, v, w], ray) / (u + v + w);
+        let in_range = (t > 0.0) & (t < ray.t_max);
+        mask |= ((inside & (on_edge | in_range)) as u32) << lane;
+    }
+    mask
+}

@@ -1,0 +1,72 @@
+//! The eight-lane tests with AVX2, an instruction for each operation of the portable ones.
+
+use std::arch::x86_64::*;
+
+use super::{Entered, SLAB_WIDENING};
+use crate::geometry::bvh::{Node, WIDTH};
+use crate::geometry::traverse::TraversalRay;
+use crate::geometry::triangle::TrianglePacket;
+
+/// Nothing but a load.
+#[inline(always)]
+fn load(lanes: &[f32; WIDTH]) -> __m256 {
+    bytemuck::cast(*lanes)
+}
+
+/// See [`super::enter`].
+#[inline]
+#[target_feature(enable = "avx2")]
+pub fn enter(node: &Node, ray: &TraversalRay) -> Entered {
+    let mut near = _mm256_setzero_ps();
+    let mut far = _mm256_set1_ps(ray.t_max);
+    for (axis, planes) in node.planes.iter().enumerate() {
+        let (origin, inverse) = (_mm256_set1_ps(ray.origin[axis]), _mm256_set1_ps(ray.inverse[axis]));
+        let front = load(&planes[ray.backward[axis] & 1]);
+        let back = load(&planes[!ray.backward[axis] & 1]);
+        // Of NaN and a number, these take the second, the number.
+        near = _mm256_max_ps(_mm256_mul_ps(_mm256_sub_ps(front, origin), inverse), near);
+        far = _mm256_min_ps(_mm256_mul_ps(_mm256_sub_ps(back, origin), inverse), far);
+    }
+    let widened = _mm256_mul_ps(far, _mm256_set1_ps(SLAB_WIDENING));
+    let mask = _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LE_OQ>(near, widened));
+    Entered { mask: mask as u32, near: bytemuck::cast(near) }
+}
+
+/// See [`super::candidates`].
+#[inline]
+#[target_feature(enable = "avx2")]
+pub fn candidates(packet: &TrianglePacket, ray: &TraversalRay) -> u32 {
+    let zero = _mm256_setzero_ps();
+    let [a, b, major] = ray.axes;
+    let [origin_a, origin_b, origin_major] = ray.permuted_origin.map(|x| _mm256_set1_ps(x));
+    let [shear_a, shear_b] = ray.shear.map(|x| _mm256_set1_ps(x));
+    let (mut x, mut y, mut z) = ([zero; 3], [zero; 3], [zero; 3]);
+    for (corner, planes) in packet.corners.iter().enumerate() {
+        z[corner] = _mm256_sub_ps(load(&planes[major]), origin_major);
+        let (centred_a, centred_b) =
+            (_mm256_sub_ps(load(&planes[a]), origin_a), _mm256_sub_ps(load(&planes[b]), origin_b));
+        x[corner] = _mm256_sub_ps(centred_a, _mm256_mul_ps(shear_a, z[corner]));
+        y[corner] = _mm256_sub_ps(centred_b, _mm256_mul_ps(shear_b, z[corner]));
+    }
+    let edge = |b: usize, c: usize| _mm256_sub_ps(_mm256_mul_ps(x[b], y[c]), _mm256_mul_ps(y[b], x[c]));
+    let (u, v, w) = (edge(2, 1), edge(0, 2), edge(1, 0));
+
+    let least = _mm256_min_ps(_mm256_min_ps(u, v), w);
+    let greatest = _mm256_max_ps(_mm256_max_ps(u, v), w);
+    let inside =
+        _mm256_or_ps(_mm256_cmp_ps::<_CMP_GE_OQ>(least, zero), _mm256_cmp_ps::<_CMP_LE_OQ>(greatest, zero));
+    if _mm256_movemask_ps(inside) == 0 {
+        return 0;
+    }
+    let is_zero = |edge: __m256| _mm256_cmp_ps::<_CMP_EQ_OQ>(edge, zero);
+    let on_edge = _mm256_or_ps(_mm256_or_ps(is_zero(u), is_zero(v)), is_zero(w));
+    let weighted =
+        _mm256_add_ps(_mm256_add_ps(_mm256_mul_ps(u, z[0]), _mm256_mul_ps(v, z[1])), _mm256_mul_ps(w, z[2]));
+    let determinant = _mm256_add_ps(_mm256_add_ps(u, v), w);
+    let t = _mm256_div_ps(_mm256_mul_ps(weighted, _mm256_set1_ps(ray.scale)), determinant);
+    let in_range = _mm256_and_ps(
+        _mm256_cmp_ps::<_CMP_GT_OQ>(t, zero),
+        _mm256_cmp_ps::<_CMP_LT_OQ>(t, _mm256_set1_ps(ray.t_max)),
+    );
+    _mm256_movemask_ps(_mm256_and_ps(inside, _mm256_or_ps(on_edge, in_range))) as u32
+}

@@ -1,0 +1,215 @@
+//! Walks a ray through an eight-wide hierarchy, nearest boxes first.
+//!
+//! Everything here is inlined into functions compiled for several instruction sets; loops over
+//! [`WIDTH`] lanes become vector instructions. No operation is fused, so that all of them give the
+//! same bits.
+
+use glam::{DAffine3, Vec3};
+
+use super::bvh::{Bvh, LEAF, Node, WIDTH};
+use super::kernels::Entered;
+
+/// Entries of the stack before it spills to the heap; enough for any but degenerate scenes.
+const STACK_SIZE: usize = 64;
+
+/// A ray, prepared for boxes and triangles.
+#[derive(Clone, Copy, Debug)]
+pub struct TraversalRay {
+    pub origin: Vec3,
+    pub direction: Vec3,
+    /// Reciprocals of the direction's components.
+    pub inverse: Vec3,
+    /// Distance of the nearest hit so far.
+    pub t_max: f32,
+    /// For each axis 0 if the ray meets a box's minimum first, otherwise 1.
+    pub backward: [usize; 3],
+    /// Axes permuted so that the last is the one of the largest direction component, and the
+    /// handedness is kept (Woop, Benthin and Wald 2013, section 3.1).
+    pub axes: [usize; 3],
+    /// The origin's coordinates in the order of `axes`.
+    pub permuted_origin: [f32; 3],
+    /// Shear that takes the direction to the last axis.
+    pub shear: [f32; 2],
+    /// Distance for a unit along the last axis.
+    pub scale: f32,
+}
+
+impl TraversalRay {
+    /// `None` for rays that can hit nothing: not finite, or without a direction.
+    #[inline]
+    pub fn new(origin: Vec3, direction: Vec3, t_max: f32) -> Option<Self> {
+        let size = direction.abs();
+        let major = if size.x > size.y && size.x > size.z {
+            0
+        } else if size.y > size.z {
+            1
+        } else {
+            2
+        };
+        let usable = origin.is_finite() && direction.is_finite() && direction[major] != 0.0 && t_max > 0.0;
+        if !usable {
+            return None;
+        }
+        let (mut a, mut b) = ((major + 1) % 3, (major + 2) % 3);
+        if direction[major] < 0.0 {
+            (a, b) = (b, a);
+        }
+        let inverse = direction.recip();
+        Some(Self {
+            origin,
+            direction,
+            inverse,
+            t_max,
+            backward: inverse.to_array().map(|x| x.is_sign_negative() as usize),
+            axes: [a, b, major],
+            permuted_origin: [origin[a], origin[b], origin[major]],
+            shear: [direction[a] / direction[major], direction[b] / direction[major]],
+            scale: inverse[major],
+        })
+    }
+
+    /// The same ray in another space. The direction is not normalised, so distances are the same.
+    #[inline]
+    pub fn transformed(&self, to_local: &DAffine3) -> Option<Self> {
+        Self::new(
+            to_local.transform_point3(self.origin.as_dvec3()).as_vec3(),
+            to_local.transform_vector3(self.direction.as_dvec3()).as_vec3(),
+            self.t_max,
+        )
+    }
+}
+
+/// What the leaves of a hierarchy hold.
+pub trait Leaves {
+    /// Tests a leaf, lowers `ray.t_max` to what it finds; `true` ends the walk.
+    fn test(&mut self, leaf: u32, ray: &mut TraversalRay) -> bool;
+}
+
+/// Calls `leaves` for every leaf whose box the ray enters before its `t_max`, roughly in order.
+/// `enter` is the slab test for the instruction set at hand.
+#[inline(always)]
+pub fn traverse(
+    bvh: &Bvh,
+    ray: &mut TraversalRay,
+    enter: impl Fn(&Node, &TraversalRay) -> Entered,
+    leaves: &mut impl Leaves,
+) {
+    if bvh.nodes.is_empty() {
+        return;
+    }
+    let mut stack = Stack::new();
+    let mut current = 0;
+    loop {
+        let child = if current & LEAF == 0 {
+            let node = &bvh.nodes[current as usize];
+            descend(node, enter(node, ray), &mut stack)
+        } else if leaves.test(current & !LEAF, ray) {
+            return;
+        } else {
+            None
+        };
+        let Some(next) = child.or_else(|| stack.pop_before(ray.t_max)) else { return };
+        current = next;
+    }
+}
+
+/// The nearest child that was entered; the others are left on the stack, nearer ones above.
+#[inline(always)]
+fn descend(node: &Node, entered: Entered, stack: &mut Stack) -> Option<u32> {
+    let visit = |mask: u32| {
+        let lane = mask.trailing_zeros() as usize % WIDTH;
+        Visit::new(entered.near[lane], node.children[lane])
+    };
+    let without_lowest = |mask: u32| mask & mask.wrapping_sub(1);
+    if entered.mask == 0 {
+        return None;
+    }
+    // One or two children are by far the most frequent.
+    let first = visit(entered.mask);
+    let mut mask = without_lowest(entered.mask);
+    if mask == 0 {
+        return Some(first.child());
+    }
+    let second = visit(mask);
+    mask = without_lowest(mask);
+    let mut sorted = [Visit(0); WIDTH];
+    (sorted[0], sorted[1]) = if first < second { (second, first) } else { (first, second) };
+    let mut count = 2;
+    while mask != 0 {
+        let next = visit(mask);
+        mask = without_lowest(mask);
+        let mut place = count;
+        while place > 0 && sorted[place - 1] < next {
+            sorted[place % WIDTH] = sorted[place - 1];
+            place -= 1;
+        }
+        sorted[place % WIDTH] = next;
+        count += 1;
+    }
+    for &visit in &sorted[..count - 1] {
+        stack.push(visit);
+    }
+    Some(sorted[count - 1].child())
+}
+
+/// A node to visit: entry distance above, child reference below, ordered by distance. The bits of
+/// floats that are not negative are ordered as the floats are.
+#[derive(Clone, Copy, PartialEq, PartialOrd)]
+struct Visit(u64);
+
+impl Visit {
+    #[inline(always)]
+    fn new(entry: f32, child: u32) -> Self {
+        Self((entry.to_bits() as u64) << 32 | child as u64)
+    }
+
+    #[inline(always)]
+    fn entry(self) -> f32 {
+        f32::from_bits((self.0 >> 32) as u32)
+    }
+
+    #[inline(always)]
+    fn child(self) -> u32 {
+        self.0 as u32
+    }
+}
+
+struct Stack {
+    visits: [Visit; STACK_SIZE],
+    len: usize,
+    spilled: Vec<Visit>,
+}
+
+impl Stack {
+    #[inline(always)]
+    fn new() -> Self {
+        Self { visits: [Visit(0); STACK_SIZE], len: 0, spilled: Vec::new() }
+    }
+
+    #[inline(always)]
+    fn push(&mut self, visit: Visit) {
+        if self.len < STACK_SIZE {
+            self.visits[self.len] = visit;
+            self.len += 1;
+        } else {
+            self.spilled.push(visit);
+        }
+    }
+
+    /// The child on top among those entered before `t_max`; what lies above it is dropped.
+    #[inline(always)]
+    fn pop_before(&mut self, t_max: f32) -> Option<u32> {
+        loop {
+            let visit = match self.spilled.pop() {
+                Some(visit) => visit,
+                None => {
+                    self.len = self.len.checked_sub(1)?;
+                    self.visits[self.len % STACK_SIZE]
+                }
+            };
+            if visit.entry() <= t_max {
+                return Some(visit.child());
+            }
+        }
+    }
+}

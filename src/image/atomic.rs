@@ -1,0 +1,184 @@
+//! Files that are replaced whole or not at all.
+//!
+//! A render of hours must not lose its last good image to a full disk or a pulled plug, so every
+//! writer of this crate writes to a temporary file beside the target, syncs it, and renames it
+//! over the target. Whatever fails, the old file is untouched and the temporary one is removed.
+
+use std::fs::{self, File};
+use std::io::{self, BufWriter, Write};
+use std::path::{Path, PathBuf};
+
+/// Replaces `path` by what `write` produces.
+///
+/// A symbolic link is followed, and the permissions of an existing file are kept.
+///
+/// # Errors
+/// Those of `write`, and those of the file system: no such folder, unwritable folder, disk full.
+/// A target that exists and is not a regular file is refused: renaming over a device or a pipe
+/// would remove it.
+pub fn replace_file<E: From<io::Error>>(
+    path: &Path,
+    write: impl FnOnce(&mut BufWriter<&File>) -> Result<(), E>,
+) -> Result<(), E> {
+    let target = resolve(path)?;
+    let old = fs::metadata(&target).ok();
+    if old.as_ref().is_some_and(|old| !old.is_file()) {
+        return Err(io::Error::new(io::ErrorKind::InvalidInput, "exists and is not a regular file").into());
+    }
+    let folder = folder_of(&target);
+    let temporary = temporary_file(folder)?;
+
+    let mut writer = BufWriter::new(temporary.as_file());
+    write(&mut writer)?;
+    writer.flush()?;
+    drop(writer);
+
+    if let Some(old) = old {
+        temporary.as_file().set_permissions(old.permissions())?;
+    }
+    temporary.as_file().sync_all()?;
+    temporary.persist(&target).map_err(|error| error.error)?;
+    sync_folder(folder)
+}
+
+/// The file that a link stands for; `path` itself where there is nothing yet.
+fn resolve(path: &Path) -> io::Result<PathBuf> {
+    match fs::canonicalize(path) {
+        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(path.to_path_buf()),
+        resolved => resolved,
+    }
+}
+
+fn folder_of(path: &Path) -> &Path {
+    match path.parent() {
+        Some(folder) if !folder.as_os_str().is_empty() => folder,
+        _ => Path::new("."),
+    }
+}
+
+/// Same folder as the target, because a rename is atomic within one file system only.
+fn temporary_file(folder: &Path) -> io::Result<tempfile::NamedTempFile> {
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(".prpf-").suffix(".tmp");
+    // Temporary files are private by default; an image is not, so it gets what the umask grants.
+    #[cfg(unix)]
+    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+    builder.tempfile_in(folder)
+}
+
+/// Makes the rename itself durable; elsewhere than on Unix a folder cannot be synced.
+#[cfg(unix)]
+fn sync_folder<E: From<io::Error>>(folder: &Path) -> Result<(), E> {
+    // Some network file systems cannot sync a folder; the file is complete all the same.
+    File::open(folder).and_then(|folder| folder.sync_all()).ok();
+    Ok(())
+}
+
+#[cfg(not(unix))]
+fn sync_folder<E: From<io::Error>>(_: &Path) -> Result<(), E> {
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn names_in(folder: &Path) -> Vec<String> {
+        let entries = fs::read_dir(folder).unwrap();
+        let mut names: Vec<_> =
+            entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
+        names.sort();
+        names
+    }
+
+    fn replace(path: &Path, content: &[u8]) -> io::Result<()> {
+        replace_file(path, |writer| writer.write_all(content))
+    }
+
+    #[test]
+    fn a_file_is_created_and_then_replaced() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a");
+        replace(&path, b"first, longer").unwrap();
+        replace(&path, b"second").unwrap();
+        assert_eq!(fs::read(&path).unwrap(), b"second");
+        assert_eq!(names_in(folder.path()), ["a"]);
+    }
+
+    #[test]
+    fn a_full_disk_leaves_the_old_file_and_no_temporary_one() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a");
+        replace(&path, b"old").unwrap();
+        let result = replace_file(&path, |writer| {
+            writer.write_all(b"half of the new")?;
+            Err(io::Error::from(io::ErrorKind::StorageFull))
+        });
+        assert_eq!(result.unwrap_err().kind(), io::ErrorKind::StorageFull);
+        assert_eq!(fs::read(&path).unwrap(), b"old");
+        assert_eq!(names_in(folder.path()), ["a"]);
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn an_unwritable_folder_leaves_the_old_file() {
+        use std::os::unix::fs::PermissionsExt;
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a");
+        replace(&path, b"old").unwrap();
+        fs::set_permissions(folder.path(), fs::Permissions::from_mode(0o555)).unwrap();
+        let result = replace(&path, b"new");
+        fs::set_permissions(folder.path(), fs::Permissions::from_mode(0o755)).unwrap();
+        // A privileged user may write everywhere: then the new content must be whole.
+        match result {
+            Err(error) => {
+                assert_eq!(error.kind(), io::ErrorKind::PermissionDenied);
+                assert_eq!(fs::read(&path).unwrap(), b"old");
+            }
+            Ok(()) => assert_eq!(fs::read(&path).unwrap(), b"new"),
+        }
+        assert_eq!(names_in(folder.path()), ["a"]);
+    }
+
+    #[test]
+    fn a_missing_folder_and_a_file_as_folder_are_errors() {
+        let folder = tempfile::tempdir().unwrap();
+        let missing = replace(&folder.path().join("no/a"), b"x").unwrap_err();
+        assert_eq!(missing.kind(), io::ErrorKind::NotFound);
+        replace(&folder.path().join("file"), b"x").unwrap();
+        let below_file = replace(&folder.path().join("file/a"), b"x").unwrap_err();
+        assert_eq!(below_file.kind(), io::ErrorKind::NotADirectory);
+        assert_eq!(names_in(folder.path()), ["file"]);
+    }
+
+    #[test]
+    fn a_folder_in_the_targets_place_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        fs::create_dir(folder.path().join("a")).unwrap();
+        assert!(replace(&folder.path().join("a"), b"x").is_err());
+        assert_eq!(names_in(folder.path()), ["a"]);
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_device_is_refused_and_stays() {
+        use std::os::unix::fs::FileTypeExt;
+        assert!(replace(Path::new("/dev/null"), b"x").is_err());
+        assert!(fs::metadata("/dev/null").unwrap().file_type().is_char_device());
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_link_is_followed_and_permissions_are_kept() {
+        use std::os::unix::fs::PermissionsExt;
+        let folder = tempfile::tempdir().unwrap();
+        let (file, link) = (folder.path().join("file"), folder.path().join("link"));
+        replace(&file, b"old").unwrap();
+        fs::set_permissions(&file, fs::Permissions::from_mode(0o640)).unwrap();
+        std::os::unix::fs::symlink(&file, &link).unwrap();
+        replace(&link, b"new").unwrap();
+        assert_eq!(fs::read(&file).unwrap(), b"new");
+        assert_eq!(fs::metadata(&file).unwrap().permissions().mode() & 0o777, 0o640);
+        assert!(fs::symlink_metadata(&link).unwrap().is_symlink());
+    }
+}

@@ -1,0 +1,79 @@
+//! OpenEXR: one part, named channels, attributes (openexr.com, "OpenEXR File Layout").
+//!
+//! Layers are prefixes of channel names, as in pbrt and tev: `R` `G` `B` is the picture itself,
+//! `Albedo.R` belongs to the layer `Albedo`.
+
+mod attribute;
+mod read;
+#[cfg(test)]
+mod tests;
+mod write;
+
+pub use attribute::Attribute;
+pub use read::{ExrInfo, read_channels, read_info, read_layer};
+pub use write::write;
+
+/// The first bytes of every EXR file.
+pub const MAGIC: [u8; 4] = [0x76, 0x2f, 0x31, 0x01];
+
+/// pbrt's attribute names, which other programs read.
+pub mod names {
+    /// Mean number of samples per pixel; [`Int`](super::Attribute::Int).
+    pub const SAMPLES_PER_PIXEL: &str = "samplesPerPixel";
+    /// Wall time of the render in seconds; [`Float`](super::Attribute::Float).
+    pub const RENDER_TIME_SECONDS: &str = "renderTimeSeconds";
+    /// Mean squared error where a reference was given; [`Float`](super::Attribute::Float).
+    pub const MSE: &str = "MSE";
+}
+
+/// Width of the stored values.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Precision {
+    /// 16-bit float: 11 significant bits. Finite values beyond ±65504 are stored as ±65504,
+    /// because an infinity would spread through whatever is done with the image next.
+    Half,
+    /// 32-bit float: values come back exactly.
+    Float,
+}
+
+/// A channel to be written.
+#[derive(Clone, Debug)]
+pub struct Channel<'a> {
+    /// Full name with its layer: `R`, `Albedo.R`, `SampleCount.X`.
+    pub name: String,
+    /// Row by row from the top left, width × height values.
+    pub values: &'a [f32],
+    pub precision: Precision,
+}
+
+impl<'a> Channel<'a> {
+    pub fn new(name: impl Into<String>, values: &'a [f32], precision: Precision) -> Self {
+        Self { name: name.into(), values, precision }
+    }
+}
+
+/// Where the stored pixels lie in the whole image (EXR's data window in its display window).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Windows {
+    /// Half-open pixel bounds of what is stored: x0, x1, y0, y1 (pbrt's order).
+    pub data: [usize; 4],
+    /// Width and height of the whole image.
+    pub display: [usize; 2],
+}
+
+impl Windows {
+    /// An image that is stored whole.
+    pub fn whole(width: usize, height: usize) -> Self {
+        Self { data: [0, width, 0, height], display: [width, height] }
+    }
+
+    /// Width of what is stored; 0 where the bounds are the wrong way round.
+    pub fn width(&self) -> usize {
+        self.data[1].saturating_sub(self.data[0])
+    }
+
+    /// Height of what is stored; 0 where the bounds are the wrong way round.
+    pub fn height(&self) -> usize {
+        self.data[3].saturating_sub(self.data[2])
+    }
+}

@@ -1,0 +1,174 @@
+//! Writing: blocks are compressed side by side, then put into the file in order.
+
+use std::io::{Cursor, Write};
+use std::path::Path;
+
+use exr::block::UncompressedBlock;
+use exr::block::lines::LineRefMut;
+use exr::block::writer::ChunksWriter;
+use exr::compression::Compression;
+use exr::math::Vec2;
+use exr::meta::BlockDescription;
+use exr::meta::attribute::{ChannelDescription, IntegerBounds, LineOrder, SampleType};
+use exr::meta::header::{Header, ImageAttributes, LayerAttributes};
+use half::f16;
+use rayon::prelude::*;
+
+use super::attribute::{self, text};
+use super::{Attribute, Channel, Precision, Windows};
+use crate::image::atomic::replace_file;
+use crate::image::{ImageError, Problem};
+
+/// Writes the channels as one part, ZIP-compressed by scan lines, replacing the file whole or not
+/// at all. The same input gives the same bytes.
+///
+/// # Errors
+/// [`Problem::Empty`] for an image without pixels, [`Problem::Unwritable`] for a channel of
+/// another size, a name given twice or an attribute name that EXR reserves, [`Problem::Io`].
+pub fn write(
+    path: &Path,
+    windows: Windows,
+    channels: &[Channel],
+    attributes: &[(String, Attribute)],
+) -> Result<(), ImageError> {
+    encode(windows, channels, attributes)
+        .and_then(|bytes| replace_file(path, |writer| Ok(writer.write_all(&bytes)?)))
+        .map_err(|problem: Problem| problem.at(path))
+}
+
+/// The bytes of the file. They are made in memory (an image's worth is small beside the render's
+/// own store), so that nothing but plain writing can fail once the disk is touched.
+pub(super) fn encode(
+    windows: Windows,
+    channels: &[Channel],
+    attributes: &[(String, Attribute)],
+) -> Result<Vec<u8>, Problem> {
+    let channels = sorted(windows, channels)?;
+    let header = header(windows, &channels, attributes)?;
+    let mut file = Cursor::new(Vec::new());
+    // One header, so its list can be collected from an `Option`.
+    let headers = Some(header).into_iter().collect();
+    exr::block::write(&mut file, headers, true, |meta, writer| {
+        let header = &meta.headers[0];
+        let blocks: Vec<_> = meta.enumerate_ordered_header_block_indices().collect();
+        // Rayon's current pool rather than the pool that `exr` would make for itself, so that
+        // `--threads` holds here too.
+        let chunks: Vec<_> = blocks
+            .into_par_iter()
+            .map(|(index, block)| {
+                let block = UncompressedBlock::from_lines(&header.channels, block, |line| {
+                    fill_line(line, &channels, windows.width());
+                });
+                block.compress_to_chunk(&meta.headers).map(|chunk| (index, chunk))
+            })
+            .collect();
+        for chunk in chunks {
+            let (index, chunk) = chunk?;
+            writer.write_chunk(index, chunk)?;
+        }
+        Ok(())
+    })
+    .map_err(|error| Problem::Unwritable(error.to_string()))?;
+    let mut bytes = file.into_inner();
+    sort_attributes(&mut bytes);
+    Ok(bytes)
+}
+
+/// The channels in the alphabetical order that EXR demands, checked.
+fn sorted<'a, 'b>(windows: Windows, channels: &'b [Channel<'a>]) -> Result<Vec<&'b Channel<'a>>, Problem> {
+    let (width, height) = (windows.width(), windows.height());
+    if width == 0 || height == 0 || channels.is_empty() {
+        return Err(Problem::Empty);
+    }
+    let mut channels: Vec<_> = channels.iter().collect();
+    channels.sort_by(|a, b| a.name.cmp(&b.name));
+    for channel in &channels {
+        if channel.values.len() != width * height {
+            let (name, count) = (&channel.name, channel.values.len());
+            let message = format!("channel {name} has {count} values for {width}x{height} pixels");
+            return Err(Problem::Unwritable(message));
+        }
+    }
+    if let Some(pair) = channels.windows(2).find(|pair| pair[0].name == pair[1].name) {
+        return Err(Problem::Unwritable(format!("channel {} is given twice", pair[0].name)));
+    }
+    Ok(channels)
+}
+
+fn header(
+    windows: Windows,
+    channels: &[&Channel],
+    attributes: &[(String, Attribute)],
+) -> Result<Header, Problem> {
+    let [x0, _, y0, _] = windows.data;
+    // Every coordinate fits EXR's 32 bits if the largest ones do.
+    let largest = windows.data.into_iter().chain(windows.display).max().unwrap_or_default();
+    if i32::try_from(largest).is_err() {
+        return Err(Problem::Unwritable("pixel bounds are too large for EXR".into()));
+    }
+    let descriptions = channels.iter().map(|channel| {
+        let sample_type = match channel.precision {
+            Precision::Half => SampleType::F16,
+            Precision::Float => SampleType::F32,
+        };
+        ChannelDescription::new(text(&channel.name), sample_type, false)
+    });
+    let mut own = LayerAttributes::default().with_position(Vec2(x0 as i32, y0 as i32));
+    attribute::insert(&mut own, attributes);
+    let size = Vec2(windows.width(), windows.height());
+    let display = Vec2(windows.display[0], windows.display[1]);
+    Ok(Header::new(text(""), size, descriptions.collect())
+        .with_encoding(Compression::ZIP16, BlockDescription::ScanLines, LineOrder::Increasing)
+        .with_shared_attributes(ImageAttributes::new(IntegerBounds::new(Vec2(0, 0), display)))
+        .with_attributes(own))
+}
+
+/// One row of one channel as the bytes of its stored type.
+fn fill_line(line: LineRefMut, channels: &[&Channel], width: usize) {
+    let channel = channels[line.location.channel];
+    let Vec2(x, y) = line.location.position;
+    let values = &channel.values[y * width + x..][..line.location.sample_count];
+    match channel.precision {
+        Precision::Float => line.value.copy_from_slice(bytemuck::cast_slice(values)),
+        Precision::Half => {
+            for (bytes, &value) in line.value.chunks_exact_mut(2).zip(values) {
+                bytes.copy_from_slice(&to_half(value).to_ne_bytes());
+            }
+        }
+    }
+}
+
+fn to_half(value: f32) -> f16 {
+    let half = f16::from_f32(value);
+    if half.is_infinite() && value.is_finite() { f16::MAX.copysign(half) } else { half }
+}
+
+/// Puts the header's attributes into alphabetical order, in place.
+///
+/// The `exr` crate keeps them in a hash map and writes them in an order that changes from run to
+/// run; the same image has to give the same bytes. A header is a sequence of (name, 0, type, 0,
+/// size as 32-bit little endian, that many bytes), ended by an empty name.
+fn sort_attributes(file: &mut [u8]) {
+    const VERSION_BYTES: usize = 4;
+    let start = super::MAGIC.len() + VERSION_BYTES;
+    let mut attributes = Vec::new();
+    let mut rest = &file[start..];
+    while let Some(length) = attribute_length(rest) {
+        let (attribute, after) = rest.split_at(length);
+        attributes.push(attribute.to_vec());
+        rest = after;
+    }
+    // Names end in 0, so comparing whole attributes compares names first.
+    attributes.sort();
+    let sorted = attributes.concat();
+    file[start..start + sorted.len()].copy_from_slice(&sorted);
+}
+
+/// Bytes of the attribute at the start of `bytes`; `None` at the end of the header.
+fn attribute_length(bytes: &[u8]) -> Option<usize> {
+    let zero_after = |start: usize| Some(start + bytes.get(start..)?.iter().position(|&byte| byte == 0)?);
+    let name_end = zero_after(0).filter(|&end| end > 0)?;
+    let size_start = zero_after(name_end + 1)? + 1;
+    let size = bytes.get(size_start..size_start + 4)?;
+    Some(size_start + 4 + u32::from_le_bytes(size.try_into().ok()?) as usize)
+}

@@ -1,0 +1,82 @@
+//! Which file format a name asks for, and reading a picture of either.
+
+use std::fs::File;
+use std::io::Read;
+use std::path::Path;
+
+use super::{ImageError, Planes, Problem, exr_file, png_file};
+
+/// The formats that are written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum OutputFormat {
+    /// All layers, linear, 32- or 16-bit float.
+    Exr,
+    /// The picture alone, 8-bit sRGB.
+    Png,
+}
+
+impl OutputFormat {
+    /// The format that a file name's extension asks for, in either case of letters.
+    ///
+    /// # Errors
+    /// [`Problem::UnknownExtension`]; to be asked for before a render, not after it.
+    pub fn of(path: &Path) -> Result<Self, ImageError> {
+        let extension = path.extension().and_then(|extension| extension.to_str()).unwrap_or_default();
+        match extension.to_ascii_lowercase().as_str() {
+            "exr" => Ok(Self::Exr),
+            "png" => Ok(Self::Png),
+            _ => Err(Problem::UnknownExtension.at(path)),
+        }
+    }
+}
+
+/// The red, green and blue planes of an EXR, PNG, JPEG or TGA file in linear light.
+///
+/// EXR is told by its content, not by its name. Values of 8- and 16-bit files are taken for sRGB.
+pub fn read_rgb(path: &Path) -> Result<Planes, ImageError> {
+    let mut start = [0; exr_file::MAGIC.len()];
+    let is_exr = File::open(path)
+        .map_err(|error| Problem::Io(error).at(path))?
+        .read_exact(&mut start)
+        .is_ok_and(|()| start == exr_file::MAGIC);
+    if is_exr { exr_file::read_layer(path, None) } else { png_file::read(path) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_extension_decides_what_is_written() {
+        assert_eq!(OutputFormat::of(Path::new("a/b.exr")).unwrap(), OutputFormat::Exr);
+        assert_eq!(OutputFormat::of(Path::new("b.PNG")).unwrap(), OutputFormat::Png);
+        for name in ["b", "b.jpg", ".exr", "exr", "b.exr.gz"] {
+            let message = OutputFormat::of(Path::new(name)).unwrap_err().to_string();
+            assert_eq!(message, format!("{name}: unknown extension, .exr or .png expected"));
+        }
+    }
+
+    #[test]
+    fn the_content_decides_what_is_read() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut planes = Planes::new(2, 1, 3);
+        planes.data_mut().copy_from_slice(&[0.0, 1.0, 1.0, 0.0, 0.0, 0.0]);
+        let png = folder.path().join("a.png");
+        png_file::write(&png, &planes, 0.0).unwrap();
+        let misnamed = folder.path().join("a.exr");
+        std::fs::rename(&png, &misnamed).unwrap();
+        assert_eq!(read_rgb(&misnamed).unwrap(), planes);
+    }
+
+    #[test]
+    fn a_missing_an_empty_and_a_text_file_are_errors_that_name_the_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.exr");
+        assert!(read_rgb(&path).unwrap_err().to_string().ends_with("a.exr: no such file or folder"));
+        std::fs::write(&path, b"").unwrap();
+        assert!(read_rgb(&path).unwrap_err().to_string().contains("a.exr: "));
+        std::fs::write(&path, b"This is not an image at all.").unwrap();
+        assert!(read_rgb(&path).unwrap_err().to_string().contains("a.exr: "));
+        assert!(read_rgb(folder.path()).is_err());
+    }
+}

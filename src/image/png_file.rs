@@ -1,0 +1,157 @@
+//! Pictures for people: 8-bit sRGB PNG out, and PNG, JPEG or TGA back in for comparisons.
+
+use std::io::Write;
+use std::path::Path;
+
+use image::codecs::png::PngEncoder;
+use image::{ExtendedColorType, ImageEncoder, ImageReader, Limits};
+
+use super::atomic::replace_file;
+use super::error::{MAX_SAMPLES, MAX_SIDE};
+use super::tone::{srgb_decode, to_srgb8};
+use super::{ImageError, Planes, Problem};
+
+/// Writes the first three planes (or one plane as grey) as 8-bit sRGB PNG.
+///
+/// `exposure` is in stops; 0 leaves values as they are. There is no tone curve but sRGB's own:
+/// what is above 1 is clipped.
+pub fn write(path: &Path, planes: &Planes, exposure: f32) -> Result<(), ImageError> {
+    write_srgb8(path, planes.width(), planes.height(), &to_srgb8(planes, exposure))
+}
+
+/// Writes interleaved 8-bit sRGB values as they are: `3 × width × height` bytes.
+pub fn write_srgb8(path: &Path, width: usize, height: usize, rgb: &[u8]) -> Result<(), ImageError> {
+    encode(width, height, rgb)
+        .and_then(|png| replace_file(path, |writer| Ok(writer.write_all(&png)?)))
+        .map_err(|problem: Problem| problem.at(path))
+}
+
+fn encode(width: usize, height: usize, rgb: &[u8]) -> Result<Vec<u8>, Problem> {
+    if width == 0 || height == 0 {
+        return Err(Problem::Empty);
+    }
+    if rgb.len() != 3 * width * height {
+        return Err(Problem::Unwritable(format!("{} bytes for {width}x{height} RGB pixels", rgb.len())));
+    }
+    let [Ok(width), Ok(height)] = [width, height].map(u32::try_from) else {
+        return Err(Problem::Unwritable("too large for PNG".into()));
+    };
+    let mut png = Vec::new();
+    PngEncoder::new(&mut png).write_image(rgb, width, height, ExtendedColorType::Rgb8)?;
+    Ok(png)
+}
+
+/// Reads a PNG, JPEG or TGA as three planes of linear light, taking its values for sRGB.
+///
+/// Grey becomes three equal planes; alpha is ignored.
+pub fn read(path: &Path) -> Result<Planes, ImageError> {
+    decode(path).map_err(|problem| problem.at(path))
+}
+
+fn decode(path: &Path) -> Result<Planes, Problem> {
+    let mut limits = Limits::no_limits();
+    limits.max_image_width = Some(MAX_SIDE as u32);
+    limits.max_image_height = Some(MAX_SIDE as u32);
+    limits.max_alloc = Some(MAX_SAMPLES as u64);
+    let mut reader = ImageReader::open(path)?.with_guessed_format()?;
+    reader.limits(limits);
+    let image = reader.decode()?.into_rgb32f();
+
+    let (width, height) = (image.width() as usize, image.height() as usize);
+    let mut planes = Planes::new(width, height, 3);
+    for (channel, plane) in planes.planes_mut().enumerate() {
+        for (value, pixel) in plane.iter_mut().zip(image.as_raw().chunks_exact(3)) {
+            *value = srgb_decode(pixel[channel]);
+        }
+    }
+    Ok(planes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn gradient(width: usize, height: usize) -> Planes {
+        let mut planes = Planes::new(width, height, 3);
+        let last = planes.data().len().max(2) - 1;
+        for (i, value) in planes.data_mut().iter_mut().enumerate() {
+            *value = srgb_decode((i * 255 / last) as f32 / 255.0);
+        }
+        planes
+    }
+
+    #[test]
+    fn eight_bit_values_come_back_exactly() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.png");
+        for (width, height) in [(1, 1), (1, 7), (16, 16)] {
+            let planes = gradient(width, height);
+            write(&path, &planes, 0.0).unwrap();
+            assert_eq!(read(&path).unwrap(), planes);
+        }
+    }
+
+    #[test]
+    fn one_plane_is_written_as_grey() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.png");
+        let mut map = Planes::new(2, 1, 1);
+        map.data_mut().copy_from_slice(&[0.0, 5.0]);
+        write(&path, &map, 0.0).unwrap();
+        assert_eq!(read(&path).unwrap().data(), [0.0, 1.0, 0.0, 1.0, 0.0, 1.0]);
+    }
+
+    #[test]
+    fn an_image_without_pixels_is_refused_and_the_old_file_stays() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.png");
+        write(&path, &gradient(2, 2), 0.0).unwrap();
+        for (width, height) in [(0, 0), (0, 3), (3, 0)] {
+            let error = write(&path, &Planes::new(width, height, 3), 0.0).unwrap_err();
+            assert!(matches!(error.problem, Problem::Empty));
+        }
+        assert_eq!(read(&path).unwrap(), gradient(2, 2));
+    }
+
+    #[test]
+    fn a_truncated_file_is_an_error() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.png");
+        let whole = encode(16, 16, &to_srgb8(&gradient(16, 16), 0.0)).unwrap();
+        // The last chunk holds no pixels, so a file that lacks only that is still readable.
+        for length in 0..whole.len() - 16 {
+            std::fs::write(&path, &whole[..length]).unwrap();
+            assert!(read(&path).is_err(), "the first {length} bytes were taken for a whole file");
+        }
+    }
+
+    #[test]
+    fn a_flipped_bit_never_panics() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.png");
+        let whole = encode(5, 3, &to_srgb8(&gradient(5, 3), 0.0)).unwrap();
+        let mut refused = 0;
+        for bit in 0..8 * whole.len() {
+            let mut damaged = whole.clone();
+            damaged[bit / 8] ^= 1 << (bit % 8);
+            std::fs::write(&path, &damaged).unwrap();
+            refused += usize::from(read(&path).is_err());
+        }
+        // The checksums of PNG find most of them.
+        assert!(refused > 6 * whole.len(), "{refused} of {} flips were noticed", 8 * whole.len());
+    }
+
+    #[test]
+    fn a_header_that_asks_for_too_much_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.png");
+        let mut png = encode(1, 1, &[0; 3]).unwrap();
+        // IHDR: width at byte 16, height at 20, checksum of the 17 bytes from 12 at 29.
+        png[16..24].copy_from_slice(&[0, 0, 0xff, 0xff, 0, 0, 0xff, 0xff]);
+        let mut checksum = flate2::Crc::new();
+        checksum.update(&png[12..29]);
+        png[29..33].copy_from_slice(&checksum.sum().to_be_bytes());
+        std::fs::write(&path, &png).unwrap();
+        assert!(read(&path).is_err());
+    }
+}

@@ -1,0 +1,130 @@
+//! An estimate of the image's error that cannot flatter: each new batch against the image that was
+//! shown before the batch was merged.
+//!
+//! The new samples' halves A and B are independent of each other, so with F the image shown,
+//! E[(F − c_A)(F − c_B)] = (F − truth)²: no variance has to be estimated, and it holds for points of
+//! low discrepancy too, whose halves are scrambled independently. Only pixels that were chosen
+//! regardless of their priority count, so the mean over them is one over the image.
+
+use crate::image::Planes;
+use crate::stats::{Part, Store};
+
+/// Side of the tiles, in pixels.
+const TILE: usize = 16;
+/// The denominator's floor in relMSE.
+const RELATIVE_FLOOR: f32 = 0.01;
+
+/// What the store knew before a batch.
+pub(super) struct Snapshot {
+    mean: [Planes; 2],
+    count: [Vec<u32>; 2],
+}
+
+impl Snapshot {
+    pub fn of(store: &Store) -> Self {
+        Self {
+            mean: [0, 1].map(|h| store.means(Part::Half(h), store.layout().radiance())),
+            count: [0, 1].map(|h| store.counts(Part::Half(h))),
+        }
+    }
+}
+
+/// See the module.
+#[derive(Clone, Debug)]
+pub struct ErrorEstimate {
+    /// relMSE of the image: an unbiased estimate, so it may be negative where the error is tiny.
+    pub image: f64,
+    /// Standard error of `image`.
+    pub standard_error: f64,
+    /// relMSE by tile of 16×16 pixels, 1 plane; the image's where a tile has no new samples.
+    pub tiles: Planes,
+}
+
+impl ErrorEstimate {
+    /// What the error is at most, by one standard error: what a target is held against.
+    pub fn at_most(&self) -> f64 {
+        self.image.max(0.0) + self.standard_error
+    }
+
+    /// `shown`: the image of the time of `before`. `None` if no pixel got samples in both halves.
+    pub(super) fn of(shown: &Planes, before: &Snapshot, store: &Store, probes: &[bool]) -> Option<Self> {
+        let after = Snapshot::of(store);
+        let (width, height) = (shown.width(), shown.height());
+        let mut tiles = Planes::new(width.div_ceil(TILE), height.div_ceil(TILE), 1);
+        let mut tile_counts = vec![0u32; tiles.pixels()];
+        let columns = tiles.width();
+        let (mut sum, mut squares, mut count) = (0.0, 0.0, 0u64);
+        for i in (0..width * height).filter(|&i| probes[i]) {
+            let added = [0, 1].map(|h| after.count[h][i] - before.count[h][i]);
+            if added.contains(&0) {
+                continue;
+            }
+            let new_mean = |h: usize, c: usize| {
+                let (n, m) = (after.count[h][i] as f32, added[h] as f32);
+                let (old, new) = (before.mean[h].plane(c)[i], after.mean[h].plane(c)[i]);
+                old + (new - old) * (n / m)
+            };
+            let relative = |c: usize| {
+                let f = shown.plane(c)[i];
+                (f - new_mean(0, c)) * (f - new_mean(1, c)) / (f * f + RELATIVE_FLOOR)
+            };
+            let error = (0..3).map(relative).sum::<f32>() / 3.0;
+            sum += f64::from(error);
+            squares += f64::from(error).powi(2);
+            count += 1;
+            let tile = i / width / TILE * columns + i % width / TILE;
+            tiles.plane_mut(0)[tile] += error;
+            tile_counts[tile] += 1;
+        }
+        if count == 0 {
+            return None;
+        }
+        let image = sum / count as f64;
+        let standard_error = ((squares / count as f64 - image * image).max(0.0) / count as f64).sqrt();
+        for (tile, &n) in tiles.plane_mut(0).iter_mut().zip(&tile_counts) {
+            *tile = if n > 0 { *tile / n as f32 } else { image as f32 };
+        }
+        Some(Self { image, standard_error, tiles })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::stats::Layout;
+    use rand::{RngExt, SeedableRng};
+
+    #[test]
+    fn the_mean_estimate_is_the_true_error_of_the_image_shown() {
+        let layout = Layout::with_blocks(|_| false);
+        let (width, height, truth) = (64, 64, 0.5);
+        let mut rng = rand_pcg::Pcg64::seed_from_u64(1);
+        let mut store = Store::new(width, height, layout.clone(), 0, 0);
+        let mut add = |store: &mut Store, n: usize| {
+            for i in 0..width * height {
+                let sample = |_| {
+                    let v = truth * 2.0 * rng.random::<f32>();
+                    [0.0, 0.0, v, v, v]
+                };
+                store.push(i % width, i / width, &(0..n).flat_map(sample).collect::<Vec<_>>());
+            }
+        };
+        add(&mut store, 4);
+        let before = Snapshot::of(&store);
+        let mut shown = Planes::new(width, height, 3);
+        shown.data_mut().fill(truth + 0.1);
+        add(&mut store, 4);
+        let estimate = ErrorEstimate::of(&shown, &before, &store, &vec![true; width * height]).unwrap();
+        let expected = 0.01 / (0.36 + 0.01);
+        // Standard error: pixels have (σ²/2 + …)/0.37 ≈ 0.15, over 4096 of them.
+        assert!((estimate.image - expected).abs() < 4.0 * 0.15 / 64.0, "{} {expected}", estimate.image);
+        assert_eq!(estimate.tiles.pixels(), 16);
+    }
+
+    #[test]
+    fn without_new_samples_there_is_no_estimate() {
+        let store = Store::new(4, 4, Layout::with_blocks(|_| false), 0, 0);
+        let before = Snapshot::of(&store);
+        assert!(ErrorEstimate::of(&Planes::new(4, 4, 3), &before, &store, &[true; 16]).is_none());
+    }
+}

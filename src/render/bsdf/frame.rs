@@ -1,0 +1,65 @@
+//! The local frame in which lobes scatter: z along the shading normal, x along ∂p/∂u.
+
+use glam::Vec3;
+
+/// An orthonormal, right-handed frame in render space.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Frame {
+    x: Vec3,
+    y: Vec3,
+    pub z: Vec3,
+}
+
+impl Frame {
+    /// The frame whose z is the unit `normal` and whose x is as near to `tangent` as that allows;
+    /// any x will do where the tangent is parallel to the normal.
+    pub fn new(normal: Vec3, tangent: Vec3) -> Self {
+        let x = (tangent - normal * normal.dot(tangent))
+            .try_normalize()
+            .unwrap_or_else(|| normal.any_orthonormal_vector());
+        Self { x, y: normal.cross(x), z: normal }
+    }
+
+    pub fn to_local(self, w: Vec3) -> Vec3 {
+        Vec3::new(w.dot(self.x), w.dot(self.y), w.dot(self.z))
+    }
+
+    pub fn to_render(self, w: Vec3) -> Vec3 {
+        self.x * w.x + self.y * w.y + self.z * w.z
+    }
+}
+
+/// Whether two local directions are on the same side of the surface.
+pub(super) fn same_side(a: Vec3, b: Vec3) -> bool {
+    a.z * b.z > 0.0
+}
+
+/// The local direction with its z turned to the side of `like`.
+pub(super) fn on_side_of(w: Vec3, like: Vec3) -> Vec3 {
+    Vec3::new(w.x, w.y, w.z.abs().copysign(like.z))
+}
+
+/// Perfect mirror of a local direction at the surface.
+pub(super) fn mirror(w: Vec3) -> Vec3 {
+    Vec3::new(-w.x, -w.y, w.z)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn there_and_back_is_the_same_direction() {
+        let frame = Frame::new(Vec3::new(1.0, 2.0, -0.5).normalize(), Vec3::new(3.0, 0.1, 0.2));
+        let w = Vec3::new(-0.3, 0.4, 0.7).normalize();
+        assert!((frame.to_render(frame.to_local(w)) - w).length() < 1e-6);
+        assert!((frame.to_local(frame.z) - Vec3::Z).length() < 1e-6);
+    }
+
+    #[test]
+    fn a_tangent_along_the_normal_still_gives_a_frame() {
+        let frame = Frame::new(Vec3::Y, Vec3::Y * 4.0);
+        let w = frame.to_local(Vec3::X);
+        assert!((w.length() - 1.0).abs() < 1e-6 && w.z.abs() < 1e-6);
+    }
+}

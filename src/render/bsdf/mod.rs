@@ -1,0 +1,283 @@
+//! BSDFs: how a surface scatters light at a point, after its textures have been evaluated.
+//!
+//! The models and their conventions are pbrt-v4's (Pharr, Jakob, Humphreys, *Physically Based
+//! Rendering*, 4th edition, chapters 9, 10 and 14), but for layered materials, which have a
+//! deterministic closed form here instead of a random walk; see [`coat`]. As there, the frame of
+//! the shading normal decides what is reflection and what transmission, and rough lobes have no
+//! compensation for multiple scattering between microfacets.
+//!
+//! A lobe ([`Scatter`]) is made of plain values and knows its local frame only; [`Bsdf`] adds the
+//! frame, and [`Bsdf::new`] the textures.
+
+mod coat;
+mod coated_conductor;
+mod coated_diffuse;
+mod conductor;
+mod dielectric;
+mod diffuse;
+mod frame;
+mod fresnel;
+mod microfacet;
+mod shading_frame;
+#[cfg(test)]
+mod statistical_tests;
+mod table;
+
+use glam::{Vec2, Vec3};
+
+use crate::geometry::SurfacePoint;
+use crate::scene::material::{Metal, Roughness};
+use crate::scene::texture::TexturePoint;
+use crate::scene::{Material, MaterialId, MaterialKind, Scene, Textures};
+use coat::Coat;
+use coated_conductor::CoatedConductor;
+use coated_diffuse::CoatedDiffuse;
+use conductor::Conductor;
+use dielectric::{Dielectric, ThinDielectric};
+use diffuse::Diffuse;
+use frame::Frame;
+use microfacet::Ggx;
+
+/// Cosines below this are lost in the rounding of the change of frame, and so is the side of the
+/// surface; such directions scatter nothing.
+const HORIZON: f32 = 1e-6;
+
+/// Mixes nested deeper than this are taken for a circle.
+const MAX_MIX_DEPTH: usize = 64;
+
+/// A direction drawn from a BSDF.
+#[derive(Clone, Copy, Debug)]
+pub struct BsdfSample {
+    /// Unit, away from the surface; in render space.
+    pub wi: Vec3,
+    /// f |cos| / pdf, of the part that was drawn if it is specular.
+    pub weight: Vec3,
+    /// Per steradian; 0 for specular samples.
+    pub pdf: f32,
+    pub specular: bool,
+    /// Whether light changes sides of the surface.
+    pub transmission: bool,
+    /// Index of refraction of `wi`'s side over `wo`'s if it was refracted; else 1.
+    pub eta: f32,
+}
+
+impl BsdfSample {
+    fn glossy(wi: Vec3, weight: Vec3, pdf: f32) -> Self {
+        Self { wi, weight, pdf, specular: false, transmission: false, eta: 1.0 }
+    }
+
+    fn specular(wi: Vec3, weight: Vec3) -> Self {
+        Self { wi, weight, pdf: 0.0, specular: true, transmission: false, eta: 1.0 }
+    }
+}
+
+/// A scattering model in its local frame, z along the shading normal. Directions are unit, not on
+/// the horizon, and on either side.
+///
+/// `sample` draws what `pdf` says, and its `weight` is `eval / pdf`, wherever it is not specular.
+trait Scatter {
+    /// f |cos wi|, specular parts excluded.
+    fn eval(&self, wo: Vec3, wi: Vec3) -> Vec3;
+    /// Density per steradian of non-specular samples.
+    fn pdf(&self, wo: Vec3, wi: Vec3) -> f32;
+    /// `None` where the numbers lead nowhere (below the surface, or nothing scatters).
+    fn sample(&self, wo: Vec3, u_lobe: f32, u: Vec2) -> Option<BsdfSample>;
+    /// Whether there are only specular parts.
+    fn is_specular(&self) -> bool;
+    /// Estimate of the share of light from `wo` that is scattered.
+    fn albedo(&self, wo: Vec3) -> Vec3;
+}
+
+#[derive(Clone, Copy, Debug)]
+enum Lobe {
+    Diffuse(Diffuse),
+    Conductor(Conductor),
+    Dielectric(Dielectric),
+    ThinDielectric(ThinDielectric),
+    CoatedDiffuse(CoatedDiffuse),
+    CoatedConductor(CoatedConductor),
+}
+
+impl Lobe {
+    fn scatter(&self) -> &dyn Scatter {
+        match self {
+            Lobe::Diffuse(lobe) => lobe,
+            Lobe::Conductor(lobe) => lobe,
+            Lobe::Dielectric(lobe) => lobe,
+            Lobe::ThinDielectric(lobe) => lobe,
+            Lobe::CoatedDiffuse(lobe) => lobe,
+            Lobe::CoatedConductor(lobe) => lobe,
+        }
+    }
+
+    /// The lobe of a material that is no mix; `None` for one that light passes unchanged.
+    fn of(kind: &MaterialKind, values: &Values) -> Option<Self> {
+        Some(match *kind {
+            MaterialKind::Diffuse { reflectance } => {
+                Lobe::Diffuse(Diffuse { reflectance: values.colour(reflectance), transmittance: Vec3::ZERO })
+            }
+            MaterialKind::DiffuseTransmission { reflectance, transmittance } => Lobe::Diffuse(Diffuse {
+                reflectance: values.colour(reflectance),
+                transmittance: values.colour(transmittance),
+            }),
+            MaterialKind::Conductor { metal, roughness } => {
+                Lobe::Conductor(values.conductor(metal, roughness))
+            }
+            MaterialKind::Dielectric { eta, roughness } => {
+                Lobe::Dielectric(Dielectric { eta: usable_eta(eta), ggx: values.ggx(roughness) })
+            }
+            MaterialKind::ThinDielectric { eta } => {
+                Lobe::ThinDielectric(ThinDielectric { eta: usable_eta(eta) })
+            }
+            MaterialKind::CoatedDiffuse { reflectance, eta, roughness } => {
+                let coat = Coat::new(usable_eta(eta), values.ggx(roughness));
+                Lobe::CoatedDiffuse(CoatedDiffuse::new(coat, values.colour(reflectance)))
+            }
+            MaterialKind::CoatedConductor { metal, conductor_roughness, eta, interface_roughness } => {
+                let coat = Coat::new(usable_eta(eta), values.ggx(interface_roughness));
+                let base = values.conductor(metal, conductor_roughness);
+                Lobe::CoatedConductor(CoatedConductor::new(coat, base))
+            }
+            MaterialKind::Interface | MaterialKind::Mix { .. } => return None,
+        })
+    }
+}
+
+/// A material's textures at one point.
+struct Values<'t> {
+    textures: &'t Textures,
+    at: TexturePoint,
+}
+
+impl Values<'_> {
+    /// A reflectance: within [0, 1], and 0 for what is not a number.
+    fn colour(&self, id: crate::scene::RgbTextureId) -> Vec3 {
+        self.textures.rgb(id, self.at).map(|v| v.max(0.0).min(1.0))
+    }
+
+    fn ggx(&self, roughness: Roughness) -> Ggx {
+        let alpha = |id| {
+            let value = self.textures.float(id, self.at);
+            if roughness.remap { value.max(0.0).sqrt() } else { value }
+        };
+        Ggx::new(alpha(roughness.u), alpha(roughness.v))
+    }
+
+    fn conductor(&self, metal: Metal, roughness: Roughness) -> Conductor {
+        // Far beyond any metal; keeps squares finite.
+        const MAX_INDEX: f32 = 1e4;
+        let index = |id| self.textures.rgb(id, self.at).map(|v| v.max(0.0).min(MAX_INDEX));
+        let (eta, k) = match metal {
+            Metal::Fresnel { eta, k } => (index(eta), index(k)),
+            Metal::Reflectance(r) => (Vec3::ONE, fresnel::absorption_of_reflectance(self.colour(r))),
+        };
+        Conductor { eta, k, ggx: self.ggx(roughness) }
+    }
+}
+
+/// The index of refraction, or 1 (no boundary) where it makes no sense, as pbrt-v4 does for 0.
+fn usable_eta(eta: f32) -> f32 {
+    if eta.is_normal() && eta > 0.0 { eta } else { 1.0 }
+}
+
+/// How a surface scatters light at a point. Directions are unit, in render space, and point away
+/// from the surface.
+#[derive(Clone, Copy, Debug)]
+pub struct Bsdf {
+    frame: Frame,
+    lobe: Lobe,
+    /// As given to [`Bsdf::new`], local.
+    wo: Vec3,
+}
+
+impl Bsdf {
+    /// Evaluates the material's textures at the point. `None` for materials that light passes
+    /// unchanged ([`MaterialKind::Interface`]). `u_mix` in [0, 1) decides mixes; `wo` is the
+    /// direction that [`Self::albedo`] is seen from.
+    pub fn new(
+        scene: &Scene,
+        material: MaterialId,
+        point: &SurfacePoint,
+        wo: Vec3,
+        u_mix: f32,
+    ) -> Option<Bsdf> {
+        let textures = &scene.textures;
+        let at = TexturePoint { uv: point.uv, position: point.position };
+        let amount = |id| textures.float(id, at);
+        let material = unmixed(&scene.materials, material, u_mix, amount)?;
+        let lobe = Lobe::of(&material.kind, &Values { textures, at })?;
+        let frame = shading_frame::of(textures, material, point);
+        Some(Bsdf { frame, lobe, wo: frame.to_local(wo) })
+    }
+
+    /// f |cos wi|, specular parts excluded. Radiance travels from `wi` to `wo`.
+    pub fn eval(&self, wo: Vec3, wi: Vec3) -> Vec3 {
+        let (wo, wi) = (self.frame.to_local(wo), self.frame.to_local(wi));
+        if on_horizon(wo) || on_horizon(wi) { Vec3::ZERO } else { self.lobe.scatter().eval(wo, wi) }
+    }
+
+    /// Density, per steradian, of [`Self::sample`]'s non-specular directions.
+    pub fn pdf(&self, wo: Vec3, wi: Vec3) -> f32 {
+        let (wo, wi) = (self.frame.to_local(wo), self.frame.to_local(wi));
+        if on_horizon(wo) || on_horizon(wi) { 0.0 } else { self.lobe.scatter().pdf(wo, wi) }
+    }
+
+    /// Draws a direction by `u_lobe` (which part) and `u` (where), all in [0, 1); `None` where
+    /// they lead nowhere, which is an estimate of zero.
+    pub fn sample(&self, wo: Vec3, u_lobe: f32, u: Vec2) -> Option<BsdfSample> {
+        let wo = self.frame.to_local(wo);
+        if on_horizon(wo) {
+            return None;
+        }
+        let sample = self.lobe.scatter().sample(wo, u_lobe, u)?;
+        let reachable = !on_horizon(sample.wi) && (sample.specular || sample.pdf > 0.0);
+        reachable.then(|| BsdfSample { wi: self.frame.to_render(sample.wi).normalize(), ..sample })
+    }
+
+    /// Whether nothing but specular parts scatters, so that [`Self::eval`] is always zero.
+    pub fn is_specular(&self) -> bool {
+        self.lobe.scatter().is_specular()
+    }
+
+    /// What the eye would call the surface's reflectance, in [0, 1]: a feature for the denoiser.
+    /// Reflected and transmitted light count; 1 for mirrors and glass.
+    pub fn albedo(&self) -> Vec3 {
+        if self.is_specular() {
+            return Vec3::ONE;
+        }
+        self.lobe.scatter().albedo(self.wo).clamp(Vec3::ZERO, Vec3::ONE)
+    }
+
+    /// Unit normal after bump or normal map, in the geometric normal's hemisphere.
+    pub fn shading_normal(&self) -> Vec3 {
+        self.frame.z
+    }
+}
+
+fn on_horizon(w: Vec3) -> bool {
+    // Written so that what is not a number is there too.
+    !(w.z.abs() > HORIZON)
+}
+
+/// Follows mixes to a material that is none, as pbrt-v4's `MixMaterial` does, but with one number
+/// for all of them: what a choice leaves of it is spread over [0, 1) again for the next. `None` if
+/// mixes go in a circle.
+fn unmixed(
+    materials: &[Material],
+    mut id: MaterialId,
+    mut u: f32,
+    amount_of: impl Fn(crate::scene::FloatTextureId) -> f32,
+) -> Option<&Material> {
+    for _ in 0..MAX_MIX_DEPTH {
+        let material = &materials[id.0 as usize];
+        let MaterialKind::Mix { first, second, amount } = material.kind else { return Some(material) };
+        let amount = amount_of(amount);
+        if u < amount {
+            (id, u) = (second, u / amount.min(1.0));
+        } else {
+            let amount = amount.max(0.0);
+            (id, u) = (first, (u - amount) / (1.0 - amount));
+        }
+    }
+    None
+}

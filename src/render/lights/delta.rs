@@ -1,0 +1,141 @@
+//! Lights without extent: they reach a point along one direction only, and no scattered ray ever
+//! finds them.
+
+use std::f64::consts::PI;
+
+use glam::Vec3;
+
+use super::{LightSample, brightness};
+use crate::scene::Light;
+
+/// A point, a spot or a distant light.
+pub enum DeltaLight {
+    Point { position: Vec3, intensity: Vec3, cone: Option<Cone> },
+    Distant { direction: Vec3, irradiance: Vec3 },
+}
+
+/// Where a spot light shines.
+pub struct Cone {
+    axis: Vec3,
+    cos_start: f32,
+    cos_end: f32,
+}
+
+impl DeltaLight {
+    /// # Panics
+    /// For an environment, which has an extent.
+    pub fn new(light: &Light) -> Self {
+        match *light {
+            Light::Point { position, intensity } => Self::Point { position, intensity, cone: None },
+            Light::Spot { position, axis, intensity, cos_falloff_start, cos_total_width } => {
+                let cone =
+                    Cone { axis: axis.normalize(), cos_start: cos_falloff_start, cos_end: cos_total_width };
+                Self::Point { position, intensity, cone: Some(cone) }
+            }
+            Light::Distant { direction, radiance } => {
+                Self::Distant { direction: direction.normalize(), irradiance: radiance }
+            }
+            Light::Environment(_) => unreachable!("an environment has an extent"),
+        }
+    }
+
+    /// Brightness of what it sends out; what a distant light sends through `disk`, an area.
+    pub fn power(&self, disk: f64) -> f64 {
+        match self {
+            Self::Point { intensity, cone, .. } => {
+                let solid_angle = cone.as_ref().map_or(4.0 * PI, Cone::solid_angle);
+                f64::from(brightness(*intensity)) * solid_angle
+            }
+            Self::Distant { irradiance, .. } => f64::from(brightness(*irradiance)) * disk,
+        }
+    }
+
+    /// The light at a point, with probability 1.
+    #[inline]
+    pub fn sample(&self, from: Vec3) -> Option<LightSample> {
+        let sample =
+            |wi, radiance, target| LightSample { wi, radiance, pdf: 1.0, found_by_rays: false, target };
+        match self {
+            Self::Point { position, intensity, cone } => {
+                let to_light = position - from;
+                let squared = to_light.length_squared();
+                if squared == 0.0 {
+                    return None;
+                }
+                let wi = to_light / squared.sqrt();
+                let share = cone.as_ref().map_or(1.0, |cone| cone.share(-wi));
+                (share > 0.0).then(|| sample(wi, intensity * (share / squared), Some(*position)))
+            }
+            Self::Distant { direction, irradiance } => Some(sample(*direction, *irradiance, None)),
+        }
+    }
+}
+
+impl Cone {
+    /// Share of the intensity in a direction: smoothstep between the two angles.
+    fn share(&self, direction: Vec3) -> f32 {
+        let cos = direction.dot(self.axis);
+        if cos >= self.cos_start {
+            return 1.0;
+        }
+        let t = ((cos - self.cos_end) / (self.cos_start - self.cos_end)).clamp(0.0, 1.0);
+        t * t * (3.0 - 2.0 * t)
+    }
+
+    /// Integral of the share: smoothstep is one half on average over its range of cosines.
+    fn solid_angle(&self) -> f64 {
+        let (start, end) = (f64::from(self.cos_start), f64::from(self.cos_end));
+        2.0 * PI * (1.0 - start + 0.5 * (start - end))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_point_light_falls_off_with_the_squared_distance() {
+        let light = DeltaLight::new(&Light::Point { position: Vec3::Z * 3.0, intensity: Vec3::splat(18.0) });
+        let sample = light.sample(Vec3::ZERO).unwrap();
+        assert_eq!((sample.wi, sample.radiance, sample.pdf), (Vec3::Z, Vec3::splat(2.0), 1.0));
+        assert!(light.sample(Vec3::Z * 3.0).is_none());
+        assert!((light.power(1.0) - 18.0 * 4.0 * PI).abs() < 1e-9);
+    }
+
+    fn spot() -> DeltaLight {
+        DeltaLight::new(&Light::Spot {
+            position: Vec3::ZERO,
+            axis: Vec3::NEG_Z,
+            intensity: Vec3::ONE,
+            cos_falloff_start: 0.9,
+            cos_total_width: 0.5,
+        })
+    }
+
+    #[test]
+    fn a_spot_light_shines_within_its_cone_only() {
+        let at = |cos: f32| spot().sample(Vec3::new((1.0 - cos * cos).sqrt(), 0.0, -cos));
+        assert!((at(0.95).unwrap().radiance.x - 1.0).abs() < 1e-5);
+        assert!((at(0.7).unwrap().radiance.x - 0.5).abs() < 1e-4);
+        assert!(at(0.49).is_none());
+    }
+
+    #[test]
+    fn a_spot_lights_power_is_the_integral_of_its_intensity() {
+        let n = 10_000;
+        let sum: f64 = (0..n)
+            .map(|i| -1.0 + 2.0 * (f64::from(i) + 0.5) / f64::from(n))
+            .filter_map(|z| spot().sample(Vec3::new((1.0 - z * z).sqrt() as f32, 0.0, z as f32)))
+            .map(|sample| f64::from(sample.radiance.x))
+            .sum();
+        assert!((sum / f64::from(n) * 4.0 * PI / spot().power(1.0) - 1.0).abs() < 1e-3);
+    }
+
+    #[test]
+    fn a_distant_light_is_the_same_everywhere() {
+        let light = DeltaLight::new(&Light::Distant { direction: Vec3::Y * 2.0, radiance: Vec3::ONE });
+        let sample = light.sample(Vec3::splat(7.0)).unwrap();
+        assert_eq!((sample.wi, sample.radiance, sample.target), (Vec3::Y, Vec3::ONE, None));
+        assert_eq!(light.power(5.0), 5.0);
+    }
+}

@@ -1,0 +1,135 @@
+//! Emissive surfaces: every triangle of a mesh, every sphere and every disk is a light of its own.
+
+use std::f64::consts::PI;
+
+use glam::{Vec2, Vec3};
+
+use super::{LightSample, brightness};
+use crate::geometry::{SurfacePoint, area, pdf_shape, sample_shape};
+use crate::scene::texture::TexturePoint;
+use crate::scene::{AreaLight, FloatTextureId, Scene, Shape};
+
+/// Emissive surfaces of a scene; its lights are numbered by primitive, then by element.
+pub struct SurfaceLights<'s> {
+    scene: &'s Scene,
+    surfaces: Vec<Surface>,
+    /// For each primitive the index into `surfaces`, or [`NO_LIGHT`].
+    of_primitive: Vec<u32>,
+    /// For each light the index into `surfaces`, and the element.
+    lights: Vec<[u32; 2]>,
+}
+
+const NO_LIGHT: u32 = u32::MAX;
+
+/// An emissive primitive.
+struct Surface {
+    primitive: u32,
+    /// Number of the light that is its first element.
+    first: usize,
+    emission: AreaLight,
+    /// Where it is cut out, it does not emit.
+    alpha: Option<FloatTextureId>,
+    /// It is not cut out everywhere. One that is lights the scene without being seen, which scenes
+    /// use to hide their lights; pbrt-v4 does the same.
+    found_by_rays: bool,
+}
+
+impl<'s> SurfaceLights<'s> {
+    pub fn new(scene: &'s Scene) -> Self {
+        let mut lights = Self { scene, surfaces: Vec::new(), of_primitive: Vec::new(), lights: Vec::new() };
+        for (i, primitive) in (0..).zip(&scene.primitives) {
+            let Some(emission) = primitive.area_light else {
+                lights.of_primitive.push(NO_LIGHT);
+                continue;
+            };
+            let surface = lights.surfaces.len() as u32;
+            let hidden = primitive.alpha.is_some_and(|id| scene.textures.constant_float(id) == Some(0.0));
+            lights.of_primitive.push(surface);
+            lights.surfaces.push(Surface {
+                primitive: i,
+                first: lights.lights.len(),
+                emission,
+                alpha: primitive.alpha.filter(|_| !hidden),
+                found_by_rays: !hidden,
+            });
+            let elements = match &primitive.shape {
+                Shape::Mesh(mesh) => mesh.indices.len() as u32,
+                Shape::Sphere(_) | Shape::Disk(_) => 1,
+            };
+            lights.lights.extend((0..elements).map(|element| [surface, element]));
+        }
+        lights
+    }
+
+    /// Number of lights.
+    pub fn len(&self) -> usize {
+        self.lights.len()
+    }
+
+    /// Whether a ray can hit one.
+    pub fn found_by_rays(&self) -> bool {
+        self.surfaces.iter().any(|surface| surface.found_by_rays)
+    }
+
+    /// Brightness of what each light sends out.
+    pub fn powers(&self) -> impl Iterator<Item = f64> {
+        self.lights.iter().map(|&[surface, element]| {
+            let Surface { primitive, emission, .. } = self.surfaces[surface as usize];
+            let sides = if emission.two_sided { 2.0 } else { 1.0 };
+            f64::from(area(self.scene, primitive, element))
+                * f64::from(brightness(emission.radiance))
+                * sides
+                * PI
+        })
+    }
+
+    /// Light from a point of one of the lights.
+    #[inline]
+    pub fn sample(&self, light: usize, from: Vec3, u: Vec2) -> Option<LightSample> {
+        let [surface, element] = self.lights[light];
+        let surface = &self.surfaces[surface as usize];
+        let point = sample_shape(self.scene, surface.primitive, element, from, u)?;
+        let wi = (point.position - from).try_normalize()?;
+        let radiance = surface.radiance(point.normal.dot(-wi))?;
+        // On average over the rays that meet a half-transparent surface.
+        let opacity = surface.alpha.map_or(1.0, |alpha| {
+            let at = TexturePoint { uv: point.uv, position: point.position };
+            self.scene.textures.float(alpha, at).clamp(0.0, 1.0)
+        });
+        Some(LightSample {
+            wi,
+            radiance: radiance * opacity,
+            pdf: point.pdf,
+            found_by_rays: surface.found_by_rays,
+            target: Some(point.offset_origin(-wi)),
+        })
+    }
+
+    /// Radiance in direction `wo`; `None` if the point is not on a light.
+    #[inline]
+    pub fn emitted(&self, point: &SurfacePoint, wo: Vec3) -> Option<Vec3> {
+        self.at(point)?.radiance(point.geometric_normal.dot(wo))
+    }
+
+    /// The light that a point is on, and the density with which [`Self::sample`] gives the
+    /// direction to that point.
+    #[inline]
+    pub fn pdf(&self, from: Vec3, point: &SurfacePoint) -> Option<(usize, f32)> {
+        let surface = self.at(point)?;
+        let pdf = pdf_shape(self.scene, point.primitive, point.element, from, point);
+        Some((surface.first + point.element as usize, pdf))
+    }
+
+    #[inline]
+    fn at(&self, point: &SurfacePoint) -> Option<&Surface> {
+        self.surfaces.get(self.of_primitive[point.primitive as usize] as usize)
+    }
+}
+
+impl Surface {
+    /// Radiance in a direction with this cosine to the normal; `None` on a side that is dark.
+    #[inline]
+    fn radiance(&self, cos: f32) -> Option<Vec3> {
+        (self.emission.two_sided || cos > 0.0).then_some(self.emission.radiance)
+    }
+}
