@@ -167,7 +167,7 @@ mod tests {
         compare: CompareArgs,
     }
 
-    /// Writes a PNG of one value per file and compares the two.
+    /// An image and its reference on disk.
     struct Files {
         folder: tempfile::TempDir,
     }
@@ -238,6 +238,14 @@ mod tests {
         let message = format!("{:#}", files.run(&[]).unwrap_err());
         assert!(message.ends_with("the sizes differ: the image is 4x4, the reference is 4x5"), "{message}");
         assert_eq!(message.lines().count(), 1);
+    }
+
+    #[test]
+    fn a_missing_file_is_one_clear_line() {
+        let files = Files::new(&filled(4, 4, &[0.5; 3]), &filled(4, 4, &[0.5; 3]));
+        std::fs::remove_file(files.path("reference.exr")).unwrap();
+        let message = format!("{:#}", files.run(&[]).unwrap_err());
+        assert_eq!(message, format!("{}: no such file or folder", files.path("reference.exr").display()));
     }
 
     #[test]
