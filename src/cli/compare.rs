@@ -130,7 +130,11 @@ fn table(comparison: &Comparison, pair: &Pair) -> Result<String, std::fmt::Error
         ("relmse", comparison.relmse, "<(x - r)^2 / (r^2 + 0.01)>, linear light"),
         ("block_relmse", comparison.block_relmse, block.as_str()),
         ("psnr", comparison.psnr, "10 log10(1 / <(x - r)^2>) dB, sRGB-encoded and clamped to 0..1"),
-        ("ssim", comparison.ssim, "structural similarity of 8-bit sRGB luma, windows of 8x8; 1 is equal"),
+        (
+            "ssim",
+            comparison.ssim,
+            "image-compare's SSIM of 8-bit sRGB luma, 8x8 windows (stricter than Wang's); 1 is equal",
+        ),
         ("flip", comparison.flip, "mean of LDR-FLIP, sRGB, 67 pixels per degree; 0 is equal"),
         ("mean_ratio", comparison.mean_ratio, "<x> / <r>, linear light"),
     ];
