@@ -130,7 +130,11 @@ fn table(comparison: &Comparison, pair: &Pair) -> Result<String, std::fmt::Error
         ("relmse", comparison.relmse, "<(x - r)^2 / (r^2 + 0.01)>, linear light"),
         ("block_relmse", comparison.block_relmse, block.as_str()),
         ("psnr", comparison.psnr, "10 log10(1 / <(x - r)^2>) dB, sRGB-encoded and clamped to 0..1"),
-        ("ssim", comparison.ssim, "structural similarity of 8-bit sRGB luma, windows of 8x8; 1 is equal"),
+        (
+            "ssim",
+            comparison.ssim,
+            "image-compare's SSIM of 8-bit sRGB luma, 8x8 windows (stricter than Wang's); 1 is equal",
+        ),
         ("flip", comparison.flip, "mean of LDR-FLIP, sRGB, 67 pixels per degree; 0 is equal"),
         ("mean_ratio", comparison.mean_ratio, "<x> / <r>, linear light"),
     ];
@@ -167,7 +171,7 @@ mod tests {
         compare: CompareArgs,
     }
 
-    /// Writes a PNG of one value per file and compares the two.
+    /// An image and its reference on disk.
     struct Files {
         folder: tempfile::TempDir,
     }
@@ -238,6 +242,14 @@ mod tests {
         let message = format!("{:#}", files.run(&[]).unwrap_err());
         assert!(message.ends_with("the sizes differ: the image is 4x4, the reference is 4x5"), "{message}");
         assert_eq!(message.lines().count(), 1);
+    }
+
+    #[test]
+    fn a_missing_file_is_one_clear_line() {
+        let files = Files::new(&filled(4, 4, &[0.5; 3]), &filled(4, 4, &[0.5; 3]));
+        std::fs::remove_file(files.path("reference.exr")).unwrap();
+        let message = format!("{:#}", files.run(&[]).unwrap_err());
+        assert_eq!(message, format!("{}: no such file or folder", files.path("reference.exr").display()));
     }
 
     #[test]

@@ -13,12 +13,11 @@ pub const MAX_SIDE: usize = 1 << 16;
 /// anything is allocated.
 pub const MAX_SAMPLES: usize = 1 << 30;
 
-/// A file and what is wrong with it.
+/// A file and what is wrong with it. The message is whole: there is no deeper source to print.
 #[derive(Debug, thiserror::Error)]
 #[error("{}: {problem}", path.display())]
 pub struct ImageError {
     pub path: PathBuf,
-    #[source]
     pub problem: Problem,
 }
 

@@ -7,8 +7,8 @@ use super::Planes;
 
 /// Linear light to sRGB, both in 0..1. Values outside are clamped; NaN becomes 0.
 pub fn srgb_encode(linear: f32) -> f32 {
-    // `max` first: it turns NaN into 0.
-    let linear = linear.max(0.0).min(1.0);
+    // Not `clamp`, which would let NaN through.
+    let linear = if linear > 0.0 { linear.min(1.0) } else { 0.0 };
     if linear <= 0.003_130_8 { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 }
 }
 
