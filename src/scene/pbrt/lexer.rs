@@ -132,8 +132,9 @@ impl<'a> Lexer<'a> {
             return Ok(TokenKind::Word(text));
         }
         match text.parse::<f64>() {
-            Ok(number) if number.is_finite() => Ok(TokenKind::Number(number)),
-            _ => Err(Fault::new(place, format!("`{text}`; a finite number would be accepted"))),
+            // Most numbers end as `f32`, which must hold them.
+            Ok(number) if (number as f32).is_finite() => Ok(TokenKind::Number(number)),
+            _ => Err(Fault::new(place, format!("`{text}`; a number up to {:e} would be accepted", f32::MAX))),
         }
     }
 
@@ -149,7 +150,10 @@ impl<'a> Lexer<'a> {
                     end += 2;
                 }
                 Some(b'\n') | None => {
-                    return Err(Fault::new(place, "a string without an end; `\"` on the same line would end it"));
+                    return Err(Fault::new(
+                        place,
+                        "a string without an end; `\"` on the same line would end it",
+                    ));
                 }
                 Some(_) => end += 1,
             }
@@ -214,13 +218,14 @@ mod tests {
 
     #[test]
     fn places_are_counted_from_one() {
-        let places: Vec<_> = tokens("# c\n  A\n\tB C").iter().map(|t| (t.place.line, t.place.column)).collect();
+        let places: Vec<_> =
+            tokens("# c\n  A\n\tB C").iter().map(|t| (t.place.line, t.place.column)).collect();
         assert_eq!(places, [(2, 3), (3, 2), (3, 4)]);
     }
 
     #[test]
     fn what_is_no_number_and_strings_without_end_are_errors() {
-        for text in ["1.2.3", "1e999", "-", "\"abc\ndef\"", "\"abc\\"] {
+        for text in ["1.2.3", "1e39", "1e999", "-", "\"abc\ndef\"", "\"abc\\"] {
             assert!(Lexer::new(text.as_bytes(), 0).next().is_err(), "{text}");
         }
     }

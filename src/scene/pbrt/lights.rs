@@ -9,8 +9,8 @@ use super::params::Params;
 use super::state::Reader;
 use super::textures::encoding;
 use super::{Fault, Result};
-use crate::scene::light::{AreaLight, Environment, EnvironmentMap};
 use crate::scene::Light;
+use crate::scene::light::{AreaLight, Environment, EnvironmentMap};
 
 impl Reader {
     pub fn area_light_source(&mut self, statement: &Statement) -> Result<()> {
@@ -55,7 +55,9 @@ impl Reader {
                 return Err(Fault::new(statement.place, message));
             }
         };
-        self.lights.push(light);
+        if emission(&light) != Vec3::ZERO {
+            self.lights.push(light);
+        }
         statement.params.mark_used_in(params);
         Ok(())
     }
@@ -89,7 +91,7 @@ impl Reader {
     }
 
     fn spot(&mut self, params: &Params) -> Result<Light> {
-        let (from, axis) = self.from_and_axis(params)?;
+        let (from, axis) = self.source_and_axis(params)?;
         let total = params.float_or("coneangle", 30.0)?;
         let delta = params.float_or("conedeltaangle", 5.0)?;
         let cos_total_width = total.to_radians().cos();
@@ -113,7 +115,7 @@ impl Reader {
     }
 
     fn distant(&mut self, params: &Params) -> Result<Light> {
-        let (_, axis) = self.from_and_axis(params)?;
+        let (_, axis) = self.source_and_axis(params)?;
         let direction = -self.to_render().transform_vector3(axis).normalize().as_vec3();
         let mut radiance = self.light_color(params, "L")?;
         if let Some(illuminance) = params.float("illuminance")? {
@@ -123,7 +125,7 @@ impl Reader {
     }
 
     /// `from`, and `to` − `from`.
-    fn from_and_axis(&self, params: &Params) -> Result<(DVec3, DVec3)> {
+    fn source_and_axis(&self, params: &Params) -> Result<(DVec3, DVec3)> {
         let from = params.triple_or("from", DVec3::ZERO)?;
         let to = params.triple_or("to", DVec3::Z)?;
         if from == to {
@@ -143,14 +145,16 @@ impl Reader {
             None => None,
             Some(file) => {
                 let image = self.load_image(file, encoding(params)?, params.place)?;
-                let (width, height) = (self.textures.image(image).width(), self.textures.image(image).height());
+                let (width, height) =
+                    (self.textures.image(image).width(), self.textures.image(image).height());
                 if self.dialect.environments_are_lat_long() {
                     Some(EnvironmentMap::LatLong(image))
                 } else if width == height {
                     Some(EnvironmentMap::EqualArea(image))
                 } else {
-                    let message =
-                        format!("environment \"{file}\" of {width}x{height} texels; a square one would be accepted");
+                    let message = format!(
+                        "environment \"{file}\" of {width}x{height} texels; a square one would be accepted"
+                    );
                     return Err(Fault::new(params.place, message));
                 }
             }
@@ -161,11 +165,21 @@ impl Reader {
         {
             scale *= (illuminance / PI) as f32;
         }
-        let to_render = self.to_render();
+        // Directions have no size.
+        let to_render = self.to_render().matrix3;
+        let to_render = to_render * to_render.determinant().abs().cbrt().recip();
         Ok(Light::Environment(Environment {
-            to_render: Affine3A::from_mat3(to_render.matrix3.as_mat3()),
+            to_render: Affine3A::from_mat3(to_render.as_mat3()),
             scale,
             map,
         }))
+    }
+}
+
+fn emission(light: &Light) -> Vec3 {
+    match light {
+        Light::Point { intensity, .. } | Light::Spot { intensity, .. } => *intensity,
+        Light::Distant { radiance, .. } => *radiance,
+        Light::Environment(environment) => environment.scale,
     }
 }
