@@ -63,7 +63,28 @@ impl Halves {
     /// Reads dimensions of a store. A half without samples in a pixel takes the other half's mean,
     /// and a pixel without any the mean of its nearest neighbours that have some.
     pub fn of(store: &Store, dims: std::ops::Range<usize>, counts: &Counts) -> Self {
-        let (mut mean, mut sample_variance) = store.halves(dims);
+        let (mean, sample_variance) = store.halves(dims);
+        Self::new(mean, sample_variance, counts)
+    }
+
+    /// The same without outliers; what is cut off is dropped.
+    pub fn without_outliers(
+        store: &Store,
+        dims: std::ops::Range<usize>,
+        counts: &Counts,
+        settings: &OutlierSettings,
+    ) -> Self {
+        let (mean, mut sample_variance) = store.halves(dims);
+        let [a, b] = &mean;
+        let clamped = outliers::clamp(&counts.mean(&mean), [a, b], counts.whole(), settings);
+        for outlier in &clamped.outliers {
+            let factor = outlier.scale * outlier.scale;
+            sample_variance.planes_mut().for_each(|plane| plane[outlier.pixel] *= factor);
+        }
+        Self::new(clamped.halves, sample_variance, counts)
+    }
+
+    fn new(mut mean: [Planes; 2], mut sample_variance: Planes, counts: &Counts) -> Self {
         fill_missing(&mut mean, counts);
         pool(&mut sample_variance, &mean[0], counts);
         let mut variance = [sample_variance.clone(), sample_variance];
@@ -81,20 +102,6 @@ impl Halves {
             });
         }
         Self { mean, variance }
-    }
-
-    /// Clamps outliers; what is cut off is dropped.
-    pub fn clamp_outliers(&mut self, counts: &Counts, settings: &OutlierSettings) {
-        let [a, b] = &self.mean;
-        let clamped = outliers::clamp(&counts.mean(&self.mean), [a, b], counts.whole(), settings);
-        self.mean = clamped.halves;
-        for outlier in &clamped.outliers {
-            let factor = outlier.scale * outlier.scale;
-            self.variance
-                .iter_mut()
-                .flat_map(Planes::planes_mut)
-                .for_each(|plane| plane[outlier.pixel] *= factor);
-        }
     }
 
     /// Divides by a colour per pixel and half.

@@ -16,6 +16,9 @@ pub struct OutlierSettings {
     pub medians: f32,
     /// … and this many deviations (1.48 median absolute deviations) more.
     pub deviations: f32,
+    /// An outlier is brought to the median, not to the bound: nothing of it is left to be blurred
+    /// into a spot.
+    pub to_median: bool,
     /// One half of the samples holds more than this share of an outlier's energy; light that both
     /// halves saw is no accident.
     pub half_share: f32,
@@ -28,7 +31,7 @@ pub struct OutlierSettings {
 
 impl Default for OutlierSettings {
     fn default() -> Self {
-        Self { medians: 8.0, deviations: 4.0, half_share: 0.8, spread_window: 17, spread_limit: 0.05 }
+        Self { medians: 8.0, deviations: 4.0, to_median: false, half_share: 0.8, spread_window: 17, spread_limit: 0.05 }
     }
 }
 
@@ -145,7 +148,7 @@ pub fn spread(
     }
 }
 
-/// Most that a pixel's luminance may be, if it is more. A pixel most of whose neighbours are black
+/// What a pixel's luminance is brought to, if it is more than it may be. A pixel most of whose neighbours are black
 /// has no bound: there all light is rare, and cutting it off would leave nothing.
 fn bound(
     luminances: &[f32],
@@ -171,7 +174,7 @@ fn bound(
     around.iter_mut().for_each(|l| *l = (*l - median).abs());
     let deviation = 1.48 * self::median(around);
     let bound = settings.medians * median + settings.deviations * deviation;
-    (own > bound).then_some(bound)
+    (own > bound).then_some(if settings.to_median { median } else { bound })
 }
 
 fn median(values: &mut [f32]) -> f32 {

@@ -20,7 +20,7 @@ pub use film::{Film, PixelFilter};
 pub use light::{AreaLight, Light};
 pub use material::{Material, MaterialId, MaterialKind};
 pub use shape::{Disk, Instance, Object, Primitive, Shape, Sphere, TriangleMesh};
-pub use texture::{FloatTextureId, RgbTextureId, Textures};
+pub use texture::{FloatTextureId, ImageId, RgbTextureId, TextureImage, Textures};
 pub use transform::AnimatedTransform;
 
 /// Which light-transport algorithm the scene asks for.

@@ -9,7 +9,9 @@ use super::{AnimatedTransform, AreaLight, FloatTextureId, MaterialId};
 /// Triangles in the space of the object they belong to (render space for the static object).
 ///
 /// `normals` and `uvs` are empty or as long as `positions`; every index is in range; positions
-/// are finite. The reader guarantees this.
+/// are finite. Every triangle has an area, and where there are normals, they are of unit length
+/// and on the side of the triangle that is its front ([`Primitive::flip_normal`] applied). The
+/// reader guarantees this.
 #[derive(Clone, Debug, Default)]
 pub struct TriangleMesh {
     pub positions: Vec<Vec3>,
@@ -58,7 +60,9 @@ pub struct Primitive {
     pub alpha: Option<FloatTextureId>,
     /// Only on primitives of the static object.
     pub area_light: Option<AreaLight>,
-    /// Flip the geometric normal (`ReverseOrientation`, xor a mirroring transform).
+    /// Flip the geometric normal (`ReverseOrientation`, xor a mirroring transform). The normal to
+    /// be flipped is (p1 − p0) × (p2 − p0) of a triangle, and ∂p/∂u × ∂p/∂v of other shapes, both
+    /// in the object's space, after `to_object`.
     pub flip_normal: bool,
 }
 

@@ -103,7 +103,7 @@ fn film(reader: &mut Reader, entry: &Entry, filter: PixelFilter) -> Result<Film>
         return Err(Fault::new(*place, "a film without pixels; bounds that hold one would be accepted"));
     }
     // The imaging ratio of pbrt-v4's default sensor.
-    let scale = params.float_or("iso", 100.0)? / 100.0 * params.float_or("exposuretime", 1.0)?;
+    let scale = params.positive_or("iso", 100.0)? / 100.0 * params.positive_or("exposuretime", 1.0)?;
     match params.string("sensor")? {
         None | Some("cie1931") => {}
         Some(sensor) => {

@@ -11,6 +11,7 @@ use super::state::Reader;
 use super::{Place, Result};
 use crate::scene::film::PixelFilter;
 use crate::scene::material::{MaterialKind, Metal, Roughness};
+use crate::scene::texture::Texture;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Dialect {
@@ -47,6 +48,11 @@ impl Dialect {
 
     /// Whether `TransformEnd` restores the transform only, rather than all attributes.
     pub fn transform_blocks_hold_transforms_only(self) -> bool {
+        self != Dialect::V4
+    }
+
+    /// Whether `NamedMaterial` of an unknown name leaves things as they are.
+    pub fn unknown_materials_are_forgiven(self) -> bool {
         self != Dialect::V4
     }
 
@@ -134,13 +140,23 @@ impl Reader {
                 metal: self.metal(params, "")?,
                 roughness: self.old_roughness(params, 0.01)?,
             },
-            "plastic" | "substrate" => {
+            "translucent" => {
+                self.warnings
+                    .add(place, "material \"translucent\" is approximated by \"diffusetransmission\"");
+                let base = self.rgb_texture_or(params, "Kd", quarter)?;
+                let [reflectance, transmittance] = ["reflect", "transmit"].map(|name| {
+                    let second = self.rgb_texture_or(params, name, half)?;
+                    Ok(self.textures.add(Texture::<Vec3>::Product { first: base, second }))
+                });
+                MaterialKind::DiffuseTransmission { reflectance: reflectance?, transmittance: transmittance? }
+            }
+            "plastic" | "substrate" | "uber" => {
                 self.warnings.add(place, format!("material \"{kind}\" is approximated by \"coateddiffuse\""));
                 MaterialKind::CoatedDiffuse {
                     reflectance: self.rgb_texture_or(
                         params,
                         "Kd",
-                        if kind == "plastic" { quarter } else { half },
+                        if kind == "substrate" { half } else { quarter },
                     )?,
                     eta: 1.5,
                     roughness: self.old_roughness(params, 0.1)?,

@@ -55,7 +55,9 @@ impl Reader {
                 return Err(Fault::new(statement.place, message));
             }
         };
-        self.lights.push(light);
+        if emission(&light) != Vec3::ZERO {
+            self.lights.push(light);
+        }
         statement.params.mark_used_in(params);
         Ok(())
     }
@@ -89,7 +91,7 @@ impl Reader {
     }
 
     fn spot(&mut self, params: &Params) -> Result<Light> {
-        let (from, axis) = self.from_and_axis(params)?;
+        let (from, axis) = self.source_and_axis(params)?;
         let total = params.float_or("coneangle", 30.0)?;
         let delta = params.float_or("conedeltaangle", 5.0)?;
         let cos_total_width = total.to_radians().cos();
@@ -113,7 +115,7 @@ impl Reader {
     }
 
     fn distant(&mut self, params: &Params) -> Result<Light> {
-        let (_, axis) = self.from_and_axis(params)?;
+        let (_, axis) = self.source_and_axis(params)?;
         let direction = -self.to_render().transform_vector3(axis).normalize().as_vec3();
         let mut radiance = self.light_color(params, "L")?;
         if let Some(illuminance) = params.float("illuminance")? {
@@ -123,7 +125,7 @@ impl Reader {
     }
 
     /// `from`, and `to` − `from`.
-    fn from_and_axis(&self, params: &Params) -> Result<(DVec3, DVec3)> {
+    fn source_and_axis(&self, params: &Params) -> Result<(DVec3, DVec3)> {
         let from = params.triple_or("from", DVec3::ZERO)?;
         let to = params.triple_or("to", DVec3::Z)?;
         if from == to {
@@ -163,11 +165,21 @@ impl Reader {
         {
             scale *= (illuminance / PI) as f32;
         }
-        let to_render = self.to_render();
+        // Directions have no size.
+        let to_render = self.to_render().matrix3;
+        let to_render = to_render * to_render.determinant().abs().cbrt().recip();
         Ok(Light::Environment(Environment {
-            to_render: Affine3A::from_mat3(to_render.matrix3.as_mat3()),
+            to_render: Affine3A::from_mat3(to_render.as_mat3()),
             scale,
             map,
         }))
+    }
+}
+
+fn emission(light: &Light) -> Vec3 {
+    match light {
+        Light::Point { intensity, .. } | Light::Spot { intensity, .. } => *intensity,
+        Light::Distant { radiance, .. } => *radiance,
+        Light::Environment(environment) => environment.scale,
     }
 }

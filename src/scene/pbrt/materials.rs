@@ -59,7 +59,13 @@ impl Reader {
     }
 
     pub fn named_material(&mut self, statement: &Statement) -> Result<()> {
-        self.state.material = self.find_material(&statement.strings[0], statement.place)?;
+        match self.find_material(&statement.strings[0], statement.place) {
+            Ok(id) => self.state.material = id,
+            Err(fault) if self.dialect.unknown_materials_are_forgiven() => {
+                self.warnings.add(fault.place, fault.message);
+            }
+            Err(fault) => return Err(fault),
+        }
         Ok(())
     }
 

@@ -129,7 +129,8 @@ impl Reader {
 
 /// Normals and rays need the inverse of a transform.
 fn check_invertible(keys: &Keys, place: Place) -> Result<()> {
-    if keys.iter().all(|key| key.inverse().is_finite()) {
+    // As `f32`, which they will become.
+    if keys.iter().all(|key| key.as_affine3a().is_finite() && key.inverse().as_affine3a().is_finite()) {
         return Ok(());
     }
     Err(Fault::new(place, "a singular transform; one that can be inverted would be accepted"))

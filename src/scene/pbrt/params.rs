@@ -89,11 +89,8 @@ impl Params {
     /// Reads all parameters that follow.
     pub fn parse(lexer: &mut Lexer, place: Place) -> Result<Self> {
         let mut list = Vec::new();
-        loop {
-            let start = match lexer.peek()? {
-                Some(token) => token.place,
-                None => break,
-            };
+        while let Some(token) = lexer.peek()? {
+            let start = token.place;
             let declared = lexer.next_if(|kind| match kind {
                 TokenKind::Quoted(text) => Some(text.to_string()),
                 _ => None,
@@ -170,7 +167,8 @@ impl Params {
     /// A number above 0.
     pub fn positive_or(&self, name: &str, default: f64) -> Result<f64> {
         match self.float_or(name, default)? {
-            number if number > 0.0 => Ok(number),
+            // As `f32`, which it will become.
+            number if number as f32 > 0.0 => Ok(number),
             number => Err(self.get(name).map_or_else(
                 || {
                     Fault::new(

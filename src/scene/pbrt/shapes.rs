@@ -16,8 +16,8 @@ use crate::scene::{Disk, Primitive, Shape, Sphere};
 
 /// Levels of subdivision: ten make a million triangles of each.
 const MAX_LEVELS: u32 = 10;
-/// Most triangles that subdivision may make.
-const MAX_SUBDIVIDED: usize = 1 << 27;
+/// Most triangles that subdivision may make: some gigabytes while it does.
+const MAX_SUBDIVIDED: usize = 1 << 24;
 
 impl Reader {
     pub fn shape(&mut self, statement: &Statement) -> Result<()> {

@@ -136,7 +136,7 @@ fn crossed_blocks_are_an_error_in_v4_and_one_stack_before() {
          AttributeEnd AttributeEnd ObjectEnd ObjectInstance \"a\""
     );
     let error = error(&crossed);
-    assert_eq!((error.line, error.column), (3, 24));
+    assert_eq!((error.line, error.column), (3, 23));
     assert!(error.message.contains("AttributeEnd inside ObjectBegin of line 1"), "{error}");
     let scene = scene(&format!("{crossed} WorldEnd"));
     assert_eq!((scene.primitives.len(), scene.instances.len()), (1, 1));
@@ -340,7 +340,11 @@ fn errors_say_where_and_what() {
             (1, 12),
             "index 3",
         ),
-        ("WorldBegin Shape \"trianglemesh\" \"point3 P\" [0 0 0 1e300 0 0 0 1 0]", (1, 12), "vertex 1"),
+        (
+            "WorldBegin Scale 10 1 1 Shape \"trianglemesh\" \"point3 P\" [0 0 0 1e38 0 0 0 1 0]",
+            (1, 25),
+            "vertex 1",
+        ),
         ("", (0, 0), "no WorldBegin"),
     ];
     for (text, place, part) in cases {
@@ -360,7 +364,7 @@ fn what_is_not_made_use_of_is_reported_once() {
         scene.warnings,
         [
             "<text>:2:16: parameter \"size\" of Shape \"sphere\" is not used (and 1 more)",
-            "<text>:3:33: shape \"curve\" is left out",
+            "<text>:3:31: shape \"curve\" is left out",
             "<text>:4:10: participating media are not simulated",
         ]
     );
@@ -433,6 +437,42 @@ fn deep_textures_and_mixes_are_errors() {
     assert!(error(&text).message.contains("deep"));
 }
 
+#[test]
+fn damaged_text_is_an_error_or_a_scene_but_never_a_panic() {
+    let text = format!(
+        "LookAt 0 0 -5 0 0 0 0 1 0 Camera \"perspective\" \"float fov\" 60 Film \"rgb\" \"integer xresolution\" [64]
+         Sampler \"halton\" \"integer pixelsamples\" 4 PixelFilter \"sinc\" Integrator \"path\" WorldBegin
+         LightSource \"infinite\" \"blackbody L\" [5000] Attribute \"shape\" \"float radius\" 2
+         Texture \"t\" \"spectrum\" \"checkerboard\" \"float uscale\" 2 \"spectrum tex1\" [400 .1 700 .9]
+         MakeNamedMaterial \"m\" \"string type\" \"coatedconductor\" \"texture reflectance\" \"t\"
+         AttributeBegin Rotate 30 0 1 0 NamedMaterial \"m\" Shape \"disk\" \"float phimax\" 90 AttributeEnd
+         ObjectBegin \"o\" ActiveTransform EndTime Scale 1 2 3 {TRIANGLE} ObjectEnd ObjectInstance \"o\"
+         Shape \"loopsubdiv\" \"integer levels\" 1 \"point3 P\" [0 0 0 1 0 0 0 1 0] \"integer indices\" [0 1 2]"
+    );
+    let intact = scene(&text);
+    assert!(intact.warnings.is_empty(), "{:?}", intact.warnings);
+    let mut outcomes = [0, 0];
+    for seed in 0..3000u64 {
+        // A few bytes replaced by others of the text, or the end cut off.
+        let mut bytes = text.clone().into_bytes();
+        let mut state = seed;
+        let mut random = |below: usize| {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (state >> 33) as usize % below
+        };
+        for _ in 0..1 + random(3) {
+            let (from, to) = (random(bytes.len()), random(bytes.len()));
+            bytes[to] = bytes[from];
+        }
+        if seed % 5 == 0 {
+            bytes.truncate(random(bytes.len()));
+        }
+        let result = read_str(&String::from_utf8(bytes).unwrap(), Path::new("nowhere"));
+        outcomes[usize::from(result.is_ok())] += 1;
+    }
+    assert!(outcomes[0] > 500 && outcomes[1] > 100, "{outcomes:?}");
+}
+
 /// A scene beside the repository; `None`, with a line, where there is none.
 fn real_scene(path: &str) -> Option<Scene> {
     let path = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/scenes")).join(path);
@@ -465,8 +505,8 @@ fn the_cornell_box_is_read() {
 #[test]
 fn the_door_ajar_is_read() {
     let Some(scene) = real_scene("pbrt-v4/veach-ajar/scene-v4-dof.pbrt") else { return };
-    println!("{:#?}", scene.warnings);
-    assert_eq!(triangles(&scene), 382_690);
+    // 382 690 are stored; 62 of the mesh Mesh015 have two vertices at one place.
+    assert_eq!(triangles(&scene), 382_690 - 62);
     assert!(scene.effects().lens && scene.effects().glossy && scene.effects().specular);
     assert!(scene.warnings.is_empty(), "{:?}", scene.warnings);
 }
