@@ -18,7 +18,7 @@ pub(super) struct InfoOptions {
 }
 
 /// Sample vectors that the reservoir keeps by default.
-const DEFAULT_CAPACITY: usize = 4;
+const DEFAULT_CAPACITY: usize = 0;
 
 pub(super) fn run(options: &InfoOptions) -> Result<u8, Failure> {
     let scene = pbrt::read(&options.scene).map_err(|error| Failure::Input(error.into()))?;

@@ -4,15 +4,26 @@
 //! Knows nothing of where samples come from.
 
 mod assess;
+mod assessment;
+mod bilateral;
 pub mod blur;
 mod fast_exp;
 mod halves;
 mod margin;
+mod mutual_information;
+mod neighbourhood;
+mod outliers;
+mod padded;
 mod patch;
 pub mod prpf;
 mod standard;
+#[cfg(test)]
+mod synthetic;
+mod upsampling;
+mod weights;
 
-pub use prpf::PrpfSettings;
+pub use outliers::OutlierSettings;
+pub use prpf::{Gain, PrpfSettings};
 pub use standard::StandardSettings;
 
 use crate::image::Planes;

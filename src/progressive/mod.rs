@@ -129,12 +129,15 @@ pub struct Loop<'a> {
     estimate: Option<ErrorEstimate>,
 }
 
-/// Sample vectors kept per pixel: enough for the mutual information of [`Quality::Paper`] in its
-/// smallest window; the grid stage of the others needs fewer.
+/// Sample vectors kept per pixel where mutual information is estimated: enough for the smallest of
+/// its windows.
+const RESERVOIR: usize = 8;
+/// Window of the grid stage whose failures drive samples; the paper's third.
+const FAILURE_WINDOW: usize = 17;
+
 fn reservoir_capacity(settings: &Settings) -> usize {
     match (settings.denoiser, settings.quality) {
-        (Denoiser::Prpf, Quality::Paper) => 8,
-        (Denoiser::Prpf, _) if drives_interpolation(settings) => 4,
+        (Denoiser::Prpf, Quality::Paper) => RESERVOIR,
         _ => 0,
     }
 }
@@ -287,7 +290,7 @@ impl<'a> Loop<'a> {
         let (filtered, mut seconds) = self.filter(Quality::Draft);
         let started = Instant::now();
         let grid = drives_interpolation(self.settings).then(|| {
-            filter::prpf::interpolation_failure(&self.store, &PrpfSettings::paper(), self.settings.seed)
+            filter::prpf::interpolation_failure(&self.store, &PrpfSettings::paper(), FAILURE_WINDOW)
         });
         let grid_seconds = started.elapsed().as_secs_f64();
         self.seconds.filter += grid_seconds;

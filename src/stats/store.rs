@@ -153,7 +153,8 @@ impl Store {
         let width = self.width.max(1);
         let each = a.planes_mut().zip(b.planes_mut()).zip(variance.planes_mut()).zip(dims.clone());
         for (((a, b), variance), dim) in each {
-            let rows = a.par_chunks_mut(width).zip(b.par_chunks_mut(width)).zip(variance.par_chunks_mut(width));
+            let rows =
+                a.par_chunks_mut(width).zip(b.par_chunks_mut(width)).zip(variance.par_chunks_mut(width));
             rows.zip(&self.rows).for_each(|(((a, b), variance), row)| row.read_halves(dim, a, b, variance));
         }
         ([a, b], variance)

@@ -1,0 +1,283 @@
+//! `prpf compare`: how far an image is from its reference.
+
+use std::fmt::Write as _;
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, ensure};
+use clap::Args;
+use serde::Serialize;
+
+use crate::image::formats::{OutputFormat, read_rgb};
+use crate::image::metrics::{BLOCK_SIDE, Pair};
+use crate::image::{Planes, Problem, exr_file, png_file};
+
+/// Exit status when the images were compared and no limit was passed.
+const WITHIN: u8 = 0;
+/// Exit status when relMSE is above `--max-relmse`.
+const ABOVE: u8 = 1;
+
+/// Compare an image with its reference: MSE, relMSE, PSNR, SSIM, FLIP, mean brightness
+#[derive(Args, Clone, Debug)]
+#[command(after_help = "\
+Examples:
+  prpf compare out.exr reference.exr
+  prpf compare out.exr reference.exr --layer Noisy      the unfiltered mean instead
+  prpf compare out.exr reference.exr --json --max-relmse 0.01
+  prpf compare out.png reference.png --error-image flip.png
+
+EXR values are linear; 8-bit files are taken for sRGB and made linear first.
+Pixels that are NaN or infinite in either image are counted and left out.
+Exit status: 0 compared, 1 above --max-relmse, 2 an image cannot be read or the sizes differ.")]
+pub struct CompareArgs {
+    /// The image: EXR, PNG or JPEG
+    pub image: PathBuf,
+    /// What it should be, of the same size
+    pub reference: PathBuf,
+    /// Print one JSON object instead of text (an infinite number becomes null)
+    #[arg(long)]
+    pub json: bool,
+    /// Write the FLIP map in magma colours: black is equal, pale yellow is far
+    #[arg(long, value_name = "FILE.png")]
+    pub error_image: Option<PathBuf>,
+    /// Exit with status 1 when relMSE is above this
+    #[arg(long, value_name = "X", value_parser = parse_limit)]
+    pub max_relmse: Option<f64>,
+    /// Compare this layer of IMAGE (an EXR), such as Noisy or Albedo, instead of its picture
+    #[arg(long, value_name = "NAME")]
+    pub layer: Option<String>,
+}
+
+fn parse_limit(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(limit) if limit >= 0.0 => Ok(limit),
+        _ => Err("a number that is not negative is expected".into()),
+    }
+}
+
+/// What `--json` prints.
+#[derive(Clone, Debug, Serialize)]
+struct Comparison {
+    mse: f64,
+    relmse: f64,
+    block_relmse: f64,
+    psnr: f64,
+    ssim: f64,
+    flip: f64,
+    mean_ratio: f64,
+    /// Pixels left out of all of these.
+    excluded_pixels: usize,
+}
+
+/// Compares, prints, and returns the exit status; an error is bad input (exit status 2).
+pub fn run(args: &CompareArgs) -> anyhow::Result<u8> {
+    if let Some(path) = &args.error_image {
+        let is_png = OutputFormat::of(path).is_ok_and(|format| format == OutputFormat::Png);
+        ensure!(is_png, "{}: --error-image is a PNG, .png expected", path.display());
+    }
+    let image = read_image(&args.image, args.layer.as_deref())?;
+    let reference = read_rgb(&args.reference)?;
+    let pair = Pair::new(&image, &reference)
+        .with_context(|| format!("{} and {}", args.image.display(), args.reference.display()))?;
+
+    let flip = pair.flip();
+    let comparison = Comparison {
+        mse: pair.mse(),
+        relmse: pair.relmse(),
+        block_relmse: pair.block_relmse(),
+        psnr: pair.psnr(),
+        ssim: pair.ssim(),
+        flip: flip.mean,
+        mean_ratio: pair.mean_ratio(),
+        excluded_pixels: pair.excluded(),
+    };
+    if let Some(path) = &args.error_image {
+        png_file::write_srgb8(path, image.width(), image.height(), &flip.colours())?;
+    }
+
+    let output = if args.json {
+        serde_json::to_string_pretty(&comparison)? + "\n"
+    } else {
+        table(&comparison, &pair)?
+    };
+    std::io::stdout().write_all(output.as_bytes()).context("cannot print")?;
+    match args.max_relmse {
+        Some(limit) if comparison.relmse > limit => {
+            eprintln!("relMSE {:.6} is above the limit of {limit}", comparison.relmse);
+            Ok(ABOVE)
+        }
+        _ => Ok(WITHIN),
+    }
+}
+
+fn read_image(path: &Path, layer: Option<&str>) -> anyhow::Result<Planes> {
+    match layer {
+        None => Ok(read_rgb(path)?),
+        Some(layer) => exr_file::read_layer(path, Some(layer)).map_err(|error| match error.problem {
+            Problem::Malformed(_) => anyhow::anyhow!("{error} (--layer needs an EXR file)"),
+            _ => error.into(),
+        }),
+    }
+}
+
+/// A line for each metric, with its formula.
+fn table(comparison: &Comparison, pair: &Pair) -> Result<String, std::fmt::Error> {
+    let mut text = String::new();
+    writeln!(text, "x: the image, r: the reference, <>: mean over pixels and channels")?;
+    let block = format!("relmse after averaging both over {BLOCK_SIDE}x{BLOCK_SIDE} pixels");
+    let lines = [
+        ("mse", comparison.mse, "<(x - r)^2>, linear light"),
+        ("relmse", comparison.relmse, "<(x - r)^2 / (r^2 + 0.01)>, linear light"),
+        ("block_relmse", comparison.block_relmse, block.as_str()),
+        ("psnr", comparison.psnr, "10 log10(1 / <(x - r)^2>) dB, sRGB-encoded and clamped to 0..1"),
+        ("ssim", comparison.ssim, "structural similarity of 8-bit sRGB luma, windows of 8x8; 1 is equal"),
+        ("flip", comparison.flip, "mean of LDR-FLIP, sRGB, 67 pixels per degree; 0 is equal"),
+        ("mean_ratio", comparison.mean_ratio, "<x> / <r>, linear light"),
+    ];
+    for (name, value, formula) in lines {
+        writeln!(text, "{name:<13}{:>12}   {formula}", significant(value))?;
+    }
+    if comparison.excluded_pixels > 0 {
+        writeln!(
+            text,
+            "{} pixels are left out: {} of the image and {} of the reference are NaN or infinite",
+            comparison.excluded_pixels, pair.image_non_finite, pair.reference_non_finite
+        )?;
+    }
+    Ok(text)
+}
+
+/// Five significant digits, with an exponent where a plain number would hide them.
+fn significant(value: f64) -> String {
+    if value != 0.0 && value.is_finite() && value.abs() < 1e-3 {
+        format!("{value:.4e}")
+    } else {
+        format!("{value:.5}")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::Parser;
+
+    #[derive(Parser)]
+    struct Cli {
+        #[command(flatten)]
+        compare: CompareArgs,
+    }
+
+    /// Writes a PNG of one value per file and compares the two.
+    struct Files {
+        folder: tempfile::TempDir,
+    }
+
+    impl Files {
+        fn new(image: &Planes, reference: &Planes) -> Self {
+            let files = Self { folder: tempfile::tempdir().unwrap() };
+            for (name, planes) in [("image.exr", image), ("reference.exr", reference)] {
+                let channels: Vec<_> = ["R", "G", "B", "Noisy.R", "Noisy.G", "Noisy.B"]
+                    .into_iter()
+                    .zip(0..planes.count())
+                    .map(|(name, i)| {
+                        exr_file::Channel::new(name, planes.plane(i), exr_file::Precision::Float)
+                    })
+                    .collect();
+                let windows = exr_file::Windows::whole(planes.width(), planes.height());
+                exr_file::write(&files.path(name), windows, &channels, &[]).unwrap();
+            }
+            files
+        }
+
+        fn path(&self, name: &str) -> PathBuf {
+            self.folder.path().join(name)
+        }
+
+        fn run(&self, options: &[&str]) -> anyhow::Result<u8> {
+            let (image, reference) = (self.path("image.exr"), self.path("reference.exr"));
+            let files = [image.as_os_str(), reference.as_os_str()];
+            let arguments = std::iter::once("compare".as_ref()).chain(files);
+            let cli = Cli::try_parse_from(arguments.chain(options.iter().map(|o| o.as_ref())))?;
+            run(&cli.compare)
+        }
+    }
+
+    fn filled(width: usize, height: usize, values: &[f32]) -> Planes {
+        let mut planes = Planes::new(width, height, values.len());
+        for (plane, value) in planes.planes_mut().zip(values) {
+            plane.fill(*value);
+        }
+        planes
+    }
+
+    #[test]
+    fn the_limit_on_relmse_decides_the_exit_status() {
+        // (0.5 - 0.25)^2 / (0.25^2 + 0.01) = 0.862
+        let files = Files::new(&filled(4, 4, &[0.5; 3]), &filled(4, 4, &[0.25; 3]));
+        assert_eq!(files.run(&[]).unwrap(), 0);
+        assert_eq!(files.run(&["--max-relmse", "0.87"]).unwrap(), 0);
+        assert_eq!(files.run(&["--max-relmse", "0.85", "--json"]).unwrap(), 1);
+        for limit in ["nan", "-1", "x"] {
+            assert!(files.run(&[&format!("--max-relmse={limit}")]).is_err());
+        }
+    }
+
+    #[test]
+    fn another_layer_is_compared_with_the_references_picture() {
+        let image = filled(4, 4, &[0.5, 0.5, 0.5, 0.25, 0.25, 0.25]);
+        let files = Files::new(&image, &filled(4, 4, &[0.25; 3]));
+        assert_eq!(files.run(&["--layer", "Noisy", "--max-relmse", "0"]).unwrap(), 0);
+        assert_eq!(files.run(&["--max-relmse", "0"]).unwrap(), 1);
+        let message = files.run(&["--layer", "Albedo"]).unwrap_err().to_string();
+        assert!(message.contains("no channels Albedo.R, Albedo.G, Albedo.B; the file has B, G"), "{message}");
+    }
+
+    #[test]
+    fn other_sizes_are_one_clear_line() {
+        let files = Files::new(&filled(4, 4, &[0.5; 3]), &filled(4, 5, &[0.5; 3]));
+        let message = format!("{:#}", files.run(&[]).unwrap_err());
+        assert!(message.ends_with("the sizes differ: the image is 4x4, the reference is 4x5"), "{message}");
+        assert_eq!(message.lines().count(), 1);
+    }
+
+    #[test]
+    fn the_error_image_has_the_images_size_and_must_be_a_png() {
+        let files = Files::new(&filled(5, 4, &[0.9; 3]), &filled(5, 4, &[0.1; 3]));
+        let path = files.path("flip.png");
+        files.run(&["--error-image", path.to_str().unwrap()]).unwrap();
+        let map = png_file::read(&path).unwrap();
+        assert_eq!((map.width(), map.height()), (5, 4));
+        assert!(map.at(0, 2, 2) > 0.5, "a large difference is bright");
+        assert!(files.run(&["--error-image", "flip.exr"]).is_err());
+    }
+
+    #[test]
+    fn json_has_the_promised_keys_and_no_infinity() {
+        let (image, reference) = (filled(4, 4, &[0.5; 3]), filled(4, 4, &[0.5; 3]));
+        let pair = Pair::new(&image, &reference).unwrap();
+        let comparison = Comparison {
+            mse: pair.mse(),
+            relmse: pair.relmse(),
+            block_relmse: pair.block_relmse(),
+            psnr: pair.psnr(),
+            ssim: pair.ssim(),
+            flip: pair.flip().mean,
+            mean_ratio: pair.mean_ratio(),
+            excluded_pixels: pair.excluded(),
+        };
+        let json = serde_json::to_value(&comparison).unwrap();
+        for (key, value) in [("mse", 0.0), ("relmse", 0.0), ("ssim", 1.0), ("flip", 0.0), ("mean_ratio", 1.0)]
+        {
+            assert_eq!(json[key], value, "{key}");
+        }
+        assert!(json["psnr"].is_null());
+    }
+
+    #[test]
+    fn small_numbers_keep_their_digits() {
+        assert_eq!(significant(0.000_012_345), "1.2345e-5");
+        assert_eq!(significant(0.5), "0.50000");
+        assert_eq!(significant(0.0), "0.00000");
+        assert_eq!(significant(f64::INFINITY), "inf");
+    }
+}

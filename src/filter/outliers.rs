@@ -1,0 +1,189 @@
+//! Pixels far brighter than all around them because of one sample of rare light ("fireflies"):
+//! found by comparison with the median, clamped before filtering; what is cut off is spread over
+//! the pixels that resemble them.
+//!
+//! Stands in for RPF's spike step (Sen and Darabi 2012, section 5), which works on the samples of
+//! a pixel after each pass; after the first pass of the pixel-based method there are none.
+
+use rayon::prelude::*;
+
+use crate::image::Planes;
+
+/// When a pixel is an outlier, and what happens to the energy above its bound.
+#[derive(Clone, Copy, Debug, serde::Serialize)]
+pub struct OutlierSettings {
+    /// The bound on luminance is this many times the median of 5×5 pixels …
+    pub medians: f32,
+    /// … and this many deviations (1.48 median absolute deviations) more.
+    pub deviations: f32,
+    /// One half of the samples holds more than this share of an outlier's energy; light that both
+    /// halves saw is no accident.
+    pub half_share: f32,
+    /// Side of the window, in pixels, over which energy is spread; 0 drops it.
+    pub spread_window: usize,
+    /// A pixel takes from one outlier at most this share of its own luminance; more would be a
+    /// halo, and is dropped.
+    pub spread_limit: f32,
+}
+
+impl Default for OutlierSettings {
+    fn default() -> Self {
+        Self { medians: 8.0, deviations: 4.0, half_share: 0.8, spread_window: 17, spread_limit: 0.05 }
+    }
+}
+
+/// Colours without outliers.
+#[derive(Clone, Debug)]
+pub struct Clamped {
+    /// Mean colour of all samples: 3 planes.
+    pub whole: Planes,
+    /// Mean colour of each half of the samples.
+    pub halves: [Planes; 2],
+    /// The outliers.
+    pub outliers: Vec<Outlier>,
+}
+
+/// One outlier.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Outlier {
+    /// Index of the pixel in a plane.
+    pub pixel: usize,
+    /// What was cut off the whole's mean.
+    pub excess: [f32; 3],
+    /// Luminance that is left over luminance that was: in (0, 1).
+    pub scale: f32,
+}
+
+/// Clamps outliers. `whole` and `halves` are means of 3 planes, `counts` the halves' numbers of
+/// samples.
+pub fn clamp(
+    whole: &Planes,
+    halves: [&Planes; 2],
+    counts: [&[u32]; 2],
+    settings: &OutlierSettings,
+) -> Clamped {
+    let (width, height) = (whole.width(), whole.height());
+    let luminances: Vec<f32> = (0..whole.pixels()).map(|i| luminance(whole, i)).collect();
+    let bounds: Vec<Option<f32>> = (0..whole.pixels())
+        .into_par_iter()
+        .map(|i| {
+            let bound = bound(&luminances, (i % width, i / width), (width, height), settings)?;
+            let [a, b] = [0, 1].map(|h| luminance(halves[h], i) * counts[h][i] as f32);
+            (a.max(b) > settings.half_share * (a + b)).then_some(bound)
+        })
+        .collect();
+
+    let mut clamped =
+        Clamped { whole: whole.clone(), halves: halves.map(Planes::clone), outliers: Vec::new() };
+    for (pixel, bound) in bounds.iter().enumerate() {
+        let Some(bound) = *bound else { continue };
+        for half in &mut clamped.halves {
+            let scale = (bound / luminance(half, pixel).max(bound)).min(1.0);
+            half.planes_mut().for_each(|plane| plane[pixel] *= scale);
+        }
+        let [a, b] = counts.map(|counts| counts[pixel] as f32);
+        let mut excess = [0.0; 3];
+        for (k, excess) in excess.iter_mut().enumerate() {
+            let [of_a, of_b] = [0, 1].map(|h| clamped.halves[h].plane(k)[pixel]);
+            let value = &mut clamped.whole.plane_mut(k)[pixel];
+            let left = (a * of_a + b * of_b) / (a + b);
+            *excess = *value - left;
+            *value = left;
+        }
+        let scale = luminance(&clamped.whole, pixel) / luminances[pixel];
+        clamped.outliers.push(Outlier { pixel, excess, scale });
+    }
+    clamped
+}
+
+/// Adds each outlier's excess to the pixels of the window around it that resemble it, with weights
+/// that fall off as a Gaussian of a quarter window. All of `images` get the same, within
+/// the limit that the first one sets.
+pub fn spread(
+    outliers: &[Outlier],
+    images: &mut [&mut Planes],
+    settings: &OutlierSettings,
+    resembles: impl Fn((usize, usize), (usize, usize)) -> bool + Sync,
+) {
+    let [image, ..] = images else { return };
+    if settings.spread_window == 0 {
+        return;
+    }
+    let (width, height) = (image.width(), image.height());
+    let limits: Vec<f32> = (0..image.pixels()).map(|i| settings.spread_limit * luminance(image, i)).collect();
+    let radius = settings.spread_window / 2;
+    let factor = -8.0 / (settings.spread_window * settings.spread_window) as f32;
+    let shares = |outlier: &Outlier| {
+        let (x, y) = (outlier.pixel % width, outlier.pixel / width);
+        let mut shares = Vec::new();
+        let mut total = 0.0;
+        for yj in y.saturating_sub(radius)..=(y + radius).min(height - 1) {
+            for xj in x.saturating_sub(radius)..=(x + radius).min(width - 1) {
+                if (xj, yj) == (x, y) || resembles((x, y), (xj, yj)) {
+                    let distance = xj.abs_diff(x).pow(2) + yj.abs_diff(y).pow(2);
+                    let weight = (factor * distance as f32).exp();
+                    total += weight;
+                    shares.push((yj * width + xj, weight));
+                }
+            }
+        }
+        let excess = luminance_of(outlier.excess);
+        for (pixel, share) in &mut shares {
+            *share = (*share / total).min(limits[*pixel] / excess);
+        }
+        shares
+    };
+    let all: Vec<_> = outliers.par_iter().map(shares).collect();
+    for (outlier, shares) in outliers.iter().zip(all) {
+        for (pixel, share) in shares {
+            for image in images.iter_mut() {
+                for (plane, excess) in image.planes_mut().zip(outlier.excess) {
+                    plane[pixel] += share * excess;
+                }
+            }
+        }
+    }
+}
+
+/// Most that a pixel's luminance may be, if it is more. A pixel most of whose neighbours are black
+/// has no bound: there all light is rare, and cutting it off would leave nothing.
+fn bound(
+    luminances: &[f32],
+    (x, y): (usize, usize),
+    (width, height): (usize, usize),
+    settings: &OutlierSettings,
+) -> Option<f32> {
+    const RADIUS: usize = 2;
+    let own = luminances[y * width + x];
+    let mut around = [0.0; (2 * RADIUS + 1).pow(2)];
+    let mut n = 0;
+    for yj in y.saturating_sub(RADIUS)..=(y + RADIUS).min(height - 1) {
+        for xj in x.saturating_sub(RADIUS)..=(x + RADIUS).min(width - 1) {
+            around[n] = luminances[yj * width + xj];
+            n += 1;
+        }
+    }
+    let around = &mut around[..n];
+    let median = median(around);
+    if own <= settings.medians * median || median <= 0.0 {
+        return None;
+    }
+    around.iter_mut().for_each(|l| *l = (*l - median).abs());
+    let deviation = 1.48 * self::median(around);
+    let bound = settings.medians * median + settings.deviations * deviation;
+    (own > bound).then_some(bound)
+}
+
+fn median(values: &mut [f32]) -> f32 {
+    let middle = values.len() / 2;
+    *values.select_nth_unstable_by(middle, f32::total_cmp).1
+}
+
+fn luminance(planes: &Planes, i: usize) -> f32 {
+    luminance_of([0, 1, 2].map(|k| planes.plane(k)[i]))
+}
+
+/// Rec. 709.
+fn luminance_of([r, g, b]: [f32; 3]) -> f32 {
+    0.2126 * r + 0.7152 * g + 0.0722 * b
+}
