@@ -39,9 +39,8 @@ impl Effects {
     /// Reads off a scene what it calls for.
     pub fn of(scene: &Scene) -> Self {
         let camera = &scene.camera;
-        let moves = |transform: &AnimatedTransform| {
-            transform.moves_during(camera.shutter_open, camera.shutter_close)
-        };
+        let moves =
+            |transform: &AnimatedTransform| transform.moves_during(camera.shutter_open, camera.shutter_close);
         let lit = |color: Vec3| color != Vec3::ZERO;
         let emits = scene.primitives.iter().any(|p| p.area_light.is_some_and(|light| lit(light.radiance)));
         let environment =
@@ -216,7 +215,11 @@ mod tests {
             ("", "LightSource \"infinite\"", &["area-lights", "environment", "visible-emission"]),
             ("", "Material \"conductor\" \"float roughness\" .1 Shape \"sphere\"", &["glossy"]),
             ("", "Material \"dielectric\" Shape \"sphere\"", &["specular"]),
-            ("", "Shape \"sphere\" Material \"diffuse\" \"rgb reflectance\" [1 0 0] Shape \"sphere\"", &["textures"]),
+            (
+                "",
+                "Shape \"sphere\" Material \"diffuse\" \"rgb reflectance\" [1 0 0] Shape \"sphere\"",
+                &["textures"],
+            ),
             ("", "Shape \"sphere\" \"float alpha\" .5", &["alpha"]),
         ];
         for (header, world, expected) in cases {

@@ -45,13 +45,14 @@ impl View {
     /// Makes sense of the header. `place` is that of `WorldBegin`.
     pub fn new(reader: &mut Reader, header: &BTreeMap<&'static str, Kept>, place: Place) -> Result<Self> {
         let none = Params::none(place);
-        let entry = |names: &[&'static str], default: &'static str| {
-            match names.iter().find_map(|name| header.get(name)) {
-                Some(Kept { statement: Statement { strings, params, place, .. }, ctm }) => {
-                    Entry { kind: strings[0].as_str(), params, place: *place, ctm: *ctm }
-                }
-                None => Entry { kind: default, params: &none, place, ctm: [DAffine3::IDENTITY; 2] },
+        let entry = |names: &[&'static str], default: &'static str| match names
+            .iter()
+            .find_map(|name| header.get(name))
+        {
+            Some(Kept { statement: Statement { strings, params, place, .. }, ctm }) => {
+                Entry { kind: strings[0].as_str(), params, place: *place, ctm: *ctm }
             }
+            None => Entry { kind: default, params: &none, place, ctm: [DAffine3::IDENTITY; 2] },
         };
         let filter = match header.get("PixelFilter") {
             Some(_) => pixel_filter(&entry(&["PixelFilter"], ""))?,
@@ -60,7 +61,8 @@ impl View {
         let film = film(reader, &entry(&["Film"], "rgb"), filter)?;
         let (camera, origin) = camera(reader, &entry(&["Camera"], "perspective"), &film)?;
         let default_integrator = reader.dialect.default_integrator();
-        let integrator = integrator(reader, &entry(&["Integrator", "SurfaceIntegrator"], default_integrator))?;
+        let integrator =
+            integrator(reader, &entry(&["Integrator", "SurfaceIntegrator"], default_integrator))?;
         let (sampler, spp) = sampler(reader, &entry(&["Sampler"], "zsobol"))?;
         Ok(Self { origin, camera, film, integrator, sampler, spp })
     }
@@ -75,16 +77,18 @@ fn film(reader: &mut Reader, entry: &Entry, filter: PixelFilter) -> Result<Film>
     let width = params.integer_in("xresolution", default_width, 1..=MAX_SIDE)?;
     let height = params.integer_in("yresolution", default_height, 1..=MAX_SIDE)?;
     if u64::from(width) * u64::from(height) > MAX_PIXELS {
-        let message = format!("a film of {width}x{height} pixels; up to {MAX_PIXELS} pixels would be accepted");
+        let message =
+            format!("a film of {width}x{height} pixels; up to {MAX_PIXELS} pixels would be accepted");
         return Err(Fault::new(*place, message));
     }
     let (w, h) = (f64::from(width), f64::from(height));
     let four = |name: &str, numbers: Option<&[f64]>| match numbers {
         None => Ok(None),
         Some(&[a, b, c, d]) => Ok(Some([a, b, c, d])),
-        Some(numbers) => {
-            Err(Fault::new(*place, format!("{} numbers for \"{name}\"; four would be accepted", numbers.len())))
-        }
+        Some(numbers) => Err(Fault::new(
+            *place,
+            format!("{} numbers for \"{name}\"; four would be accepted", numbers.len()),
+        )),
     };
     let mut bounds = [0.0, w, 0.0, h];
     if let Some([x0, x1, y0, y1]) = four("pixelbounds", params.integers("pixelbounds")?)? {
@@ -92,8 +96,7 @@ fn film(reader: &mut Reader, entry: &Entry, filter: PixelFilter) -> Result<Film>
     }
     if let Some([x0, x1, y0, y1]) = four("cropwindow", params.floats("cropwindow")?)? {
         let pixel = |fraction: f64, size: f64| (fraction.clamp(0.0, 1.0) * size).ceil();
-        bounds =
-            [pixel(x0.min(x1), w), pixel(x0.max(x1), w), pixel(y0.min(y1), h), pixel(y0.max(y1), h)];
+        bounds = [pixel(x0.min(x1), w), pixel(x0.max(x1), w), pixel(y0.min(y1), h), pixel(y0.max(y1), h)];
     }
     let pixel_bounds = bounds.map(|b| b as usize);
     if pixel_bounds[0] >= pixel_bounds[1] || pixel_bounds[2] >= pixel_bounds[3] {
@@ -123,12 +126,14 @@ fn pixel_filter(entry: &Entry) -> Result<PixelFilter> {
     let side = |name: &str, default: f64| -> Result<f32> {
         let radius = params.positive_or(name, default)?;
         if radius > MAX_FILTER_RADIUS {
-            let message = format!("\"{name}\" is {radius}; up to {MAX_FILTER_RADIUS} pixels would be accepted");
+            let message =
+                format!("\"{name}\" is {radius}; up to {MAX_FILTER_RADIUS} pixels would be accepted");
             return Err(Fault::new(*place, message));
         }
         Ok(radius as f32)
     };
-    let radius = |default: f64| -> Result<[f32; 2]> { Ok([side("xradius", default)?, side("yradius", default)?]) };
+    let radius =
+        |default: f64| -> Result<[f32; 2]> { Ok([side("xradius", default)?, side("yradius", default)?]) };
     Ok(match *kind {
         "box" => PixelFilter::Box { radius: radius(0.5)? },
         "triangle" => PixelFilter::Triangle { radius: radius(2.0)? },
@@ -179,7 +184,8 @@ fn camera(reader: &mut Reader, entry: &Entry, film: &Film) -> Result<(Camera, DV
         "perspective" => {
             let fov = params.float_or("fov", 90.0)?;
             if !(fov > 0.0 && fov < 180.0) {
-                let message = format!("\"fov\" is {fov}; an angle between 0 and 180 degrees would be accepted");
+                let message =
+                    format!("\"fov\" is {fov}; an angle between 0 and 180 degrees would be accepted");
                 return Err(Fault::new(*place, message));
             }
             Projection::Perspective { tan_half_fov: (fov.to_radians() / 2.0).tan() as f32 }
@@ -200,7 +206,10 @@ fn camera(reader: &mut Reader, entry: &Entry, film: &Film) -> Result<(Camera, DV
     // The transform at the camera is world to camera. Render space has its origin at the camera.
     let [to_world_start, to_world_end] = ctm.map(|ctm| ctm.inverse());
     if !(to_world_start.is_finite() && to_world_end.is_finite()) {
-        return Err(Fault::new(*place, "a camera with a singular transform; one that can be inverted would be accepted"));
+        return Err(Fault::new(
+            *place,
+            "a camera with a singular transform; one that can be inverted would be accepted",
+        ));
     }
     let [t0, t1] = reader.transform_times;
     let to_world = AnimatedTransform::new(to_world_start, to_world_end, t0, t1);
@@ -235,9 +244,8 @@ fn sampler(reader: &mut Reader, entry: &Entry) -> Result<(SamplerKind, u32)> {
     let Entry { kind, params, place, .. } = entry;
     let sampler = match *kind {
         "independent" | "random" => SamplerKind::Independent,
-        "sobol" | "zsobol" | "paddedsobol" | "halton" | "stratified" | "pmj02bn" | "lowdiscrepancy" | "02sequence" => {
-            SamplerKind::Sobol
-        }
+        "sobol" | "zsobol" | "paddedsobol" | "halton" | "stratified" | "pmj02bn" | "lowdiscrepancy"
+        | "02sequence" => SamplerKind::Sobol,
         other => {
             reader.warnings.add(*place, format!("sampler \"{other}\" is read as \"zsobol\""));
             SamplerKind::Sobol

@@ -109,7 +109,12 @@ pub fn parameter_type(name: &str) -> Option<ParamType> {
 
 impl Reader {
     /// A material of an older dialect; `None` if the name is none of theirs.
-    pub fn old_material(&mut self, kind: &str, params: &Params, place: Place) -> Result<Option<MaterialKind>> {
+    pub fn old_material(
+        &mut self,
+        kind: &str,
+        params: &Params,
+        place: Place,
+    ) -> Result<Option<MaterialKind>> {
         let half = Vec3::splat(0.5);
         let quarter = Vec3::splat(0.25);
         Ok(Some(match kind {
@@ -132,7 +137,11 @@ impl Reader {
             "plastic" | "substrate" => {
                 self.warnings.add(place, format!("material \"{kind}\" is approximated by \"coateddiffuse\""));
                 MaterialKind::CoatedDiffuse {
-                    reflectance: self.rgb_texture_or(params, "Kd", if kind == "plastic" { quarter } else { half })?,
+                    reflectance: self.rgb_texture_or(
+                        params,
+                        "Kd",
+                        if kind == "plastic" { quarter } else { half },
+                    )?,
                     eta: 1.5,
                     roughness: self.old_roughness(params, 0.1)?,
                 }

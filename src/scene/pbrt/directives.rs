@@ -135,7 +135,8 @@ impl Reader {
             };
             let Some(directive) = found else {
                 let found = token.kind.describe();
-                let message = format!("{found}; a directive such as Shape or AttributeBegin would be accepted");
+                let message =
+                    format!("{found}; a directive such as Shape or AttributeBegin would be accepted");
                 return Err(Fault::new(token.place, message));
             };
             self.check_phase(directive, token.place)?;
@@ -163,14 +164,19 @@ impl Reader {
         let name = &statement.strings[0];
         let path = self.resolve(name);
         let fault = |message: String| Fault::new(statement.place, message);
-        let text = files::read(&path)
-            .map_err(|e| fault(format!("\"{}\" cannot be read: {e}; a scene file would be accepted", path.display())))?;
+        let text = files::read(&path).map_err(|e| {
+            fault(format!("\"{}\" cannot be read: {e}; a scene file would be accepted", path.display()))
+        })?;
         let canonical = path.canonicalize().unwrap_or_else(|_| path.clone());
         if self.open.contains(&canonical) {
-            return Err(fault(format!("\"{name}\", which is being read already; another file would be accepted")));
+            return Err(fault(format!(
+                "\"{name}\", which is being read already; another file would be accepted"
+            )));
         }
         if self.open.len() >= MAX_INCLUDE_DEPTH {
-            return Err(fault(format!("includes more than {MAX_INCLUDE_DEPTH} deep; fewer would be accepted")));
+            return Err(fault(format!(
+                "includes more than {MAX_INCLUDE_DEPTH} deep; fewer would be accepted"
+            )));
         }
         self.open.push(canonical);
         self.files.push(path.display().to_string());

@@ -149,7 +149,10 @@ impl<'a> Lexer<'a> {
                     end += 2;
                 }
                 Some(b'\n') | None => {
-                    return Err(Fault::new(place, "a string without an end; `\"` on the same line would end it"));
+                    return Err(Fault::new(
+                        place,
+                        "a string without an end; `\"` on the same line would end it",
+                    ));
                 }
                 Some(_) => end += 1,
             }
@@ -214,7 +217,8 @@ mod tests {
 
     #[test]
     fn places_are_counted_from_one() {
-        let places: Vec<_> = tokens("# c\n  A\n\tB C").iter().map(|t| (t.place.line, t.place.column)).collect();
+        let places: Vec<_> =
+            tokens("# c\n  A\n\tB C").iter().map(|t| (t.place.line, t.place.column)).collect();
         assert_eq!(places, [(2, 3), (3, 2), (3, 4)]);
     }
 

@@ -9,8 +9,8 @@ use super::params::Params;
 use super::state::Reader;
 use super::textures::encoding;
 use super::{Fault, Result};
-use crate::scene::light::{AreaLight, Environment, EnvironmentMap};
 use crate::scene::Light;
+use crate::scene::light::{AreaLight, Environment, EnvironmentMap};
 
 impl Reader {
     pub fn area_light_source(&mut self, statement: &Statement) -> Result<()> {
@@ -143,14 +143,16 @@ impl Reader {
             None => None,
             Some(file) => {
                 let image = self.load_image(file, encoding(params)?, params.place)?;
-                let (width, height) = (self.textures.image(image).width(), self.textures.image(image).height());
+                let (width, height) =
+                    (self.textures.image(image).width(), self.textures.image(image).height());
                 if self.dialect.environments_are_lat_long() {
                     Some(EnvironmentMap::LatLong(image))
                 } else if width == height {
                     Some(EnvironmentMap::EqualArea(image))
                 } else {
-                    let message =
-                        format!("environment \"{file}\" of {width}x{height} texels; a square one would be accepted");
+                    let message = format!(
+                        "environment \"{file}\" of {width}x{height} texels; a square one would be accepted"
+                    );
                     return Err(Fault::new(params.place, message));
                 }
             }

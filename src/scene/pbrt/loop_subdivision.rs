@@ -247,10 +247,8 @@ mod tests {
     #[test]
     fn a_flat_patch_stays_flat_with_a_straight_border_and_one_normal() {
         let positions: Vec<_> = (0..9).map(|i| DVec3::new(f64::from(i % 3), f64::from(i / 3), 0.0)).collect();
-        let triangles: Vec<[u32; 3]> = [0, 1, 3, 4]
-            .into_iter()
-            .flat_map(|i| [[i, i + 1, i + 4], [i, i + 4, i + 3]])
-            .collect();
+        let triangles: Vec<[u32; 3]> =
+            [0, 1, 3, 4].into_iter().flat_map(|i| [[i, i + 1, i + 4], [i, i + 4, i + 3]]).collect();
         let mesh = subdivide(&positions, &triangles, 2).unwrap();
         assert!(mesh.positions.iter().all(|p| p.z == 0.0 && p.x >= 0.0 && p.x <= 2.0));
         assert!(mesh.normals.iter().all(|n| n.normalize() == -DVec3::Z));

@@ -65,11 +65,20 @@ impl Reader {
 
     fn find_material(&self, name: &str, place: Place) -> Result<MaterialId> {
         self.named_materials.get(name).copied().ok_or_else(|| {
-            Fault::new(place, format!("material \"{name}\"; one that MakeNamedMaterial made before would be accepted"))
+            Fault::new(
+                place,
+                format!("material \"{name}\"; one that MakeNamedMaterial made before would be accepted"),
+            )
         })
     }
 
-    fn make_material(&mut self, name: &str, kind: &str, params: &Params, statement: &Statement) -> Result<MaterialId> {
+    fn make_material(
+        &mut self,
+        name: &str,
+        kind: &str,
+        params: &Params,
+        statement: &Statement,
+    ) -> Result<MaterialId> {
         let kind = self.material_kind(kind, params, statement.place)?;
         let displacement = match (params.get("displacement"), params.get("bumpmap")) {
             (None, None) => None,
@@ -197,7 +206,11 @@ impl Reader {
         let common = self.float_texture_or(params, &format!("{prefix}roughness"), default)?;
         let mut along = |axis: &str| -> Result<FloatTextureId> {
             let name = format!("{prefix}{axis}roughness");
-            if params.get(&name).is_some() { self.float_texture_or(params, &name, default) } else { Ok(common) }
+            if params.get(&name).is_some() {
+                self.float_texture_or(params, &name, default)
+            } else {
+                Ok(common)
+            }
         };
         let (u, v) = (along("u")?, along("v")?);
         Ok(Roughness { u, v, remap: params.bool_or("remaproughness", true)? })

@@ -24,11 +24,18 @@ impl MeshDescription {
     ///
     /// # Errors
     /// One sentence on what is wrong with the mesh.
-    pub fn bake(&self, transform: DAffine3, flip_normal: bool, reverse: bool) -> Result<TriangleMesh, String> {
+    pub fn bake(
+        &self,
+        transform: DAffine3,
+        flip_normal: bool,
+        reverse: bool,
+    ) -> Result<TriangleMesh, String> {
         let count = self.positions.len();
         for (name, length) in [("normals", self.normals.len()), ("uvs", self.uvs.len())] {
             if length != 0 && length != count {
-                return Err(format!("{length} {name} for {count} vertices; none or as many would be accepted"));
+                return Err(format!(
+                    "{length} {name} for {count} vertices; none or as many would be accepted"
+                ));
             }
         }
         let positions: Vec<Vec3> =
@@ -40,14 +47,18 @@ impl MeshDescription {
             return Err(format!("uv {uv} is not finite; finite coordinates would be accepted"));
         }
         if let Some(index) = self.indices.as_flattened().iter().find(|&&index| index as usize >= count) {
-            return Err(format!("index {index} of {count} vertices; 0 to {} would be accepted", count as i64 - 1));
+            return Err(format!(
+                "index {index} of {count} vertices; 0 to {} would be accepted",
+                count as i64 - 1
+            ));
         }
         let to_normal = transform.matrix3.inverse().transpose();
         let sign = if reverse { -1.0 } else { 1.0 };
         let normals: Vec<Vec3> =
             self.normals.iter().map(|&n| (sign * (to_normal * n)).normalize_or_zero().as_vec3()).collect();
         let uvs = self.uvs.iter().map(|uv| uv.as_vec2()).collect();
-        let mut mesh = TriangleMesh { positions, normals, uvs, indices: Vec::with_capacity(self.indices.len()) };
+        let mut mesh =
+            TriangleMesh { positions, normals, uvs, indices: Vec::with_capacity(self.indices.len()) };
         for &triangle in &self.indices {
             mesh.add(triangle, flip_normal);
         }

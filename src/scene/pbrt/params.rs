@@ -67,7 +67,10 @@ impl Param {
         let (groups, rest) = self.numbers().as_chunks::<N>();
         match rest {
             [] => Ok(groups.iter()),
-            _ => Err(self.fault(format_args!("{} numbers", self.numbers().len()), &format!("a multiple of {N}"))),
+            _ => {
+                Err(self
+                    .fault(format_args!("{} numbers", self.numbers().len()), &format!("a multiple of {N}")))
+            }
         }
     }
 }
@@ -169,7 +172,12 @@ impl Params {
         match self.float_or(name, default)? {
             number if number > 0.0 => Ok(number),
             number => Err(self.get(name).map_or_else(
-                || Fault::new(self.place, format!("\"{name}\" is {number}; a number above 0 would be accepted")),
+                || {
+                    Fault::new(
+                        self.place,
+                        format!("\"{name}\" is {number}; a number above 0 would be accepted"),
+                    )
+                },
                 |param| param.fault(number, "a number above 0"),
             )),
         }
@@ -271,21 +279,17 @@ fn parse_param(lexer: &mut Lexer, declared: &str, place: Place) -> Result<Param>
         ParamType::Spectrum => matches!(values, Values::Strings(_) | Values::Numbers(_)),
         _ => matches!(values, Values::Numbers(_)),
     };
-    let param = Param {
-        kind,
-        type_name: type_name.into(),
-        name: name.into(),
-        values,
-        place,
-        used: Cell::new(false),
-    };
+    let param =
+        Param { kind, type_name: type_name.into(), name: name.into(), values, place, used: Cell::new(false) };
     if !fits {
         let (found, accepted) = match (&param.values, kind) {
             (Values::Numbers(_), ParamType::Bool) => ("numbers", "true or false"),
             (Values::Numbers(_), _) => ("numbers", "strings in quotes"),
             (Values::Strings(_), ParamType::Bool) => ("strings", "true or false"),
             (Values::Strings(_), _) => ("strings", "numbers"),
-            (Values::Bools(_), ParamType::String | ParamType::Texture) => ("truth values", "strings in quotes"),
+            (Values::Bools(_), ParamType::String | ParamType::Texture) => {
+                ("truth values", "strings in quotes")
+            }
             (Values::Bools(_), _) => ("truth values", "numbers"),
         };
         return Err(param.fault(found, accepted));
@@ -305,7 +309,10 @@ fn parse_values(lexer: &mut Lexer, kind: ParamType, place: Place) -> Result<Valu
     };
     loop {
         let Some(token) = lexer.next()? else {
-            return Err(Fault::new(place, "the file ends inside this parameter; values and `]` would be accepted"));
+            return Err(Fault::new(
+                place,
+                "the file ends inside this parameter; values and `]` would be accepted",
+            ));
         };
         if bracketed && token.kind == TokenKind::Close {
             return Ok(values.unwrap_or(Values::Numbers(Vec::new())));
@@ -320,7 +327,9 @@ fn parse_values(lexer: &mut Lexer, kind: ParamType, place: Place) -> Result<Valu
             (Some(Values::Bools(list)), kind) => {
                 list.push(truth(kind).ok_or_else(|| unexpected("true, false or `]`"))?);
             }
-            (None, kind) if truth(kind).is_some() => values = truth(kind).map(|truth| Values::Bools(vec![truth])),
+            (None, kind) if truth(kind).is_some() => {
+                values = truth(kind).map(|truth| Values::Bools(vec![truth]))
+            }
             (Some(Values::Strings(list)), TokenKind::Quoted(text)) => list.push(text.to_string()),
             (None, TokenKind::Quoted(text)) => values = Some(Values::Strings(vec![text.to_string()])),
             (Some(Values::Strings(_)), _) => return Err(unexpected("a string in quotes or `]`")),
@@ -342,8 +351,9 @@ mod tests {
 
     #[test]
     fn values_are_found_by_name_with_and_without_brackets() {
-        let params = params(r#""float a" 2 "integer b" [3] "bool c" true "string d" "x" "point3 e" [1 2 3 4 5 6]"#)
-            .unwrap();
+        let params =
+            params(r#""float a" 2 "integer b" [3] "bool c" true "string d" "x" "point3 e" [1 2 3 4 5 6]"#)
+                .unwrap();
         assert_eq!(params.float("a").unwrap(), Some(2.0));
         assert_eq!(params.integer_in("b", 0, 0..=9).unwrap(), 3);
         assert!(params.bool_or("c", false).unwrap());

@@ -31,7 +31,9 @@ impl Reader {
             "loopsubdiv" => self.mesh(params, &loop_subdivided(params)?, fault)?,
             "plymesh" => {
                 let Some(name) = params.string("filename")? else {
-                    return Err(fault("plymesh without a file; \"string filename\" would be accepted".into()));
+                    return Err(fault(
+                        "plymesh without a file; \"string filename\" would be accepted".into(),
+                    ));
                 };
                 let path = self.resolve(name);
                 let named = |message: String| fault(format!("mesh \"{}\": {message}", path.display()));
@@ -92,7 +94,12 @@ impl Reader {
     }
 
     /// Adds a mesh; `fault` says whose fault it is if there is something wrong with it.
-    fn mesh(&mut self, params: &Params, mesh: &MeshDescription, fault: impl Fn(String) -> Fault) -> Result<()> {
+    fn mesh(
+        &mut self,
+        params: &Params,
+        mesh: &MeshDescription,
+        fault: impl Fn(String) -> Fault,
+    ) -> Result<()> {
         let reference = mesh.positions.first().copied().filter(|p| p.is_finite()).unwrap_or_default();
         let Placement { group, to_group } = self.place_shape(reference, params.place)?;
         let reverse = self.state.reverse_orientation;
@@ -105,15 +112,20 @@ impl Reader {
         self.add_primitive(params, group, Shape::Mesh(Arc::new(baked)), flip_normal)
     }
 
-    fn add_primitive(&mut self, params: &Params, group: usize, shape: Shape, flip_normal: bool) -> Result<()> {
+    fn add_primitive(
+        &mut self,
+        params: &Params,
+        group: usize,
+        shape: Shape,
+        flip_normal: bool,
+    ) -> Result<()> {
         let material = self.state.material;
         let mut area_light = self.state.area_light;
         if area_light.is_some() && group != 0 {
             self.warnings.add(params.place, "area lights on moving or instanced shapes are not simulated");
             area_light = None;
         }
-        if area_light.is_some()
-            && matches!(self.materials[material.0 as usize].kind, MaterialKind::Interface)
+        if area_light.is_some() && matches!(self.materials[material.0 as usize].kind, MaterialKind::Interface)
         {
             // As in pbrt-v4: a boundary without a surface has nothing that could emit.
             self.warnings.add(params.place, "an area light on the material \"interface\" is left out");
@@ -154,7 +166,8 @@ fn triangle_mesh(params: &Params) -> Result<MeshDescription> {
         Some(indices) => indices,
         None if positions.len() == 3 => vec![[0, 1, 2]],
         None => {
-            let message = "a mesh without \"integer indices\"; these, or exactly three points, would be accepted";
+            let message =
+                "a mesh without \"integer indices\"; these, or exactly three points, would be accepted";
             return Err(Fault::new(params.place, message));
         }
     };
@@ -170,13 +183,17 @@ fn triangle_mesh(params: &Params) -> Result<MeshDescription> {
 fn loop_subdivided(params: &Params) -> Result<MeshDescription> {
     let positions = required_positions(params)?;
     let Some(indices) = indices(params)? else {
-        return Err(Fault::new(params.place, "loopsubdiv without \"integer indices\"; these would be accepted"));
+        return Err(Fault::new(
+            params.place,
+            "loopsubdiv without \"integer indices\"; these would be accepted",
+        ));
     };
     let name = if params.get("nlevels").is_some() { "nlevels" } else { "levels" };
     let levels = params.integer_in(name, 3, 0..=MAX_LEVELS)?;
     params.get("scheme");
     if indices.len() << (2 * levels) > MAX_SUBDIVIDED {
-        let message = format!("{} triangles, {levels} times subdivided; less would be accepted", indices.len());
+        let message =
+            format!("{} triangles, {levels} times subdivided; less would be accepted", indices.len());
         return Err(Fault::new(params.place, message));
     }
     loop_subdivision::subdivide(&positions, &indices, levels)
@@ -190,7 +207,8 @@ fn required_positions(params: &Params) -> Result<Vec<DVec3>> {
 
 fn indices(params: &Params) -> Result<Option<Vec<[u32; 3]>>> {
     let Some(numbers) = params.integers("indices")? else { return Ok(None) };
-    let fault = |message: String| Fault::new(params.get("indices").map_or(params.place, |p| p.place), message);
+    let fault =
+        |message: String| Fault::new(params.get("indices").map_or(params.place, |p| p.place), message);
     let (triangles, rest) = numbers.as_chunks::<3>();
     if !rest.is_empty() {
         return Err(fault(format!("{} indices; a multiple of 3 would be accepted", numbers.len())));

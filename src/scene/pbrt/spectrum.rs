@@ -54,7 +54,9 @@ impl Spectrum {
         let (pairs, rest) = numbers.as_chunks::<2>();
         match (pairs, rest) {
             ([], [value]) => Some(Spectrum::constant(*value)),
-            ([_, ..], []) if pairs.is_sorted_by(|a, b| a[0] < b[0]) => Some(Spectrum::Sampled(pairs.to_vec())),
+            ([_, ..], []) if pairs.is_sorted_by(|a, b| a[0] < b[0]) => {
+                Some(Spectrum::Sampled(pairs.to_vec()))
+            }
             _ => None,
         }
     }

@@ -199,13 +199,17 @@ impl Reader {
     pub fn pop(&mut self, block: Block, place: Place) -> Result<()> {
         let Some(frame) = self.stack.pop() else {
             let name = block.name();
-            return Err(Fault::new(place, format!("{name}End without {name}Begin; end of file or a directive would be accepted")));
+            return Err(Fault::new(
+                place,
+                format!("{name}End without {name}Begin; end of file or a directive would be accepted"),
+            ));
         };
         let crosses = frame.block != block && (frame.block == Block::Object || block == Block::Object);
         if crosses && !self.dialect.blocks_may_cross() {
             let (found, opened) = (block.name(), frame.block.name());
             let line = frame.place.line;
-            let message = format!("{found}End inside {opened}Begin of line {line}; {opened}End would be accepted");
+            let message =
+                format!("{found}End inside {opened}Begin of line {line}; {opened}End would be accepted");
             return Err(Fault::new(place, message));
         }
         if block == Block::Transform && self.dialect.transform_blocks_hold_transforms_only() {
@@ -220,7 +224,8 @@ impl Reader {
     fn check_end(&self) -> Result<()> {
         if let Some(frame) = self.stack.last() {
             let name = frame.block.name();
-            let message = format!("{name}Begin without an end; {name}End would be accepted before the file ends");
+            let message =
+                format!("{name}Begin without an end; {name}End would be accepted before the file ends");
             return Err(Fault::new(frame.place, message));
         }
         if self.view.is_none() {

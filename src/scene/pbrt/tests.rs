@@ -42,7 +42,8 @@ fn folder(files: &[(&str, &str)]) -> (tempfile::TempDir, PathBuf) {
     (folder, main)
 }
 
-const TRIANGLE: &str = "Shape \"trianglemesh\" \"point3 P\" [0 0 0 1 0 0 0 1 0] \"integer indices\" [0 1 2]\n";
+const TRIANGLE: &str =
+    "Shape \"trianglemesh\" \"point3 P\" [0 0 0 1 0 0 0 1 0] \"integer indices\" [0 1 2]\n";
 
 #[test]
 fn an_empty_scene_has_the_defaults_of_v4() {
@@ -205,7 +206,9 @@ fn lights_are_placed_and_scaled() {
          LightSource \"distant\" \"float illuminance\" 5
          LightSource \"infinite\" \"blackbody L\" 6500 \"float scale\" 3",
     );
-    let [Light::Point { position, intensity }, spot, distant, environment] = &scene.lights[..] else { panic!() };
+    let [Light::Point { position, intensity }, spot, distant, environment] = &scene.lights[..] else {
+        panic!()
+    };
     assert_eq!((*position, *intensity), (Vec3::new(2.0, 0.0, 0.0), Vec3::new(2.0, 4.0, 6.0)));
     let Light::Spot { axis, cos_falloff_start, cos_total_width, .. } = spot else { panic!() };
     assert!((*axis - Vec3::X).length() < 1e-6);
@@ -230,7 +233,10 @@ fn materials_have_their_parameters_and_defaults() {
     let kinds: Vec<_> = scene.materials.iter().skip(1).map(|material| &material.kind).collect();
     let MaterialKind::Conductor { roughness, .. } = kinds[0] else { panic!() };
     let constant = |id| scene.textures.constant_float(id);
-    assert_eq!((constant(roughness.u), constant(roughness.v), roughness.remap), (Some(0.5), Some(0.25), false));
+    assert_eq!(
+        (constant(roughness.u), constant(roughness.v), roughness.remap),
+        (Some(0.5), Some(0.25), false)
+    );
     let MaterialKind::Dielectric { eta, .. } = kinds[1] else { panic!() };
     assert_eq!(*eta, 1.5168);
     let MaterialKind::CoatedDiffuse { reflectance, eta, .. } = kinds[2] else { panic!() };
@@ -323,9 +329,17 @@ fn errors_say_where_and_what() {
         ("Scale 1 0 1 Camera \"perspective\" WorldBegin", (1, 13), "singular"),
         ("Camera \"fisheye\" WorldBegin", (1, 1), "camera \"fisheye\""),
         ("Film \"rgb\" \"integer xresolution\" 1000000000 WorldBegin", (1, 12), "1000000000"),
-        ("Film \"rgb\" \"integer xresolution\" 60000 \"integer yresolution\" 60000 WorldBegin", (1, 1), "pixels"),
+        (
+            "Film \"rgb\" \"integer xresolution\" 60000 \"integer yresolution\" 60000 WorldBegin",
+            (1, 1),
+            "pixels",
+        ),
         ("WorldBegin LookAt 0 0 0 0 0 1 0 0 1", (1, 12), "LookAt"),
-        ("WorldBegin Shape \"trianglemesh\" \"point3 P\" [0 0 0 1 0 0 0 1 0] \"integer indices\" [0 1 3]", (1, 12), "index 3"),
+        (
+            "WorldBegin Shape \"trianglemesh\" \"point3 P\" [0 0 0 1 0 0 0 1 0] \"integer indices\" [0 1 3]",
+            (1, 12),
+            "index 3",
+        ),
         ("WorldBegin Shape \"trianglemesh\" \"point3 P\" [0 0 0 1e300 0 0 0 1 0]", (1, 12), "vertex 1"),
         ("", (0, 0), "no WorldBegin"),
     ];
@@ -379,7 +393,8 @@ fn included_files_are_relative_to_the_main_one_and_errors_in_them_name_them() {
 
 #[test]
 fn cyclic_and_missing_includes_are_errors() {
-    let (_folder, main) = folder(&[("main.pbrt", "\nInclude \"a.pbrt\""), ("a.pbrt", "Include \"main.pbrt\"")]);
+    let (_folder, main) =
+        folder(&[("main.pbrt", "\nInclude \"a.pbrt\""), ("a.pbrt", "Include \"main.pbrt\"")]);
     let error = read(&main).unwrap_err();
     assert!(error.file.ends_with("a.pbrt") && error.message.contains("being read already"), "{error}");
 
@@ -440,7 +455,10 @@ fn the_cornell_box_is_read() {
     assert_eq!((scene.film.width, scene.film.height, scene.spp), (1024, 1024, 64));
     assert_eq!(scene.integrator, Integrator::Path { max_depth: 65 });
     assert_eq!(scene.primitives.iter().filter(|p| p.area_light.is_some()).count(), 1);
-    assert_eq!(scene.effects().names(), ["area-lights", "visible-emission", "second-hit", "indirect", "textures"]);
+    assert_eq!(
+        scene.effects().names(),
+        ["area-lights", "visible-emission", "second-hit", "indirect", "textures"]
+    );
     assert!(scene.warnings.is_empty(), "{:?}", scene.warnings);
 }
 

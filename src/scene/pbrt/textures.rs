@@ -118,13 +118,15 @@ impl Reader {
         }
         let path = self.resolve(name);
         let shown = path.display();
-        let text = files::read(&path)
-            .map_err(|error| param.fault(format_args!("\"{shown}\" ({error})"), "a spectrum's name or file"))?;
+        let text = files::read(&path).map_err(|error| {
+            param.fault(format_args!("\"{shown}\" ({error})"), "a spectrum's name or file")
+        })?;
         let text = String::from_utf8_lossy(&text);
         let words = text.lines().flat_map(|line| line.split('#').next().unwrap_or("").split_whitespace());
         let numbers: Option<Vec<f64>> =
             words.map(|word| word.parse().ok().filter(|number: &f64| number.is_finite())).collect();
-        let numbers = numbers.ok_or_else(|| param.fault(format_args!("file \"{shown}\""), "a file of numbers"))?;
+        let numbers =
+            numbers.ok_or_else(|| param.fault(format_args!("file \"{shown}\""), "a file of numbers"))?;
         spectrum_of_numbers(param, &numbers)
     }
 
@@ -193,7 +195,10 @@ impl Reader {
 
     fn image_texture(&mut self, params: &Params) -> Result<ImageTexture> {
         let Some(file) = params.string("filename")? else {
-            return Err(Fault::new(params.place, "an imagemap without a file; \"string filename\" would be accepted"));
+            return Err(Fault::new(
+                params.place,
+                "an imagemap without a file; \"string filename\" would be accepted",
+            ));
         };
         let wrap = match params.string("wrap")? {
             None | Some("repeat") => Wrap::Repeat,
@@ -202,7 +207,10 @@ impl Reader {
             Some("clamp" | "octahedralsphere") => Wrap::Clamp,
             Some(other) => {
                 let accepted = "repeat, black or clamp";
-                return Err(Fault::new(params.place, format!("wrap \"{other}\"; {accepted} would be accepted")));
+                return Err(Fault::new(
+                    params.place,
+                    format!("wrap \"{other}\"; {accepted} would be accepted"),
+                ));
             }
         };
         // Filtering is bilinear; samples do the rest.
@@ -244,7 +252,9 @@ impl Reader {
                 translation: offset.as_dvec2().extend(0.0),
             };
             if flip {
-                planes = DAffine3::from_translation(DVec3::Y) * DAffine3::from_scale(DVec3::new(1.0, -1.0, 1.0)) * planes;
+                planes = DAffine3::from_translation(DVec3::Y)
+                    * DAffine3::from_scale(DVec3::new(1.0, -1.0, 1.0))
+                    * planes;
             }
             return Ok(Mapping::Space((planes * self.to_texture(params.place)?).as_affine3a()));
         }
@@ -290,12 +300,15 @@ pub fn encoding(params: &Params) -> Result<Encoding> {
     match params.string("encoding")? {
         None | Some("sRGB") => Ok(Encoding::Srgb),
         Some("linear") => Ok(Encoding::Linear),
-        Some(other) => match other.strip_prefix("gamma ").and_then(|gamma| gamma.trim().parse::<f32>().ok()) {
-            Some(gamma) if gamma > 0.0 => Ok(Encoding::Gamma(gamma)),
-            _ => {
-                let message = format!("encoding \"{other}\"; sRGB, linear and \"gamma <number>\" are accepted");
-                Err(Fault::new(params.place, message))
+        Some(other) => {
+            match other.strip_prefix("gamma ").and_then(|gamma| gamma.trim().parse::<f32>().ok()) {
+                Some(gamma) if gamma > 0.0 => Ok(Encoding::Gamma(gamma)),
+                _ => {
+                    let message =
+                        format!("encoding \"{other}\"; sRGB, linear and \"gamma <number>\" are accepted");
+                    Err(Fault::new(params.place, message))
+                }
             }
-        },
+        }
     }
 }

@@ -8,7 +8,11 @@ use super::{Fault, Result};
 
 impl Reader {
     /// Changes the active ones of the two transforms.
-    fn change_ctm(&mut self, statement: &Statement, change: impl Fn(usize, DAffine3) -> DAffine3) -> Result<()> {
+    fn change_ctm(
+        &mut self,
+        statement: &Statement,
+        change: impl Fn(usize, DAffine3) -> DAffine3,
+    ) -> Result<()> {
         for key in 0..2 {
             if self.state.active[key] {
                 self.state.ctm[key] = change(key, self.state.ctm[key]);
@@ -41,7 +45,10 @@ impl Reader {
     pub fn rotate(&mut self, statement: &Statement) -> Result<()> {
         let axis = DVec3::from_slice(&statement.numbers[1..]);
         let Some(axis) = axis.try_normalize() else {
-            return Err(Fault::new(statement.place, "Rotate about the axis 0 0 0; another axis would be accepted"));
+            return Err(Fault::new(
+                statement.place,
+                "Rotate about the axis 0 0 0; another axis would be accepted",
+            ));
         };
         let angle = statement.numbers[0].to_radians();
         self.concat(statement, DAffine3::from_axis_angle(axis, angle))
@@ -78,7 +85,9 @@ impl Reader {
     pub fn coord_sys_transform(&mut self, statement: &Statement) -> Result<()> {
         let name = &statement.strings[0];
         let Some(&keys): Option<&Keys> = self.coordinate_systems.get(name) else {
-            let message = format!("coordinate system \"{name}\"; \"camera\", \"world\" or one named before is accepted");
+            let message = format!(
+                "coordinate system \"{name}\"; \"camera\", \"world\" or one named before is accepted"
+            );
             return Err(Fault::new(statement.place, message));
         };
         self.change_ctm(statement, |key, _| keys[key])
