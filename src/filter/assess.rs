@@ -25,13 +25,18 @@ pub(super) struct Assessment {
 }
 
 impl Assessment {
-    /// `noisy` went into the filter, `filtered` came out: 3 planes of each half. `own_weight`: a_h of
-    /// each pixel.
-    pub fn of(noisy: &Halves, filtered: &[Planes; 2], own_weight: &[Vec<f32>; 2]) -> Self {
+    /// `noisy` went into the filter, `filtered` came out, `emission` is added to it: 3 planes of each
+    /// half. `own_weight`: a_h of each pixel.
+    pub fn of(
+        noisy: &Halves,
+        filtered: &[Planes; 2],
+        emission: Option<&[Planes; 2]>,
+        own_weight: &[Vec<f32>; 2],
+    ) -> Self {
         let (width, height) = (filtered[0].width(), filtered[0].height());
         let mut variance = Planes::new(width, height, 3);
         let mut residual = Planes::new(width, height, 1);
-        let mut risk = vec![0.0; width * height];
+        let mut bias = vec![0.0; width * height];
         let mut spread = vec![0.0; width * height];
         for channel in 0..3 {
             let [c_a, c_b] = [0, 1].map(|h| noisy.mean[h].plane(channel));
@@ -42,9 +47,11 @@ impl Assessment {
                 let of_half = |f: f32, c: f32, v: f32, a: f32| (f - c).powi(2) - v + 2.0 * v * a;
                 let of_a = of_half(f_a[i], c_a[i], v_a[i], own_weight[0][i]);
                 let of_b = of_half(f_b[i], c_b[i], v_b[i], own_weight[1][i]);
-                risk[i] += (0.5 * (of_a + of_b) - between) / 3.0;
-                spread[i] += between / 3.0;
-                variance.plane_mut(channel)[i] = between;
+                bias[i] += (0.5 * (of_a + of_b) - 2.0 * between) / 3.0;
+                let emitted = emission.map_or(0.0, |[a, b]| a.plane(channel)[i] - b.plane(channel)[i]);
+                let in_all = 0.25 * (f_a[i] - f_b[i] + emitted).powi(2);
+                spread[i] += in_all / 3.0;
+                variance.plane_mut(channel)[i] = in_all;
 
                 let own = 0.5 * (own_weight[0][i] + own_weight[1][i]);
                 let expected = 0.25 * (v_a[i] + v_b[i]) * (1.0 - 2.0 * own).max(0.0) + between;
@@ -53,7 +60,6 @@ impl Assessment {
                 residual.plane_mut(0)[i] += if expected > 0.0 { seen / expected / 3.0 } else { 0.0 };
             }
         }
-        let bias: Vec<f32> = risk.iter().zip(&spread).map(|(r, s)| r - s).collect();
         let [bias, spread] = [bias, spread].map(|plane| blur::gaussian(width, height, &plane, RISK_SIGMA));
         let mut error = Planes::new(width, height, 1);
         for (error, (bias, spread)) in error.plane_mut(0).iter_mut().zip(bias.iter().zip(&spread)) {

@@ -7,6 +7,7 @@ use crate::image::Planes;
 use crate::stats::{Part, Store};
 
 use super::blur;
+use super::outliers::{self, OutlierSettings};
 
 /// Weight of the neighbourhood's variance against a pixel's own, in samples.
 const POOL_SAMPLES: f32 = 2.0;
@@ -25,13 +26,24 @@ pub(super) struct Halves {
     pub variance: [Planes; 2],
 }
 
-/// Sample counts of the halves, as floats.
+/// Sample counts of the halves.
 #[derive(Clone, Debug)]
-pub(super) struct Counts(pub [Vec<f32>; 2]);
+pub(super) struct Counts {
+    whole: [Vec<u32>; 2],
+    /// As floats.
+    of: [Vec<f32>; 2],
+}
 
 impl Counts {
     pub fn of(store: &Store) -> Self {
-        Self([0, 1].map(|h| store.counts(Part::Half(h)).into_iter().map(|n| n as f32).collect()))
+        let whole = [0, 1].map(|h| store.counts(Part::Half(h)));
+        let of = [0, 1].map(|h: usize| whole[h].iter().map(|&n| n as f32).collect());
+        Self { whole, of }
+    }
+
+    /// As whole numbers.
+    pub fn whole(&self) -> [&[u32]; 2] {
+        [&self.whole[0], &self.whole[1]]
     }
 
     /// Mean of the halves' values, weighted by their counts.
@@ -39,7 +51,7 @@ impl Counts {
         let mut mean = halves[0].clone();
         let pixels = mean.pixels();
         for (i, (a, &b)) in mean.data_mut().iter_mut().zip(halves[1].data()).enumerate() {
-            let (n_a, n_b) = (self.0[0][i % pixels], self.0[1][i % pixels]);
+            let (n_a, n_b) = (self.of[0][i % pixels], self.of[1][i % pixels]);
             let share = if n_a + n_b > 0.0 { n_b / (n_a + n_b) } else { 0.5 };
             *a += share * (b - *a);
         }
@@ -57,7 +69,7 @@ impl Halves {
         let mut variance = [sample_variance.clone(), sample_variance];
         // Points of low discrepancy make means less uncertain than s²/n; the halves are independent
         // and tell by how much.
-        for (variance, count) in variance.iter_mut().zip(&counts.0) {
+        for (variance, count) in variance.iter_mut().zip(&counts.of) {
             variance.planes_mut().par_bridge().for_each(|plane| {
                 plane.iter_mut().zip(count).for_each(|(v, n)| *v /= n.max(0.5));
             });
@@ -69,6 +81,20 @@ impl Halves {
             });
         }
         Self { mean, variance }
+    }
+
+    /// Clamps outliers; what is cut off is dropped.
+    pub fn clamp_outliers(&mut self, counts: &Counts, settings: &OutlierSettings) {
+        let [a, b] = &self.mean;
+        let clamped = outliers::clamp(&counts.mean(&self.mean), [a, b], counts.whole(), settings);
+        self.mean = clamped.halves;
+        for outlier in &clamped.outliers {
+            let factor = outlier.scale * outlier.scale;
+            self.variance
+                .iter_mut()
+                .flat_map(Planes::planes_mut)
+                .for_each(|plane| plane[outlier.pixel] *= factor);
+        }
     }
 
     /// Divides by a colour per pixel and half.
@@ -87,7 +113,7 @@ impl Halves {
 fn agreement(mean: &[Planes; 2], variance: &[Planes; 2], counts: &Counts) -> Vec<f32> {
     let (width, height) = (mean[0].width(), mean[0].height());
     let sum = |value: &(dyn Fn(usize, usize) -> f32 + Sync)| -> Vec<f32> {
-        let both = |i: usize| counts.0[0][i] > 0.0 && counts.0[1][i] > 0.0;
+        let both = |i: usize| counts.of[0][i] > 0.0 && counts.of[1][i] > 0.0;
         let of_pixel = |i| if both(i) { value(0, i) + value(1, i) + value(2, i) } else { 0.0 };
         let plane: Vec<f32> = (0..width * height).into_par_iter().map(of_pixel).collect();
         blur::gaussian(width, height, &plane, AGREEMENT_SIGMA)
@@ -104,7 +130,7 @@ fn agreement(mean: &[Planes; 2], variance: &[Planes; 2], counts: &Counts) -> Vec
 /// samples, half the squared difference of horizontal neighbours stands in.
 fn pool(variance: &mut Planes, mean: &Planes, counts: &Counts) {
     let (width, height) = (variance.width(), variance.height());
-    let count: Vec<f32> = counts.0[0].iter().zip(&counts.0[1]).map(|(a, b)| a + b).collect();
+    let count: Vec<f32> = counts.of[0].iter().zip(&counts.of[1]).map(|(a, b)| a + b).collect();
     let known: Vec<f32> = count.iter().map(|&n| if n >= 2.0 { 1.0 } else { 0.0 }).collect();
     let weight = sum_3x3(width, height, &known);
     variance.planes_mut().enumerate().for_each(|(channel, plane)| {
@@ -142,7 +168,7 @@ fn sum_3x3(width: usize, height: usize, plane: &[f32]) -> Vec<f32> {
 
 fn fill_missing(mean: &mut [Planes; 2], counts: &Counts) {
     let (width, pixels) = (mean[0].width(), mean[0].pixels());
-    let has = |h: usize, i: usize| counts.0[h][i] > 0.0;
+    let has = |h: usize, i: usize| counts.of[h][i] > 0.0;
     let mut empty = Vec::new();
     for i in 0..pixels {
         match (has(0, i), has(1, i)) {

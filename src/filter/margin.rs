@@ -6,7 +6,6 @@ use rayon::prelude::*;
 #[derive(Clone, Debug)]
 pub(super) struct Padded {
     width: usize,
-    height: usize,
     margin: usize,
     planes: Vec<Vec<f32>>,
 }
@@ -24,19 +23,7 @@ impl Padded {
     /// Copies planes of `width`×`height` values.
     pub fn new(width: usize, height: usize, planes: &[&[f32]], margin: usize, fill: Margin) -> Self {
         let planes = planes.par_iter().map(|plane| pad(width, height, plane, margin, fill)).collect();
-        Self { width, height, margin, planes }
-    }
-
-    pub fn width(&self) -> usize {
-        self.width
-    }
-
-    pub fn height(&self) -> usize {
-        self.height
-    }
-
-    pub fn margin(&self) -> usize {
-        self.margin
+        Self { width, margin, planes }
     }
 
     pub fn count(&self) -> usize {

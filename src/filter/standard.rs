@@ -15,13 +15,13 @@
 use crate::image::Planes;
 use crate::stats::{Block, Store};
 
-use super::Filtered;
 use super::assess::Assessment;
 use super::halves::{Counts, Halves};
 use super::patch::{self, Guide, PatchFiltered, PatchSettings};
+use super::{Filtered, OutlierSettings};
 
 /// Every constant of the filter.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+#[derive(Clone, Copy, Debug, serde::Serialize)]
 pub struct StandardSettings {
     /// Radius of the disc of neighbours for the colour, in pixels.
     pub radius: usize,
@@ -39,6 +39,8 @@ pub struct StandardSettings {
     pub colour_epsilon: f32,
     /// Regularises the features' distance, in their own squared units.
     pub feature_epsilon: f32,
+    /// What is cut off as an outlier is dropped.
+    pub outliers: OutlierSettings,
 }
 
 impl StandardSettings {
@@ -53,6 +55,13 @@ impl StandardSettings {
             albedo_floor: 0.02,
             colour_epsilon: 1e-6,
             feature_epsilon: 1e-5,
+            outliers: OutlierSettings {
+                medians: 8.0,
+                deviations: 4.0,
+                half_share: 0.8,
+                spread_window: 0,
+                spread_limit: 0.0,
+            },
         }
     }
 
@@ -69,6 +78,7 @@ pub fn filter(store: &Store, settings: &StandardSettings) -> Filtered {
     let read = |block| layout.block(block).map(|dims| Halves::of(store, dims, &counts));
 
     let mut colour = Halves::of(store, layout.colour(), &counts);
+    colour.clamp_outliers(&counts, &settings.outliers);
     let normal = read(Block::Normal1).map(|normal| filter_feature(&normal, settings));
     let albedo = read(Block::Albedo)
         .map(|albedo| floored(swap(filter_feature(&albedo, settings)), settings.albedo_floor));
@@ -85,10 +95,9 @@ pub fn filter(store: &Store, settings: &StandardSettings) -> Filtered {
             filtered[h].data_mut().iter_mut().zip(albedo[h].data()).for_each(|(v, &a)| *v *= a);
         }
     }
-    let assessment = Assessment::of(&noisy, &filtered, &own_weight);
-
-    if let Some(emission) = read(Block::Emission) {
-        let emission = filter_emission(&emission, settings);
+    let emission = read(Block::Emission).map(|emission| filter_emission(&emission, settings));
+    let assessment = Assessment::of(&noisy, &filtered, emission.as_ref(), &own_weight);
+    if let Some(emission) = emission {
         for h in 0..2 {
             filtered[h].data_mut().iter_mut().zip(emission[h].data()).for_each(|(v, &e)| *v += e);
         }

@@ -102,9 +102,9 @@ pub(super) fn decode_first_of(source: impl Read + Seek, choices: &[Vec<String>])
 
 /// Turns a panic inside the decoder into an error.
 ///
-/// A damaged file must not end a render. The `exr` crate forbids unsafe code but subtracts and
-/// slices on trust in places, so some damage makes it panic. Nothing outlives the call, so
-/// nothing half-changed can be seen afterwards.
+/// A damaged file must not end a render. The `exr` crate forbids unsafe code but computes on trust
+/// in places: with overflow checks on, a flipped bit in a B44 block makes it panic. Nothing
+/// outlives the call, so nothing half-changed can be seen afterwards.
 fn guarded<T>(read: impl FnOnce() -> Result<T, Problem>) -> Result<T, Problem> {
     catch_unwind(AssertUnwindSafe(read))
         .unwrap_or_else(|_| Err(Problem::Malformed("its contents contradict each other".into())))
