@@ -27,7 +27,7 @@ const SHADOW_EPSILON: f32 = 1e-4;
 pub struct Lights<'s> {
     table: AliasTable,
     sources: Vec<Source>,
-    /// Which of the sources are environments.
+    /// Which of the sources are environments that shine.
     environments: Vec<usize>,
     surfaces: SurfaceLights<'s>,
 }
@@ -88,7 +88,7 @@ impl<'s> Lights<'s> {
             Source::Environment(light) => light.total() * disk,
         };
         let powers: Vec<f64> = sources.iter().map(power).chain(surfaces.powers()).collect();
-        let is_environment = |i: &usize| matches!(sources[*i], Source::Environment(_));
+        let is_environment = |i: &usize| matches!(sources[*i], Source::Environment(_)) && powers[*i] > 0.0;
         Self {
             table: AliasTable::new(&powers),
             environments: (0..sources.len()).filter(is_environment).collect(),

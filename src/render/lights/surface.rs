@@ -38,7 +38,8 @@ impl<'s> SurfaceLights<'s> {
     pub fn new(scene: &'s Scene) -> Self {
         let mut lights = Self { scene, surfaces: Vec::new(), of_primitive: Vec::new(), lights: Vec::new() };
         for (i, primitive) in (0..).zip(&scene.primitives) {
-            let Some(emission) = primitive.area_light else {
+            let emission = primitive.area_light.filter(|light| light.radiance != Vec3::ZERO);
+            let Some(emission) = emission else {
                 lights.of_primitive.push(NO_LIGHT);
                 continue;
             };
