@@ -1,32 +1,202 @@
 //! Affine transforms and their motion over the shutter interval.
+//!
+//! A moving transform is taken apart once, when it is made, into translation, rotation and
+//! stretch (polar decomposition, Shoemake and Duff 1992, "Matrix animation and polar
+//! decomposition"), and put together again at each time that is asked for.
 
-use glam::{Affine3A, DAffine3};
+use glam::{Affine3A, DAffine3, DMat3, DQuat, DVec3};
+
+/// Newton's iteration for the polar decomposition halves a wrong scale at each step and converges
+/// quadratically near the end: enough for any scale that f64 holds in practice.
+const POLAR_STEPS: usize = 100;
+/// Entries of a rotation are at most 1, so this is some rounding errors of it.
+const POLAR_TOLERANCE: f64 = 1e-15;
 
 /// A transform that moves between two key times. Before `start_time` and after `end_time` it
 /// stands still at the respective key.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AnimatedTransform {
-    pub start: DAffine3,
-    pub end: DAffine3,
+    start: DAffine3,
     pub start_time: f32,
     pub end_time: f32,
+    /// Boxed, because most of many instances stand still.
+    motion: Option<Box<Motion>>,
+}
+
+/// The two keys of a moving transform, taken apart.
+#[derive(Clone, Debug, PartialEq)]
+struct Motion {
+    end: DAffine3,
+    translation: [DVec3; 2],
+    rotation: [DQuat; 2],
+    stretch: [DMat3; 2],
+    /// Applied first, see [`AnimatedTransform::after_translation`].
+    before: DVec3,
 }
 
 impl AnimatedTransform {
+    /// A transform that is `start` at `start_time` and `end` at `end_time`.
+    pub fn new(start: DAffine3, end: DAffine3, start_time: f32, end_time: f32) -> Self {
+        let motion = (start != end).then(|| {
+            let (start_rotation, start_stretch) = polar_decomposition(start.matrix3);
+            let (end_rotation, end_stretch) = polar_decomposition(end.matrix3);
+            Box::new(Motion {
+                end,
+                translation: [start.translation, end.translation],
+                rotation: [start_rotation, end_rotation],
+                stretch: [start_stretch, end_stretch],
+                before: DVec3::ZERO,
+            })
+        });
+        Self { start, start_time, end_time, motion }
+    }
+
     /// A transform that does not move.
     pub fn fixed(transform: DAffine3) -> Self {
-        Self { start: transform, end: transform, start_time: 0.0, end_time: 1.0 }
+        Self { start: transform, start_time: 0.0, end_time: 1.0, motion: None }
+    }
+
+    /// The same motion after a translation: the result is `self.at(t) · T(offset)` at every time.
+    /// (Multiplying the keys instead would bend the path of a rotation.)
+    pub fn after_translation(mut self, offset: DVec3) -> Self {
+        let shift = DAffine3::from_translation(offset);
+        self.start *= shift;
+        if let Some(motion) = &mut self.motion {
+            motion.end *= shift;
+            motion.before += offset;
+        }
+        self
     }
 
     /// Whether the two keys differ.
     pub fn is_animated(&self) -> bool {
-        self.start != self.end
+        self.motion.is_some()
     }
 
-    /// The transform at `time`: translation interpolated linearly, rotation by slerp, the
-    /// remaining stretch linearly, after a polar decomposition (Shoemake and Duff 1992).
+    /// Whether it takes more than one value during `[open, close]`.
+    pub fn moves_during(&self, open: f32, close: f32) -> bool {
+        self.is_animated() && open < close && self.start_time < close && open < self.end_time
+    }
+
+    /// The transform at `time`: translation interpolated linearly, rotation by slerp (the shorter
+    /// way round), the remaining stretch linearly.
     pub fn at(&self, time: f32) -> Affine3A {
-        let _ = time;
-        todo!("scene helper: decompose once at construction, slerp")
+        self.at_f64(time).as_affine3a()
+    }
+
+    /// As [`Self::at`], in full precision.
+    pub fn at_f64(&self, time: f32) -> DAffine3 {
+        let Some(motion) = &self.motion else { return self.start };
+        if time <= self.start_time {
+            return self.start;
+        }
+        if time >= self.end_time {
+            return motion.end;
+        }
+        let t = (f64::from(time) - f64::from(self.start_time))
+            / (f64::from(self.end_time) - f64::from(self.start_time));
+        let rotation = motion.rotation[0].slerp(motion.rotation[1], t);
+        let stretch = motion.stretch[0] * (1.0 - t) + motion.stretch[1] * t;
+        let matrix3 = DMat3::from_quat(rotation) * stretch;
+        let translation = motion.translation[0].lerp(motion.translation[1], t);
+        DAffine3 { matrix3, translation: translation + matrix3 * motion.before }
+    }
+}
+
+/// Splits `m` into a rotation and a stretch (which also holds a reflection, if any):
+/// m = rotation · stretch.
+///
+/// A matrix without an inverse has no unique rotation; it is all stretch.
+fn polar_decomposition(m: DMat3) -> (DQuat, DMat3) {
+    let mut orthogonal = m;
+    for _ in 0..POLAR_STEPS {
+        let Some(inverse) = orthogonal.try_inverse() else { return (DQuat::IDENTITY, m) };
+        let next = (orthogonal + inverse.transpose()) * 0.5;
+        let change = next - orthogonal;
+        orthogonal = next;
+        if change.to_cols_array().iter().all(|c| c.abs() <= POLAR_TOLERANCE) {
+            break;
+        }
+    }
+    if !orthogonal.is_finite() {
+        return (DQuat::IDENTITY, m);
+    }
+    if orthogonal.determinant() < 0.0 {
+        orthogonal = -orthogonal;
+    }
+    let rotation = DQuat::from_mat3(&orthogonal).normalize();
+    (rotation, DMat3::from_quat(rotation).transpose() * m)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn assert_close(a: DAffine3, b: DAffine3) {
+        let difference = a.to_cols_array().iter().zip(b.to_cols_array()).map(|(a, b)| (a - b).abs());
+        assert!(difference.fold(0.0, f64::max) < 1e-9, "{a:?} is not {b:?}");
+    }
+
+    fn turned(degrees: f64) -> DAffine3 {
+        DAffine3::from_rotation_z(degrees.to_radians())
+    }
+
+    #[test]
+    fn a_rotation_is_interpolated_by_angle() {
+        let motion = AnimatedTransform::new(turned(0.0), turned(90.0), 0.0, 1.0);
+        assert_close(motion.at_f64(0.0), turned(0.0));
+        assert_close(motion.at_f64(0.5), turned(45.0));
+        assert_close(motion.at_f64(0.25), turned(22.5));
+        assert_close(motion.at_f64(1.0), turned(90.0));
+    }
+
+    #[test]
+    fn rotation_takes_the_shorter_way() {
+        let motion = AnimatedTransform::new(turned(-170.0), turned(170.0), 0.0, 1.0);
+        assert_close(motion.at_f64(0.5), turned(180.0));
+    }
+
+    #[test]
+    fn translation_and_scale_are_linear_and_stand_still_outside_the_keys() {
+        let place = |s: f64| {
+            DAffine3::from_translation(DVec3::new(4.0 * s, 0.0, 1e6))
+                * DAffine3::from_scale(DVec3::splat(1.0 + s))
+        };
+        let motion = AnimatedTransform::new(place(0.0), place(1.0), 1.0, 3.0);
+        assert_close(motion.at_f64(0.0), place(0.0));
+        assert_close(motion.at_f64(1.5), place(0.25));
+        assert_close(motion.at_f64(4.0), place(1.0));
+    }
+
+    #[test]
+    fn a_mirroring_transform_stays_mirroring_while_it_turns() {
+        let mirror = DAffine3::from_scale(DVec3::new(-1.0, 1.0, 1.0));
+        let motion = AnimatedTransform::new(mirror, turned(60.0) * mirror, 0.0, 1.0);
+        assert_close(motion.at_f64(0.5), turned(30.0) * mirror);
+    }
+
+    #[test]
+    fn a_translation_before_the_motion_follows_its_arc() {
+        let offset = DVec3::new(2.0, 0.0, 0.0);
+        let motion = AnimatedTransform::new(turned(0.0), turned(90.0), 0.0, 1.0).after_translation(offset);
+        for time in [0.0, 0.5, 1.0] {
+            let expected = turned(90.0 * f64::from(time)) * DAffine3::from_translation(offset);
+            assert_close(motion.at_f64(time), expected);
+        }
+    }
+
+    #[test]
+    fn motion_outside_the_shutter_does_not_count() {
+        let motion = AnimatedTransform::new(turned(0.0), turned(9.0), 0.0, 1.0);
+        assert!(motion.moves_during(0.0, 1.0) && motion.moves_during(0.9, 2.0));
+        assert!(!motion.moves_during(0.5, 0.5) && !motion.moves_during(1.0, 2.0));
+        assert!(!AnimatedTransform::fixed(turned(3.0)).moves_during(0.0, 1.0));
+    }
+
+    #[test]
+    fn a_singular_transform_is_interpolated_without_nan() {
+        let flat = DAffine3::from_scale(DVec3::new(1.0, 1.0, 0.0));
+        let motion = AnimatedTransform::new(flat, DAffine3::IDENTITY, 0.0, 1.0);
+        assert!(motion.at_f64(0.5).is_finite());
     }
 }

@@ -1,0 +1,184 @@
+//! An image in memory, as compact as the file it came from, and its lookup by coordinates.
+
+use glam::{Vec2, Vec3};
+
+use super::TextureValue;
+
+/// What stands beyond the borders of an image.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Wrap {
+    Repeat,
+    /// Zero.
+    Black,
+    /// The texel at the border.
+    Clamp,
+}
+
+/// An image of 1 (gray), 3 (RGB) or 4 (RGB and alpha) channels, row by row from the top left.
+#[derive(Clone, Debug)]
+pub struct TextureImage {
+    width: usize,
+    height: usize,
+    channels: usize,
+    texels: Texels,
+}
+
+#[derive(Clone, Debug)]
+enum Texels {
+    /// With the linear value of each byte; alpha is always linear.
+    Bytes {
+        data: Vec<u8>,
+        decode: Box<[f32; 256]>,
+    },
+    Floats(Vec<f32>),
+}
+
+impl TextureImage {
+    /// An image of linear values.
+    ///
+    /// # Panics
+    /// If `data` does not hold `width`·`height`·`channels` values, which is the caller's error.
+    pub fn from_floats(width: usize, height: usize, channels: usize, data: Vec<f32>) -> Self {
+        assert_eq!(data.len(), width * height * channels, "data must fit the size");
+        Self { width, height, channels, texels: Texels::Floats(data) }
+    }
+
+    /// An image of encoded values; `decode` has the linear value of each byte.
+    ///
+    /// # Panics
+    /// As [`Self::from_floats`].
+    pub fn from_bytes(
+        width: usize,
+        height: usize,
+        channels: usize,
+        data: Vec<u8>,
+        decode: Box<[f32; 256]>,
+    ) -> Self {
+        assert_eq!(data.len(), width * height * channels, "data must fit the size");
+        Self { width, height, channels, texels: Texels::Bytes { data, decode } }
+    }
+
+    pub fn width(&self) -> usize {
+        self.width
+    }
+
+    pub fn height(&self) -> usize {
+        self.height
+    }
+
+    /// Bytes held.
+    pub fn memory_bytes(&self) -> usize {
+        match &self.texels {
+            Texels::Bytes { data, .. } => data.len(),
+            Texels::Floats(data) => data.len() * size_of::<f32>(),
+        }
+    }
+
+    /// Linear RGB of a texel; x < width, y < height, (0, 0) is the top left.
+    pub fn rgb(&self, x: usize, y: usize) -> Vec3 {
+        let first = (y * self.width + x) * self.channels;
+        if self.channels == 1 {
+            Vec3::splat(self.channel(first))
+        } else {
+            Vec3::new(self.channel(first), self.channel(first + 1), self.channel(first + 2))
+        }
+    }
+
+    /// Scalar value of a texel: the gray value, the mean of R, G and B, or alpha if there is one
+    /// (as pbrt-v4).
+    pub fn float(&self, x: usize, y: usize) -> f32 {
+        match self.channels {
+            4 => self.alpha((y * self.width + x) * 4 + 3),
+            3 => self.rgb(x, y).element_sum() / 3.0,
+            _ => self.rgb(x, y).x,
+        }
+    }
+
+    fn channel(&self, index: usize) -> f32 {
+        match &self.texels {
+            Texels::Bytes { data, decode } => decode[usize::from(data[index])],
+            Texels::Floats(data) => data[index],
+        }
+    }
+
+    fn alpha(&self, index: usize) -> f32 {
+        match &self.texels {
+            Texels::Bytes { data, .. } => f32::from(data[index]) / 255.0,
+            Texels::Floats(data) => data[index],
+        }
+    }
+
+    /// Bilinearly filtered value at (s, t), which run over [0, 1]² from the top left.
+    pub fn bilinear<V: TextureValue>(&self, st: Vec2, wrap: Wrap) -> V {
+        let position = st * Vec2::new(self.width as f32, self.height as f32) - 0.5;
+        let corner = position.floor();
+        let Vec2 { x: fx, y: fy } = position - corner;
+        if !(fx >= 0.0 && fy >= 0.0) {
+            // Not a number: coordinates that overflowed.
+            return V::splat(0.0);
+        }
+        // `as` saturates, and an i32 leaves room for the neighbours in an i64.
+        let (x, y) = (i64::from(corner.x as i32), i64::from(corner.y as i32));
+        let texel = |x, y| self.wrapped::<V>(x, y, wrap);
+        (texel(x, y) * (1.0 - fx) + texel(x + 1, y) * fx) * (1.0 - fy)
+            + (texel(x, y + 1) * (1.0 - fx) + texel(x + 1, y + 1) * fx) * fy
+    }
+
+    fn wrapped<V: TextureValue>(&self, x: i64, y: i64, wrap: Wrap) -> V {
+        let place = |i: i64, size: usize| match wrap {
+            Wrap::Repeat => Some(i.rem_euclid(size as i64) as usize),
+            Wrap::Clamp => Some(i.clamp(0, size as i64 - 1) as usize),
+            Wrap::Black => usize::try_from(i).ok().filter(|&i| i < size),
+        };
+        match (place(x, self.width), place(y, self.height)) {
+            (Some(x), Some(y)) => V::texel(self, x, y),
+            _ => V::splat(0.0),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// 2×2: the top row is 1, 2; the bottom row 3, 4.
+    fn image() -> TextureImage {
+        TextureImage::from_floats(2, 2, 1, vec![1.0, 2.0, 3.0, 4.0])
+    }
+
+    #[test]
+    fn texel_centres_have_the_texels_values() {
+        let values = [(0.25, 0.25), (0.75, 0.25), (0.25, 0.75), (0.75, 0.75)]
+            .map(|(s, t)| image().bilinear::<f32>(Vec2::new(s, t), Wrap::Repeat));
+        assert_eq!(values, [1.0, 2.0, 3.0, 4.0]);
+        assert_eq!(image().bilinear::<f32>(Vec2::splat(0.5), Wrap::Repeat), 2.5);
+    }
+
+    #[test]
+    fn borders_repeat_or_clamp_or_are_black() {
+        let at = |wrap| image().bilinear::<f32>(Vec2::new(-0.25, 0.25), wrap);
+        assert_eq!(at(Wrap::Repeat), 2.0);
+        assert_eq!(at(Wrap::Clamp), 1.0);
+        assert_eq!(at(Wrap::Black), 0.0);
+    }
+
+    #[test]
+    fn coordinates_beyond_all_bounds_are_harmless() {
+        for st in [f32::NAN, f32::INFINITY, -1e30, 1e30] {
+            for wrap in [Wrap::Repeat, Wrap::Clamp, Wrap::Black] {
+                assert!(image().bilinear::<f32>(Vec2::splat(st), wrap).is_finite());
+            }
+        }
+    }
+
+    #[test]
+    fn the_scalar_of_a_colour_is_its_mean_and_of_a_colour_with_alpha_its_alpha() {
+        let rgb = TextureImage::from_floats(1, 1, 3, vec![0.0, 0.3, 0.6]);
+        assert!((rgb.float(0, 0) - 0.3).abs() < 1e-6);
+        let mut decode = Box::new([0.0; 256]);
+        decode[200] = 7.0;
+        let rgba = TextureImage::from_bytes(1, 1, 4, vec![200, 0, 0, 51], decode);
+        assert_eq!(rgba.float(0, 0), 0.2);
+        assert_eq!(rgba.rgb(0, 0), Vec3::new(7.0, 0.0, 0.0));
+    }
+}

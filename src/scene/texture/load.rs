@@ -1,0 +1,268 @@
+//! Reads image files for textures: EXR, PNG, JPEG and TGA.
+//!
+//! Sizes are taken from the header and checked against the length of the file before anything is
+//! allocated, so that a small file cannot ask for a large image.
+
+use std::fs::File;
+use std::io::{BufReader, Read};
+use std::path::Path;
+
+use ::image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
+use exr::meta::MetaData;
+use exr::prelude::{Compression, ReadChannels, ReadLayers};
+
+use super::TextureImage;
+
+/// Largest number of texels of an image: 16 384 × 16 384.
+const MAX_TEXELS: u64 = 1 << 28;
+/// Most texels that one byte of a file can stand for. A blank PNG of one bit a texel, the densest
+/// of the formats, packs 8 · 1032.
+const MAX_TEXELS_PER_BYTE: u64 = 8 * 1032;
+/// Most channels of an EXR file: what renderers write stays far below.
+const MAX_CHANNELS: usize = 64;
+/// What an infinite value becomes: the largest half float, as most such values overflowed one.
+const LARGEST_HALF: f32 = 65504.0;
+
+/// What the stored values of an integer image mean. Files of floating point values are linear.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Encoding {
+    Srgb,
+    Linear,
+    /// Linear value = stored value to this power.
+    Gamma(f32),
+}
+
+impl Encoding {
+    /// Linear value of an encoded one in [0, 1].
+    fn decode(self, value: f32) -> f32 {
+        match self {
+            Encoding::Linear => value,
+            Encoding::Gamma(gamma) => value.powf(gamma),
+            // IEC 61966-2-1.
+            Encoding::Srgb if value <= 0.04045 => value / 12.92,
+            Encoding::Srgb => ((value + 0.055) / 1.055).powf(2.4),
+        }
+    }
+
+    fn byte_table(self) -> Box<[f32; 256]> {
+        Box::new(std::array::from_fn(|byte| self.decode(byte as f32 / 255.0)))
+    }
+}
+
+/// Reads an image file; its format follows from the extension. NaN becomes 0 and infinity the
+/// largest half float.
+///
+/// # Errors
+/// One sentence, without the file's name, if the file is missing, damaged, or of a kind or size
+/// that is not accepted.
+pub fn load(path: &Path, encoding: Encoding) -> Result<TextureImage, String> {
+    let extension = path.extension().and_then(|e| e.to_str()).unwrap_or("").to_ascii_lowercase();
+    let format = match extension.as_str() {
+        "exr" => None,
+        "png" => Some(ImageFormat::Png),
+        "jpg" | "jpeg" => Some(ImageFormat::Jpeg),
+        "tga" => Some(ImageFormat::Tga),
+        _ => return Err(format!("image format \"{extension}\"; exr, png, jpg and tga are accepted")),
+    };
+    let file = File::open(path).map_err(|error| error.to_string())?;
+    let length = file.metadata().map_err(|error| error.to_string())?.len();
+    let mut reader = BufReader::new(file);
+    match format {
+        None => load_exr(&mut reader, length, path),
+        Some(format) => load_integers(reader, length, format, encoding),
+    }
+}
+
+fn check_size(width: u64, height: u64, length: u64) -> Result<(), String> {
+    let justified = length.saturating_mul(MAX_TEXELS_PER_BYTE).min(MAX_TEXELS);
+    match width.checked_mul(height) {
+        Some(1..) if width.saturating_mul(height) <= justified => Ok(()),
+        _ => Err(format!("an image of {width}x{height} texels; at most {justified} fit a file of {length} bytes")),
+    }
+}
+
+fn load_exr(reader: &mut impl Read, length: u64, path: &Path) -> Result<TextureImage, String> {
+    let meta = MetaData::read_from_buffered(reader, false).map_err(|error| error.to_string())?;
+    for header in &meta.headers {
+        check_size(header.layer_size.0 as u64, header.layer_size.1 as u64, length)?;
+        if matches!(header.compression, Compression::DWAA(_) | Compression::DWAB(_)) {
+            return Err("DWA compression; every other compression of EXR is accepted".into());
+        }
+        if header.channels.list.len() > MAX_CHANNELS {
+            return Err(format!("{} channels; at most {MAX_CHANNELS} are accepted", header.channels.list.len()));
+        }
+    }
+    let image = exr::prelude::read()
+        .no_deep_data()
+        .largest_resolution_level()
+        .all_channels()
+        .first_valid_layer()
+        .all_attributes()
+        .from_file(path)
+        .map_err(|error| error.to_string())?;
+    let layer = image.layer_data;
+    let (width, height) = (layer.size.0, layer.size.1);
+    let channel = |name: &str| layer.channel_data.list.iter().find(|c| c.name.eq_case_insensitive(name));
+    let named: Vec<_> = match ["R", "G", "B"].map(channel) {
+        [Some(r), Some(g), Some(b)] => [r, g, b].into_iter().chain(channel("A")).collect(),
+        _ => channel("Y").into_iter().collect(),
+    };
+    // An image of any one channel is gray, whatever the channel's name.
+    let channels = if named.is_empty() && layer.channel_data.list.len() == 1 {
+        layer.channel_data.list.iter().collect()
+    } else {
+        named
+    };
+    if channels.is_empty() || channels.iter().any(|c| c.sample_data.len() != width * height) {
+        return Err("channels that are neither R, G, B nor Y in full resolution".into());
+    }
+    let count = channels.len();
+    let mut data = vec![0.0; width * height * count];
+    for (offset, channel) in channels.iter().enumerate() {
+        let texels = data.iter_mut().skip(offset).step_by(count);
+        for (texel, value) in texels.zip(channel.sample_data.values_as_f32()) {
+            *texel = finite(value);
+        }
+    }
+    Ok(without_opaque_alpha(width, height, count, data, 1.0, TextureImage::from_floats))
+}
+
+fn finite(value: f32) -> f32 {
+    match value {
+        _ if value.is_nan() => 0.0,
+        _ if value.is_infinite() => LARGEST_HALF.copysign(value),
+        _ => value,
+    }
+}
+
+fn load_integers(
+    reader: BufReader<File>,
+    length: u64,
+    format: ImageFormat,
+    encoding: Encoding,
+) -> Result<TextureImage, String> {
+    let mut reader = ImageReader::with_format(reader, format);
+    let mut limits = Limits::default();
+    // Sixteen bits for four channels.
+    limits.max_alloc = Some(MAX_TEXELS * 8);
+    reader.limits(limits);
+    let decoder = reader.into_decoder().map_err(|error| error.to_string())?;
+    let (width, height) = decoder.dimensions();
+    check_size(width.into(), height.into(), length)?;
+    let image = DynamicImage::from_decoder(decoder).map_err(|error| error.to_string())?;
+    let (width, height) = (width as usize, height as usize);
+    // As in pbrt-v4, only PNG files have alpha and a choice of encoding.
+    let (png, encoding) = match format {
+        ImageFormat::Png => (true, encoding),
+        _ => (false, Encoding::Srgb),
+    };
+    let bytes = |channels, data: Vec<u8>| {
+        without_opaque_alpha(width, height, channels, data, u8::MAX, |w, h, c, data| {
+            TextureImage::from_bytes(w, h, c, data, encoding.byte_table())
+        })
+    };
+    let words = |channels: usize, data: Vec<u16>| {
+        let scale = 1.0 / f32::from(u16::MAX);
+        let decode = |(i, &word): (usize, &u16)| {
+            let value = f32::from(word) * scale;
+            if i % channels == 3 { value } else { encoding.decode(value) }
+        };
+        let data = data.iter().enumerate().map(decode).collect();
+        without_opaque_alpha(width, height, channels, data, 1.0, TextureImage::from_floats)
+    };
+    Ok(match image {
+        DynamicImage::ImageLuma8(image) => bytes(1, image.into_raw()),
+        DynamicImage::ImageLumaA8(_) => bytes(1, image.into_luma8().into_raw()),
+        DynamicImage::ImageRgba8(image) if png => bytes(4, image.into_raw()),
+        DynamicImage::ImageLuma16(image) => words(1, image.into_raw()),
+        DynamicImage::ImageLumaA16(_) => words(1, image.into_luma16().into_raw()),
+        DynamicImage::ImageRgb16(image) => words(3, image.into_raw()),
+        DynamicImage::ImageRgba16(image) => words(4, image.into_raw()),
+        other => bytes(3, other.into_rgb8().into_raw()),
+    })
+}
+
+/// Makes the image, leaving out an alpha channel that is opaque everywhere.
+fn without_opaque_alpha<T: Copy + PartialEq>(
+    width: usize,
+    height: usize,
+    channels: usize,
+    data: Vec<T>,
+    opaque: T,
+    make: impl Fn(usize, usize, usize, Vec<T>) -> TextureImage,
+) -> TextureImage {
+    if channels == 4 && data.chunks_exact(4).all(|texel| texel[3] == opaque) {
+        let rgb = data.chunks_exact(4).flat_map(|texel| [texel[0], texel[1], texel[2]]).collect();
+        make(width, height, 3, rgb)
+    } else {
+        make(width, height, channels, data)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::Vec3;
+
+    fn saved(name: &str, image: &DynamicImage) -> (tempfile::TempDir, std::path::PathBuf) {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join(name);
+        image.save(&path).unwrap();
+        (folder, path)
+    }
+
+    fn gray(value: u8) -> DynamicImage {
+        DynamicImage::ImageLuma8(::image::GrayImage::from_pixel(4, 2, ::image::Luma([value])))
+    }
+
+    #[test]
+    fn a_png_is_decoded_by_its_encoding() {
+        let (_folder, path) = saved("a.png", &gray(128));
+        let value = |encoding| load(&path, encoding).unwrap().float(3, 1);
+        assert!((value(Encoding::Srgb) - 0.215_86).abs() < 1e-4);
+        assert!((value(Encoding::Linear) - 128.0 / 255.0).abs() < 1e-6);
+        assert!((value(Encoding::Gamma(2.0)) - (128.0f32 / 255.0).powi(2)).abs() < 1e-6);
+    }
+
+    #[test]
+    fn opaque_alpha_is_left_out_and_other_alpha_is_kept() {
+        let mut image = ::image::RgbaImage::from_pixel(2, 1, ::image::Rgba([0, 0, 0, 255]));
+        let (_folder, path) = saved("a.png", &DynamicImage::ImageRgba8(image.clone()));
+        assert_eq!(load(&path, Encoding::Srgb).unwrap().float(0, 0), 0.0);
+        image.put_pixel(1, 0, ::image::Rgba([0, 0, 0, 0]));
+        let (_folder, path) = saved("b.png", &DynamicImage::ImageRgba8(image));
+        assert_eq!(load(&path, Encoding::Srgb).unwrap().float(0, 0), 1.0);
+    }
+
+    #[test]
+    fn an_exr_keeps_its_values_and_loses_what_is_not_finite() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.exr");
+        let values = [(0.5, 2.0, -1.0), (f32::NAN, f32::INFINITY, 1e9)];
+        exr::prelude::write_rgb_file(&path, 2, 1, |x, _| values[x]).unwrap();
+        let image = load(&path, Encoding::Srgb).unwrap();
+        assert_eq!(image.rgb(0, 0), Vec3::new(0.5, 2.0, -1.0));
+        assert_eq!(image.rgb(1, 0), Vec3::new(0.0, 65504.0, 1e9));
+    }
+
+    #[test]
+    fn a_header_that_promises_more_than_the_file_holds_is_refused() {
+        let (_folder, path) = saved("a.tga", &gray(1));
+        let mut bytes = std::fs::read(&path).unwrap();
+        bytes[12..16].fill(0xff); // width and height
+        std::fs::write(&path, bytes).unwrap();
+        assert!(load(&path, Encoding::Srgb).unwrap_err().contains("65535x65535"));
+    }
+
+    #[test]
+    fn damaged_and_missing_files_are_errors() {
+        for name in ["a.png", "a.jpg", "a.tga"] {
+            let (_folder, path) = saved(name, &gray(77));
+            let bytes = std::fs::read(&path).unwrap();
+            std::fs::write(&path, &bytes[..bytes.len() / 3]).unwrap();
+            assert!(load(&path, Encoding::Srgb).is_err(), "{name}");
+        }
+        assert!(load(Path::new("missing.exr"), Encoding::Srgb).is_err());
+        assert!(load(Path::new("image.xyz"), Encoding::Srgb).unwrap_err().contains("exr, png"));
+    }
+}
