@@ -77,7 +77,9 @@ fn check_size(width: u64, height: u64, length: u64) -> Result<(), String> {
     let justified = length.saturating_mul(MAX_TEXELS_PER_BYTE).min(MAX_TEXELS);
     match width.checked_mul(height) {
         Some(1..) if width.saturating_mul(height) <= justified => Ok(()),
-        _ => Err(format!("an image of {width}x{height} texels; at most {justified} fit a file of {length} bytes")),
+        _ => Err(format!(
+            "an image of {width}x{height} texels; at most {justified} fit a file of {length} bytes"
+        )),
     }
 }
 
@@ -89,7 +91,10 @@ fn load_exr(reader: &mut impl Read, length: u64, path: &Path) -> Result<TextureI
             return Err("DWA compression; every other compression of EXR is accepted".into());
         }
         if header.channels.list.len() > MAX_CHANNELS {
-            return Err(format!("{} channels; at most {MAX_CHANNELS} are accepted", header.channels.list.len()));
+            return Err(format!(
+                "{} channels; at most {MAX_CHANNELS} are accepted",
+                header.channels.list.len()
+            ));
         }
     }
     let image = exr::prelude::read()
