@@ -152,7 +152,7 @@ mod tests {
     use super::*;
 
     fn assert_close(a: DAffine3, b: DAffine3) {
-        let difference = a.to_cols_array().iter().zip(b.to_cols_array()).map(|(a, b)| (a - b).abs());
+        let difference = a.to_cols_array().into_iter().zip(b.to_cols_array()).map(|(a, b)| (a - b).abs());
         assert!(difference.fold(0.0, f64::max) < 1e-9, "{a:?} is not {b:?}");
     }
 

@@ -1,10 +1,35 @@
 //! Reader of pbrt's scene description.
 //!
-//! tokens → directives → scene; what differs between the dialects v2, v3 and v4 stands in one
-//! place.
+//! [`lexer`]: text → tokens. [`directives`]: tokens → statements, by the table of directives, each
+//! of which is a method of [`state::Reader`]; these methods are spread over the files by what they
+//! make. What differs between the dialects v2, v3 and v4 stands in [`dialect`].
+//!
+//! Source: the file format specification of pbrt-v4 (pbrt.org/fileformat-v4).
+
+mod camera_film;
+mod dialect;
+mod directives;
+mod files;
+mod lexer;
+mod lights;
+mod loop_subdivision;
+mod materials;
+mod mesh;
+mod objects;
+mod params;
+mod ply;
+mod shapes;
+mod spectrum;
+mod state;
+#[cfg(test)]
+mod tests;
+mod textures;
+mod transforms;
+mod warnings;
 
 use std::path::Path;
 
+use self::state::Reader;
 use super::Scene;
 
 /// Why a scene could not be read: file, line, column, what was found, what would be accepted.
@@ -18,20 +43,52 @@ pub struct SceneError {
     pub message: String,
 }
 
-/// Reads a scene file and all it includes.
+/// Where a token stands: the number of the file in [`state::Reader::files`], and 1-based line and
+/// column (in bytes); all 0 for the main file as a whole.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+struct Place {
+    file: u32,
+    line: u32,
+    column: u32,
+}
+
+/// An error before its file has a name.
+#[derive(Debug)]
+struct Fault {
+    place: Place,
+    message: String,
+}
+
+impl Fault {
+    fn new(place: Place, message: impl Into<String>) -> Self {
+        Self { place, message: message.into() }
+    }
+}
+
+type Result<T> = std::result::Result<T, Fault>;
+
+/// Reads a scene file and all it includes. File names in it are relative to its folder.
 ///
 /// # Errors
 /// On anything that is wrong in a file, or missing.
-pub fn read(path: &Path) -> Result<Scene, SceneError> {
-    let _ = path;
-    todo!()
+pub fn read(path: &Path) -> std::result::Result<Scene, SceneError> {
+    let source = path.display().to_string();
+    let text = files::read(path).map_err(|message| SceneError {
+        file: source.clone(),
+        line: 0,
+        column: 0,
+        message: format!("cannot be read: {message}; a pbrt scene file would be accepted"),
+    })?;
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let mut scene = Reader::new(&text, source.clone(), folder, Some(path)).read(&text)?;
+    scene.source = source;
+    Ok(scene)
 }
 
 /// Reads a scene from text; relative file names are resolved against `folder`.
 ///
 /// # Errors
 /// As [`read`].
-pub fn read_str(text: &str, folder: &Path) -> Result<Scene, SceneError> {
-    let _ = (text, folder);
-    todo!()
+pub fn read_str(text: &str, folder: &Path) -> std::result::Result<Scene, SceneError> {
+    Reader::new(text.as_bytes(), "<text>".into(), folder, None).read(text.as_bytes())
 }

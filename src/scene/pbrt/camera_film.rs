@@ -1,0 +1,255 @@
+//! The header of a scene: camera, film, filter, sampler and integrator.
+
+use std::collections::BTreeMap;
+
+use glam::{DAffine3, DVec3};
+
+use super::directives::Statement;
+use super::params::Params;
+use super::state::{Kept, Keys, Reader};
+use super::{Fault, Place, Result};
+use crate::scene::camera::Projection;
+use crate::scene::{AnimatedTransform, Camera, Film, Integrator, PixelFilter, SamplerKind};
+
+/// Longest side of a film. Keeps a slip of the pen from asking for all memory.
+const MAX_SIDE: u32 = 1 << 16;
+/// Most pixels of a film.
+const MAX_PIXELS: u64 = 1 << 27;
+/// Most samples per pixel.
+const MAX_SPP: u32 = 1 << 30;
+/// Deepest path that may be asked for: longer ones carry no light that could be seen.
+const MAX_DEPTH: u32 = 1 << 20;
+/// Widest pixel filter.
+const MAX_FILTER_RADIUS: f64 = 64.0;
+
+/// What the header says.
+pub struct View {
+    /// World position of the camera at shutter open.
+    pub origin: DVec3,
+    pub camera: Camera,
+    pub film: Film,
+    pub integrator: Integrator,
+    pub sampler: SamplerKind,
+    pub spp: u32,
+}
+
+/// A directive of the header, or what stands for it if there is none.
+struct Entry<'k> {
+    kind: &'k str,
+    params: &'k Params,
+    place: Place,
+    ctm: Keys,
+}
+
+impl View {
+    /// Makes sense of the header. `place` is that of `WorldBegin`.
+    pub fn new(reader: &mut Reader, header: &BTreeMap<&'static str, Kept>, place: Place) -> Result<Self> {
+        let none = Params::none(place);
+        let entry = |names: &[&'static str], default: &'static str| {
+            match names.iter().find_map(|name| header.get(name)) {
+                Some(Kept { statement: Statement { strings, params, place, .. }, ctm }) => {
+                    Entry { kind: strings[0].as_str(), params, place: *place, ctm: *ctm }
+                }
+                None => Entry { kind: default, params: &none, place, ctm: [DAffine3::IDENTITY; 2] },
+            }
+        };
+        let filter = match header.get("PixelFilter") {
+            Some(_) => pixel_filter(&entry(&["PixelFilter"], ""))?,
+            None => reader.dialect.default_filter(),
+        };
+        let film = film(reader, &entry(&["Film"], "rgb"), filter)?;
+        let (camera, origin) = camera(reader, &entry(&["Camera"], "perspective"), &film)?;
+        let default_integrator = reader.dialect.default_integrator();
+        let integrator = integrator(reader, &entry(&["Integrator", "SurfaceIntegrator"], default_integrator))?;
+        let (sampler, spp) = sampler(reader, &entry(&["Sampler"], "zsobol"))?;
+        Ok(Self { origin, camera, film, integrator, sampler, spp })
+    }
+}
+
+fn film(reader: &mut Reader, entry: &Entry, filter: PixelFilter) -> Result<Film> {
+    let Entry { kind, params, place, .. } = entry;
+    if !["rgb", "gbuffer", "image"].contains(kind) {
+        reader.warnings.add(*place, format!("film \"{kind}\" is read as \"rgb\""));
+    }
+    let [default_width, default_height] = reader.dialect.default_resolution();
+    let width = params.integer_in("xresolution", default_width, 1..=MAX_SIDE)?;
+    let height = params.integer_in("yresolution", default_height, 1..=MAX_SIDE)?;
+    if u64::from(width) * u64::from(height) > MAX_PIXELS {
+        let message = format!("a film of {width}x{height} pixels; up to {MAX_PIXELS} pixels would be accepted");
+        return Err(Fault::new(*place, message));
+    }
+    let (w, h) = (f64::from(width), f64::from(height));
+    let four = |name: &str, numbers: Option<&[f64]>| match numbers {
+        None => Ok(None),
+        Some(&[a, b, c, d]) => Ok(Some([a, b, c, d])),
+        Some(numbers) => {
+            Err(Fault::new(*place, format!("{} numbers for \"{name}\"; four would be accepted", numbers.len())))
+        }
+    };
+    let mut bounds = [0.0, w, 0.0, h];
+    if let Some([x0, x1, y0, y1]) = four("pixelbounds", params.integers("pixelbounds")?)? {
+        bounds = [x0.clamp(0.0, w), x1.clamp(0.0, w), y0.clamp(0.0, h), y1.clamp(0.0, h)];
+    }
+    if let Some([x0, x1, y0, y1]) = four("cropwindow", params.floats("cropwindow")?)? {
+        let pixel = |fraction: f64, size: f64| (fraction.clamp(0.0, 1.0) * size).ceil();
+        bounds =
+            [pixel(x0.min(x1), w), pixel(x0.max(x1), w), pixel(y0.min(y1), h), pixel(y0.max(y1), h)];
+    }
+    let pixel_bounds = bounds.map(|b| b as usize);
+    if pixel_bounds[0] >= pixel_bounds[1] || pixel_bounds[2] >= pixel_bounds[3] {
+        return Err(Fault::new(*place, "a film without pixels; bounds that hold one would be accepted"));
+    }
+    // The imaging ratio of pbrt-v4's default sensor.
+    let scale = params.float_or("iso", 100.0)? / 100.0 * params.float_or("exposuretime", 1.0)?;
+    match params.string("sensor")? {
+        None | Some("cie1931") => {}
+        Some(sensor) => {
+            reader.warnings.add(*place, format!("film sensor \"{sensor}\" is read as \"cie1931\""));
+        }
+    }
+    let filename = params.string("filename")?.filter(|name| !name.is_empty()).map(String::from);
+    Ok(Film {
+        width: width as usize,
+        height: height as usize,
+        pixel_bounds,
+        filter,
+        filename,
+        scale: scale as f32,
+    })
+}
+
+fn pixel_filter(entry: &Entry) -> Result<PixelFilter> {
+    let Entry { kind, params, place, .. } = entry;
+    let side = |name: &str, default: f64| -> Result<f32> {
+        let radius = params.positive_or(name, default)?;
+        if radius > MAX_FILTER_RADIUS {
+            let message = format!("\"{name}\" is {radius}; up to {MAX_FILTER_RADIUS} pixels would be accepted");
+            return Err(Fault::new(*place, message));
+        }
+        Ok(radius as f32)
+    };
+    let radius = |default: f64| -> Result<[f32; 2]> { Ok([side("xradius", default)?, side("yradius", default)?]) };
+    Ok(match *kind {
+        "box" => PixelFilter::Box { radius: radius(0.5)? },
+        "triangle" => PixelFilter::Triangle { radius: radius(2.0)? },
+        "gaussian" => {
+            let radius = radius(1.5)?;
+            // The older dialects give alpha, of exp(−αx²).
+            let sigma = match params.float("alpha")? {
+                Some(alpha) if alpha > 0.0 => (0.5 / alpha).sqrt(),
+                _ => params.positive_or("sigma", 0.5)?,
+            };
+            PixelFilter::Gaussian { radius, sigma: sigma as f32 }
+        }
+        "mitchell" => PixelFilter::Mitchell {
+            radius: radius(2.0)?,
+            b: params.float_or("B", 1.0 / 3.0)? as f32,
+            c: params.float_or("C", 1.0 / 3.0)? as f32,
+        },
+        "sinc" => PixelFilter::Sinc { radius: radius(4.0)?, tau: params.positive_or("tau", 3.0)? as f32 },
+        other => {
+            let message =
+                format!("pixel filter \"{other}\"; box, triangle, gaussian, mitchell and sinc are accepted");
+            return Err(Fault::new(*place, message));
+        }
+    })
+}
+
+fn camera(reader: &mut Reader, entry: &Entry, film: &Film) -> Result<(Camera, DVec3)> {
+    let Entry { kind, params, place, ctm } = entry;
+    let mut shutter = [params.float_or("shutteropen", 0.0)?, params.float_or("shutterclose", 1.0)?];
+    if shutter[0] > shutter[1] {
+        reader.warnings.add(*place, "the shutter closes before it opens: the two are swapped");
+        shutter.reverse();
+    }
+    let [shutter_open, shutter_close] = shutter.map(|time| time as f32);
+
+    // Fit the shorter side of the image to [-1, 1].
+    let aspect = params.positive_or("frameaspectratio", film.width as f64 / film.height as f64)?;
+    let (x, y) = if aspect > 1.0 { (aspect, 1.0) } else { (1.0, 1.0 / aspect) };
+    let screen_window = match params.floats("screenwindow")? {
+        None => [-x, x, -y, y],
+        Some(&[x0, x1, y0, y1]) if x0 < x1 && y0 < y1 => [x0, x1, y0, y1],
+        Some(_) => {
+            let message = "\"screenwindow\" is not a window; x min, x max, y min, y max would be accepted";
+            return Err(Fault::new(*place, message));
+        }
+    };
+    let projection = match *kind {
+        "perspective" => {
+            let fov = params.float_or("fov", 90.0)?;
+            if !(fov > 0.0 && fov < 180.0) {
+                let message = format!("\"fov\" is {fov}; an angle between 0 and 180 degrees would be accepted");
+                return Err(Fault::new(*place, message));
+            }
+            Projection::Perspective { tan_half_fov: (fov.to_radians() / 2.0).tan() as f32 }
+        }
+        "orthographic" => Projection::Orthographic,
+        other => {
+            let message = format!("camera \"{other}\"; perspective and orthographic are accepted");
+            return Err(Fault::new(*place, message));
+        }
+    };
+    let lens_radius = params.float_or("lensradius", 0.0)?;
+    if lens_radius < 0.0 {
+        let message = format!("\"lensradius\" is {lens_radius}; a number from 0 would be accepted");
+        return Err(Fault::new(*place, message));
+    }
+    let focal_distance = params.positive_or("focaldistance", 1e6)?;
+
+    // The transform at the camera is world to camera. Render space has its origin at the camera.
+    let [to_world_start, to_world_end] = ctm.map(|ctm| ctm.inverse());
+    if !(to_world_start.is_finite() && to_world_end.is_finite()) {
+        return Err(Fault::new(*place, "a camera with a singular transform; one that can be inverted would be accepted"));
+    }
+    let [t0, t1] = reader.transform_times;
+    let to_world = AnimatedTransform::new(to_world_start, to_world_end, t0, t1);
+    let origin = to_world.at_f64(shutter_open).translation;
+    let shift = DAffine3::from_translation(-origin);
+    let camera = Camera {
+        to_render: AnimatedTransform::new(shift * to_world_start, shift * to_world_end, t0, t1),
+        projection,
+        screen_window: screen_window.map(|s| s as f32),
+        lens_radius: lens_radius as f32,
+        focal_distance: focal_distance as f32,
+        shutter_open,
+        shutter_close,
+    };
+    Ok((camera, origin))
+}
+
+fn integrator(reader: &mut Reader, entry: &Entry) -> Result<Integrator> {
+    let Entry { kind, params, place, .. } = entry;
+    let max_depth = params.integer_in("maxdepth", 5, 0..=MAX_DEPTH)?;
+    Ok(match *kind {
+        "path" | "volpath" => Integrator::Path { max_depth },
+        "directlighting" => Integrator::Direct { max_depth },
+        other => {
+            reader.warnings.add(*place, format!("integrator \"{other}\" is read as \"path\""));
+            Integrator::Path { max_depth }
+        }
+    })
+}
+
+fn sampler(reader: &mut Reader, entry: &Entry) -> Result<(SamplerKind, u32)> {
+    let Entry { kind, params, place, .. } = entry;
+    let sampler = match *kind {
+        "independent" | "random" => SamplerKind::Independent,
+        "sobol" | "zsobol" | "paddedsobol" | "halton" | "stratified" | "pmj02bn" | "lowdiscrepancy" | "02sequence" => {
+            SamplerKind::Sobol
+        }
+        other => {
+            reader.warnings.add(*place, format!("sampler \"{other}\" is read as \"zsobol\""));
+            SamplerKind::Sobol
+        }
+    };
+    let default = match *kind {
+        "stratified" => {
+            let side = |name| params.integer_in(name, 4, 1..=1 << 12);
+            side("xsamples")? * side("ysamples")?
+        }
+        "independent" => 4,
+        _ => 16,
+    };
+    Ok((sampler, params.integer_in("pixelsamples", default, 1..=MAX_SPP)?))
+}

@@ -1,0 +1,47 @@
+//! Files that a scene is made of, gzipped where their name ends in `.gz`.
+
+use std::fs::File;
+use std::io::{BufRead, BufReader, Read};
+use std::path::Path;
+
+use flate2::bufread::MultiGzDecoder;
+
+/// Most bytes that one byte of a gzip file can stand for (the limit of DEFLATE).
+pub const MAX_INFLATION: u64 = 1032;
+
+/// An open file.
+pub struct Source {
+    pub reader: Box<dyn BufRead>,
+    /// The most bytes that can come out of `reader`.
+    pub max_length: u64,
+}
+
+/// Opens a file for reading.
+///
+/// # Errors
+/// The system's words, without the file's name.
+pub fn open(path: &Path) -> Result<Source, String> {
+    let file = File::open(path).map_err(|error| error.to_string())?;
+    let metadata = file.metadata().map_err(|error| error.to_string())?;
+    if metadata.is_dir() {
+        return Err("it is a folder".into());
+    }
+    let length = metadata.len();
+    let plain = BufReader::new(file);
+    Ok(if path.extension().is_some_and(|extension| extension == "gz") {
+        let reader = Box::new(BufReader::new(MultiGzDecoder::new(plain)));
+        Source { reader, max_length: length.saturating_mul(MAX_INFLATION) }
+    } else {
+        Source { reader: Box::new(plain), max_length: length }
+    })
+}
+
+/// Reads a whole file.
+///
+/// # Errors
+/// As [`open`].
+pub fn read(path: &Path) -> Result<Vec<u8>, String> {
+    let mut bytes = Vec::new();
+    open(path)?.reader.read_to_end(&mut bytes).map_err(|error| error.to_string())?;
+    Ok(bytes)
+}

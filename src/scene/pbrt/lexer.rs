@@ -1,0 +1,227 @@
+//! Text → tokens. One lexer for all dialects: they differ in words, not in form.
+
+use std::borrow::Cow;
+
+use super::{Fault, Place, Result};
+
+/// What a token is. Text is borrowed from the file wherever it stands there as it is.
+#[derive(Clone, Debug, PartialEq)]
+pub enum TokenKind<'a> {
+    /// A directive, or an unquoted value such as `true`.
+    Word(Cow<'a, str>),
+    /// A quoted string, without its quotes.
+    Quoted(Cow<'a, str>),
+    Number(f64),
+    Open,
+    Close,
+}
+
+impl TokenKind<'_> {
+    /// For messages: what was found.
+    pub fn describe(&self) -> String {
+        match self {
+            TokenKind::Word(word) => format!("`{word}`"),
+            TokenKind::Quoted(text) => format!("\"{text}\""),
+            TokenKind::Number(number) => format!("the number {number}"),
+            TokenKind::Open => "`[`".into(),
+            TokenKind::Close => "`]`".into(),
+        }
+    }
+}
+
+#[derive(Clone, Debug, PartialEq)]
+pub struct Token<'a> {
+    pub place: Place,
+    pub kind: TokenKind<'a>,
+}
+
+/// Splits a file into tokens, with one token of look-ahead.
+pub struct Lexer<'a> {
+    text: &'a [u8],
+    at: usize,
+    /// Place of `at`: the file, the line, and where the line starts.
+    file: u32,
+    line: u32,
+    line_start: usize,
+    peeked: Option<Token<'a>>,
+}
+
+impl<'a> Lexer<'a> {
+    /// `file` is the file's number, for places.
+    pub fn new(text: &'a [u8], file: u32) -> Self {
+        // A byte order mark says nothing of UTF-8.
+        let at = if text.starts_with(b"\xef\xbb\xbf") { 3 } else { 0 };
+        Self { text, at, file, line: 1, line_start: at, peeked: None }
+    }
+
+    /// The place of the next byte.
+    pub fn place(&self) -> Place {
+        Place { file: self.file, line: self.line, column: (self.at - self.line_start + 1) as u32 }
+    }
+
+    /// The next token, which stays where it is; `None` at the end of the file.
+    pub fn peek(&mut self) -> Result<Option<&Token<'a>>> {
+        if self.peeked.is_none() {
+            self.peeked = self.lex()?;
+        }
+        Ok(self.peeked.as_ref())
+    }
+
+    /// Takes the next token.
+    pub fn next(&mut self) -> Result<Option<Token<'a>>> {
+        match self.peeked.take() {
+            Some(token) => Ok(Some(token)),
+            None => self.lex(),
+        }
+    }
+
+    /// Takes the next token if `accept` makes something of it.
+    pub fn next_if<T>(&mut self, accept: impl FnOnce(&TokenKind<'a>) -> Option<T>) -> Result<Option<T>> {
+        let accepted = self.peek()?.and_then(|token| accept(&token.kind));
+        if accepted.is_some() {
+            self.peeked = None;
+        }
+        Ok(accepted)
+    }
+
+    fn lex(&mut self) -> Result<Option<Token<'a>>> {
+        self.skip_blanks();
+        let place = self.place();
+        let Some(&first) = self.text.get(self.at) else { return Ok(None) };
+        let kind = match first {
+            b'[' => {
+                self.at += 1;
+                TokenKind::Open
+            }
+            b']' => {
+                self.at += 1;
+                TokenKind::Close
+            }
+            b'"' => TokenKind::Quoted(self.quoted(place)?),
+            _ => self.word(place)?,
+        };
+        Ok(Some(Token { place, kind }))
+    }
+
+    fn skip_blanks(&mut self) {
+        while let Some(&byte) = self.text.get(self.at) {
+            match byte {
+                b'\n' => {
+                    self.at += 1;
+                    self.line += 1;
+                    self.line_start = self.at;
+                }
+                b'#' => {
+                    let rest = &self.text[self.at..];
+                    self.at += rest.iter().position(|&b| b == b'\n').unwrap_or(rest.len());
+                }
+                _ if byte.is_ascii_whitespace() => self.at += 1,
+                _ => break,
+            }
+        }
+    }
+
+    /// A word ends at a blank, a bracket, a quote or a comment.
+    fn word(&mut self, place: Place) -> Result<TokenKind<'a>> {
+        let rest = &self.text[self.at..];
+        let ends = |b: &u8| b.is_ascii_whitespace() || matches!(b, b'[' | b']' | b'"' | b'#');
+        let word = &rest[..rest.iter().position(ends).unwrap_or(rest.len())];
+        self.at += word.len();
+        let text = String::from_utf8_lossy(word);
+        if !matches!(word[0], b'0'..=b'9' | b'+' | b'-' | b'.') {
+            return Ok(TokenKind::Word(text));
+        }
+        match text.parse::<f64>() {
+            Ok(number) if number.is_finite() => Ok(TokenKind::Number(number)),
+            _ => Err(Fault::new(place, format!("`{text}`; a finite number would be accepted"))),
+        }
+    }
+
+    fn quoted(&mut self, place: Place) -> Result<Cow<'a, str>> {
+        let start = self.at + 1;
+        let mut end = start;
+        let mut escaped = false;
+        loop {
+            match self.text.get(end) {
+                Some(b'"') => break,
+                Some(b'\\') => {
+                    escaped = true;
+                    end += 2;
+                }
+                Some(b'\n') | None => {
+                    return Err(Fault::new(place, "a string without an end; `\"` on the same line would end it"));
+                }
+                Some(_) => end += 1,
+            }
+        }
+        self.at = end + 1;
+        let raw = &self.text[start..end];
+        Ok(if escaped { Cow::Owned(unescaped(raw)) } else { String::from_utf8_lossy(raw) })
+    }
+}
+
+fn unescaped(raw: &[u8]) -> String {
+    let mut bytes = Vec::with_capacity(raw.len());
+    let mut rest = raw.iter();
+    while let Some(&byte) = rest.next() {
+        bytes.push(match (byte, byte == b'\\') {
+            (_, true) => match rest.next() {
+                Some(b'n') => b'\n',
+                Some(b't') => b'\t',
+                Some(b'r') => b'\r',
+                Some(&other) => other,
+                None => b'\\',
+            },
+            (byte, false) => byte,
+        });
+    }
+    String::from_utf8_lossy(&bytes).into_owned()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn tokens(text: &str) -> Vec<Token<'_>> {
+        let mut lexer = Lexer::new(text.as_bytes(), 0);
+        std::iter::from_fn(|| lexer.next().unwrap()).collect()
+    }
+
+    fn kinds(text: &str) -> Vec<TokenKind<'_>> {
+        tokens(text).into_iter().map(|token| token.kind).collect()
+    }
+
+    #[test]
+    fn words_strings_numbers_and_brackets_are_told_apart() {
+        use TokenKind::*;
+        let expected = [
+            Word("Shape".into()),
+            Quoted("float radius".into()),
+            Open,
+            Number(-0.5),
+            Number(1e3),
+            Number(2.0),
+            Close,
+            Word("true".into()),
+        ];
+        assert_eq!(kinds("Shape \"float radius\"[-.5 1e3 +2.]true# \" [ comment"), expected);
+    }
+
+    #[test]
+    fn escapes_in_strings_are_resolved() {
+        assert_eq!(kinds(r#""a\"b\\c""#), [TokenKind::Quoted(r#"a"b\c"#.into())]);
+    }
+
+    #[test]
+    fn places_are_counted_from_one() {
+        let places: Vec<_> = tokens("# c\n  A\n\tB C").iter().map(|t| (t.place.line, t.place.column)).collect();
+        assert_eq!(places, [(2, 3), (3, 2), (3, 4)]);
+    }
+
+    #[test]
+    fn what_is_no_number_and_strings_without_end_are_errors() {
+        for text in ["1.2.3", "1e999", "-", "\"abc\ndef\"", "\"abc\\"] {
+            assert!(Lexer::new(text.as_bytes(), 0).next().is_err(), "{text}");
+        }
+    }
+}

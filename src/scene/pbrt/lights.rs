@@ -1,0 +1,171 @@
+//! Lights, by the names and defaults of pbrt-v4.
+
+use std::f64::consts::PI;
+
+use glam::{Affine3A, DVec3, Vec3};
+
+use super::directives::Statement;
+use super::params::Params;
+use super::state::Reader;
+use super::textures::encoding;
+use super::{Fault, Result};
+use crate::scene::light::{AreaLight, Environment, EnvironmentMap};
+use crate::scene::Light;
+
+impl Reader {
+    pub fn area_light_source(&mut self, statement: &Statement) -> Result<()> {
+        let params = self.params_for("light", statement);
+        let kind = &statement.strings[0];
+        if !["diffuse", "area"].contains(&kind.as_str()) {
+            let message = format!("area light \"{kind}\"; diffuse is accepted");
+            return Err(Fault::new(statement.place, message));
+        }
+        params.get("nsamples");
+        params.get("samples");
+        let radiance = self.light_color(&params, "L")?;
+        let two_sided = params.bool_or("twosided", false)?;
+        self.state.area_light = (radiance != Vec3::ZERO).then_some(AreaLight { radiance, two_sided });
+        statement.params.mark_used_in(&params);
+        Ok(())
+    }
+
+    pub fn light_source(&mut self, statement: &Statement) -> Result<()> {
+        let params = &*self.params_for("light", statement);
+        if self.is_animated() {
+            self.warnings.add(statement.place, "moving lights stand still where they are at the start");
+        }
+        if !self.to_render().inverse().is_finite() {
+            let message = "a singular transform; one that can be inverted would be accepted";
+            return Err(Fault::new(statement.place, message));
+        }
+        params.get("nsamples");
+        params.get("samples");
+        let light = match statement.strings[0].as_str() {
+            "point" => self.point(params)?,
+            "spot" => self.spot(params)?,
+            "distant" => self.distant(params)?,
+            "infinite" => self.infinite(params)?,
+            other @ ("goniometric" | "projection") => {
+                self.warnings.add(statement.place, format!("light \"{other}\" is left out"));
+                statement.params.mark_all_used();
+                return Ok(());
+            }
+            other => {
+                let message = format!("light \"{other}\"; point, spot, distant and infinite are accepted");
+                return Err(Fault::new(statement.place, message));
+            }
+        };
+        self.lights.push(light);
+        statement.params.mark_used_in(params);
+        Ok(())
+    }
+
+    /// Colour times `scale`, per channel not below 0.
+    fn light_color(&mut self, params: &Params, name: &str) -> Result<Vec3> {
+        let color = self.spectrum(params, name)?.map_or(Vec3::ONE, |spectrum| spectrum.illuminant());
+        // v3 has a colour for a scale.
+        let scale = match params.get("scale").map(|param| param.kind) {
+            Some(super::params::ParamType::Rgb) => {
+                self.spectrum(params, "scale")?.map_or(Vec3::ONE, |spectrum| spectrum.reflectance())
+            }
+            _ => Vec3::splat(params.float_or("scale", 1.0)? as f32),
+        };
+        let color = color * scale;
+        if color.is_finite() && color.cmpge(Vec3::ZERO).all() {
+            return Ok(color);
+        }
+        let accepted = "numbers from 0 would be accepted";
+        Err(Fault::new(params.place, format!("a light of \"{name}\" {color}; {accepted}")))
+    }
+
+    fn point(&mut self, params: &Params) -> Result<Light> {
+        let from = params.triple_or("from", DVec3::ZERO)?;
+        let position = self.to_render().transform_point3(from).as_vec3();
+        let mut intensity = self.light_color(params, "I")?;
+        if let Some(power) = params.float("power")? {
+            intensity *= (power / (4.0 * PI)) as f32;
+        }
+        Ok(Light::Point { position, intensity })
+    }
+
+    fn spot(&mut self, params: &Params) -> Result<Light> {
+        let (from, axis) = self.from_and_axis(params)?;
+        let total = params.float_or("coneangle", 30.0)?;
+        let delta = params.float_or("conedeltaangle", 5.0)?;
+        let cos_total_width = total.to_radians().cos();
+        let cos_falloff_start = (total - delta).max(0.0).to_radians().cos().max(cos_total_width);
+        let mut intensity = self.light_color(params, "I")?;
+        if let Some(power) = params.float("power")? {
+            // The falloff is halfway between its ends in the mean.
+            let solid_angle =
+                2.0 * PI * ((1.0 - cos_falloff_start) + (cos_falloff_start - cos_total_width) / 2.0);
+            if solid_angle > 0.0 {
+                intensity *= (power / solid_angle) as f32;
+            }
+        }
+        Ok(Light::Spot {
+            position: self.to_render().transform_point3(from).as_vec3(),
+            axis: self.to_render().transform_vector3(axis).normalize().as_vec3(),
+            intensity,
+            cos_falloff_start: cos_falloff_start as f32,
+            cos_total_width: cos_total_width as f32,
+        })
+    }
+
+    fn distant(&mut self, params: &Params) -> Result<Light> {
+        let (_, axis) = self.from_and_axis(params)?;
+        let direction = -self.to_render().transform_vector3(axis).normalize().as_vec3();
+        let mut radiance = self.light_color(params, "L")?;
+        if let Some(illuminance) = params.float("illuminance")? {
+            radiance *= illuminance as f32;
+        }
+        Ok(Light::Distant { direction, radiance })
+    }
+
+    /// `from`, and `to` − `from`.
+    fn from_and_axis(&self, params: &Params) -> Result<(DVec3, DVec3)> {
+        let from = params.triple_or("from", DVec3::ZERO)?;
+        let to = params.triple_or("to", DVec3::Z)?;
+        if from == to {
+            let message = "a light from a point to the same point; two points would be accepted";
+            return Err(Fault::new(params.place, message));
+        }
+        Ok((from, to - from))
+    }
+
+    fn infinite(&mut self, params: &Params) -> Result<Light> {
+        let mut scale = self.light_color(params, "L")?;
+        let file = match params.string("filename")? {
+            Some(file) => Some(file),
+            None => params.string("mapname")?,
+        };
+        let map = match file.filter(|file| !file.is_empty()) {
+            None => None,
+            Some(file) => {
+                let image = self.load_image(file, encoding(params)?, params.place)?;
+                let (width, height) = (self.textures.image(image).width(), self.textures.image(image).height());
+                if self.dialect.environments_are_lat_long() {
+                    Some(EnvironmentMap::LatLong(image))
+                } else if width == height {
+                    Some(EnvironmentMap::EqualArea(image))
+                } else {
+                    let message =
+                        format!("environment \"{file}\" of {width}x{height} texels; a square one would be accepted");
+                    return Err(Fault::new(params.place, message));
+                }
+            }
+        };
+        // Of an image it would need a sum over a hemisphere; left to the warning on unused ones.
+        if map.is_none()
+            && let Some(illuminance) = params.float("illuminance")?
+        {
+            scale *= (illuminance / PI) as f32;
+        }
+        let to_render = self.to_render();
+        Ok(Light::Environment(Environment {
+            to_render: Affine3A::from_mat3(to_render.matrix3.as_mat3()),
+            scale,
+            map,
+        }))
+    }
+}

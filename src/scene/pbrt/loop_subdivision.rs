@@ -1,0 +1,266 @@
+//! Loop subdivision surfaces.
+//!
+//! Loop 1987, "Smooth subdivision surfaces based on triangles"; weights, limit positions and
+//! tangents as in pbrt-v3, section 3.8 (after Zorin and others, "Subdivision for modeling and
+//! animation").
+
+use std::collections::HashMap;
+use std::f64::consts::PI;
+
+use glam::DVec3;
+
+use super::mesh::MeshDescription;
+
+/// Weight of each neighbour of a vertex on the border: while refining, and at the limit.
+const BORDER: f64 = 1.0 / 8.0;
+const BORDER_LIMIT: f64 = 1.0 / 5.0;
+
+/// Subdivides a control mesh `levels` times and pushes its vertices to the limit surface, with the
+/// surface's normals.
+///
+/// # Errors
+/// One sentence, if an index is out of range or the mesh is not an oriented manifold.
+pub fn subdivide(control: &[DVec3], triangles: &[[u32; 3]], levels: u32) -> Result<MeshDescription, String> {
+    if let Some(index) = triangles.as_flattened().iter().find(|&&index| index as usize >= control.len()) {
+        return Err(format!("index {index} of {} vertices; a smaller one would be accepted", control.len()));
+    }
+    let mut positions = control.to_vec();
+    let mut indices: Vec<[u32; 3]> =
+        triangles.iter().copied().filter(|[a, b, c]| a != b && b != c && c != a).collect();
+    for _ in 0..levels {
+        (positions, indices) = refine(&positions, &indices)?;
+    }
+    let rings = Rings::new(positions.len(), &indices)?;
+    let mut limit = Vec::with_capacity(positions.len());
+    let mut normals = Vec::with_capacity(positions.len());
+    let mut ring = Vec::new();
+    for (vertex, &position) in positions.iter().enumerate() {
+        let closed = rings.around(vertex, &positions, &mut ring);
+        limit.push(if closed {
+            average(position, &ring, 1.0 / (ring.len() as f64 + 3.0 / (8.0 * interior_weight(ring.len()))))
+        } else {
+            border_average(position, &ring, BORDER_LIMIT)
+        });
+        normals.push(limit_normal(position, &ring, closed));
+    }
+    Ok(MeshDescription { positions: limit, normals, uvs: Vec::new(), indices })
+}
+
+/// One level: every triangle becomes four.
+fn refine(positions: &[DVec3], triangles: &[[u32; 3]]) -> Result<(Vec<DVec3>, Vec<[u32; 3]>), String> {
+    let rings = Rings::new(positions.len(), triangles)?;
+    let mut ring = Vec::new();
+    let mut refined: Vec<DVec3> = (0..positions.len())
+        .map(|vertex| {
+            if rings.around(vertex, positions, &mut ring) {
+                average(positions[vertex], &ring, interior_weight(ring.len()))
+            } else {
+                border_average(positions[vertex], &ring, BORDER)
+            }
+        })
+        .collect();
+
+    // A new vertex on each edge, numbered in the order in which the triangles come to it.
+    let opposite: HashMap<(u32, u32), u32> =
+        triangles.iter().flat_map(|&[a, b, c]| [((a, b), c), ((b, c), a), ((c, a), b)]).collect();
+    let mut on_edge: HashMap<(u32, u32), u32> = HashMap::with_capacity(triangles.len() * 3 / 2);
+    let mut split = |a: u32, b: u32| {
+        *on_edge.entry((a.min(b), a.max(b))).or_insert_with(|| {
+            let at = |vertex: u32| positions[vertex as usize];
+            let ends = at(a) + at(b);
+            refined.push(match (opposite.get(&(a, b)), opposite.get(&(b, a))) {
+                (Some(&left), Some(&right)) => ends * 0.375 + (at(left) + at(right)) * 0.125,
+                _ => ends * 0.5,
+            });
+            (refined.len() - 1) as u32
+        })
+    };
+    let mut indices = Vec::with_capacity(triangles.len() * 4);
+    for &[a, b, c] in triangles {
+        let [ab, bc, ca] = [split(a, b), split(b, c), split(c, a)];
+        indices.extend([[a, ab, ca], [b, bc, ab], [c, ca, bc], [ab, bc, ca]]);
+    }
+    Ok((refined, indices))
+}
+
+/// Weight of each neighbour of an interior vertex, by the number of neighbours.
+fn interior_weight(valence: usize) -> f64 {
+    if valence == 3 { 3.0 / 16.0 } else { 3.0 / (8.0 * valence as f64) }
+}
+
+fn average(centre: DVec3, ring: &[DVec3], weight: f64) -> DVec3 {
+    let sum: DVec3 = ring.iter().sum();
+    centre * (1.0 - ring.len() as f64 * weight) + sum * weight
+}
+
+/// Only the two neighbours on the border count. A vertex without neighbours stays.
+fn border_average(centre: DVec3, ring: &[DVec3], weight: f64) -> DVec3 {
+    match ring {
+        [first, .., last] => centre * (1.0 - 2.0 * weight) + (*first + *last) * weight,
+        _ => centre,
+    }
+}
+
+/// The normal from two tangents. As in pbrt it points to where the triangles are seen clockwise:
+/// that side is the front of a subdivision surface.
+fn limit_normal(centre: DVec3, ring: &[DVec3], closed: bool) -> DVec3 {
+    let n = ring.len();
+    let (s, t) = if closed {
+        let wave = |f: fn(f64) -> f64| -> DVec3 {
+            ring.iter().enumerate().map(|(i, p)| *p * f(2.0 * PI * i as f64 / n as f64)).sum()
+        };
+        (wave(f64::sin), wave(f64::cos))
+    } else {
+        let (Some(first), Some(last)) = (ring.first(), ring.last()) else { return DVec3::ZERO };
+        let across = match ring {
+            [_] => return DVec3::ZERO,
+            [a, b] => *a + *b - centre * 2.0,
+            [_, b, _] => *b - centre,
+            [a, b, c, d] => -*a + *b * 2.0 + *c * 2.0 - *d - centre * 2.0,
+            _ => {
+                let theta = PI / (n - 1) as f64;
+                let ends = (*first + *last) * theta.sin();
+                let inner = ring[1..n - 1].iter().enumerate();
+                let inner: DVec3 = inner.map(|(k, p)| *p * ((k + 1) as f64 * theta).sin()).sum();
+                inner * (2.0 - 2.0 * theta.cos()) - ends
+            }
+        };
+        (*last - *first, across)
+    };
+    s.cross(t)
+}
+
+/// The neighbours of each vertex, in order.
+struct Rings {
+    /// For each vertex, its corners: (next, previous) vertex in the triangle.
+    corners: Vec<(u32, u32)>,
+    /// Where each vertex's corners begin.
+    starts: Vec<u32>,
+}
+
+impl Rings {
+    fn new(vertices: usize, triangles: &[[u32; 3]]) -> Result<Self, String> {
+        let mut starts = vec![0u32; vertices + 1];
+        for &vertex in triangles.as_flattened() {
+            starts[vertex as usize + 1] += 1;
+        }
+        for i in 0..vertices {
+            starts[i + 1] += starts[i];
+        }
+        let mut free = starts.clone();
+        let mut corners = vec![(0, 0); triangles.len() * 3];
+        for &[a, b, c] in triangles {
+            for (vertex, corner) in [(a, (b, c)), (b, (c, a)), (c, (a, b))] {
+                corners[free[vertex as usize] as usize] = corner;
+                free[vertex as usize] += 1;
+            }
+        }
+        let mut rings = Self { corners, starts };
+        for vertex in 0..vertices {
+            rings.order(vertex)?;
+        }
+        Ok(rings)
+    }
+
+    fn range(&self, vertex: usize) -> std::ops::Range<usize> {
+        self.starts[vertex] as usize..self.starts[vertex + 1] as usize
+    }
+
+    /// Sorts a vertex's corners so that each begins where the one before ends.
+    fn order(&mut self, vertex: usize) -> Result<(), String> {
+        let range = self.range(vertex);
+        let corners = &mut self.corners[range];
+        // On a border the fan begins at the neighbour that no corner leads to.
+        let begin = corners.iter().position(|(next, _)| corners.iter().all(|(_, previous)| previous != next));
+        if let Some(begin) = begin {
+            corners.swap(0, begin);
+        }
+        for i in 1..corners.len() {
+            let wanted = corners[i - 1].1;
+            let Some(found) = corners[i..].iter().position(|(next, _)| *next == wanted) else {
+                return Err(format!(
+                    "the triangles around vertex {vertex} are not one fan of one orientation; a manifold would be accepted"
+                ));
+            };
+            corners.swap(i, i + found);
+        }
+        Ok(())
+    }
+
+    /// Puts the neighbours' positions into `ring`, counterclockwise; from border to border if the
+    /// vertex is on one. Returns whether it is not.
+    fn around(&self, vertex: usize, positions: &[DVec3], ring: &mut Vec<DVec3>) -> bool {
+        ring.clear();
+        let corners = &self.corners[self.range(vertex)];
+        ring.extend(corners.iter().map(|(next, _)| positions[*next as usize]));
+        let (Some((first, _)), Some((_, last))) = (corners.first(), corners.last()) else { return false };
+        if first != last {
+            ring.push(positions[*last as usize]);
+        }
+        first == last
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn octahedron() -> (Vec<DVec3>, Vec<[u32; 3]>) {
+        let positions = vec![DVec3::X, DVec3::Y, DVec3::Z, -DVec3::X, -DVec3::Y, -DVec3::Z];
+        let triangles =
+            vec![[0, 1, 2], [1, 3, 2], [3, 4, 2], [4, 0, 2], [1, 0, 5], [3, 1, 5], [4, 3, 5], [0, 4, 5]];
+        (positions, triangles)
+    }
+
+    #[test]
+    fn each_level_quarters_the_triangles_and_keeps_the_surface_closed() {
+        let (positions, triangles) = octahedron();
+        let mesh = subdivide(&positions, &triangles, 3).unwrap();
+        assert_eq!(mesh.indices.len(), 8 * 64);
+        // Euler: V − E + F = 2 with E = 3F/2.
+        assert_eq!(mesh.positions.len(), 2 + mesh.indices.len() / 2);
+    }
+
+    #[test]
+    fn the_limit_of_an_octahedron_is_round_and_its_normals_are_radial() {
+        let (positions, triangles) = octahedron();
+        let mesh = subdivide(&positions, &triangles, 4).unwrap();
+        let radii = mesh.positions.iter().map(|p| p.length());
+        let (low, high) = radii.fold((f64::MAX, 0.0f64), |(l, h), r| (l.min(r), h.max(r)));
+        assert!(low > 0.5 && high < 0.8 && high / low < 1.2, "{low} to {high}");
+        for (position, normal) in mesh.positions.iter().zip(&mesh.normals) {
+            // Wound counterclockwise as seen from outside, the front is the inside, as in pbrt.
+            assert!(position.normalize().dot(normal.normalize()) < -0.9);
+        }
+    }
+
+    #[test]
+    fn limit_positions_do_not_depend_on_the_level() {
+        let (positions, triangles) = octahedron();
+        let coarse = subdivide(&positions, &triangles, 0).unwrap();
+        let fine = subdivide(&positions, &triangles, 2).unwrap();
+        for (a, b) in coarse.positions.iter().zip(&fine.positions) {
+            assert!((*a - *b).length() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn a_flat_patch_stays_flat_with_a_straight_border_and_one_normal() {
+        let positions: Vec<_> = (0..9).map(|i| DVec3::new(f64::from(i % 3), f64::from(i / 3), 0.0)).collect();
+        let triangles: Vec<[u32; 3]> = [0, 1, 3, 4]
+            .into_iter()
+            .flat_map(|i| [[i, i + 1, i + 4], [i, i + 4, i + 3]])
+            .collect();
+        let mesh = subdivide(&positions, &triangles, 2).unwrap();
+        assert!(mesh.positions.iter().all(|p| p.z == 0.0 && p.x >= 0.0 && p.x <= 2.0));
+        assert!(mesh.normals.iter().all(|n| n.normalize() == -DVec3::Z));
+    }
+
+    #[test]
+    fn what_is_no_manifold_is_an_error() {
+        let positions = vec![DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z, -DVec3::Z];
+        let book = [[0, 1, 2], [0, 1, 3], [0, 1, 4]];
+        assert!(subdivide(&positions, &book, 1).unwrap_err().contains("manifold"));
+        assert!(subdivide(&positions, &[[0, 1, 9]], 1).unwrap_err().contains("index 9"));
+    }
+}

@@ -1,0 +1,221 @@
+//! Materials, by the names and defaults of pbrt-v4.
+
+use glam::Vec3;
+
+use super::directives::Statement;
+use super::params::{ParamType, Params};
+use super::spectrum::Spectrum;
+use super::state::Reader;
+use super::{Fault, Place, Result};
+use crate::scene::material::{MaterialKind, Metal, Roughness};
+use crate::scene::texture::{Encoding, FloatTextureId, ImageTexture, Mapping, Texture, Wrap};
+use crate::scene::{Material, MaterialId};
+
+/// Deepest mix of mixes.
+const MAX_MIX_DEPTH: usize = 8;
+/// Index of refraction where none is given.
+const DEFAULT_ETA: f64 = 1.5;
+
+impl Reader {
+    /// The material of a scene that names none.
+    pub fn add_default_material(&mut self) {
+        let reflectance = self.textures.add(Texture::Constant(Vec3::splat(0.5)));
+        self.add_material(Material {
+            name: String::new(),
+            kind: MaterialKind::Diffuse { reflectance },
+            displacement: None,
+            normal_map: None,
+        });
+    }
+
+    fn add_material(&mut self, material: Material) -> MaterialId {
+        let depth = match &material.kind {
+            MaterialKind::Mix { first, second, .. } => {
+                1 + [first, second].map(|id| self.mix_depths[id.0 as usize]).into_iter().max().unwrap_or(0)
+            }
+            _ => 0,
+        };
+        self.materials.push(material);
+        self.mix_depths.push(depth);
+        MaterialId((self.materials.len() - 1) as u32)
+    }
+
+    pub fn material(&mut self, statement: &Statement) -> Result<()> {
+        let params = self.params_for("material", statement);
+        self.state.material = self.make_material("", &statement.strings[0], &params, statement)?;
+        Ok(())
+    }
+
+    pub fn make_named_material(&mut self, statement: &Statement) -> Result<()> {
+        let params = self.params_for("material", statement);
+        let name = &statement.strings[0];
+        let Some(kind) = params.string("type")?.map(String::from) else {
+            let message = format!("material \"{name}\" without a type; \"string type\" would be accepted");
+            return Err(Fault::new(statement.place, message));
+        };
+        let id = self.make_material(name, &kind, &params, statement)?;
+        self.named_materials.insert(name.clone(), id);
+        Ok(())
+    }
+
+    pub fn named_material(&mut self, statement: &Statement) -> Result<()> {
+        self.state.material = self.find_material(&statement.strings[0], statement.place)?;
+        Ok(())
+    }
+
+    fn find_material(&self, name: &str, place: Place) -> Result<MaterialId> {
+        self.named_materials.get(name).copied().ok_or_else(|| {
+            Fault::new(place, format!("material \"{name}\"; one that MakeNamedMaterial made before would be accepted"))
+        })
+    }
+
+    fn make_material(&mut self, name: &str, kind: &str, params: &Params, statement: &Statement) -> Result<MaterialId> {
+        let kind = self.material_kind(kind, params, statement.place)?;
+        let displacement = match (params.get("displacement"), params.get("bumpmap")) {
+            (None, None) => None,
+            (Some(_), _) => Some(self.float_texture_or(params, "displacement", 0.0)?),
+            (None, Some(_)) => Some(self.float_texture_or(params, "bumpmap", 0.0)?),
+        };
+        let displacement = displacement.filter(|id| self.textures.constant_float(*id).is_none());
+        let normal_map = match params.string("normalmap")?.map(String::from) {
+            None => None,
+            Some(file) => {
+                let image = self.load_image(&file, Encoding::Linear, params.place)?;
+                let mapping = Mapping::Uv { scale: glam::Vec2::new(1.0, -1.0), offset: glam::Vec2::Y };
+                let texture = ImageTexture { image, mapping, wrap: Wrap::Repeat, scale: 1.0, invert: false };
+                Some(self.textures.add(Texture::<Vec3>::Image(texture)))
+            }
+        };
+        statement.params.mark_used_in(params);
+        Ok(self.add_material(Material { name: name.into(), kind, displacement, normal_map }))
+    }
+
+    fn material_kind(&mut self, kind: &str, params: &Params, place: Place) -> Result<MaterialKind> {
+        Ok(match kind {
+            "diffuse" => MaterialKind::Diffuse {
+                reflectance: self.rgb_texture_or(params, "reflectance", Vec3::splat(0.5))?,
+            },
+            "diffusetransmission" => {
+                let quarter = Vec3::splat(0.25);
+                let factor = params.float_or("scale", 1.0)? as f32;
+                let factor = self.textures.add(Texture::Constant(Vec3::splat(factor)));
+                let [reflectance, transmittance] = ["reflectance", "transmittance"].map(|name| {
+                    let first = self.rgb_texture_or(params, name, quarter)?;
+                    Ok(self.textures.add(Texture::<Vec3>::Product { first, second: factor }))
+                });
+                MaterialKind::DiffuseTransmission { reflectance: reflectance?, transmittance: transmittance? }
+            }
+            "conductor" => MaterialKind::Conductor {
+                metal: self.metal(params, "")?,
+                roughness: self.roughness(params, "", 0.0)?,
+            },
+            "dielectric" => MaterialKind::Dielectric {
+                eta: self.refractive_index(params, "eta", DEFAULT_ETA)?,
+                roughness: self.roughness(params, "", 0.0)?,
+            },
+            "thindielectric" => {
+                MaterialKind::ThinDielectric { eta: self.refractive_index(params, "eta", DEFAULT_ETA)? }
+            }
+            "coateddiffuse" => {
+                self.ignore_coat_details(params, place)?;
+                MaterialKind::CoatedDiffuse {
+                    reflectance: self.rgb_texture_or(params, "reflectance", Vec3::splat(0.5))?,
+                    eta: self.refractive_index(params, "eta", DEFAULT_ETA)?,
+                    roughness: self.roughness(params, "", 0.0)?,
+                }
+            }
+            "coatedconductor" => {
+                self.ignore_coat_details(params, place)?;
+                MaterialKind::CoatedConductor {
+                    metal: self.metal(params, "conductor.")?,
+                    conductor_roughness: self.roughness(params, "conductor.", 0.0)?,
+                    eta: self.refractive_index(params, "interface.eta", DEFAULT_ETA)?,
+                    interface_roughness: self.roughness(params, "interface.", 0.0)?,
+                }
+            }
+            "mix" => self.mix(params, place)?,
+            "interface" | "" | "none" => MaterialKind::Interface,
+            "subsurface" | "hair" | "measured" => {
+                self.warnings.add(place, format!("material \"{kind}\" is read as \"diffuse\""));
+                let name = if params.get("color").is_some() { "color" } else { "reflectance" };
+                MaterialKind::Diffuse { reflectance: self.rgb_texture_or(params, name, Vec3::splat(0.5))? }
+            }
+            other => match self.old_material(other, params, place)? {
+                Some(kind) => kind,
+                None => {
+                    let message = format!(
+                        "material \"{other}\"; diffuse, coateddiffuse, conductor, coatedconductor, dielectric, \
+                         thindielectric, diffusetransmission, mix and interface are accepted"
+                    );
+                    return Err(Fault::new(place, message));
+                }
+            },
+        })
+    }
+
+    fn mix(&mut self, params: &Params, place: Place) -> Result<MaterialKind> {
+        let (first, second) = match params.strings("materials")? {
+            Some([first, second]) => (self.find_material(first, place)?, self.find_material(second, place)?),
+            _ => {
+                let message = "a mix without \"string materials\"; the names of two would be accepted";
+                return Err(Fault::new(place, message));
+            }
+        };
+        if [first, second].iter().any(|id| self.mix_depths[id.0 as usize] >= MAX_MIX_DEPTH) {
+            let message = format!("mixes more than {MAX_MIX_DEPTH} deep; fewer would be accepted");
+            return Err(Fault::new(place, message));
+        }
+        let amount = self.float_texture_or(params, "amount", 0.5)?;
+        Ok(MaterialKind::Mix { first, second, amount })
+    }
+
+    /// The coat is one interface: its thickness and what may be dissolved in it are not simulated.
+    fn ignore_coat_details(&mut self, params: &Params, place: Place) -> Result<()> {
+        if params.get("albedo").is_some() {
+            self.warnings.add(place, "the medium in a coat (\"albedo\", \"g\") is not simulated");
+        }
+        for name in ["thickness", "g", "maxdepth", "nsamples"] {
+            params.get(name);
+        }
+        Ok(())
+    }
+
+    /// Indices of refraction `eta` and `k`, or `reflectance`; copper if there are none.
+    pub fn metal(&mut self, params: &Params, prefix: &str) -> Result<Metal> {
+        let named = |name: &str| Spectrum::named(name).map_or(Vec3::ZERO, |spectrum| spectrum.reflectance());
+        if params.get("reflectance").is_some() {
+            return Ok(Metal::Reflectance(self.rgb_texture_or(params, "reflectance", Vec3::ONE)?));
+        }
+        Ok(Metal::Fresnel {
+            eta: self.rgb_texture_or(params, &format!("{prefix}eta"), named("metal-Cu-eta"))?,
+            k: self.rgb_texture_or(params, &format!("{prefix}k"), named("metal-Cu-k"))?,
+        })
+    }
+
+    /// `uroughness` and `vroughness`, each in default of which `roughness`.
+    pub fn roughness(&mut self, params: &Params, prefix: &str, default: f64) -> Result<Roughness> {
+        let common = self.float_texture_or(params, &format!("{prefix}roughness"), default)?;
+        let mut along = |axis: &str| -> Result<FloatTextureId> {
+            let name = format!("{prefix}{axis}roughness");
+            if params.get(&name).is_some() { self.float_texture_or(params, &name, default) } else { Ok(common) }
+        };
+        let (u, v) = (along("u")?, along("v")?);
+        Ok(Roughness { u, v, remap: params.bool_or("remaproughness", true)? })
+    }
+
+    /// No roughness at all.
+    pub fn smooth(&mut self) -> Roughness {
+        let zero = self.textures.add(Texture::Constant(0.0));
+        Roughness { u: zero, v: zero, remap: false }
+    }
+
+    /// One index of refraction: a number or a spectrum, of which the d line counts.
+    pub fn refractive_index(&mut self, params: &Params, name: &str, default: f64) -> Result<f32> {
+        let Some(param) = params.get(name) else { return Ok(default as f32) };
+        let eta = match param.kind {
+            ParamType::Float | ParamType::Integer => params.float_or(name, default)?,
+            _ => self.spectrum(params, name)?.map_or(default, |spectrum| spectrum.refractive_index()),
+        };
+        if eta > 0.0 { Ok(eta as f32) } else { Err(param.fault(eta, "an index of refraction above 0")) }
+    }
+}

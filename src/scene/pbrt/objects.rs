@@ -1,0 +1,136 @@
+//! Where primitives go: into the static part of the scene, into an object that is instanced, or,
+//! when they move, into an object of their own.
+
+use glam::{DAffine3, DVec3};
+
+use super::directives::Statement;
+use super::state::{Block, Keys, Reader};
+use super::{Fault, Place, Result};
+use crate::scene::{AnimatedTransform, Instance, Primitive};
+
+/// Primitives that share a space.
+#[derive(Default)]
+pub struct Group {
+    pub name: String,
+    pub primitives: Vec<Primitive>,
+    /// Where the group's origin lies in the space it is described in, so that a group far from
+    /// that space's origin loses no precision as `f32`. Set by the first shape.
+    pub pivot: Option<DVec3>,
+}
+
+impl Group {
+    pub fn new(name: String) -> Self {
+        Self { name, ..Self::default() }
+    }
+}
+
+/// A group as a part of an object that is instanced.
+#[derive(Clone)]
+pub struct Part {
+    pub group: usize,
+    /// The group's motion inside the object; the identity if it stands still.
+    keys: Keys,
+}
+
+/// Where a shape goes.
+pub struct Placement {
+    pub group: usize,
+    /// Shape space to the group's space.
+    pub to_group: DAffine3,
+}
+
+const STILL: Keys = [DAffine3::IDENTITY; 2];
+
+impl Reader {
+    /// Where a shape at the current transform goes. `reference` is a point of it, in its space.
+    pub fn place_shape(&mut self, reference: DVec3, place: Place) -> Result<Placement> {
+        let ctm = self.state.ctm;
+        check_invertible(&ctm, place)?;
+        if self.is_animated() {
+            return Ok(self.place_moving_shape(reference));
+        }
+        let Some((name, parts)) = &mut self.current_object else {
+            return Ok(Placement { group: 0, to_group: self.to_render() });
+        };
+        let group = match parts.iter().find(|part| part.keys == STILL) {
+            Some(part) => part.group,
+            None => {
+                self.groups.push(Group::new(name.clone()));
+                let group = self.groups.len() - 1;
+                parts.push(Part { group, keys: STILL });
+                group
+            }
+        };
+        let pivot = *self.groups[group].pivot.get_or_insert_with(|| ctm[0].transform_point3(reference));
+        Ok(Placement { group, to_group: DAffine3::from_translation(-pivot) * ctm[0] })
+    }
+
+    /// A moving shape stays in its own space; its transform becomes that of an instance.
+    fn place_moving_shape(&mut self, reference: DVec3) -> Placement {
+        let keys = self.state.ctm;
+        let name = self.current_object.as_ref().map_or(String::new(), |(name, _)| name.clone());
+        self.groups.push(Group { name, primitives: Vec::new(), pivot: Some(reference) });
+        let group = self.groups.len() - 1;
+        match &mut self.current_object {
+            Some((_, parts)) => parts.push(Part { group, keys }),
+            None => self.add_instance(group, keys),
+        }
+        Placement { group, to_group: DAffine3::from_translation(-reference) }
+    }
+
+    /// Places a group in the world; `keys` take it there.
+    fn add_instance(&mut self, group: usize, keys: Keys) {
+        let shift = DAffine3::from_translation(-self.origin());
+        let [start, end] = keys.map(|key| shift * key);
+        let [t0, t1] = self.transform_times;
+        let pivot = self.groups[group].pivot.unwrap_or_default();
+        let transform = AnimatedTransform::new(start, end, t0, t1).after_translation(pivot);
+        self.instances.push(Instance { object: group, transform });
+    }
+
+    pub fn object_begin(&mut self, statement: &Statement) -> Result<()> {
+        let name = statement.strings[0].clone();
+        if let Some((open, _)) = &self.current_object {
+            let message = format!("ObjectBegin inside object \"{open}\"; ObjectEnd would be accepted");
+            return Err(Fault::new(statement.place, message));
+        }
+        self.push(Block::Object, statement.place);
+        self.current_object = Some((name, Vec::new()));
+        Ok(())
+    }
+
+    pub fn object_end(&mut self, statement: &Statement) -> Result<()> {
+        let Some((name, parts)) = self.current_object.take() else {
+            let message = "ObjectEnd without ObjectBegin; another directive would be accepted";
+            return Err(Fault::new(statement.place, message));
+        };
+        self.pop(Block::Object, statement.place)?;
+        self.objects.insert(name, parts);
+        Ok(())
+    }
+
+    pub fn object_instance(&mut self, statement: &Statement) -> Result<()> {
+        let name = &statement.strings[0];
+        let fault = |message| Err(Fault::new(statement.place, message));
+        if let Some((open, _)) = &self.current_object {
+            return fault(format!("ObjectInstance inside object \"{open}\"; ObjectEnd would be accepted"));
+        }
+        let Some(parts) = self.objects.get(name).cloned() else {
+            return fault(format!("object \"{name}\"; one defined before would be accepted"));
+        };
+        let ctm = self.state.ctm;
+        check_invertible(&ctm, statement.place)?;
+        for part in parts {
+            self.add_instance(part.group, [ctm[0] * part.keys[0], ctm[1] * part.keys[1]]);
+        }
+        Ok(())
+    }
+}
+
+/// Normals and rays need the inverse of a transform.
+fn check_invertible(keys: &Keys, place: Place) -> Result<()> {
+    if keys.iter().all(|key| key.inverse().is_finite()) {
+        return Ok(());
+    }
+    Err(Fault::new(place, "a singular transform; one that can be inverted would be accepted"))
+}

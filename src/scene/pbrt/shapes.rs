@@ -1,0 +1,202 @@
+//! Shapes.
+
+use std::sync::Arc;
+
+use glam::{DAffine3, DVec3};
+
+use super::directives::Statement;
+use super::mesh::MeshDescription;
+use super::objects::Placement;
+use super::params::{ParamType, Params};
+use super::state::Reader;
+use super::{Fault, Result, loop_subdivision, ply};
+use crate::scene::material::MaterialKind;
+use crate::scene::texture::{FloatTextureId, Texture};
+use crate::scene::{Disk, Primitive, Shape, Sphere};
+
+/// Levels of subdivision: ten make a million triangles of each.
+const MAX_LEVELS: u32 = 10;
+/// Most triangles that subdivision may make.
+const MAX_SUBDIVIDED: usize = 1 << 27;
+
+impl Reader {
+    pub fn shape(&mut self, statement: &Statement) -> Result<()> {
+        let kind = statement.strings[0].as_str();
+        let params = &*self.params_for("shape", statement);
+        let fault = |message: String| Fault::new(statement.place, message);
+        match kind {
+            "sphere" => self.sphere(params)?,
+            "disk" => self.disk(params)?,
+            "trianglemesh" => self.mesh(params, &triangle_mesh(params)?, fault)?,
+            "loopsubdiv" => self.mesh(params, &loop_subdivided(params)?, fault)?,
+            "plymesh" => {
+                let Some(name) = params.string("filename")? else {
+                    return Err(fault("plymesh without a file; \"string filename\" would be accepted".into()));
+                };
+                let path = self.resolve(name);
+                let named = |message: String| fault(format!("mesh \"{}\": {message}", path.display()));
+                let mesh = ply::read(&path).map_err(named)?;
+                self.mesh(params, &mesh, named)?;
+            }
+            "bilinearmesh" | "curve" | "cylinder" | "cone" | "paraboloid" | "hyperboloid" | "nurbs"
+            | "heightfield" => {
+                self.warnings.add(statement.place, format!("shape \"{kind}\" is left out"));
+                statement.params.mark_all_used();
+            }
+            other => {
+                return Err(fault(format!(
+                    "shape \"{other}\"; sphere, disk, trianglemesh, plymesh and loopsubdiv are accepted"
+                )));
+            }
+        }
+        statement.params.mark_used_in(params);
+        Ok(())
+    }
+
+    fn sphere(&mut self, params: &Params) -> Result<()> {
+        let radius = params.positive_or("radius", 1.0)?;
+        let z_min = params.float_or("zmin", -radius)?.clamp(-radius, radius);
+        let z_max = params.float_or("zmax", radius)?.clamp(-radius, radius);
+        let phi_max = phi_max(params)?;
+        self.add(params, DVec3::ZERO, |to_object| {
+            Shape::Sphere(Sphere {
+                to_object,
+                radius: radius as f32,
+                z_min: z_min.min(z_max) as f32,
+                z_max: z_min.max(z_max) as f32,
+                phi_max,
+            })
+        })
+    }
+
+    fn disk(&mut self, params: &Params) -> Result<()> {
+        let radius = params.positive_or("radius", 1.0)?;
+        let inner_radius = params.float_or("innerradius", 0.0)?.clamp(0.0, radius);
+        let height = params.float_or("height", 0.0)?;
+        let phi_max = phi_max(params)?;
+        self.add(params, DVec3::new(0.0, 0.0, height), |to_object| {
+            Shape::Disk(Disk {
+                to_object,
+                height: height as f32,
+                radius: radius as f32,
+                inner_radius: inner_radius as f32,
+                phi_max,
+            })
+        })
+    }
+
+    fn add(&mut self, params: &Params, reference: DVec3, make: impl FnOnce(DAffine3) -> Shape) -> Result<()> {
+        let Placement { group, to_group } = self.place_shape(reference, params.place)?;
+        let flip_normal = self.state.reverse_orientation != mirrors(to_group);
+        self.add_primitive(params, group, make(to_group), flip_normal)
+    }
+
+    /// Adds a mesh; `fault` says whose fault it is if there is something wrong with it.
+    fn mesh(&mut self, params: &Params, mesh: &MeshDescription, fault: impl Fn(String) -> Fault) -> Result<()> {
+        let reference = mesh.positions.first().copied().filter(|p| p.is_finite()).unwrap_or_default();
+        let Placement { group, to_group } = self.place_shape(reference, params.place)?;
+        let reverse = self.state.reverse_orientation;
+        let flip_normal = reverse != mirrors(to_group);
+        let baked = mesh.bake(to_group, flip_normal, reverse).map_err(fault)?;
+        if baked.indices.is_empty() {
+            self.warnings.add(params.place, "a mesh without any triangle that has an area is left out");
+            return Ok(());
+        }
+        self.add_primitive(params, group, Shape::Mesh(Arc::new(baked)), flip_normal)
+    }
+
+    fn add_primitive(&mut self, params: &Params, group: usize, shape: Shape, flip_normal: bool) -> Result<()> {
+        let material = self.state.material;
+        let mut area_light = self.state.area_light;
+        if area_light.is_some() && group != 0 {
+            self.warnings.add(params.place, "area lights on moving or instanced shapes are not simulated");
+            area_light = None;
+        }
+        if area_light.is_some()
+            && matches!(self.materials[material.0 as usize].kind, MaterialKind::Interface)
+        {
+            // As in pbrt-v4: a boundary without a surface has nothing that could emit.
+            self.warnings.add(params.place, "an area light on the material \"interface\" is left out");
+            area_light = None;
+        }
+        let alpha = self.alpha(params)?;
+        self.groups[group].primitives.push(Primitive { shape, material, alpha, area_light, flip_normal });
+        Ok(())
+    }
+
+    /// Opacity: a texture or a number, unless it is opaque.
+    fn alpha(&mut self, params: &Params) -> Result<Option<FloatTextureId>> {
+        let Some(param) = params.get("alpha") else { return Ok(None) };
+        let id = match param.kind {
+            ParamType::Texture => self.float_texture_or(params, "alpha", 1.0)?,
+            _ => {
+                let alpha = params.float_or("alpha", 1.0)? as f32;
+                self.textures.add(Texture::Constant(alpha))
+            }
+        };
+        Ok((self.textures.constant_float(id) != Some(1.0)).then_some(id))
+    }
+}
+
+/// Whether a transform changes handedness.
+fn mirrors(transform: DAffine3) -> bool {
+    transform.matrix3.determinant() < 0.0
+}
+
+fn phi_max(params: &Params) -> Result<f32> {
+    let degrees = params.positive_or("phimax", 360.0)?.min(360.0);
+    Ok(degrees.to_radians() as f32)
+}
+
+fn triangle_mesh(params: &Params) -> Result<MeshDescription> {
+    let positions = required_positions(params)?;
+    let indices = match indices(params)? {
+        Some(indices) => indices,
+        None if positions.len() == 3 => vec![[0, 1, 2]],
+        None => {
+            let message = "a mesh without \"integer indices\"; these, or exactly three points, would be accepted";
+            return Err(Fault::new(params.place, message));
+        }
+    };
+    // Tangents are not made use of.
+    params.get("S");
+    let uvs = match params.pairs("uv")? {
+        Some(uvs) => uvs,
+        None => params.pairs("st")?.unwrap_or_default(),
+    };
+    Ok(MeshDescription { positions, normals: params.triples("N")?.unwrap_or_default(), uvs, indices })
+}
+
+fn loop_subdivided(params: &Params) -> Result<MeshDescription> {
+    let positions = required_positions(params)?;
+    let Some(indices) = indices(params)? else {
+        return Err(Fault::new(params.place, "loopsubdiv without \"integer indices\"; these would be accepted"));
+    };
+    let name = if params.get("nlevels").is_some() { "nlevels" } else { "levels" };
+    let levels = params.integer_in(name, 3, 0..=MAX_LEVELS)?;
+    params.get("scheme");
+    if indices.len() << (2 * levels) > MAX_SUBDIVIDED {
+        let message = format!("{} triangles, {levels} times subdivided; less would be accepted", indices.len());
+        return Err(Fault::new(params.place, message));
+    }
+    loop_subdivision::subdivide(&positions, &indices, levels)
+        .map_err(|message| Fault::new(params.place, message))
+}
+
+fn required_positions(params: &Params) -> Result<Vec<DVec3>> {
+    let positions = params.triples("P")?;
+    positions.ok_or_else(|| Fault::new(params.place, "a mesh without points; \"point3 P\" would be accepted"))
+}
+
+fn indices(params: &Params) -> Result<Option<Vec<[u32; 3]>>> {
+    let Some(numbers) = params.integers("indices")? else { return Ok(None) };
+    let fault = |message: String| Fault::new(params.get("indices").map_or(params.place, |p| p.place), message);
+    let (triangles, rest) = numbers.as_chunks::<3>();
+    if !rest.is_empty() {
+        return Err(fault(format!("{} indices; a multiple of 3 would be accepted", numbers.len())));
+    }
+    if let Some(index) = numbers.iter().find(|&&index| index < 0.0 || index > f64::from(u32::MAX)) {
+        return Err(fault(format!("index {index}; the number of a vertex would be accepted")));
+    }
+    Ok(Some(triangles.iter().map(|triangle| triangle.map(|index| index as u32)).collect()))
+}
