@@ -124,7 +124,8 @@ impl<'s> Accel<'s> {
         if let Some(fixed) = self.objects.first() {
             search(fixed, Hit::STATIC, &mut walk, &mut query);
         }
-        if !self.instances.is_empty() && !(any && query.hit.is_some()) {
+        let settled = any && query.hit.is_some();
+        if !settled && !self.instances.is_empty() {
             search_instances(&self.instances, &self.objects, &mut walk, &mut query);
         }
         query.hit
