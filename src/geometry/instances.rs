@@ -13,8 +13,8 @@ use super::sphere::corner_bounds;
 use super::traverse::{Leaves, TraversalRay, traverse};
 use crate::scene::{AnimatedTransform, Scene};
 
-/// Times at which the path of a moving instance is evaluated. What it may do in between is bounded,
-/// see [`deviation`]: at this number, by 0.02 % of its size.
+/// Intervals between the times at which the path of a moving instance is evaluated. What it may do
+/// in between is bounded: for half a turn by 0.02 % of its size.
 const MOTION_STEPS: u32 = 128;
 
 /// Where an instance is.
@@ -63,7 +63,7 @@ impl InstanceAccel {
             let placement = if instance.transform.is_animated() {
                 Placement::Moving(index)
             } else {
-                Placement::Fixed(instance.transform.start.inverse())
+                Placement::Fixed(instance.transform.at_f64(0.0).inverse())
             };
             Placed { object: instance.object, instance: index as u32, placement }
         };
@@ -87,7 +87,7 @@ impl InstanceAccel {
 
 /// An instance's transform to render space at a time, and its inverse.
 pub fn transforms_at(transform: &AnimatedTransform, time: f32) -> (DAffine3, DAffine3) {
-    let to_render = if transform.is_animated() { transform.at(time).as_daffine3() } else { transform.start };
+    let to_render = transform.at_f64(time);
     (to_render, to_render.inverse())
 }
 
@@ -150,37 +150,21 @@ fn swept_bounds(transform: &AnimatedTransform, bounds: &Aabb, shutter: (f32, f32
         let absolute = DMat3::from_cols(linear.x_axis.abs(), linear.y_axis.abs(), linear.z_axis.abs());
         rounding = rounding.max(gamma(8) as f64 * (absolute * farthest + placed.translation.abs()));
     };
+    let (open, close) = shutter;
+    add(&transform.at_f64(open));
     let mut padding = 0.0;
-    if transform.is_animated() {
-        let key_range = |time: f32| time.max(transform.start_time).min(transform.end_time);
-        let (open, close) = (key_range(shutter.0), key_range(shutter.1));
+    if transform.moves_during(open, close) {
+        add(&transform.at_f64(close));
+        // Only between the keys is the path smooth.
+        let [first, last] = [open, close].map(|time| time.max(transform.start_time).min(transform.end_time));
+        let time_step = (last - first) / MOTION_STEPS as f32;
         for step in 0..=MOTION_STEPS {
-            let fraction = step as f32 / MOTION_STEPS as f32;
-            add(&transform.at(open + fraction * (close - open)).as_daffine3());
+            add(&transform.at_f64(first + step as f32 * time_step));
         }
-        padding = deviation(transform, farthest.length());
-    } else {
-        add(&transform.start);
+        // A chord of length h is missed by at most h²/8 times the second derivative.
+        // (Keys at the same time give NaN, and no length.)
+        let chord = ((time_step / (transform.end_time - transform.start_time)) as f64).max(0.0);
+        padding = chord * chord / 8.0 * transform.acceleration_bound(farthest.length());
     }
     rounded_out(swept.0 - rounding - padding, swept.1 + rounding + padding)
-}
-
-/// Bound on how far a point at `radius` from the object's origin strays from the chord between two
-/// of the [`MOTION_STEPS`].
-///
-/// Its path is T(s) + R(s) S(s) p with s in [0, 1] between the keys, where T and S are linear and R
-/// turns evenly by an angle of at most π. A chord of length h in s is missed by at most h²/8 times
-/// the second derivative, which is at most (π² |S| + 2π |S₁ - S₀|) |p|.
-fn deviation(transform: &AnimatedTransform, radius: f64) -> f64 {
-    use std::f64::consts::PI;
-    let (start, end) = (transform.start.matrix3, transform.at(transform.end_time).as_daffine3().matrix3);
-    if start == end {
-        return 0.0;
-    }
-    // The Frobenius norm bounds the spectral norm, which rotation does not change.
-    let norm =
-        |m: DMat3| (m.x_axis.length_squared() + m.y_axis.length_squared() + m.z_axis.length_squared()).sqrt();
-    let second_derivative = PI * PI * norm(start).max(norm(end)) + 2.0 * PI * (norm(start) + norm(end));
-    let step = 1.0 / MOTION_STEPS as f64;
-    step * step / 8.0 * second_derivative * radius
 }

@@ -17,6 +17,8 @@ mod sphere;
 mod surface;
 #[cfg(test)]
 mod test_scenes;
+#[cfg(test)]
+mod tests;
 mod traverse;
 mod triangle;
 
@@ -122,7 +124,8 @@ impl<'s> Accel<'s> {
         if let Some(fixed) = self.objects.first() {
             search(fixed, Hit::STATIC, &mut walk, &mut query);
         }
-        if !self.instances.is_empty() && !(any && query.hit.is_some()) {
+        let settled = any && query.hit.is_some();
+        if !settled && !self.instances.is_empty() {
             search_instances(&self.instances, &self.objects, &mut walk, &mut query);
         }
         query.hit
@@ -144,92 +147,5 @@ impl<'s> Accel<'s> {
     /// Bytes held.
     pub fn memory_bytes(&self) -> usize {
         self.instances.memory_bytes() + self.objects.iter().map(ObjectAccel::memory_bytes).sum::<usize>()
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::test_scenes::{Numbers, closed_sphere_mesh, mesh_of, ray, scene_of, sphere};
-    use super::*;
-    use crate::scene::Shape;
-
-    #[test]
-    fn the_nearest_of_random_triangles_is_found() {
-        let mut numbers = Numbers::new(1);
-        let triangles: Vec<_> = (0..500)
-            .map(|_| {
-                let centre = numbers.in_cube(10.0);
-                [centre + numbers.in_cube(2.0), centre + numbers.in_cube(2.0), centre + numbers.in_cube(2.0)]
-            })
-            .collect();
-        // Once as one mesh, and once each alone.
-        let together = scene_of(vec![Shape::Mesh(mesh_of(&triangles))]);
-        let accel = Accel::build(&together);
-        let alone: Vec<_> = triangles.iter().map(|t| scene_of(vec![Shape::Mesh(mesh_of(&[*t]))])).collect();
-        let each: Vec<_> = alone.iter().map(Accel::build).collect();
-        let mut hits = 0;
-        for _ in 0..1000 {
-            let ray = ray(numbers.in_cube(12.0), numbers.direction());
-            let expected = each
-                .iter()
-                .enumerate()
-                .filter_map(|(index, accel)| accel.intersect(&ray).map(|hit| (index, hit.t)))
-                .min_by(|a, b| a.1.total_cmp(&b.1));
-            let found = accel.intersect(&ray).map(|hit| (hit.element as usize, hit.t));
-            assert_eq!(found, expected);
-            assert_eq!(accel.occluded(&ray), expected.is_some());
-            hits += expected.is_some() as u32;
-        }
-        assert!(hits > 200, "{hits}");
-    }
-
-    #[test]
-    fn the_nearest_of_random_spheres_is_found() {
-        let mut numbers = Numbers::new(2);
-        let balls: Vec<_> = (0..200).map(|_| (numbers.in_cube(10.0), 0.2 + numbers.next())).collect();
-        let scene = scene_of(balls.iter().map(|&(centre, radius)| sphere(centre, radius)).collect());
-        let accel = Accel::build(&scene);
-        for _ in 0..1000 {
-            let ray = ray(numbers.in_cube(12.0), numbers.direction());
-            let expected = balls
-                .iter()
-                .enumerate()
-                .filter_map(|(index, &(centre, radius))| {
-                    let to_centre = (ray.origin - centre).as_dvec3();
-                    let direction = ray.direction.as_dvec3();
-                    let b = to_centre.dot(direction);
-                    let c = to_centre.length_squared() - (radius as f64).powi(2);
-                    let root = (b * b - c * direction.length_squared()).sqrt();
-                    let a = direction.length_squared();
-                    let t = [(-b - root) / a, (-b + root) / a].into_iter().find(|&t| t > 0.0)?;
-                    Some((index as u32, t))
-                })
-                .min_by(|a, b| a.1.total_cmp(&b.1));
-            let found = accel.intersect(&ray);
-            assert_eq!(found.map(|hit| hit.primitive), expected.map(|(index, _)| index));
-            if let (Some(hit), Some((_, t))) = (found, expected) {
-                assert!((hit.t as f64 - t).abs() < 1e-5 * t.max(1.0));
-            }
-        }
-    }
-
-    /// Rays from inside, at every vertex and at points of every edge.
-    #[test]
-    fn no_ray_leaves_a_closed_mesh_through_edges_or_vertices() {
-        for (offset, scale) in [(0.0, 1.0), (50.0, 1.0), (1e6, 100.0), (0.0, 1e-3), (0.0, 1e3)] {
-            let mesh = closed_sphere_mesh(Vec3::splat(offset), scale, 12, 24);
-            let scene = scene_of(vec![Shape::Mesh(mesh.clone())]);
-            let accel = Accel::build(&scene);
-            let mut numbers = Numbers::new(3);
-            for corners in &mesh.indices {
-                let [a, b, c] = corners.map(|index| mesh.positions[index as usize]);
-                for target in [a, b, c, a.midpoint(b), b.midpoint(c), a.lerp(c, 0.3)] {
-                    let origin = Vec3::splat(offset) + scale * numbers.in_cube(0.4);
-                    let ray = ray(origin, target - origin);
-                    assert!(accel.intersect(&ray).is_some(), "{ray:?}");
-                    assert!(accel.occluded(&ray), "{ray:?}");
-                }
-            }
-        }
     }
 }

@@ -244,3 +244,44 @@ impl Leaves for QuadricLeaves<'_, '_> {
         self.query.any && self.query.hit.is_some()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use glam::Vec3;
+
+    use super::*;
+    use crate::geometry::test_scenes::{Numbers, closed_sphere_mesh, ray, scene_of, sphere};
+
+    /// What the machine's vectors find is what the portable code finds, to the last bit; also for
+    /// rays at vertices and within the planes of boxes.
+    #[test]
+    fn every_instruction_set_finds_the_same() {
+        let mesh = closed_sphere_mesh(Vec3::ZERO, 1.0, 40, 60);
+        let scene = scene_of(vec![Shape::Mesh(mesh.clone()), sphere(Vec3::X, 0.7)]);
+        let object = ObjectAccel::build(&scene, &scene.objects[0]);
+        let mut numbers = Numbers::new(11);
+        let mut hits = 0;
+        for step in 0..4000 {
+            let origin = if step % 4 == 0 { Vec3::ZERO } else { numbers.in_cube(2.0) };
+            let vertex = mesh.positions[step % mesh.positions.len()];
+            let direction = if step % 2 == 0 { vertex - origin } else { numbers.direction() };
+            let ray = ray(origin, direction);
+            let Some(walk) = TraversalRay::new(ray.origin, ray.direction, ray.t_max) else { continue };
+            for any in [false, true] {
+                let [fast, portable] = [true, false].map(|vectors| {
+                    let (mut walk, mut query) = (walk, Query { scene: &scene, ray: &ray, any, hit: None });
+                    if vectors {
+                        search(&object, Hit::STATIC, &mut walk, &mut query);
+                    } else {
+                        let (enter, test) = (kernels::enter, kernels::candidates);
+                        search_with(&object, Hit::STATIC, &mut walk, &mut query, enter, test);
+                    }
+                    query.hit.map(|hit| (hit.t.to_bits(), hit.primitive, hit.element, hit.barycentric))
+                });
+                assert_eq!(fast, portable, "{ray:?}");
+                hits += fast.is_some() as u32;
+            }
+        }
+        assert!(hits > 3000, "{hits}");
+    }
+}

@@ -213,3 +213,20 @@ impl Stack {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_stack_gives_back_all_that_it_takes_beyond_its_size() {
+        let mut stack = Stack::new();
+        let count = 3 * STACK_SIZE as u32;
+        for child in 0..count {
+            stack.push(Visit::new(child as f32, child));
+        }
+        // Those entered farther than half of all are skipped.
+        let popped: Vec<_> = std::iter::from_fn(|| stack.pop_before((count / 2) as f32)).collect();
+        assert_eq!(popped, (0..=count / 2).rev().collect::<Vec<_>>());
+    }
+}

@@ -101,6 +101,25 @@ impl AnimatedTransform {
         let translation = motion.translation[0].lerp(motion.translation[1], t);
         DAffine3 { matrix3, translation: translation + matrix3 * motion.before }
     }
+
+    /// Bound on the second derivative of the path of any point within `radius` of the origin, by
+    /// the fraction of the time between the keys; 0 if nothing turns or stretches.
+    ///
+    /// The path is T(s) + R(s) S(s) p with T and S linear, and R turning evenly by θ, so its second
+    /// derivative is at most (θ² |S| + 2 θ |S₁ - S₀|) |p|.
+    pub fn acceleration_bound(&self, radius: f64) -> f64 {
+        let Some(motion) = &self.motion else { return 0.0 };
+        // The Frobenius norm bounds the spectral norm.
+        let norm = |m: DMat3| m.to_cols_array().iter().map(|x| x * x).sum::<f64>().sqrt();
+        let [start, end] = motion.stretch;
+        let reach = radius + motion.before.length();
+        let angle = {
+            let cosine = motion.rotation[0].dot(motion.rotation[1]).abs().min(1.0);
+            2.0 * cosine.acos()
+        };
+        // For small angles slerp turns only nearly evenly; twice the bound covers that.
+        2.0 * angle * (angle * norm(start).max(norm(end)) + 2.0 * norm(end - start)) * reach
+    }
 }
 
 /// Splits `m` into a rotation and a stretch (which also holds a reflection, if any):
