@@ -8,11 +8,15 @@ use multiversion::target::match_target;
 use rayon::prelude::*;
 
 use super::neighbourhood::{Guide, Neighbourhood};
-use super::padded::{LANES, OFFSETS, Padded};
+use super::padded::{LANES, Padded};
 use super::prpf::Gain;
 
 /// Channels that are averaged: the image, and the difference of its halves.
 pub(super) const CHANNELS: usize = 6;
+
+/// Rows of the window that are worked on at once, so that what belongs to the pixel itself is read
+/// once for all. Rows, not columns: of overlapping reads the compiler would make shuffles.
+const ROWS: usize = 4;
 
 /// Rows that one task filters.
 const TASK_ROWS: usize = 8;
@@ -23,6 +27,9 @@ const TASK_BLOCKS: usize = 8;
 /// Exponents above it give a weight of 0: e⁻⁴⁰ beside the pixel's own weight is below `f32`'s
 /// precision, and smaller weights would bring slow denormal numbers.
 const EXPONENT_CUT: f32 = 40.0;
+
+/// Features and colours at most.
+const MOST_DIMENSIONS: usize = 18;
 
 /// Most that a neighbour's sample count may count above or below the pixel's own.
 const COUNT_RATIO: f32 = 4.0;
@@ -86,7 +93,7 @@ fn gains(guide: &Guide, hood: &Neighbourhood, weights: &Padded, gain: Gain) -> P
 /// The Gaussian of the film distance, as exponents by offset along one axis.
 struct Spatial {
     radius: usize,
-    /// From -radius on; infinite past +radius.
+    /// From -radius to radius.
     exponents: Vec<f32>,
 }
 
@@ -101,12 +108,11 @@ impl Spatial {
                 (deviation, half.min((12f32.sqrt() * deviation) as usize))
             }
         };
-        let side = 2 * radius + 1;
         let exponent = |i: usize| {
             let d = i as f32 - radius as f32;
-            if i < side { d * d / (2.0 * deviation * deviation) } else { f32::INFINITY }
+            d * d / (2.0 * deviation * deviation)
         };
-        Self { radius, exponents: (0..side.next_multiple_of(OFFSETS)).map(exponent).collect() }
+        Self { radius, exponents: (0..=2 * radius).map(exponent).collect() }
     }
 }
 
@@ -153,6 +159,24 @@ fn filter_tiles<const FMA: bool>(
     }
 }
 
+type Lanes = [f32; LANES];
+
+/// What a block of pixels brings to all its pairs.
+struct Centre {
+    hit: Lanes,
+    /// Limits of a neighbour's count.
+    at_least: Lanes,
+    at_most: Lanes,
+    values: [Lanes; CHANNELS],
+}
+
+/// Sums over a block's neighbours.
+struct Sums {
+    weights: Lanes,
+    /// Of differences from the pixel itself: what is constant stays so exactly.
+    values: [Lanes; CHANNELS],
+}
+
 /// Filters [`LANES`] pixels of one row.
 #[inline(always)]
 fn filter_block<const FMA: bool>(
@@ -162,85 +186,119 @@ fn filter_block<const FMA: bool>(
     spatial: &Spatial,
     x: usize,
     y: usize,
-) -> [[f32; LANES]; CHANNELS] {
-    let features = guide.features();
+) -> [Lanes; CHANNELS] {
+    let counts = guide.counts.lanes(0, y, x);
+    let centre = Centre {
+        hit: *guide.own_hit.lanes(0, y, x),
+        at_least: counts.map(|n| n / COUNT_RATIO),
+        // A pixel without samples takes its neighbours as they are.
+        at_most: counts.map(|n| if n > 0.0 { n * COUNT_RATIO } else { f32::INFINITY }),
+        values: std::array::from_fn(|c| *values.lanes(c, y, x)),
+    };
+    let mut sums = Sums { weights: [0.0; LANES], values: [[0.0; LANES]; CHANNELS] };
+
+    // Value, gain and threshold of each dimension, side by side.
+    let mut dims = [[[f32::INFINITY; LANES]; 3]; MOST_DIMENSIONS];
+    for (k, own) in dims[..guide.means.count()].iter_mut().enumerate() {
+        (own[0], own[1]) = (*guide.means.lanes(k, y, x), *gains.lanes(k, y, x));
+        if k < guide.features() {
+            own[2] = *guide.thresholds.lanes(k, y, x);
+        }
+    }
+    let (features, colours) = dims[..guide.means.count()].split_at(guide.features());
+
     let radius = spatial.radius;
-    let own_hit = guide.own_hit.lanes(0, y, x);
-    let own_count = guide.counts.lanes(0, y, x);
-    // A pixel without samples takes its neighbours as they are.
-    let at_least = own_count.map(|n| n / COUNT_RATIO);
-    let at_most = own_count.map(|n| if n > 0.0 { n * COUNT_RATIO } else { f32::INFINITY });
-    let centre: [[f32; LANES]; CHANNELS] = std::array::from_fn(|c| *values.lanes(c, y, x));
-    let mut sums = [[0.0; LANES]; CHANNELS];
-    let mut total = [0.0; LANES];
-    for yj in y.saturating_sub(radius)..=(y + radius).min(values.height() - 1) {
-        let vertical = spatial.exponents[yj + radius - y];
-        for (step, horizontal) in spatial.exponents.chunks_exact(OFFSETS).enumerate() {
-            let xj = values.margin() + x + step * OFFSETS - radius;
-            let mut exponents = [[0.0; LANES]; OFFSETS];
-            for o in 0..OFFSETS {
-                exponents[o] = [vertical + horizontal[o]; LANES];
+    let (first, last) = (y.saturating_sub(radius), (y + radius).min(values.height() - 1));
+    for top in (first..=last).step_by(ROWS) {
+        // Past the window's last row there is none with a weight.
+        let rows: [usize; ROWS] = std::array::from_fn(|r| (top + r).min(last));
+        let vertical: [f32; ROWS] = std::array::from_fn(|r| {
+            if top + r <= last { spatial.exponents[top + r + radius - y] } else { f32::INFINITY }
+        });
+        for (column, horizontal) in spatial.exponents.iter().enumerate() {
+            let at = values.margin() + x + column - radius;
+            // Four variables: in an array the compiler would keep them in memory.
+            let [mut e0, mut e1, mut e2, mut e3] = vertical.map(|vertical| [vertical + horizontal; LANES]);
+            let [r0, r1, r2, r3] = rows.map(|row| guide.means.from(row, at));
+            let mut others = r0.zip(r1).zip(r2).zip(r3);
+            for ([own, gain, threshold], (((r0, r1), r2), r3)) in features.iter().zip(&mut others) {
+                add_distance::<FMA, true>(&mut e0, own, lanes(r0), gain, threshold);
+                add_distance::<FMA, true>(&mut e1, own, lanes(r1), gain, threshold);
+                add_distance::<FMA, true>(&mut e2, own, lanes(r2), gain, threshold);
+                add_distance::<FMA, true>(&mut e3, own, lanes(r3), gain, threshold);
             }
-            for k in 0..features {
-                let (own, gain) = (guide.means.lanes(k, y, x), gains.lanes(k, y, x));
-                let threshold = guide.thresholds.lanes(k, y, x);
-                let others = neighbours(&guide.means, k, yj, xj);
-                for o in 0..OFFSETS {
-                    for l in 0..LANES {
-                        let d = own[l] - others[o + l];
-                        let d2 = d * d;
-                        let e = add_product::<FMA>(gain[l], d2, exponents[o][l]);
-                        exponents[o][l] = if d2 > threshold[l] { f32::INFINITY } else { e };
-                    }
-                }
+            for ([own, gain, threshold], (((r0, r1), r2), r3)) in colours.iter().zip(&mut others) {
+                add_distance::<FMA, false>(&mut e0, own, lanes(r0), gain, threshold);
+                add_distance::<FMA, false>(&mut e1, own, lanes(r1), gain, threshold);
+                add_distance::<FMA, false>(&mut e2, own, lanes(r2), gain, threshold);
+                add_distance::<FMA, false>(&mut e3, own, lanes(r3), gain, threshold);
             }
-            for k in features..features + 3 {
-                let (own, gain) = (guide.means.lanes(k, y, x), gains.lanes(k, y, x));
-                let others = neighbours(&guide.means, k, yj, xj);
-                for o in 0..OFFSETS {
-                    for l in 0..LANES {
-                        let d = own[l] - others[o + l];
-                        exponents[o][l] = add_product::<FMA>(gain[l], d * d, exponents[o][l]);
-                    }
-                }
-            }
-            let hits = neighbours(&guide.hit, 0, yj, xj);
-            let counts = neighbours(&guide.counts, 0, yj, xj);
-            for o in 0..OFFSETS {
-                let mut weight = [0.0; LANES];
-                for l in 0..LANES {
-                    let d = own_hit[l] - hits[o + l];
-                    let e = exponents[o][l];
-                    let count = counts[o + l].max(at_least[l]).min(at_most[l]);
-                    let w = count * exp_minus::<FMA>(e);
-                    let accepted = (e <= EXPONENT_CUT) & (d.abs() <= Guide::HIT_TOLERANCE);
-                    weight[l] = if accepted { w } else { 0.0 };
-                    total[l] += weight[l];
-                }
-                for c in 0..CHANNELS {
-                    let others = neighbours(values, c, yj, xj);
-                    for l in 0..LANES {
-                        // Differences from the pixel itself: what is constant stays so exactly.
-                        let d = others[o + l] - centre[c][l];
-                        sums[c][l] = add_product::<FMA>(weight[l], d, sums[c][l]);
-                    }
-                }
+            for (e, row) in [e0, e1, e2, e3].iter().zip(rows) {
+                add_neighbours::<FMA>(&mut sums, &centre, e, guide, values, row, at);
             }
         }
     }
-    for c in 0..CHANNELS {
+
+    for (values, centre) in sums.values.iter_mut().zip(&centre.values) {
         for l in 0..LANES {
-            let mean = sums[c][l] / total[l];
-            sums[c][l] = centre[c][l] + if total[l] > 0.0 { mean } else { 0.0 };
+            let shift = if sums.weights[l] > 0.0 { values[l] / sums.weights[l] } else { 0.0 };
+            values[l] = centre[l] + shift;
         }
     }
-    sums
+    sums.values
 }
 
-/// What a block reads of a plane for [`OFFSETS`] neighbouring offsets.
+/// One term of the exponents; infinite where the dimension says that pixels do not resemble.
 #[inline(always)]
-fn neighbours(planes: &Padded, plane: usize, y: usize, x: usize) -> &[f32; LANES + OFFSETS - 1] {
-    planes.wide(plane, y)[x..x + LANES + OFFSETS - 1].try_into().expect("the slice has this length")
+fn add_distance<const FMA: bool, const TEST: bool>(
+    exponents: &mut Lanes,
+    own: &Lanes,
+    others: &Lanes,
+    gain: &Lanes,
+    threshold: &Lanes,
+) {
+    for l in 0..LANES {
+        let d = own[l] - others[l];
+        let d2 = d * d;
+        let sum = add_product::<FMA>(gain[l], d2, exponents[l]);
+        exponents[l] = if TEST && d2 > threshold[l] { f32::INFINITY } else { sum };
+    }
+}
+
+/// Adds one neighbour of each pixel of a block.
+#[inline(always)]
+fn add_neighbours<const FMA: bool>(
+    sums: &mut Sums,
+    centre: &Centre,
+    exponents: &Lanes,
+    guide: &Guide,
+    values: &Padded,
+    y: usize,
+    at: usize,
+) {
+    let hits = lanes(&guide.hit.wide(0, y)[at..]);
+    let counts = lanes(&guide.counts.wide(0, y)[at..]);
+    let mut weights = [0.0; LANES];
+    for l in 0..LANES {
+        let count = counts[l].max(centre.at_least[l]).min(centre.at_most[l]);
+        let weight = count * exp_minus::<FMA>(exponents[l]);
+        let resembles = (centre.hit[l] - hits[l]).abs() <= Guide::HIT_TOLERANCE;
+        weights[l] = if resembles & (exponents[l] <= EXPONENT_CUT) { weight } else { 0.0 };
+        sums.weights[l] += weights[l];
+    }
+    // Whole blocks are read before any is written: what is read might be what is written, for all
+    // the compiler knows.
+    let mut others = values.from(y, at);
+    for c in 0..CHANNELS {
+        let (others, old) = (*lanes(others.next().expect("all channels are there")), sums.values[c]);
+        sums.values[c] =
+            std::array::from_fn(|l| add_product::<FMA>(weights[l], others[l] - centre.values[c][l], old[l]));
+    }
+}
+
+#[inline(always)]
+fn lanes(values: &[f32]) -> &Lanes {
+    values[..LANES].try_into().expect("the slice has this length")
 }
 
 #[inline(always)]
@@ -256,17 +314,13 @@ fn exp_minus<const FMA: bool>(e: f32) -> f32 {
     // Adding it leaves the nearest integer in the lowest bits.
     const ROUND: f32 = 12_582_912.0;
     const LN_2: f32 = std::f32::consts::LN_2;
-    const C: [f32; 5] = [
-        LN_2,
-        LN_2 * LN_2 / 2.0,
-        LN_2 * LN_2 * LN_2 / 6.0,
-        LN_2 * LN_2 * LN_2 * LN_2 / 24.0,
-        LN_2 * LN_2 * LN_2 * LN_2 * LN_2 / 120.0,
-    ];
     let x = e * -std::f32::consts::LOG2_E;
     let rounded = x + ROUND;
     let f = x - (rounded - ROUND);
-    let p = C.into_iter().rev().fold(0.0, |p, c| add_product::<FMA>(p, f, c));
+    let p = add_product::<FMA>(f, LN_2.powi(5) / 120.0, LN_2.powi(4) / 24.0);
+    let p = add_product::<FMA>(p, f, LN_2.powi(3) / 6.0);
+    let p = add_product::<FMA>(p, f, LN_2 * LN_2 / 2.0);
+    let p = add_product::<FMA>(p, f, LN_2);
     let p = add_product::<FMA>(p, f, 1.0);
     f32::from_bits(p.to_bits().wrapping_add(rounded.to_bits() << 23))
 }

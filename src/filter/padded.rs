@@ -6,25 +6,25 @@ use crate::image::Planes;
 /// Neighbouring pixels of a row that a kernel works on at once.
 pub(super) const LANES: usize = 16;
 
-/// Window offsets that a kernel works on at once; it may read as many pixels past the margin.
-pub(super) const OFFSETS: usize = 4;
-
 /// `[row][plane][margin + x]`, the margins filled with one value.
 #[derive(Clone, Debug)]
 pub(super) struct Padded {
     width: usize,
+    height: usize,
     count: usize,
     margin: usize,
     stride: usize,
+    /// The rows, and another `stride` values so that [`Self::from`] can cut equal pieces.
     data: Vec<f32>,
 }
 
 impl Padded {
     pub fn new(width: usize, height: usize, count: usize, margin: usize, fill: f32) -> Self {
         // Whole cache lines, and an odd number of them: planes then do not compete for cache sets.
-        let lines = (2 * margin + width.next_multiple_of(LANES) + OFFSETS).div_ceil(LANES);
+        let lines = (2 * margin + width.next_multiple_of(LANES)).div_ceil(LANES);
         let stride = (lines | 1) * LANES;
-        Self { width, count, margin, stride, data: vec![fill; height * count * stride] }
+        let data = vec![fill; (height * count + 1) * stride];
+        Self { width, height, count, margin, stride, data }
     }
 
     /// A copy of some planes.
@@ -54,7 +54,7 @@ impl Padded {
     }
 
     pub fn height(&self) -> usize {
-        self.data.len().checked_div(self.row_len()).unwrap_or(0)
+        self.height
     }
 
     pub fn count(&self) -> usize {
@@ -81,6 +81,13 @@ impl Padded {
         &self.data[(y * self.count + plane) * self.stride..][..self.stride]
     }
 
+    /// The planes of a row, each from `at` values after its margin's start on. They go on past the
+    /// plane's end, all to the same length.
+    #[inline(always)]
+    pub fn from(&self, y: usize, at: usize) -> std::slice::ChunksExact<'_, f32> {
+        self.data[y * self.row_len() + at..][..self.row_len()].chunks_exact(self.stride)
+    }
+
     /// One row of one plane.
     #[inline]
     pub fn row(&self, plane: usize, y: usize) -> &[f32] {
@@ -102,7 +109,8 @@ impl Padded {
 
     /// All rows, one after the other, for parallel writing in chunks of [`Self::row_len`].
     pub fn data_mut(&mut self) -> &mut [f32] {
-        &mut self.data
+        let rows = self.height * self.row_len();
+        &mut self.data[..rows]
     }
 
     /// A block of neighbouring pixels; `x` a multiple of [`LANES`].
