@@ -34,7 +34,8 @@ pub fn polygonise(field: impl Fn(DVec3) -> f64 + Sync, low: DVec3, high: DVec3, 
     let crossed: Vec<Vec<CrossedCell>> = (0..blocks.x * blocks.y * blocks.z)
         .into_par_iter()
         .map(|block| {
-            let origin = IVec3::new(block % blocks.x, block / blocks.x % blocks.y, block / (blocks.x * blocks.y));
+            let origin =
+                IVec3::new(block % blocks.x, block / blocks.x % blocks.y, block / (blocks.x * blocks.y));
             crossed_cells(&field, &gradient, &at, origin * BLOCK, cell)
         })
         .collect();
@@ -48,17 +49,24 @@ pub fn polygonise(field: impl Fn(DVec3) -> f64 + Sync, low: DVec3, high: DVec3, 
         mesh.normals.push(c.normal);
     }
     for c in &cells {
-        for (axis, &(u, v)) in [(IVec3::Y, IVec3::Z), (IVec3::Z, IVec3::X), (IVec3::X, IVec3::Y)].iter().enumerate() {
+        for (axis, &(u, v)) in
+            [(IVec3::Y, IVec3::Z), (IVec3::Z, IVec3::X), (IVec3::X, IVec3::Y)].iter().enumerate()
+        {
             let end_inside = c.inside & (1 << (1 << axis)) != 0;
             let start_inside = c.inside & 1 != 0;
             if start_inside == end_inside {
                 continue;
             }
             let around = [c.grid, c.grid - u, c.grid - u - v, c.grid - v];
-            let Some(ring) = around.iter().map(|g| index.get(g).copied()).collect::<Option<Vec<u32>>>() else {
+            let Some(ring) = around.iter().map(|g| index.get(g).copied()).collect::<Option<Vec<u32>>>()
+            else {
                 continue;
             };
-            let ring = if start_inside { [ring[0], ring[1], ring[2], ring[3]] } else { [ring[0], ring[3], ring[2], ring[1]] };
+            let ring = if start_inside {
+                [ring[0], ring[1], ring[2], ring[3]]
+            } else {
+                [ring[0], ring[3], ring[2], ring[1]]
+            };
             add_quad(&mut mesh, ring);
         }
     }
@@ -128,7 +136,12 @@ fn mean_crossing(corners: &[f64; 8]) -> DVec3 {
 }
 
 /// Moves a point onto the surface, by no more than half a cell.
-fn settle(field: &impl Fn(DVec3) -> f64, gradient: &impl Fn(DVec3) -> DVec3, start: DVec3, cell: f64) -> DVec3 {
+fn settle(
+    field: &impl Fn(DVec3) -> f64,
+    gradient: &impl Fn(DVec3) -> DVec3,
+    start: DVec3,
+    cell: f64,
+) -> DVec3 {
     let mut p = start;
     for _ in 0..NEWTON_STEPS {
         let g = gradient(p);

@@ -140,7 +140,11 @@ fn digit_outline(digit: usize) -> Vec<DVec2> {
 fn polyline_distance(points: &[DVec2], at: DVec2) -> f64 {
     let segment = |pair: &[DVec2]| {
         let (a, axis) = (pair[0], pair[1] - pair[0]);
-        let t = if axis == DVec2::ZERO { 0.0 } else { ((at - a).dot(axis) / axis.length_squared()).clamp(0.0, 1.0) };
+        let t = if axis == DVec2::ZERO {
+            0.0
+        } else {
+            ((at - a).dot(axis) / axis.length_squared()).clamp(0.0, 1.0)
+        };
         at.distance(a + axis * t)
     };
     points.windows(2).map(segment).fold(f64::INFINITY, f64::min)
@@ -162,9 +166,11 @@ fn cushions() -> Mesh {
     // The mouth opens outwards: cushions get shorter towards the nose.
     let cushion = |half: f64| bar(&profile, (-half + POCKET_MOUTH, -0.9), (half - POCKET_MOUTH, 0.9));
     let far = cushion(HALF_BED.x).translated(0.0, 0.0, HALF_BED.y);
-    let left = cushion(HALF_BED.y)
-        .transformed(glam::DAffine3::from_rotation_y(-PI / 2.0))
-        .translated(-HALF_BED.x, 0.0, 0.0);
+    let left = cushion(HALF_BED.y).transformed(glam::DAffine3::from_rotation_y(-PI / 2.0)).translated(
+        -HALF_BED.x,
+        0.0,
+        0.0,
+    );
     Mesh::union([bed, far, left])
 }
 

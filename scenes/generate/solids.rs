@@ -28,7 +28,8 @@ pub fn rounded_box(low: DVec3, high: DVec3, radius: f64) -> Mesh {
     for face in 0..6 {
         let (axis, sign) = (face / 2, if face % 2 == 0 { 1.0 } else { -1.0 });
         // Tangents with u × v along the outward normal.
-        let (u, v) = if sign > 0.0 { ((axis + 1) % 3, (axis + 2) % 3) } else { ((axis + 2) % 3, (axis + 1) % 3) };
+        let (u, v) =
+            if sign > 0.0 { ((axis + 1) % 3, (axis + 2) % 3) } else { ((axis + 2) % 3, (axis + 1) % 3) };
         let (us, vs) = (lines(u), lines(v));
         let first = mesh.positions.len() as u32;
         for &y in &vs {
@@ -101,7 +102,9 @@ pub fn spline(points: &[DVec2], steps: usize) -> Vec<DVec2> {
         let [a, b, c, d] = [at(span - 1), at(span), at(span + 1), at(span + 2)];
         for step in 0..steps {
             let t = step as f64 / steps as f64;
-            let cubic = 2.0 * b + (c - a) * t + (2.0 * a - 5.0 * b + 4.0 * c - d) * t * t
+            let cubic = 2.0 * b
+                + (c - a) * t
+                + (2.0 * a - 5.0 * b + 4.0 * c - d) * t * t
                 + (3.0 * b - a - 3.0 * c + d) * t * t * t;
             curve.push(cubic / 2.0);
         }
@@ -172,7 +175,8 @@ mod tests {
 
     #[test]
     fn a_turned_cylinder_has_its_volume() {
-        let pieces = [line((0.0, 0.0), (1.0, 0.0)), line((1.0, 0.0), (1.0, 2.0)), line((1.0, 2.0), (0.0, 2.0))];
+        let pieces =
+            [line((0.0, 0.0), (1.0, 0.0)), line((1.0, 0.0), (1.0, 2.0)), line((1.0, 2.0), (0.0, 2.0))];
         let mesh = lathe(&pieces, 256);
         assert!((volume(&mesh) - TAU).abs() < 1e-2, "volume {}", volume(&mesh));
         assert!(normals_agree_with_triangles(&mesh));

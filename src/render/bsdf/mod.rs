@@ -239,6 +239,15 @@ impl Bsdf {
         self.lobe.scatter().is_specular()
     }
 
+    /// Whether light from one side may be scattered to the other.
+    pub fn transmits(&self) -> bool {
+        match self.lobe {
+            Lobe::Diffuse(lobe) => lobe.transmittance != Vec3::ZERO,
+            Lobe::Dielectric(_) | Lobe::ThinDielectric(_) => true,
+            Lobe::Conductor(_) | Lobe::CoatedDiffuse(_) | Lobe::CoatedConductor(_) => false,
+        }
+    }
+
     /// What the eye would call the surface's reflectance, in [0, 1]: a feature for the denoiser.
     /// Reflected and transmitted light count; 1 for mirrors and glass.
     pub fn albedo(&self) -> Vec3 {

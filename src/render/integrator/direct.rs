@@ -6,6 +6,7 @@ use glam::Vec3;
 use super::PathTracer;
 use crate::geometry::{Ray, SurfacePoint};
 use crate::render::bsdf::Bsdf;
+use crate::render::lights::Receiver;
 use crate::render::sampler::BounceNumbers;
 
 /// Boundaries without effect that a ray passes at most. More than any scene nests; the limit is
@@ -14,18 +15,18 @@ pub(super) const MAX_PASSES: u32 = 256;
 
 impl PathTracer<'_> {
     /// Radiance in direction `wo` that comes from one sampled light by way of `bsdf`. Lights are
-    /// sampled as seen from `from`, see [`lit_from`].
+    /// sampled as seen from the receiver, see [`receiver`].
     #[inline]
     pub(super) fn direct_light(
         &self,
         point: &SurfacePoint,
-        from: Vec3,
+        receiver: &Receiver,
         bsdf: &Bsdf,
         wo: Vec3,
         numbers: &BounceNumbers,
         time: f32,
     ) -> Vec3 {
-        let Some(light) = self.lights.sample(from, numbers.light, numbers.light_uv) else {
+        let Some(light) = self.lights.sample(receiver, numbers.light, numbers.light_uv) else {
             return Vec3::ZERO;
         };
         let scattered = bsdf.eval(wo, light.wi) * light.radiance;
@@ -61,11 +62,21 @@ impl PathTracer<'_> {
     }
 }
 
-/// Where a point's light is sampled from: moved to the viewer's side of the surface, so that a
-/// surface that is itself a light is not seen from its other side.
+/// How a point receives light. It is moved to the viewer's side of the surface, so that a surface
+/// that is itself a light is not seen from its other side.
 #[inline]
-pub(super) fn lit_from(point: &SurfacePoint, wo: Vec3) -> Vec3 {
-    point.offset_origin(wo)
+pub(super) fn receiver(point: &SurfacePoint, bsdf: &Bsdf, wo: Vec3) -> Receiver {
+    Receiver {
+        position: point.offset_origin(wo),
+        normal: turned(bsdf.shading_normal(), wo),
+        transmits: bsdf.transmits(),
+    }
+}
+
+/// The normal on the side of `w`.
+#[inline]
+pub(super) fn turned(normal: Vec3, w: Vec3) -> Vec3 {
+    if normal.dot(w) < 0.0 { -normal } else { normal }
 }
 
 /// Share of the technique with density `pdf` against another one.

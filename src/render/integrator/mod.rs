@@ -38,7 +38,7 @@ impl<'s> PathTracer<'s> {
     pub fn new(scene: &'s Scene, accel: &'s Accel<'s>, layout: &Layout) -> Self {
         let effects = scene.effects();
         let diameter = diameter(accel);
-        let lights = Lights::new(scene, 0.5 * diameter);
+        let lights = Lights::new(scene);
         let (max_depth, direct_only) = match scene.integrator {
             Integrator::Path { max_depth } => (max_depth, false),
             Integrator::Direct { max_depth } => (max_depth, true),

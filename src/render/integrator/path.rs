@@ -5,9 +5,10 @@
 use glam::Vec3;
 
 use super::PathTracer;
-use super::direct::{MAX_PASSES, lit_from, power_heuristic};
+use super::direct::{MAX_PASSES, power_heuristic, receiver, turned};
 use crate::geometry::{Ray, SurfacePoint};
 use crate::render::bsdf::Bsdf;
+use crate::render::lights::Receiver;
 use crate::render::record::Record;
 use crate::render::sampler::{Source, Stream};
 
@@ -38,7 +39,7 @@ enum Arrival {
     Certain,
     /// From a scattering event at a point, drawn with this density per solid angle. Light sampling
     /// could have found the light as well, unless something else stood in its way.
-    Scattered { from: Vec3, pdf: f32, light_sampling: bool },
+    Scattered { from: Receiver, pdf: f32, light_sampling: bool },
 }
 
 impl PathTracer<'_> {
@@ -92,9 +93,9 @@ impl PathTracer<'_> {
             }
 
             // Light that one more scattering event brings, from a sampled light.
-            let from = lit_from(&point, wo);
+            let from = receiver(&point, &bsdf, wo);
             if !bsdf.is_specular() {
-                let light = self.direct_light(&point, from, &bsdf, wo, &drawn, path.ray.time);
+                let light = self.direct_light(&point, &from, &bsdf, wo, &drawn, path.ray.time);
                 record.colour += path.throughput * light;
             }
 
@@ -174,8 +175,8 @@ impl PathTracer<'_> {
     #[inline]
     fn escape<S: Source>(&self, path: &Path, numbers: &mut Stream<S>, record: &mut Record) {
         let direction = path.ray.direction;
-        for (radiance, pdf) in self.lights.environments(direction) {
-            let share = path.arrival.share(|_| pdf);
+        for (i, radiance) in self.lights.environments(direction) {
+            let share = path.arrival.share(|from| self.lights.pdf_environment(from, i, direction));
             path.add(radiance * share, record);
         }
         match path.depth {
@@ -230,16 +231,10 @@ impl Arrival {
     /// Share of light found by the ray, where light sampling finds it with the density given by
     /// `light_pdf`, from where the ray started.
     #[inline]
-    fn share(self, light_pdf: impl FnOnce(Vec3) -> f32) -> f32 {
+    fn share(&self, light_pdf: impl FnOnce(&Receiver) -> f32) -> f32 {
         match self {
-            Self::Scattered { from, pdf, light_sampling: true } => power_heuristic(pdf, light_pdf(from)),
+            Self::Scattered { from, pdf, light_sampling: true } => power_heuristic(*pdf, light_pdf(from)),
             Self::Certain | Self::Scattered { .. } => 1.0,
         }
     }
-}
-
-/// The normal on the side of `w`.
-#[inline]
-fn turned(normal: Vec3, w: Vec3) -> Vec3 {
-    if normal.dot(w) < 0.0 { -normal } else { normal }
 }

@@ -62,12 +62,9 @@ impl EnvironmentLight {
         if solid_angle > 0.0 { distribution.density(uv) / solid_angle } else { 0.0 }
     }
 
-    /// Brightness integrated over all directions.
-    pub fn total(&self) -> f64 {
-        match &self.image {
-            None => f64::from(4.0 * PI * brightness(self.scale)),
-            Some(image) => f64::from(brightness(self.scale * image.mean)) * f64::from(4.0 * PI),
-        }
+    /// Brightness of the irradiance, on average over surfaces of all orientations.
+    pub fn mean_irradiance(&self) -> f32 {
+        PI * brightness(self.image.as_ref().map_or(self.scale, |image| self.scale * image.mean))
     }
 
     fn local(&self, direction: Vec3) -> Vec3 {
@@ -232,12 +229,13 @@ mod tests {
     }
 
     #[test]
-    fn the_total_is_the_integral_of_the_brightness() {
+    fn the_mean_irradiance_is_a_quarter_of_the_integral_of_the_brightness() {
         let n = 200_000;
         for (k, light) in lights().iter().enumerate() {
             let sum: f64 = uniform_directions(n).map(|d| f64::from(brightness(light.radiance(d)))).sum();
-            let integral = sum / f64::from(n) * f64::from(4.0 * PI);
-            assert!((integral / light.total() - 1.0).abs() < 0.02, "light {k}: {integral} {}", light.total());
+            let expected = sum / f64::from(n) * f64::from(PI);
+            let found = f64::from(light.mean_irradiance());
+            assert!((expected / found - 1.0).abs() < 0.02, "light {k}: {expected} {found}");
         }
     }
 
@@ -245,6 +243,6 @@ mod tests {
     fn a_black_image_is_never_sampled() {
         let black = light(Some(EnvironmentImage::new(SphereMap::LatLong, 4, 2, |_, _| Vec3::ZERO)));
         assert!(black.sample(Vec2::splat(0.5)).is_none());
-        assert_eq!((black.pdf(Vec3::Z), black.total()), (0.0, 0.0));
+        assert_eq!((black.pdf(Vec3::Z), black.mean_irradiance()), (0.0, 0.0));
     }
 }

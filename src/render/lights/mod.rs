@@ -1,20 +1,23 @@
-//! All lights of a scene in one table, chosen by power, and the densities of those choices.
+//! All lights of a scene, the choice of one of them by what could arrive from it at a point, and
+//! the densities of those choices.
 
+mod bounds;
+mod choice;
 mod delta;
 mod distribution;
 mod environment;
+mod extent;
 mod sphere_map;
 mod surface;
-mod table;
-
-use std::f64::consts::PI;
+mod tree;
 
 use glam::{Vec2, Vec3};
 
+pub use self::bounds::Receiver;
+use self::choice::{LightChoice, Reach};
 use self::delta::DeltaLight;
 use self::environment::EnvironmentLight;
 use self::surface::SurfaceLights;
-use self::table::AliasTable;
 use crate::geometry::{Ray, SurfacePoint};
 use crate::scene::{Light, Scene};
 
@@ -25,7 +28,7 @@ const SHADOW_EPSILON: f32 = 1e-4;
 /// The lights of a scene: first those without a surface, in the scene's order, then every element
 /// of every emissive surface.
 pub struct Lights<'s> {
-    table: AliasTable,
+    choice: LightChoice,
     sources: Vec<Source>,
     /// Which of the sources are environments that shine.
     environments: Vec<usize>,
@@ -66,9 +69,7 @@ impl LightSample {
 }
 
 impl<'s> Lights<'s> {
-    /// `radius` is that of a sphere around the scene: what a light from infinitely far away sends
-    /// through its disk counts as its power.
-    pub fn new(scene: &'s Scene, radius: f32) -> Self {
+    pub fn new(scene: &'s Scene) -> Self {
         let sources: Vec<Source> = scene
             .lights
             .iter()
@@ -82,16 +83,17 @@ impl<'s> Lights<'s> {
             })
             .collect();
         let surfaces = SurfaceLights::new(scene);
-        let disk = PI * f64::from(radius).powi(2);
-        let power = |source: &Source| match source {
-            Source::Delta(light) => light.power(disk),
-            Source::Environment(light) => light.total() * disk,
+        let reach = |source: &Source| match source {
+            Source::Delta(light) => light.reach(),
+            Source::Environment(light) => {
+                Reach::Around { direction: None, irradiance: light.mean_irradiance() }
+            }
         };
-        let powers: Vec<f64> = sources.iter().map(power).chain(surfaces.powers()).collect();
-        let is_environment = |i: &usize| matches!(sources[*i], Source::Environment(_)) && powers[*i] > 0.0;
+        let shines =
+            |i: &usize| matches!(&sources[*i], Source::Environment(light) if light.mean_irradiance() > 0.0);
         Self {
-            table: AliasTable::new(&powers),
-            environments: (0..sources.len()).filter(is_environment).collect(),
+            choice: LightChoice::new(sources.iter().map(reach).chain(surfaces.bounds().map(Reach::Within))),
+            environments: (0..sources.len()).filter(shines).collect(),
             sources,
             surfaces,
         }
@@ -99,7 +101,7 @@ impl<'s> Lights<'s> {
 
     /// Whether there is more than one light to choose from.
     pub fn need_choice(&self) -> bool {
-        self.sources.len() + self.surfaces.len() > 1
+        self.choice.len() > 1
     }
 
     /// Whether a ray that is not aimed at a light can find one.
@@ -107,11 +109,12 @@ impl<'s> Lights<'s> {
         !self.environments.is_empty() || self.surfaces.found_by_rays()
     }
 
-    /// Light at `from`: `choice` picks the light, `u` a point of it. `None` if the sampled light
-    /// cannot send any.
+    /// Light at a receiver: `choice` picks the light, `u` a point of it. `None` if the sampled
+    /// light cannot send any.
     #[inline]
-    pub fn sample(&self, from: Vec3, choice: f32, u: Vec2) -> Option<LightSample> {
-        let (light, probability) = self.table.sample(choice)?;
+    pub fn sample(&self, receiver: &Receiver, choice: f32, u: Vec2) -> Option<LightSample> {
+        let (light, probability) = self.choice.sample(receiver, choice)?;
+        let from = receiver.position;
         let mut sample = match self.sources.get(light) {
             Some(Source::Delta(delta)) => delta.sample(from)?,
             Some(Source::Environment(environment)) => {
@@ -130,30 +133,39 @@ impl<'s> Lights<'s> {
         self.surfaces.emitted(point, wo)
     }
 
-    /// Density with which [`Self::sample`] at `from` gives the direction to a point of an emissive
-    /// surface.
+    /// Density with which [`Self::sample`] gives the direction to a point of an emissive surface.
     #[inline]
-    pub fn pdf_surface(&self, from: Vec3, point: &SurfacePoint) -> f32 {
+    pub fn pdf_surface(&self, receiver: &Receiver, point: &SurfacePoint) -> f32 {
         self.surfaces
-            .pdf(from, point)
-            .map_or(0.0, |(light, pdf)| pdf * self.table.probability(self.sources.len() + light))
+            .pdf(receiver.position, point)
+            .map_or(0.0, |(light, pdf)| pdf * self.choice.probability(self.sources.len() + light, receiver))
     }
 
-    /// The environments: radiance from a unit direction, and the density with which
-    /// [`Self::sample`] gives it.
+    /// The environments: radiance from a unit direction, and what [`Self::pdf_environment`] takes.
     #[inline]
-    pub fn environments(&self, direction: Vec3) -> impl Iterator<Item = (Vec3, f32)> {
+    pub fn environments(&self, direction: Vec3) -> impl Iterator<Item = (usize, Vec3)> {
         self.environments.iter().filter_map(move |&i| match &self.sources[i] {
-            Source::Environment(light) => {
-                let pdf = light.pdf(direction) * self.table.probability(i);
-                Some((light.radiance(direction), pdf))
-            }
+            Source::Environment(light) => Some((i, light.radiance(direction))),
             Source::Delta(_) => None,
         })
     }
+
+    /// Density with which [`Self::sample`] gives a unit direction to an environment.
+    #[inline]
+    pub fn pdf_environment(&self, receiver: &Receiver, environment: usize, direction: Vec3) -> f32 {
+        match &self.sources[environment] {
+            Source::Environment(light) => {
+                light.pdf(direction) * self.choice.probability(environment, receiver)
+            }
+            Source::Delta(_) => 0.0,
+        }
+    }
 }
 
-/// What powers are compared by: the mean of the channels.
+/// The largest number below 1.
+const BELOW_ONE: f32 = 1.0 - 0.5 * f32::EPSILON;
+
+/// What lights are compared by: the mean of the channels.
 fn brightness(colour: Vec3) -> f32 {
     colour.element_sum() / 3.0
 }

@@ -1,9 +1,9 @@
 //! Emissive surfaces: every triangle of a mesh, every sphere and every disk is a light of its own.
 
-use std::f64::consts::PI;
-
 use glam::{Vec2, Vec3};
 
+use super::bounds::LightBounds;
+use super::extent::Extent;
 use super::{LightSample, brightness};
 use crate::geometry::{SurfacePoint, area, pdf_shape, sample_shape};
 use crate::scene::texture::TexturePoint;
@@ -62,25 +62,25 @@ impl<'s> SurfaceLights<'s> {
         lights
     }
 
-    /// Number of lights.
-    pub fn len(&self) -> usize {
-        self.lights.len()
-    }
-
     /// Whether a ray can hit one.
     pub fn found_by_rays(&self) -> bool {
         self.surfaces.iter().any(|surface| surface.found_by_rays)
     }
 
-    /// Brightness of what each light sends out.
-    pub fn powers(&self) -> impl Iterator<Item = f64> {
+    /// What the choice among lights goes by, for each light.
+    pub fn bounds(&self) -> impl Iterator<Item = LightBounds> {
         self.lights.iter().map(|&[surface, element]| {
             let Surface { primitive, emission, .. } = self.surfaces[surface as usize];
-            let sides = if emission.two_sided { 2.0 } else { 1.0 };
-            f64::from(area(self.scene, primitive, element))
-                * f64::from(brightness(emission.radiance))
-                * sides
-                * PI
+            let Extent { centre, radius, normal, seen_share } = Extent::of(self.scene, primitive, element);
+            LightBounds {
+                centre,
+                radius,
+                axis: normal.unwrap_or(Vec3::Z),
+                cos_axes: if normal.is_some() { 1.0 } else { -1.0 },
+                cos_emission: 0.0,
+                two_sided: emission.two_sided,
+                intensity: area(self.scene, primitive, element) * seen_share * brightness(emission.radiance),
+            }
         })
     }
 

@@ -1,0 +1,157 @@
+//! Where lights are and whereto they shine, and what of it could arrive at a point: the measure by
+//! which lights are chosen.
+//!
+//! Sources: Conty Estevez and Kulla 2018 ("Importance Sampling of Many Lights with Adaptive Tree
+//! Splitting"); pbrt-v4, section 12.6.3. Bounding spheres take the place of boxes, which have the
+//! angles wanted here at once.
+
+use std::f64::consts::PI;
+
+use glam::{DQuat, DVec3, Vec3};
+
+/// Cosines are compared with this tolerance, well above their rounding errors, so that light which
+/// could just arrive is never ruled out.
+const COS_TOLERANCE: f32 = 1e-3;
+
+/// A point that light arrives at.
+#[derive(Clone, Copy, Debug)]
+pub struct Receiver {
+    pub position: Vec3,
+    /// Unit normal on the side that light arrives from.
+    pub normal: Vec3,
+    /// Light from behind counts as well.
+    pub transmits: bool,
+}
+
+impl Receiver {
+    /// Bound on the cosine at which light arrives from one of the unit directions around `wi` with
+    /// this largest angle; 0 only if none counts.
+    #[inline]
+    pub fn cosine(&self, wi: Vec3, spread: Angle) -> f32 {
+        let cos = self.normal.dot(wi);
+        let angle = Angle::from_cos(if self.transmits { cos.abs() } else { cos });
+        (angle.minus(spread).cos + COS_TOLERANCE).max(0.0)
+    }
+}
+
+/// An angle in [0, π] by its cosine and sine.
+#[derive(Clone, Copy, Debug)]
+pub struct Angle {
+    cos: f32,
+    sin: f32,
+}
+
+impl Angle {
+    pub const ZERO: Self = Self { cos: 1.0, sin: 0.0 };
+
+    #[inline]
+    fn from_cos(cos: f32) -> Self {
+        Self { cos, sin: (1.0 - cos * cos).max(0.0).sqrt() }
+    }
+
+    /// The difference, or 0 if it is negative.
+    #[inline]
+    fn minus(self, other: Self) -> Self {
+        if self.cos >= other.cos {
+            return Self::ZERO;
+        }
+        Self {
+            cos: self.cos * other.cos + self.sin * other.sin,
+            sin: self.sin * other.cos - self.cos * other.sin,
+        }
+    }
+}
+
+/// Bounds of a light, or of several: a sphere around them, a cone around their axes, and how far
+/// from its axis each of them shines.
+#[derive(Clone, Copy, Debug)]
+pub struct LightBounds {
+    pub centre: Vec3,
+    pub radius: f32,
+    /// Unit.
+    pub axis: Vec3,
+    /// Cosine of the largest angle between `axis` and that of a light (θo).
+    pub cos_axes: f32,
+    /// Cosine of the largest angle between a light's axis and where it shines (θe).
+    pub cos_emission: f32,
+    /// The same in the directions opposite to all of these.
+    pub two_sided: bool,
+    /// Brightness sent along the axis per solid angle; summed over the lights.
+    pub intensity: f32,
+}
+
+impl LightBounds {
+    /// What could arrive at a point, about as irradiance; 0 only if nothing can.
+    #[inline]
+    pub fn importance(&self, receiver: &Receiver) -> f32 {
+        let to_centre = self.centre - receiver.position;
+        let squared = to_centre.length_squared();
+        let squared_radius = self.radius * self.radius;
+        if squared <= squared_radius {
+            return if squared_radius > 0.0 { self.intensity / squared_radius } else { 0.0 };
+        }
+        let wi = to_centre / squared.sqrt();
+        let squared_sin = squared_radius / squared;
+        let spread = Angle { cos: (1.0 - squared_sin).sqrt(), sin: squared_sin.sqrt() };
+        let cos_receiver = receiver.cosine(wi, spread);
+        let cos = -self.axis.dot(wi);
+        let from_axis = Angle::from_cos(if self.two_sided { cos.abs() } else { cos });
+        let cos_light = from_axis.minus(Angle::from_cos(self.cos_axes)).minus(spread).cos + COS_TOLERANCE;
+        if cos_light <= self.cos_emission {
+            return 0.0;
+        }
+        self.intensity * cos_light * cos_receiver / squared
+    }
+
+    /// Bounds of both; `centre` is that of the sphere.
+    pub fn union(&self, other: &Self, centre: Vec3) -> Self {
+        let two_sided = self.two_sided || other.two_sided;
+        let reach = |of: &Self| of.centre.distance(centre) + of.radius;
+        let (axis, cos_axes) = union_of_cones(self, other, two_sided);
+        Self {
+            centre,
+            radius: reach(self).max(reach(other)),
+            axis,
+            cos_axes,
+            cos_emission: self.cos_emission.min(other.cos_emission),
+            two_sided,
+            intensity: self.intensity + other.intensity,
+        }
+    }
+
+    /// Integral of the cosine bound over all directions (Conty Estevez and Kulla, section 4.1): how
+    /// widely the light is spread, but for the second side.
+    pub fn orientation_measure(&self) -> f64 {
+        let axes = f64::from(self.cos_axes).clamp(-1.0, 1.0).acos();
+        let reach = (axes + f64::from(self.cos_emission).clamp(-1.0, 1.0).acos()).min(PI);
+        let (sin, cos) = axes.sin_cos();
+        2.0 * PI * (1.0 - cos)
+            + PI / 2.0 * (2.0 * reach * sin - (axes - 2.0 * reach).cos() - 2.0 * axes * sin + cos)
+    }
+}
+
+/// Axis and cosine of the smallest cone around the cones of axes.
+fn union_of_cones(a: &LightBounds, b: &LightBounds, two_sided: bool) -> (Vec3, f32) {
+    let (axis_a, mut axis_b) = (a.axis.as_dvec3(), b.axis.as_dvec3());
+    if two_sided && axis_a.dot(axis_b) < 0.0 {
+        axis_b = -axis_b;
+    }
+    let half_angle = |cos: f32| f64::from(cos).clamp(-1.0, 1.0).acos();
+    let (angle_a, angle_b) = (half_angle(a.cos_axes), half_angle(b.cos_axes));
+    let perpendicular = axis_a.cross(axis_b);
+    let between = perpendicular.length().atan2(axis_a.dot(axis_b));
+    if (between + angle_b).min(PI) <= angle_a {
+        return (a.axis, a.cos_axes);
+    }
+    if (between + angle_a).min(PI) <= angle_b {
+        return (b.axis, b.cos_axes);
+    }
+    let angle = 0.5 * (angle_a + between + angle_b);
+    match perpendicular.try_normalize() {
+        Some(pole) if angle < PI => {
+            let axis: DVec3 = DQuat::from_axis_angle(pole, angle - angle_a) * axis_a;
+            (axis.as_vec3().normalize(), angle.cos() as f32)
+        }
+        _ => (a.axis, -1.0),
+    }
+}

@@ -1,0 +1,83 @@
+//! Where an element of an emissive surface is and whereto it faces.
+
+use glam::{DMat3, DVec3, Vec3};
+
+use crate::scene::{Scene, Shape, TriangleMesh};
+
+/// A sphere around an element, and its normal if it is flat.
+#[derive(Clone, Copy, Debug)]
+pub struct Extent {
+    pub centre: Vec3,
+    pub radius: f32,
+    /// Unit; the side that a one-sided light emits from. `None` if that varies.
+    pub normal: Option<Vec3>,
+    /// Share of the area that is seen from afar, along the normal or on average over directions.
+    pub seen_share: f32,
+}
+
+impl Extent {
+    pub fn of(scene: &Scene, primitive: u32, element: u32) -> Self {
+        let primitive = &scene.primitives[primitive as usize];
+        match &primitive.shape {
+            Shape::Mesh(mesh) => Self::of_triangle(mesh, element, primitive.flip_normal),
+            Shape::Disk(disk) => {
+                let to_render = disk.to_object;
+                let normal_matrix = to_render.matrix3.inverse().transpose();
+                let normal = (normal_matrix * DVec3::Z).as_vec3().try_normalize();
+                let side = if primitive.flip_normal { -1.0 } else { 1.0 };
+                let centre = DVec3::new(0.0, 0.0, disk.height.into());
+                Self {
+                    centre: to_render.transform_point3(centre).as_vec3(),
+                    radius: rounded_up(f64::from(disk.radius.abs()) * stretch(to_render.matrix3)),
+                    normal: normal.map(|normal| side * normal),
+                    seen_share: 1.0,
+                }
+            }
+            // A convex body is seen with a quarter of its surface (Cauchy).
+            Shape::Sphere(sphere) => Self {
+                centre: sphere.to_object.translation.as_vec3(),
+                radius: rounded_up(f64::from(sphere.radius.abs()) * stretch(sphere.to_object.matrix3)),
+                normal: None,
+                seen_share: 0.25,
+            },
+        }
+    }
+
+    fn of_triangle(mesh: &TriangleMesh, triangle: u32, flip_normal: bool) -> Self {
+        let indices = mesh.indices[triangle as usize];
+        let corners = indices.map(|index| mesh.positions[index as usize].as_dvec3());
+        let [a, b, c] = corners;
+        let winding = (b - a).cross(c - a).normalize_or_zero().as_vec3();
+        // The side is that of the vertex normals; where they disagree, it varies.
+        let behind = match mesh.normals.is_empty() {
+            true => [flip_normal; 3],
+            false => indices.map(|index| winding.dot(mesh.normals[index as usize]) < 0.0),
+        };
+        let normal = match behind {
+            [false, false, false] => Some(winding),
+            [true, true, true] => Some(-winding),
+            _ => None,
+        };
+        let centre = (0.5 * (a.min(b).min(c) + a.max(b).max(c))).as_vec3();
+        let reach = corners.map(|corner| corner.distance(centre.as_dvec3()));
+        Self {
+            centre,
+            radius: rounded_up(reach[0].max(reach[1]).max(reach[2])),
+            normal: normal.filter(|normal| normal.is_normalized()),
+            seen_share: 1.0,
+        }
+    }
+}
+
+/// Bound on the factor by which a linear map lengthens a vector, exact for rotations and uniform
+/// scales: the square root of the largest absolute column sum of MᵀM.
+fn stretch(m: DMat3) -> f64 {
+    let square = m.transpose() * m;
+    let column_sums = square.abs().transpose() * DVec3::ONE;
+    column_sums.max_element().sqrt()
+}
+
+/// To single precision, not below.
+fn rounded_up(x: f64) -> f32 {
+    (x as f32).next_up()
+}
