@@ -1,5 +1,7 @@
 //! Quantities of an interface by angle, roughness and index of refraction, tabulated.
 
+use super::bounded;
+
 /// Nodes along the three axes. With them the reflectances of [`super::coat`] are right to 0.005
 /// nearly everywhere, but not for alpha < 0.02 within a few degrees of the horizon, nor where
 /// eta < 1.05 there.
@@ -21,7 +23,7 @@ pub(super) struct Table {
 
 /// Node below a coordinate, and how far beyond it.
 fn locate(coordinate: f32, nodes: usize) -> (usize, f32) {
-    let x = coordinate.max(0.0).min(1.0) * (nodes - 1) as f32;
+    let x = bounded(coordinate, 1.0) * (nodes - 1) as f32;
     let node = (x as usize).min(nodes - 2);
     (node, x - node as f32)
 }
