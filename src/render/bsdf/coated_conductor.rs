@@ -10,7 +10,7 @@
 //! * *trapped* light: what the metal scatters but the coat turns back in other than mirror-like
 //!   ways, mostly beyond the critical angle. It is taken to leave diffusely after further bounces, by
 //!   a reciprocal product as in Kulla and Conty, *Revisiting physically based shading at
-//!   Imageworks* (2017), so that a white metal loses no more than it does uncoated.
+//!   Imageworks* (2017), so that a white metal loses about as much as it does uncoated.
 //!
 //! A rough coat widens the metal's lobe. Where pbrt-v4's random walk would differ is the shape of
 //! the trapped light, and the light that its rough interfaces lose.
@@ -50,16 +50,15 @@ static TRAPPED: LazyLock<Table> = LazyLock::new(|| {
 });
 
 /// The direction within the coat of light that is in direction `w` outside, on the same side.
-fn inside(w: Vec3, eta: f32) -> Vec3 {
-    let (x, y) = (w.x / eta, w.y / eta);
-    Vec3::new(x, y, (1.0 - x * x - y * y).max(0.0).sqrt().copysign(w.z))
+pub(super) fn inside(w: Vec3, eta: f32) -> Vec3 {
+    let cos = (eta * eta - 1.0 + w.z * w.z).sqrt() / eta;
+    Vec3::new(w.x / eta, w.y / eta, cos.copysign(w.z))
 }
 
 /// The reverse of [`inside`]; `None` at total internal reflection.
 fn outside(w: Vec3, eta: f32) -> Option<Vec3> {
-    let (x, y) = (w.x * eta, w.y * eta);
-    let cos2 = 1.0 - x * x - y * y;
-    (cos2 > 0.0).then(|| Vec3::new(x, y, cos2.sqrt().copysign(w.z)))
+    let cos2 = 1.0 - eta * eta + (eta * w.z).powi(2);
+    (cos2 > 0.0).then(|| Vec3::new(w.x * eta, w.y * eta, cos2.sqrt().copysign(w.z)).normalize())
 }
 
 /// Sum of mirror-like bounces between metal, of this reflectance, and coat.

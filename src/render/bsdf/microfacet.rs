@@ -10,6 +10,7 @@ use std::f32::consts::PI;
 
 use glam::{Vec2, Vec3};
 
+use super::bounded;
 use super::frame::{on_side_of, same_side};
 
 /// A surface whose larger alpha is below this is a perfect mirror (pbrt-v4).
@@ -36,7 +37,7 @@ pub(super) struct Reflection {
 impl Ggx {
     /// Alphas in [0, 1]; what is outside, or not a number, is taken as the nearest bound or 0.
     pub fn new(x: f32, y: f32) -> Self {
-        let (x, y) = (x.max(0.0).min(1.0), y.max(0.0).min(1.0));
+        let (x, y) = (bounded(x, 1.0), bounded(y, 1.0));
         if x.max(y) < SMOOTH_BELOW {
             Self { x: 0.0, y: 0.0 }
         } else {

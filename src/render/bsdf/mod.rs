@@ -2,11 +2,11 @@
 //!
 //! The models and their conventions are pbrt-v4's (Pharr, Jakob, Humphreys, *Physically Based
 //! Rendering*, 4th edition, chapters 9, 10 and 14), but for layered materials, which have a
-//! deterministic closed form here instead of a random walk; see [`coat`]. As there, the frame of
+//! deterministic closed form here instead of a random walk (`coat`). As there, the frame of
 //! the shading normal decides what is reflection and what transmission, and rough lobes have no
 //! compensation for multiple scattering between microfacets.
 //!
-//! A lobe ([`Scatter`]) is made of plain values and knows its local frame only; [`Bsdf`] adds the
+//! A lobe (`Scatter`) is made of plain values and knows its local frame only; [`Bsdf`] adds the
 //! frame, and [`Bsdf::new`] the textures.
 
 mod coat;
@@ -28,7 +28,7 @@ use glam::{Vec2, Vec3};
 use crate::geometry::SurfacePoint;
 use crate::scene::material::{Metal, Roughness};
 use crate::scene::texture::TexturePoint;
-use crate::scene::{Material, MaterialId, MaterialKind, Scene, Textures};
+use crate::scene::{FloatTextureId, Material, MaterialId, MaterialKind, RgbTextureId, Scene, Textures};
 use coat::Coat;
 use coated_conductor::CoatedConductor;
 use coated_diffuse::CoatedDiffuse;
@@ -151,8 +151,8 @@ struct Values<'t> {
 
 impl Values<'_> {
     /// A reflectance: within [0, 1], and 0 for what is not a number.
-    fn colour(&self, id: crate::scene::RgbTextureId) -> Vec3 {
-        self.textures.rgb(id, self.at).map(|v| v.max(0.0).min(1.0))
+    fn colour(&self, id: RgbTextureId) -> Vec3 {
+        self.textures.rgb(id, self.at).map(|v| bounded(v, 1.0))
     }
 
     fn ggx(&self, roughness: Roughness) -> Ggx {
@@ -166,13 +166,18 @@ impl Values<'_> {
     fn conductor(&self, metal: Metal, roughness: Roughness) -> Conductor {
         // Far beyond any metal; keeps squares finite.
         const MAX_INDEX: f32 = 1e4;
-        let index = |id| self.textures.rgb(id, self.at).map(|v| v.max(0.0).min(MAX_INDEX));
+        let index = |id| self.textures.rgb(id, self.at).map(|v| bounded(v, MAX_INDEX));
         let (eta, k) = match metal {
             Metal::Fresnel { eta, k } => (index(eta), index(k)),
             Metal::Reflectance(r) => (Vec3::ONE, fresnel::absorption_of_reflectance(self.colour(r))),
         };
         Conductor { eta, k, ggx: self.ggx(roughness) }
     }
+}
+
+/// The value brought into [0, `max`]; 0 for what is not a number.
+fn bounded(value: f32, max: f32) -> f32 {
+    if value > 0.0 { value.min(max) } else { 0.0 }
 }
 
 /// The index of refraction, or 1 (no boundary) where it makes no sense, as pbrt-v4 does for 0.
@@ -264,8 +269,7 @@ impl Bsdf {
 }
 
 fn on_horizon(w: Vec3) -> bool {
-    // Written so that what is not a number is there too.
-    !(w.z.abs() > HORIZON)
+    w.z.is_nan() || w.z.abs() <= HORIZON
 }
 
 /// Follows mixes to a material that is none, as pbrt-v4's `MixMaterial` does, but with one number
@@ -275,7 +279,7 @@ fn unmixed(
     materials: &[Material],
     mut id: MaterialId,
     mut u: f32,
-    amount_of: impl Fn(crate::scene::FloatTextureId) -> f32,
+    amount_of: impl Fn(FloatTextureId) -> f32,
 ) -> Option<&Material> {
     for _ in 0..MAX_MIX_DEPTH {
         let material = &materials[id.0 as usize];
@@ -289,4 +293,80 @@ fn unmixed(
         }
     }
     None
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn material(kind: MaterialKind) -> Material {
+        Material { name: String::new(), kind, displacement: None, normal_map: None }
+    }
+
+    fn mix(first: u32, second: u32, amount: u32) -> Material {
+        let (first, second, amount) = (MaterialId(first), MaterialId(second), FloatTextureId(amount));
+        material(MaterialKind::Mix { first, second, amount })
+    }
+
+    fn glass(eta: f32) -> Material {
+        material(MaterialKind::ThinDielectric { eta })
+    }
+
+    fn eta_of(material: Option<&Material>) -> f32 {
+        match material.map(|m| &m.kind) {
+            Some(MaterialKind::ThinDielectric { eta }) => *eta,
+            other => panic!("not one of the test's materials: {other:?}"),
+        }
+    }
+
+    #[test]
+    fn a_mix_of_mixes_takes_each_material_in_its_share() {
+        // A quarter of 3; of the rest, half each of 1 and 2.
+        let materials = [mix(1, 4, 0), mix(2, 3, 1), glass(1.0), glass(2.0), glass(3.0)];
+        let amount = |id: FloatTextureId| [0.25, 0.5][id.0 as usize];
+        let mut counts = [0; 4];
+        for i in 0..1000 {
+            let u = (i as f32 + 0.5) / 1000.0;
+            counts[eta_of(unmixed(&materials, MaterialId(0), u, amount)) as usize] += 1;
+        }
+        assert!((counts[3] - 250i32).abs() <= 1 && (counts[1] - 375i32).abs() <= 1, "{counts:?}");
+    }
+
+    #[test]
+    fn amounts_beyond_their_range_choose_one_material() {
+        let materials = [mix(1, 2, 0), glass(1.0), glass(2.0)];
+        for (amount, expected) in [(-1.0, 1.0), (0.0, 1.0), (f32::NAN, 1.0), (1.0, 2.0), (7.0, 2.0)] {
+            for u in [0.0, 0.5, 1.0 - f32::EPSILON] {
+                assert_eq!(eta_of(unmixed(&materials, MaterialId(0), u, |_| amount)), expected);
+            }
+        }
+    }
+
+    #[test]
+    fn mixes_in_a_circle_end() {
+        let materials = [mix(1, 1, 0), mix(0, 0, 0)];
+        assert!(unmixed(&materials, MaterialId(0), 0.3, |_| 0.5).is_none());
+    }
+
+    #[test]
+    fn a_tilted_surface_scatters_in_its_own_frame() {
+        let normal = Vec3::new(1.0, -2.0, 0.5).normalize();
+        let lobe = Lobe::ThinDielectric(ThinDielectric { eta: 1.5 });
+        let wo = Vec3::new(0.8, 0.0, 0.6);
+        let bsdf = Bsdf { frame: Frame::new(normal, Vec3::X), lobe, wo };
+        let reflected = bsdf.sample(wo, 0.0, Vec2::ZERO).expect("a pane always scatters");
+        let expected = normal * (2.0 * normal.dot(wo)) - wo;
+        assert!((reflected.wi - expected).length() < 1e-6);
+        assert!(bsdf.shading_normal() == normal && bsdf.albedo() == Vec3::ONE && bsdf.is_specular());
+    }
+
+    #[test]
+    fn directions_along_the_surface_scatter_nothing() {
+        let white = Diffuse { reflectance: Vec3::ONE, transmittance: Vec3::ZERO };
+        let bsdf = Bsdf { frame: Frame::new(Vec3::Z, Vec3::X), lobe: Lobe::Diffuse(white), wo: Vec3::Z };
+        assert_eq!(bsdf.eval(Vec3::X, Vec3::Z), Vec3::ZERO);
+        assert_eq!(bsdf.pdf(Vec3::Z, Vec3::X), 0.0);
+        assert!(bsdf.sample(Vec3::X, 0.5, Vec2::splat(0.5)).is_none());
+        assert!((bsdf.eval(Vec3::Z, Vec3::Z).x - std::f32::consts::FRAC_1_PI).abs() < 1e-7);
+    }
 }

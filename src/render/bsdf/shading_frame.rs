@@ -42,7 +42,7 @@ fn bumped(point: &SurfacePoint, height: impl Fn(TexturePoint) -> f32) -> Frame {
     let tangential = |d: Vec3| d - n * n.dot(d);
     let (dpdu, dpdv) = (tangential(point.dpdu), tangential(point.dpdv));
     let area = dpdu.cross(dpdv).length();
-    if !(area > LEAST_SINE * dpdu.length() * dpdv.length()) {
+    if area <= LEAST_SINE * dpdu.length() * dpdv.length() {
         return Frame::new(n, point.dpdu);
     }
     let here = height(TexturePoint { uv: point.uv, position: point.position });
