@@ -32,8 +32,15 @@ pub fn assets() -> Vec<Asset> {
         mesh("column", column()),
         mesh("tiles", tiles()),
         mesh("pot", pot()),
+        mesh("block", rounded_box(DVec3::new(-0.34, 0.0, -0.34), DVec3::new(0.34, 0.42, 0.34), 0.015)),
         mesh("soil", lathe(&[line((0.27, 0.44), (0.0, 0.46))], 24)),
-        mesh("trunk", lathe(&[spline(&[(0.035, 0.4), (0.024, 0.8), (0.028, 1.2), (0.012, 1.7)].map(DVec2::from), 4)], 12)),
+        mesh(
+            "trunk",
+            lathe(
+                &[spline(&[(0.035, 0.4), (0.024, 0.8), (0.028, 1.2), (0.012, 1.7)].map(DVec2::from), 4)],
+                12,
+            ),
+        ),
         mesh("basin", basin()),
         mesh("sprig", Sprig { leaves: 22, stem: 0.16, leaf: DVec2::new(0.045, 0.095) }.mesh(61)),
         mesh("vine", Sprig { leaves: 18, stem: 0.22, leaf: DVec2::new(0.07, 0.10) }.mesh(62)),
@@ -103,8 +110,14 @@ fn mouldings() -> Mesh {
     for i in 0..ARCH_SEGMENTS {
         let angles = [i, i + 1].map(|k| PI * k as f64 / ARCH_SEGMENTS as f64);
         for pair in section.windows(2) {
-            let at = |s: DVec2, angle: f64| DVec3::new(-s.x * angle.cos(), SPRINGING + s.x * angle.sin(), s.y);
-            let corners = [at(pair[0], angles[0]), at(pair[0], angles[1]), at(pair[1], angles[1]), at(pair[1], angles[0])];
+            let at =
+                |s: DVec2, angle: f64| DVec3::new(-s.x * angle.cos(), SPRINGING + s.x * angle.sin(), s.y);
+            let corners = [
+                at(pair[0], angles[0]),
+                at(pair[0], angles[1]),
+                at(pair[1], angles[1]),
+                at(pair[1], angles[0]),
+            ];
             mesh.add_quad(corners, corners.map(|p| DVec2::new(p.x, p.y)));
         }
     }
@@ -176,7 +189,18 @@ fn basin() -> Mesh {
         line((0.98, 0.50), (0.84, 0.50)),
         line((0.84, 0.50), (0.82, 0.2)),
         line((0.82, 0.2), (0.16, 0.2)),
-        spline(&[v(0.16, 0.2), v(0.17, 0.3), v(0.09, 0.45), v(0.08, 0.6), v(0.12, 0.72), v(0.07, 0.82), v(0.09, 0.9)], 5),
+        spline(
+            &[
+                v(0.16, 0.2),
+                v(0.17, 0.3),
+                v(0.09, 0.45),
+                v(0.08, 0.6),
+                v(0.12, 0.72),
+                v(0.07, 0.82),
+                v(0.09, 0.9),
+            ],
+            5,
+        ),
         spline(&[v(0.09, 0.9), v(0.28, 0.93), v(0.42, 1.01), v(0.47, 1.09), v(0.46, 1.11)], 5),
         spline(&[v(0.46, 1.11), v(0.43, 1.10), v(0.36, 1.03), v(0.09, 0.98)], 5),
         spline(&[v(0.09, 0.98), v(0.05, 1.1), v(0.07, 1.18), v(0.03, 1.26), v(0.0, 1.28)], 5),
@@ -196,11 +220,13 @@ fn paving(u: f64, v: f64) -> DVec3 {
     let row = y.floor().rem_euclid(ROWS);
     let x = u * COLUMNS + 0.5 * (row % 2.0) + 0.2 * hash(row as i64, 0, 83) + 0.16 * wobble.x;
     let column = x.floor().rem_euclid(COLUMNS);
-    let within = DVec2::new((x - x.floor()).min(x.floor() + 1.0 - x) * 1.5, (y - y.floor()).min(y.floor() + 1.0 - y));
+    let within =
+        DVec2::new((x - x.floor()).min(x.floor() + 1.0 - x) * 1.5, (y - y.floor()).min(y.floor() + 1.0 - y));
     let stone_share = smoothstep(0.04, 0.11, within.min_element());
     let tone = hash(row as i64, column as i64, 84);
     let grain = fractal(DVec2::new(u, v) * 48.0, [48, 48], 3, 85);
-    let stone = DVec3::new(0.40, 0.355, 0.30).lerp(DVec3::new(0.27, 0.255, 0.245), tone) * (0.62 + 0.7 * grain);
+    let stone =
+        DVec3::new(0.40, 0.355, 0.30).lerp(DVec3::new(0.27, 0.255, 0.245), tone) * (0.62 + 0.7 * grain);
     DVec3::new(0.085, 0.075, 0.05).lerp(stone, stone_share)
 }
 
@@ -208,7 +234,8 @@ fn paving(u: f64, v: f64) -> DVec3 {
 fn plaster(u: f64, v: f64) -> DVec3 {
     let patches = fractal(DVec2::new(u, v) * 3.0, [3, 3], 5, 91);
     let streaks = fractal(DVec2::new(u * 14.0, v * 2.0), [14, 2], 3, 92);
-    let base = DVec3::new(0.66, 0.47, 0.26).lerp(DVec3::new(0.73, 0.61, 0.43), smoothstep(0.35, 0.65, patches));
+    let base =
+        DVec3::new(0.66, 0.47, 0.26).lerp(DVec3::new(0.73, 0.61, 0.43), smoothstep(0.35, 0.65, patches));
     base * (0.86 + 0.24 * streaks)
 }
 
@@ -225,7 +252,7 @@ fn plants() -> Vec<u8> {
         planting.plant_ball("sprig", centre, radius, count, &mut stream);
     }
     // Ferns in low pots.
-    for centre in [DVec3::new(-2.35, 0.5, 1.35), DVec3::new(1.85, 0.5, 5.9), DVec3::new(3.3, 0.5, 2.9)] {
+    for centre in [DVec3::new(-2.66, 0.92, 1.4), DVec3::new(1.85, 0.5, 5.9), DVec3::new(3.3, 0.5, 2.9)] {
         for _ in 0..12 {
             let spread = unit(&mut stream) * DVec3::new(0.13, 0.0, 0.13);
             let growth = DVec3::Y + spread * 3.0;
@@ -239,7 +266,16 @@ fn plants() -> Vec<u8> {
 /// Climbs a column of the far arcade and spreads along the wall; sprays hang into the arches.
 fn bougainvillea(planting: &mut Planting, stream: &mut Stream) {
     const FACE: f64 = 7.75;
-    let stem = [(-1.05, 0.0), (-0.95, 1.2), (-1.05, 2.3), (-0.75, 3.1), (0.2, 3.55), (1.6, 3.75), (3.2, 3.6), (4.7, 3.85)];
+    let stem = [
+        (-1.05, 0.0),
+        (-0.95, 1.2),
+        (-1.05, 2.3),
+        (-0.75, 3.1),
+        (0.2, 3.55),
+        (1.6, 3.75),
+        (3.2, 3.6),
+        (4.7, 3.85),
+    ];
     let curve = spline(&stem.map(DVec2::from), 40);
     for (i, point) in curve.iter().enumerate() {
         let share = i as f64 / curve.len() as f64;

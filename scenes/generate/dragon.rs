@@ -76,7 +76,8 @@ impl Dragon {
 
     fn field(&self, p: DVec3) -> f64 {
         let (body, skin) = self.body(p);
-        let spines = self.spines.iter().fold(f64::INFINITY, |d, &(a, b, r)| d.min(cone(p, a, b, r, 0.25 * r)));
+        let spines =
+            self.spines.iter().fold(f64::INFINITY, |d, &(a, b, r)| d.min(cone(p, a, b, r, 0.25 * r)));
         let body = smooth_union(body - skin, spines, 0.014);
         let local = self.head_frame.transpose() * (p - self.head);
         smooth_union(body, head(local), 0.03)
@@ -118,7 +119,8 @@ fn spine() -> Vec<Vertebra> {
     };
     let mut spine: Vec<Vertebra> = Vec::new();
     for span in 0..SPINE.len() - 1 {
-        let [a, b, c, d] = [control(span.saturating_sub(1)), control(span), control(span + 1), control(span + 2)];
+        let [a, b, c, d] =
+            [control(span.saturating_sub(1)), control(span), control(span + 1), control(span + 2)];
         for step in 0..STEPS {
             let t = step as f64 / STEPS as f64;
             let weights = [
@@ -197,8 +199,11 @@ fn head(q: DVec3) -> f64 {
     let nostril = sphere(m, v(0.03, 0.028, 0.268), 0.009);
     face = smooth_difference(face, nostril, 0.006);
 
-    let jaw = cone(m, v(0.045, -0.05, 0.02), v(0.016, -0.105, 0.2), 0.03, 0.02)
-        .min(ellipsoid(q, v(0.0, -0.085, 0.13), v(0.035, 0.018, 0.09)));
+    let jaw = cone(m, v(0.045, -0.05, 0.02), v(0.016, -0.105, 0.2), 0.03, 0.02).min(ellipsoid(
+        q,
+        v(0.0, -0.085, 0.13),
+        v(0.035, 0.018, 0.09),
+    ));
     face = smooth_union(face, jaw, 0.018);
     let tongue = cone(q, v(0.0, -0.06, 0.08), v(0.0, -0.068, 0.2), 0.018, 0.012);
     face = smooth_union(face, tongue, 0.008);
@@ -227,10 +232,28 @@ fn head(q: DVec3) -> f64 {
     let frill = smooth_union(rays, ellipsoid(m, v(0.125, -0.015, -0.055), v(0.05, 0.075, 0.011)), 0.02);
     face = smooth_union(face, frill, 0.014);
 
-    let beard = cone(m, v(0.012, -0.115, 0.19), v(0.015, -0.19, 0.165), 0.014, 0.005)
-        .min(cone(m, v(0.03, -0.095, 0.11), v(0.04, -0.165, 0.07), 0.014, 0.005));
+    let beard = cone(m, v(0.012, -0.115, 0.19), v(0.015, -0.19, 0.165), 0.014, 0.005).min(cone(
+        m,
+        v(0.03, -0.095, 0.11),
+        v(0.04, -0.165, 0.07),
+        0.014,
+        0.005,
+    ));
     face = smooth_union(face, beard, 0.01);
-    let whisker = cone(m, v(0.04, 0.015, 0.25), v(0.1, 0.035, 0.27), 0.01, 0.008)
-        .min(cone(m, v(0.1, 0.035, 0.27), v(0.15, -0.005, 0.25), 0.008, 0.006));
+    let whisker = cone(m, v(0.04, 0.015, 0.25), v(0.1, 0.035, 0.27), 0.01, 0.008).min(cone(
+        m,
+        v(0.1, 0.035, 0.27),
+        v(0.15, -0.005, 0.25),
+        0.008,
+        0.006,
+    ));
     smooth_union(face, whisker, 0.008)
+}
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn the_dragon_is_whole() {
+        assert!(crate::implicit::tests::is_closed(&super::mesh(0.03)));
+    }
 }

@@ -96,7 +96,14 @@ impl Planting {
     }
 
     /// Sprigs all over a ball, growing outwards, denser near its surface.
-    pub fn plant_ball(&mut self, object: &str, centre: DVec3, radius: f64, count: usize, stream: &mut Stream) {
+    pub fn plant_ball(
+        &mut self,
+        object: &str,
+        centre: DVec3,
+        radius: f64,
+        count: usize,
+        stream: &mut Stream,
+    ) {
         for _ in 0..count {
             let direction = unit(stream);
             let depth = stream.range(0.35, 1.0).powf(0.4);

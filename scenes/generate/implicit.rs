@@ -34,7 +34,8 @@ pub fn polygonise(field: impl Fn(DVec3) -> f64 + Sync, low: DVec3, high: DVec3, 
     let crossed: Vec<Vec<CrossedCell>> = (0..blocks.x * blocks.y * blocks.z)
         .into_par_iter()
         .map(|block| {
-            let origin = IVec3::new(block % blocks.x, block / blocks.x % blocks.y, block / (blocks.x * blocks.y));
+            let origin =
+                IVec3::new(block % blocks.x, block / blocks.x % blocks.y, block / (blocks.x * blocks.y));
             crossed_cells(&field, &gradient, &at, origin * BLOCK, cell)
         })
         .collect();
@@ -48,17 +49,24 @@ pub fn polygonise(field: impl Fn(DVec3) -> f64 + Sync, low: DVec3, high: DVec3, 
         mesh.normals.push(c.normal);
     }
     for c in &cells {
-        for (axis, &(u, v)) in [(IVec3::Y, IVec3::Z), (IVec3::Z, IVec3::X), (IVec3::X, IVec3::Y)].iter().enumerate() {
+        for (axis, &(u, v)) in
+            [(IVec3::Y, IVec3::Z), (IVec3::Z, IVec3::X), (IVec3::X, IVec3::Y)].iter().enumerate()
+        {
             let end_inside = c.inside & (1 << (1 << axis)) != 0;
             let start_inside = c.inside & 1 != 0;
             if start_inside == end_inside {
                 continue;
             }
             let around = [c.grid, c.grid - u, c.grid - u - v, c.grid - v];
-            let Some(ring) = around.iter().map(|g| index.get(g).copied()).collect::<Option<Vec<u32>>>() else {
+            let Some(ring) = around.iter().map(|g| index.get(g).copied()).collect::<Option<Vec<u32>>>()
+            else {
                 continue;
             };
-            let ring = if start_inside { [ring[0], ring[1], ring[2], ring[3]] } else { [ring[0], ring[3], ring[2], ring[1]] };
+            let ring = if start_inside {
+                [ring[0], ring[1], ring[2], ring[3]]
+            } else {
+                [ring[0], ring[3], ring[2], ring[1]]
+            };
             add_quad(&mut mesh, ring);
         }
     }
@@ -128,7 +136,12 @@ fn mean_crossing(corners: &[f64; 8]) -> DVec3 {
 }
 
 /// Moves a point onto the surface, by no more than half a cell.
-fn settle(field: &impl Fn(DVec3) -> f64, gradient: &impl Fn(DVec3) -> DVec3, start: DVec3, cell: f64) -> DVec3 {
+fn settle(
+    field: &impl Fn(DVec3) -> f64,
+    gradient: &impl Fn(DVec3) -> DVec3,
+    start: DVec3,
+    cell: f64,
+) -> DVec3 {
     let mut p = start;
     for _ in 0..NEWTON_STEPS {
         let g = gradient(p);
@@ -152,11 +165,27 @@ fn add_quad(mesh: &mut Mesh, [a, b, c, d]: [u32; 4]) {
 }
 
 #[cfg(test)]
-mod tests {
+pub mod tests {
     use super::*;
 
     fn ball() -> Mesh {
         polygonise(|p| p.length() - 1.0, DVec3::splat(-1.3), DVec3::splat(1.3), 0.1)
+    }
+
+    /// How often each edge is used, forwards less backwards; all 0 if the mesh is closed.
+    fn edge_balances(mesh: &Mesh) -> HashMap<(u32, u32), i32> {
+        let mut edges = HashMap::new();
+        for t in &mesh.triangles {
+            for (from, to) in [(t[0], t[1]), (t[1], t[2]), (t[2], t[0])] {
+                *edges.entry((from.min(to), from.max(to))).or_insert(0) += if from < to { 1 } else { -1 };
+            }
+        }
+        edges
+    }
+
+    /// Whether a sculpture lies whole in the box it is meshed in.
+    pub fn is_closed(mesh: &Mesh) -> bool {
+        !mesh.triangles.is_empty() && edge_balances(mesh).values().all(|&balance| balance == 0)
     }
 
     #[test]
@@ -171,15 +200,17 @@ mod tests {
     #[test]
     fn a_ball_is_closed_and_every_triangle_faces_outward() {
         let mesh = ball();
-        let mut edges = HashMap::new();
         for t in &mesh.triangles {
             let [a, b, c] = t.map(|i| mesh.positions[i as usize]);
             assert!((b - a).cross(c - a).dot(a + b + c) > 0.0);
-            for (from, to) in [(t[0], t[1]), (t[1], t[2]), (t[2], t[0])] {
-                *edges.entry((from.min(to), from.max(to))).or_insert(0) += if from < to { 1 } else { -1 };
-            }
         }
-        assert!(edges.values().all(|&balance| balance == 0), "each edge is used once in each direction");
-        assert_eq!(mesh.positions.len() + mesh.triangles.len(), edges.len() + 2, "Euler's formula");
+        assert!(is_closed(&mesh));
+        let edges = edge_balances(&mesh).len();
+        assert_eq!(mesh.positions.len() + mesh.triangles.len(), edges + 2, "Euler's formula");
+    }
+
+    #[test]
+    fn a_ball_that_leaves_its_box_is_not_closed() {
+        assert!(!is_closed(&polygonise(|p| p.length() - 1.0, DVec3::splat(-0.9), DVec3::splat(1.3), 0.1)));
     }
 }

@@ -120,8 +120,13 @@ fn head(p: DVec3) -> f64 {
     // Brows arch into the nose; eyes are lowered under heavy lids.
     let sockets = ellipsoid(m, v(0.037, 0.008, -0.104), v(0.026, 0.017, 0.014));
     face = smooth_difference(face, sockets, 0.018);
-    let brow = cone(m, v(0.012, 0.024, -0.1), v(0.045, 0.038, -0.088), 0.006, 0.005)
-        .min(cone(m, v(0.045, 0.038, -0.088), v(0.074, 0.022, -0.066), 0.005, 0.003));
+    let brow = cone(m, v(0.012, 0.024, -0.1), v(0.045, 0.038, -0.088), 0.006, 0.005).min(cone(
+        m,
+        v(0.045, 0.038, -0.088),
+        v(0.074, 0.022, -0.066),
+        0.005,
+        0.003,
+    ));
     face = smooth_union(face, brow, 0.014);
     let lid = ellipsoid(m, v(0.037, 0.004, -0.087), v(0.024, 0.0135, 0.014));
     let slit = ellipsoid(m, v(0.037, -0.0035, -0.103), v(0.022, 0.0018, 0.02));
@@ -157,7 +162,9 @@ fn hair(q: DVec3) -> f64 {
     // Curls: rows by height, staggered by half a curl.
     let row_height = 0.0155;
     let arc = (q.y / 0.11).clamp(-0.99, 1.6);
-    let row = (if q.y < 0.11 { arc.clamp(-0.99, 0.99).asin() * 0.1 } else { 0.157 + (q.y - 0.11) } / row_height).floor();
+    let row = (if q.y < 0.11 { arc.clamp(-0.99, 0.99).asin() * 0.1 } else { 0.157 + (q.y - 0.11) }
+        / row_height)
+        .floor();
     let row_middle = (row + 0.5) * row_height;
     let middle_y = if row_middle < 0.14 { (row_middle / 0.1).sin() * 0.11 } else { row_middle - 0.047 };
     let ring = if row_middle < 0.125 { (row_middle / 0.1).cos() * 0.1 } else { 0.05 };
@@ -202,4 +209,12 @@ fn lotus(p: DVec3) -> f64 {
     };
     let flower = smooth_union(up.min(down), core, 0.012).max(p.y - SEAT - 0.01);
     flower.min(beads).min(plinth)
+}
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn the_figure_is_whole() {
+        assert!(crate::implicit::tests::is_closed(&super::mesh(0.03)));
+    }
 }
