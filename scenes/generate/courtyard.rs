@@ -32,6 +32,7 @@ pub fn assets() -> Vec<Asset> {
         mesh("column", column()),
         mesh("tiles", tiles()),
         mesh("pot", pot()),
+        mesh("block", rounded_box(DVec3::new(-0.34, 0.0, -0.34), DVec3::new(0.34, 0.42, 0.34), 0.015)),
         mesh("soil", lathe(&[line((0.27, 0.44), (0.0, 0.46))], 24)),
         mesh(
             "trunk",
@@ -251,7 +252,7 @@ fn plants() -> Vec<u8> {
         planting.plant_ball("sprig", centre, radius, count, &mut stream);
     }
     // Ferns in low pots.
-    for centre in [DVec3::new(-2.35, 0.5, 1.35), DVec3::new(1.85, 0.5, 5.9), DVec3::new(3.3, 0.5, 2.9)] {
+    for centre in [DVec3::new(-2.66, 0.92, 1.4), DVec3::new(1.85, 0.5, 5.9), DVec3::new(3.3, 0.5, 2.9)] {
         for _ in 0..12 {
             let spread = unit(&mut stream) * DVec3::new(0.13, 0.0, 0.13);
             let growth = DVec3::Y + spread * 3.0;

@@ -249,3 +249,11 @@ fn head(q: DVec3) -> f64 {
     ));
     smooth_union(face, whisker, 0.008)
 }
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn the_dragon_is_whole() {
+        assert!(crate::implicit::tests::is_closed(&super::mesh(0.03)));
+    }
+}

@@ -165,11 +165,27 @@ fn add_quad(mesh: &mut Mesh, [a, b, c, d]: [u32; 4]) {
 }
 
 #[cfg(test)]
-mod tests {
+pub mod tests {
     use super::*;
 
     fn ball() -> Mesh {
         polygonise(|p| p.length() - 1.0, DVec3::splat(-1.3), DVec3::splat(1.3), 0.1)
+    }
+
+    /// How often each edge is used, forwards less backwards; all 0 if the mesh is closed.
+    fn edge_balances(mesh: &Mesh) -> HashMap<(u32, u32), i32> {
+        let mut edges = HashMap::new();
+        for t in &mesh.triangles {
+            for (from, to) in [(t[0], t[1]), (t[1], t[2]), (t[2], t[0])] {
+                *edges.entry((from.min(to), from.max(to))).or_insert(0) += if from < to { 1 } else { -1 };
+            }
+        }
+        edges
+    }
+
+    /// Whether a sculpture lies whole in the box it is meshed in.
+    pub fn is_closed(mesh: &Mesh) -> bool {
+        !mesh.triangles.is_empty() && edge_balances(mesh).values().all(|&balance| balance == 0)
     }
 
     #[test]
@@ -184,15 +200,17 @@ mod tests {
     #[test]
     fn a_ball_is_closed_and_every_triangle_faces_outward() {
         let mesh = ball();
-        let mut edges = HashMap::new();
         for t in &mesh.triangles {
             let [a, b, c] = t.map(|i| mesh.positions[i as usize]);
             assert!((b - a).cross(c - a).dot(a + b + c) > 0.0);
-            for (from, to) in [(t[0], t[1]), (t[1], t[2]), (t[2], t[0])] {
-                *edges.entry((from.min(to), from.max(to))).or_insert(0) += if from < to { 1 } else { -1 };
-            }
         }
-        assert!(edges.values().all(|&balance| balance == 0), "each edge is used once in each direction");
-        assert_eq!(mesh.positions.len() + mesh.triangles.len(), edges.len() + 2, "Euler's formula");
+        assert!(is_closed(&mesh));
+        let edges = edge_balances(&mesh).len();
+        assert_eq!(mesh.positions.len() + mesh.triangles.len(), edges + 2, "Euler's formula");
+    }
+
+    #[test]
+    fn a_ball_that_leaves_its_box_is_not_closed() {
+        assert!(!is_closed(&polygonise(|p| p.length() - 1.0, DVec3::splat(-0.9), DVec3::splat(1.3), 0.1)));
     }
 }

@@ -53,7 +53,7 @@ fn cloth() -> Vec<u8> {
         let warp = noise::value(DVec2::new(u * 128.0, v * 32.0), [128, 32], 21);
         let weft = noise::value(DVec2::new(u * 32.0, v * 128.0), [32, 128], 22);
         let uneven = noise::fractal(DVec2::new(u, v) * 3.0, [3, 3], 3, 23);
-        DVec3::new(0.012, 0.20, 0.085) * (0.8 + 0.2 * (warp + weft) / 2.0 + 0.15 * uneven)
+        DVec3::new(0.012, 0.20, 0.085) * (0.90 + 0.12 * (warp + weft) / 2.0 + 0.06 * uneven)
     })
 }
 
@@ -155,7 +155,7 @@ fn cushions() -> Mesh {
     let bed = floor(-HALF_BED - CUSHION_WIDTH, HALF_BED + CUSHION_WIDTH, 0.0);
     // In (y, z) with z measured from the nose outwards; counter-clockwise seen from +x.
     let profile = [
-        (0.0, 1.8),
+        (0.0, 1.0),
         (NOSE_HEIGHT - 0.5, 0.15),
         (NOSE_HEIGHT, 0.0),
         (NOSE_HEIGHT + 0.25, 0.3),
@@ -190,7 +190,7 @@ fn rails() -> Mesh {
     Mesh::union([far, left])
 }
 
-/// The casting around the far left pocket, its well and its bottom.
+/// The casting around the far left pocket.
 fn pocket() -> Mesh {
     let outer = CUSHION_WIDTH + RAIL_WIDTH;
     let top = RAIL_HEIGHT + 0.5;
@@ -209,9 +209,7 @@ fn pocket() -> Mesh {
         line((POCKET_RADIUS, top - 1.4), (POCKET_RADIUS, -14.0)),
     ];
     // Three quadrants; the one towards the bed, from x to -z, stays open.
-    let casting = partial_lathe(&ring, 48, TAU * 0.25, TAU);
-    let well = partial_lathe(&[line((POCKET_RADIUS, 0.04), (0.0, 0.04))], 48, 0.0, TAU);
-    Mesh::union([casting, well]).translated(-HALF_BED.x, 0.0, HALF_BED.y)
+    partial_lathe(&ring, 48, TAU * 0.25, TAU).translated(-HALF_BED.x, 0.0, HALF_BED.y)
 }
 
 /// Diamonds of mother-of-pearl along the far and left rails, an eighth of the long side apart.

@@ -210,3 +210,11 @@ fn lotus(p: DVec3) -> f64 {
     let flower = smooth_union(up.min(down), core, 0.012).max(p.y - SEAT - 0.01);
     flower.min(beads).min(plinth)
 }
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn the_figure_is_whole() {
+        assert!(crate::implicit::tests::is_closed(&super::mesh(0.03)));
+    }
+}

@@ -118,15 +118,27 @@ pub fn line(from: (f64, f64), to: (f64, f64)) -> Vec<DVec2> {
     vec![DVec2::from(from), DVec2::from(to)]
 }
 
-/// A flat-sided bar along x. The profile's corners (y, z) run counter-clockwise seen from +x; each end
-/// lies at x = `end.0` + `end.1` · z, so that bars can be mitred. Ends stay open.
+/// A flat-sided bar along x. The convex profile's corners (y, z) run counter-clockwise seen from +x;
+/// each end lies at x = `end.0` + `end.1` · z, so that bars can be mitred.
 pub fn bar(profile: &[(f64, f64)], left: (f64, f64), right: (f64, f64)) -> Mesh {
     let mut mesh = Mesh::default();
+    let at = |y: f64, z: f64, end: (f64, f64)| DVec3::new(end.0 + end.1 * z, y, z);
+    for (end, outward) in [(left, -1.0), (right, 1.0)] {
+        let first = mesh.positions.len() as u32;
+        for &(y, z) in profile {
+            mesh.positions.push(at(y, z, end));
+            mesh.normals.push(DVec3::new(outward, 0.0, -outward * end.1).normalize());
+            mesh.uvs.push(DVec2::new(y, z));
+        }
+        for i in 1..profile.len() as u32 - 1 {
+            let (a, b) = if outward > 0.0 { (i, i + 1) } else { (i + 1, i) };
+            mesh.triangles.push([first, first + a, first + b]);
+        }
+    }
     let mut around = 0.0;
     for (i, &(y0, z0)) in profile.iter().enumerate() {
         let (y1, z1) = profile[(i + 1) % profile.len()];
         let width = DVec2::new(y1 - y0, z1 - z0).length();
-        let at = |y: f64, z: f64, end: (f64, f64)| DVec3::new(end.0 + end.1 * z, y, z);
         let corners = [at(y0, z0, left), at(y1, z1, left), at(y1, z1, right), at(y0, z0, right)];
         let v = [around, around + width, around + width, around];
         let uvs = [0, 1, 2, 3].map(|k| DVec2::new(corners[k].x, v[k]));
@@ -187,6 +199,7 @@ mod tests {
         let mesh = bar(&[(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)], (0.0, 0.0), (2.0, 0.0));
         let centre = DVec3::new(1.0, 0.5, 0.5);
         assert!(mesh.positions.iter().zip(&mesh.normals).all(|(p, n)| n.dot(*p - centre) > 0.0));
+        assert!((volume(&mesh) - 2.0).abs() < 1e-12 && normals_agree_with_triangles(&mesh));
         assert_eq!(floor(DVec2::ZERO, DVec2::ONE, 0.0).normals[0], DVec3::Y);
     }
 }
