@@ -6,6 +6,8 @@
 //! Bitterli et al. 2016, section 5, use the halves alike). Pixel by pixel it is far too noisy to
 //! use; blurred it is a map.
 
+use rayon::prelude::*;
+
 use crate::image::Planes;
 
 use super::blur;
@@ -34,31 +36,31 @@ impl Assessment {
         own_weight: &[Vec<f32>; 2],
     ) -> Self {
         let (width, height) = (filtered[0].width(), filtered[0].height());
+        let own = |i: usize| 0.5 * (own_weight[0][i] + own_weight[1][i]);
         let mut variance = Planes::new(width, height, 3);
         let mut residual = Planes::new(width, height, 1);
         let mut bias = vec![0.0; width * height];
         let mut spread = vec![0.0; width * height];
-        for channel in 0..3 {
+        for (channel, variance) in variance.planes_mut().enumerate() {
             let [c_a, c_b] = [0, 1].map(|h| noisy.mean[h].plane(channel));
             let [f_a, f_b] = [0, 1].map(|h| filtered[h].plane(channel));
             let [v_a, v_b] = [0, 1].map(|h| noisy.variance[h].plane(channel));
-            for i in 0..width * height {
+            let maps = variance.par_iter_mut().zip(residual.data_mut()).zip(&mut bias).zip(&mut spread);
+            maps.enumerate().with_min_len(width).for_each(|(i, (((variance, residual), bias), spread))| {
                 let between = 0.25 * (f_a[i] - f_b[i]).powi(2);
                 let of_half = |f: f32, c: f32, v: f32, a: f32| (f - c).powi(2) - v + 2.0 * v * a;
                 let of_a = of_half(f_a[i], c_a[i], v_a[i], own_weight[0][i]);
                 let of_b = of_half(f_b[i], c_b[i], v_b[i], own_weight[1][i]);
-                bias[i] += (0.5 * (of_a + of_b) - 2.0 * between) / 3.0;
+                *bias += (0.5 * (of_a + of_b) - 2.0 * between) / 3.0;
                 let emitted = emission.map_or(0.0, |[a, b]| a.plane(channel)[i] - b.plane(channel)[i]);
-                let in_all = 0.25 * (f_a[i] - f_b[i] + emitted).powi(2);
-                spread[i] += in_all / 3.0;
-                variance.plane_mut(channel)[i] = in_all;
+                *variance = 0.25 * (f_a[i] - f_b[i] + emitted).powi(2);
+                *spread += *variance / 3.0;
 
-                let own = 0.5 * (own_weight[0][i] + own_weight[1][i]);
-                let expected = 0.25 * (v_a[i] + v_b[i]) * (1.0 - 2.0 * own).max(0.0) + between;
+                let expected = 0.25 * (v_a[i] + v_b[i]) * (1.0 - 2.0 * own(i)).max(0.0) + between;
                 let seen = (0.5 * (f_a[i] + f_b[i] - c_a[i] - c_b[i])).powi(2);
                 // 0/0 is a pixel without noise that was left alone.
-                residual.plane_mut(0)[i] += if expected > 0.0 { seen / expected / 3.0 } else { 0.0 };
-            }
+                *residual += if expected > 0.0 { seen / expected / 3.0 } else { 0.0 };
+            });
         }
         let [bias, spread] = [bias, spread].map(|plane| blur::gaussian(width, height, &plane, RISK_SIGMA));
         let mut error = Planes::new(width, height, 1);

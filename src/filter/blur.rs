@@ -1,5 +1,6 @@
 //! Gaussian blur of a plane, for estimates that are too noisy pixel by pixel.
 
+use multiversion::multiversion;
 use rayon::prelude::*;
 
 /// Gaussian of standard deviation `sigma` pixels, cut at three of them; at the border the weights
@@ -15,7 +16,7 @@ pub fn gaussian(width: usize, height: usize, plane: &[f32], sigma: f32) -> Vec<f
         for (tap, weight) in kernel.taps() {
             let Some(y) = y.checked_add_signed(tap).filter(|&y| y < height) else { continue };
             let row = &plane[y * width..][..width];
-            out.iter_mut().zip(row).for_each(|(out, &v)| *out += weight * v);
+            add_scaled(out, row, weight);
         }
         out.iter_mut().for_each(|v| *v *= norm_y[y]);
     });
@@ -23,16 +24,22 @@ pub fn gaussian(width: usize, height: usize, plane: &[f32], sigma: f32) -> Vec<f
     blurred.par_chunks_mut(width).zip(vertical.par_chunks(width)).for_each(|(out, row)| {
         for (tap, weight) in kernel.taps() {
             let shift = tap.unsigned_abs().min(width);
-            let (out, row) = if tap < 0 {
-                (&mut out[shift..], &row[..width - shift])
-            } else {
-                (&mut out[..width - shift], &row[shift..])
-            };
-            out.iter_mut().zip(row).for_each(|(out, &v)| *out += weight * v);
+            let inside = width - shift;
+            let (out, row) =
+                if tap < 0 { (&mut out[shift..], &row[..inside]) } else { (&mut out[..inside], &row[shift..]) };
+            add_scaled(out, row, weight);
         }
         out.iter_mut().zip(&norm_x).for_each(|(v, norm)| *v *= norm);
     });
     blurred
+}
+
+#[multiversion(targets(
+    "x86_64+avx512f+avx512bw+avx512dq+avx512vl+bmi1+bmi2+fma+avx2+popcnt+lzcnt",
+    "x86_64+avx2+fma+bmi1+bmi2+popcnt+lzcnt"
+))]
+fn add_scaled(sum: &mut [f32], values: &[f32], factor: f32) {
+    sum.iter_mut().zip(values).for_each(|(sum, &v)| *sum += factor * v);
 }
 
 struct Kernel {

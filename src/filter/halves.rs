@@ -41,6 +41,11 @@ impl Counts {
         Self { whole, of }
     }
 
+    /// Whether some pixel has two samples, so that a variance of 0 means something.
+    fn are_several(&self) -> bool {
+        self.of[0].iter().zip(&self.of[1]).any(|(a, b)| a + b >= 2.0)
+    }
+
     /// As whole numbers.
     pub fn whole(&self) -> [&[u32]; 2] {
         [&self.whole[0], &self.whole[1]]
@@ -49,11 +54,11 @@ impl Counts {
     /// Mean of the halves' values, weighted by their counts.
     pub fn mean(&self, halves: &[Planes; 2]) -> Planes {
         let mut mean = halves[0].clone();
-        let pixels = mean.pixels();
-        for (i, (a, &b)) in mean.data_mut().iter_mut().zip(halves[1].data()).enumerate() {
-            let (n_a, n_b) = (self.of[0][i % pixels], self.of[1][i % pixels]);
-            let share = if n_a + n_b > 0.0 { n_b / (n_a + n_b) } else { 0.5 };
-            *a += share * (b - *a);
+        for (plane, b) in mean.planes_mut().zip(halves[1].data().chunks(halves[1].pixels().max(1))) {
+            for (((a, &b), &n_a), &n_b) in plane.iter_mut().zip(b).zip(&self.of[0]).zip(&self.of[1]) {
+                let share = if n_a + n_b > 0.0 { n_b / (n_a + n_b) } else { 0.5 };
+                *a += share * (b - *a);
+            }
         }
         mean
     }
@@ -86,6 +91,10 @@ impl Halves {
 
     fn new(mut mean: [Planes; 2], mut sample_variance: Planes, counts: &Counts) -> Self {
         fill_missing(&mut mean, counts);
+        if sample_variance.data().iter().all(|&v| v == 0.0) && counts.are_several() {
+            // Noise-free, as the normals of a still scene without a lens are inside surfaces.
+            return Self { mean, variance: [sample_variance.clone(), sample_variance] };
+        }
         pool(&mut sample_variance, &mean[0], counts);
         let mut variance = [sample_variance.clone(), sample_variance];
         // Points of low discrepancy make means less uncertain than s²/n; the halves are independent
