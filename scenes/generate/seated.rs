@@ -200,14 +200,14 @@ fn lotus(p: DVec3) -> f64 {
     };
     let up = petal(0.0, 0.35, 0.135).min(petal(0.5, 0.2, 0.14));
     let down = petal(0.5, -0.45, 0.055);
-    let core = slab(0.04, SEAT - 0.01, 0.385);
+    let core = slab(0.0, SEAT - 0.01, 0.385);
     let plinth = slab(0.0, 0.022, 0.46);
     let beads = {
         let sector = ((angle / TAU * 60.0).rem_euclid(1.0) - 0.5) * TAU / 60.0;
         let at = DVec3::new(radius * sector.cos(), p.y, radius * sector.sin());
         sphere(at, DVec3::new(0.41, SEAT - 0.005, 0.0), 0.013)
     };
-    let flower = smooth_union(up.min(down), core, 0.012).max(p.y - SEAT - 0.01);
+    let flower = smooth_union(up.min(down), core, 0.012).max(p.y - SEAT - 0.01).max(-0.008 - p.y);
     flower.min(beads).min(plinth)
 }
 
