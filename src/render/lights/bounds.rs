@@ -70,9 +70,10 @@ pub struct LightBounds {
     pub radius: f32,
     /// Unit.
     pub axis: Vec3,
-    /// Cosine of the largest angle between `axis` and that of a light (θo).
+    /// Cosine of the largest angle between `axis` and that of a light (θo). A light that is the
+    /// same in a cone of directions counts as lights along all of them.
     pub cos_axes: f32,
-    /// Cosine of the largest angle between a light's axis and where it shines (θe).
+    /// Cosine of the largest angle between a light's axis and where it shines (θe), at most π.
     pub cos_emission: f32,
     /// The same in the directions opposite to all of these.
     pub two_sided: bool,
@@ -100,7 +101,8 @@ impl LightBounds {
         if cos_light <= self.cos_emission {
             return 0.0;
         }
-        self.intensity * cos_light * cos_receiver / squared
+        // A wide spot light shines backwards as well.
+        self.intensity * cos_light.max(COS_TOLERANCE) * cos_receiver / squared
     }
 
     /// Bounds of both; `centre` is that of the sphere.
@@ -153,5 +155,75 @@ fn union_of_cones(a: &LightBounds, b: &LightBounds, two_sided: bool) -> (Vec3, f
             (axis.as_vec3().normalize(), angle.cos() as f32)
         }
         _ => (a.axis, -1.0),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn flat(axis: Vec3) -> LightBounds {
+        LightBounds {
+            centre: Vec3::ZERO,
+            radius: 0.1,
+            axis,
+            cos_axes: 1.0,
+            cos_emission: 0.0,
+            two_sided: false,
+            intensity: 2.0,
+        }
+    }
+
+    fn facing(position: Vec3) -> Receiver {
+        Receiver { position, normal: -position.normalize(), transmits: false }
+    }
+
+    #[test]
+    fn far_from_a_light_the_importance_is_its_irradiance() {
+        let light = flat(Vec3::Z);
+        let off_axis = Vec3::new(0.0, 60.0, 80.0);
+        let tilted = Receiver { normal: Vec3::NEG_Z, ..facing(off_axis) };
+        for (receiver, cosines) in [(facing(Vec3::Z * 100.0), 1.0), (facing(off_axis), 0.8), (tilted, 0.64)] {
+            let expected = 2.0 * cosines / 1e4;
+            assert!((light.importance(&receiver) / expected - 1.0).abs() < 5e-3, "{receiver:?}");
+        }
+    }
+
+    #[test]
+    fn the_dark_side_of_a_light_counts_only_if_there_is_none() {
+        let behind = facing(Vec3::Z * -5.0);
+        assert_eq!(flat(Vec3::Z).importance(&behind), 0.0);
+        assert!(LightBounds { two_sided: true, ..flat(Vec3::Z) }.importance(&behind) > 0.0);
+    }
+
+    #[test]
+    fn within_the_bounds_light_may_come_from_anywhere() {
+        let inside = Receiver { position: Vec3::Z * -0.05, normal: Vec3::NEG_Z, transmits: false };
+        assert!(flat(Vec3::Z).importance(&inside) > 0.0);
+    }
+
+    #[test]
+    fn a_union_holds_the_cones_and_spheres_of_both() {
+        let tilted = LightBounds { centre: Vec3::X, cos_axes: 0.9, ..flat(Vec3::X) };
+        let both = flat(Vec3::Z).union(&tilted, Vec3::X * 0.5);
+        assert!((both.radius - 0.6).abs() < 1e-6);
+        // From the first axis to the far edge of the other cone.
+        let width = f64::from(both.cos_axes).acos() * 2.0;
+        assert!((width - (PI / 2.0 + 0.9f64.acos())).abs() < 1e-6, "{width}");
+        let half = both.cos_axes.acos();
+        assert!((both.axis.dot(Vec3::Z) - half.cos()).abs() < 1e-5);
+        assert_eq!(both.intensity, 4.0);
+        let opposite = flat(Vec3::Z).union(&flat(Vec3::NEG_Z), Vec3::ZERO);
+        assert!((opposite.cos_axes + 1.0).abs() < 1e-6);
+        let two_sided = LightBounds { two_sided: true, ..flat(Vec3::NEG_Z) };
+        assert_eq!(two_sided.union(&flat(Vec3::Z), Vec3::ZERO).cos_axes, 1.0);
+    }
+
+    #[test]
+    fn the_orientation_measure_is_that_of_known_cones() {
+        // One direction with a cosine lobe: the integral of the cosine over a hemisphere.
+        assert!((flat(Vec3::Z).orientation_measure() - PI).abs() < 1e-6);
+        let anywhere = LightBounds { cos_axes: -1.0, ..flat(Vec3::Z) };
+        assert!((anywhere.orientation_measure() - 4.0 * PI).abs() < 1e-6);
     }
 }

@@ -46,8 +46,8 @@ impl DeltaLight {
                 centre: *position,
                 radius: 0.0,
                 axis: cone.as_ref().map_or(Vec3::Z, |cone| cone.axis),
-                cos_axes: if cone.is_some() { 1.0 } else { -1.0 },
-                cos_emission: cone.as_ref().map_or(0.0, |cone| cone.cos_end),
+                cos_axes: cone.as_ref().map_or(-1.0, |cone| cone.cos_start),
+                cos_emission: cone.as_ref().map_or(0.0, Cone::cos_falloff),
                 two_sided: false,
                 intensity: brightness(*intensity),
             }),
@@ -87,6 +87,12 @@ impl Cone {
         }
         let t = ((cos - self.cos_end) / (self.cos_start - self.cos_end)).clamp(0.0, 1.0);
         t * t * (3.0 - 2.0 * t)
+    }
+
+    /// Cosine of the angle over which the intensity falls off.
+    fn cos_falloff(&self) -> f32 {
+        let angle = |cos: f32| cos.clamp(-1.0, 1.0).acos();
+        (angle(self.cos_end) - angle(self.cos_start)).max(0.0).cos()
     }
 }
 

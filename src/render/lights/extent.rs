@@ -81,3 +81,45 @@ fn stretch(m: DMat3) -> f64 {
 fn rounded_up(x: f64) -> f32 {
     (x as f32).next_up()
 }
+
+#[cfg(test)]
+mod tests {
+    use glam::{DAffine3, DQuat};
+
+    use super::*;
+    use crate::scene::TriangleMesh;
+
+    #[test]
+    fn a_triangle_faces_where_its_winding_or_its_vertex_normals_say() {
+        let mut mesh = TriangleMesh {
+            positions: vec![Vec3::ZERO, Vec3::X, Vec3::Y],
+            indices: vec![[0, 1, 2]],
+            ..TriangleMesh::default()
+        };
+        assert_eq!(Extent::of_triangle(&mesh, 0, false).normal, Some(Vec3::Z));
+        assert_eq!(Extent::of_triangle(&mesh, 0, true).normal, Some(Vec3::NEG_Z));
+        mesh.normals = vec![-Vec3::Z; 3];
+        assert_eq!(Extent::of_triangle(&mesh, 0, false).normal, Some(Vec3::NEG_Z));
+        mesh.normals[1] = Vec3::Z;
+        assert_eq!(Extent::of_triangle(&mesh, 0, false).normal, None);
+    }
+
+    #[test]
+    fn the_sphere_around_a_triangle_holds_its_corners() {
+        let positions = vec![Vec3::new(1.0, 5.0, 2.0), Vec3::new(-3.0, 4.0, 2.5), Vec3::new(0.0, 0.1, 7.0)];
+        let mesh = TriangleMesh { positions, indices: vec![[0, 1, 2]], ..TriangleMesh::default() };
+        let Extent { centre, radius, .. } = Extent::of_triangle(&mesh, 0, false);
+        let reach = mesh.positions.iter().map(|p| p.distance(centre)).fold(0.0, f32::max);
+        assert!(reach <= radius && radius < reach * 1.001, "{reach} {radius}");
+    }
+
+    #[test]
+    fn the_stretch_of_a_scale_is_its_largest_factor() {
+        let turned = DAffine3::from_quat(DQuat::from_rotation_x(1.0))
+            * DAffine3::from_scale(DVec3::new(1.0, 3.0, 2.0));
+        assert!((stretch(turned.matrix3) - 3.0).abs() < 1e-12);
+        let sheared = DMat3::from_cols(DVec3::X, DVec3::new(1.0, 1.0, 0.0), DVec3::Z);
+        let golden = 0.5 * (1.0 + 5.0f64.sqrt());
+        assert!(stretch(sheared) >= golden && stretch(sheared) < 1.2 * golden);
+    }
+}

@@ -114,17 +114,22 @@ impl<'s> Lights<'s> {
     #[inline]
     pub fn sample(&self, receiver: &Receiver, choice: f32, u: Vec2) -> Option<LightSample> {
         let (light, probability) = self.choice.sample(receiver, choice)?;
-        let from = receiver.position;
-        let mut sample = match self.sources.get(light) {
-            Some(Source::Delta(delta)) => delta.sample(from)?,
-            Some(Source::Environment(environment)) => {
-                let (wi, radiance, pdf) = environment.sample(u)?;
-                LightSample { wi, radiance, pdf, found_by_rays: true, target: None }
-            }
-            None => self.surfaces.sample(light - self.sources.len(), from, u)?,
-        };
+        let mut sample = self.sample_light(light, receiver.position, u)?;
         sample.pdf *= probability;
         Some(sample)
+    }
+
+    /// Light from one light only, whose choice is not part of the density.
+    #[inline]
+    fn sample_light(&self, light: usize, from: Vec3, u: Vec2) -> Option<LightSample> {
+        match self.sources.get(light) {
+            Some(Source::Delta(delta)) => delta.sample(from),
+            Some(Source::Environment(environment)) => {
+                let (wi, radiance, pdf) = environment.sample(u)?;
+                Some(LightSample { wi, radiance, pdf, found_by_rays: true, target: None })
+            }
+            None => self.surfaces.sample(light - self.sources.len(), from, u),
+        }
     }
 
     /// Radiance that a surface emits at a point in direction `wo`; `None` if it is no light.
@@ -168,4 +173,191 @@ const BELOW_ONE: f32 = 1.0 - 0.5 * f32::EPSILON;
 /// What lights are compared by: the mean of the channels.
 fn brightness(colour: Vec3) -> f32 {
     colour.element_sum() / 3.0
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fmt::Write;
+    use std::path::Path;
+
+    use rand::{RngExt, SeedableRng};
+    use rand_pcg::Pcg32;
+
+    use super::*;
+    use crate::scene::pbrt::read_str;
+
+    fn scene(world: &str) -> Scene {
+        read_str(&format!("WorldBegin {world}"), Path::new("")).unwrap()
+    }
+
+    fn point(rng: &mut Pcg32, size: f32) -> Vec3 {
+        let mut coordinate = || size * (2.0 * rng.random::<f32>() - 1.0);
+        Vec3::new(coordinate(), coordinate(), coordinate())
+    }
+
+    /// Anywhere among the lights of [`many`], on some surface of either kind.
+    fn receiver(rng: &mut Pcg32) -> Receiver {
+        Receiver {
+            position: point(rng, 6.0),
+            normal: point(rng, 1.0).normalize(),
+            transmits: rng.random::<f32>() < 0.3,
+        }
+    }
+
+    /// Lights of all kinds, large and small, with one side and two.
+    fn many(rng: &mut Pcg32) -> Scene {
+        let mut world = String::new();
+        let mut add = |kind: usize| {
+            let (p, q) = (point(rng, 5.0), point(rng, 1.0));
+            let size = 2.0 * rng.random::<f32>().powi(3) + 0.01;
+            let sides = if rng.random::<f32>() < 0.2 { "\"bool twosided\" true" } else { "" };
+            let light = match kind % 6 {
+                0 => format!("LightSource \"point\" \"point3 from\" [ {} {} {} ]", p.x, p.y, p.z),
+                1 => format!(
+                    "LightSource \"spot\" \"point3 from\" [ {} {} {} ] \"point3 to\" [ {} {} {} ]
+                     \"float coneangle\" {}",
+                    p.x,
+                    p.y,
+                    p.z,
+                    q.x,
+                    q.y,
+                    q.z,
+                    10.0 + 60.0 * size
+                ),
+                shape => format!(
+                    "AttributeBegin Translate {} {} {} Rotate {} {} {} {} Scale {size} {} {size}
+                     AreaLightSource \"diffuse\" {sides} {} AttributeEnd",
+                    p.x,
+                    p.y,
+                    p.z,
+                    180.0 * q.z,
+                    q.x,
+                    q.y,
+                    q.z,
+                    2.0 * size,
+                    match shape {
+                        2 => "Shape \"sphere\"",
+                        3 => "Shape \"disk\" \"float innerradius\" .3",
+                        4 => "ReverseOrientation Shape \"disk\"",
+                        _ => {
+                            "Shape \"trianglemesh\" \"integer indices\" [ 0 1 2 0 2 3 ]
+                             \"point3 P\" [ 0 0 0 1 0 0 1 1 .2 0 1 .2 ]"
+                        }
+                    }
+                ),
+            };
+            writeln!(world, "{light}").unwrap();
+        };
+        (0..60).for_each(&mut add);
+        world += "LightSource \"infinite\" \"rgb L\" [ .1 .1 .1 ] LightSource \"distant\" ";
+        scene(&world)
+    }
+
+    fn count(lights: &Lights) -> usize {
+        lights.sources.len() + lights.surfaces.bounds().count()
+    }
+
+    #[test]
+    fn lights_are_chosen_as_often_as_their_probability_says() {
+        let mut rng = Pcg32::seed_from_u64(1);
+        let scene = many(&mut rng);
+        let lights = Lights::new(&scene);
+        for _ in 0..20 {
+            let receiver = receiver(&mut rng);
+            let probabilities: Vec<f32> =
+                (0..count(&lights)).map(|light| lights.choice.probability(light, &receiver)).collect();
+            let n = 20_000;
+            let mut frequencies = vec![0.0; probabilities.len()];
+            let mut dead_ends = 0.0;
+            for i in 0..n {
+                let sampled = lights.choice.sample(&receiver, (i as f32 + 0.5) / n as f32);
+                let Some((light, p)) = sampled else {
+                    dead_ends += 1.0 / n as f32;
+                    continue;
+                };
+                assert!((p - probabilities[light]).abs() <= 1e-4 * p, "{light}: {p}");
+                frequencies[light] += 1.0 / n as f32;
+            }
+            for (light, (f, p)) in frequencies.iter().zip(&probabilities).enumerate() {
+                // Each light is an interval of numbers, which holds as many as its length says but
+                // for two at its ends.
+                assert!((f - p).abs() < 2.0 / n as f32 + 1e-4 * p, "{light}: {f} {p}");
+            }
+            let sum: f32 = probabilities.iter().sum();
+            assert!((sum + dead_ends - 1.0).abs() < 1e-3 && sum > 0.5, "{sum} {dead_ends}");
+        }
+    }
+
+    #[test]
+    fn no_light_that_could_arrive_is_ruled_out() {
+        let mut rng = Pcg32::seed_from_u64(2);
+        let scene = many(&mut rng);
+        let lights = Lights::new(&scene);
+        let (mut arrived, mut ruled_out) = (0, 0);
+        for _ in 0..2000 {
+            let receiver = receiver(&mut rng);
+            for light in 0..count(&lights) {
+                let u = Vec2::new(rng.random(), rng.random());
+                let probability = lights.choice.probability(light, &receiver);
+                let arrives = lights
+                    .sample_light(light, receiver.position, u)
+                    .is_some_and(|s| receiver.transmits || s.wi.dot(receiver.normal) > 1e-6);
+                assert!(!arrives || probability > 0.0, "light {light} at {receiver:?}");
+                arrived += u32::from(arrives);
+                ruled_out += u32::from(probability == 0.0);
+            }
+        }
+        assert!(arrived > 20_000 && ruled_out > 20_000, "{arrived} {ruled_out}");
+    }
+
+    #[test]
+    fn a_single_light_needs_no_choice() {
+        let mut rng = Pcg32::seed_from_u64(3);
+        for light in [
+            "LightSource \"point\"",
+            "LightSource \"infinite\"",
+            "AreaLightSource \"diffuse\" Shape \"disk\"",
+            // Dark lights do not count.
+            "LightSource \"infinite\" \"rgb L\" [ 0 0 0 ] LightSource \"point\"",
+        ] {
+            let scene = scene(light);
+            let lights = Lights::new(&scene);
+            assert!(!lights.need_choice(), "{light}");
+            for u in [0.0, 0.5, BELOW_ONE] {
+                let (_, probability) = lights.choice.sample(&receiver(&mut rng), u).unwrap();
+                assert!((probability - 1.0).abs() < 1e-6, "{light}: {probability}");
+            }
+        }
+        assert!(Lights::new(&scene("")).choice.sample(&receiver(&mut rng), 0.5).is_none());
+    }
+
+    #[test]
+    fn near_lights_are_preferred_and_those_below_the_horizon_never_chosen() {
+        let at = |z: f32| format!("LightSource \"point\" \"point3 from\" [ 0 0 {z} ] ");
+        let scene = scene(&(at(1.0) + &at(3.0) + &at(-1.0)));
+        let lights = Lights::new(&scene);
+        let facing = Receiver { position: Vec3::ZERO, normal: Vec3::Z, transmits: false };
+        let probabilities = |receiver| [0, 1, 2].map(|light| lights.choice.probability(light, &receiver));
+        let [near, far, below] = probabilities(facing);
+        assert!(near > far && far > 0.0, "{near} {far}");
+        assert_eq!(below, 0.0);
+        let [near, _, below] = probabilities(Receiver { transmits: true, ..facing });
+        assert!(below > 0.0 && near > 0.0);
+        // Whatever number is drawn, a probability of 0 is not chosen.
+        for u in [0.0, 0.3, BELOW_ONE] {
+            assert_ne!(lights.choice.sample(&facing, u).unwrap().0, 2);
+        }
+    }
+
+    #[test]
+    fn a_wide_scene_does_not_give_the_light_to_its_dim_environment() {
+        let world = "LightSource \"infinite\" \"rgb L\" [ .05 .05 .05 ]
+            Shape \"disk\" \"float radius\" 1000
+            Translate 0 0 8 ReverseOrientation AreaLightSource \"diffuse\" \"rgb L\" [ 15 15 15 ]
+            Shape \"disk\" \"float radius\" 2";
+        let scene = scene(world);
+        let lights = Lights::new(&scene);
+        let below = Receiver { position: Vec3::ZERO, normal: Vec3::Z, transmits: false };
+        assert!(lights.choice.probability(1, &below) > 0.8);
+    }
 }
