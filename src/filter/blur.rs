@@ -25,8 +25,11 @@ pub fn gaussian(width: usize, height: usize, plane: &[f32], sigma: f32) -> Vec<f
         for (tap, weight) in kernel.taps() {
             let shift = tap.unsigned_abs().min(width);
             let inside = width - shift;
-            let (out, row) =
-                if tap < 0 { (&mut out[shift..], &row[..inside]) } else { (&mut out[..inside], &row[shift..]) };
+            let (out, row) = if tap < 0 {
+                (&mut out[shift..], &row[..inside])
+            } else {
+                (&mut out[..inside], &row[shift..])
+            };
             add_scaled(out, row, weight);
         }
         out.iter_mut().zip(&norm_x).for_each(|(v, norm)| *v *= norm);

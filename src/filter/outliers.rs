@@ -31,7 +31,14 @@ pub struct OutlierSettings {
 
 impl Default for OutlierSettings {
     fn default() -> Self {
-        Self { medians: 8.0, deviations: 4.0, to_median: false, half_share: 0.8, spread_window: 17, spread_limit: 0.05 }
+        Self {
+            medians: 8.0,
+            deviations: 4.0,
+            to_median: false,
+            half_share: 0.8,
+            spread_window: 17,
+            spread_limit: 0.05,
+        }
     }
 }
 

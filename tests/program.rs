@@ -1,0 +1,204 @@
+//! The program as a user runs it: what it writes, and what bad input gets.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+const SCENE: &str = r#"
+LookAt 0 0 -3  0 0 0  0 1 0
+Camera "perspective" "float fov" 40
+Integrator "path" "integer maxdepth" 3
+Film "rgb" "integer xresolution" 24 "integer yresolution" 16 "string filename" "named.exr"
+WorldBegin
+LightSource "infinite" "rgb L" [ 0.5 0.6 0.7 ]
+Material "diffuse" "rgb reflectance" [ 0.7 0.2 0.2 ]
+Shape "sphere" "float radius" 1
+"#;
+
+fn prpf(folder: &Path, arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_prpf"))
+        .current_dir(folder)
+        .args(arguments)
+        .output()
+        .expect("the program starts")
+}
+
+fn folder_with(scene: &str) -> tempfile::TempDir {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    std::fs::write(folder.path().join("scene.pbrt"), scene).expect("a file in it");
+    folder
+}
+
+fn stderr(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+#[test]
+fn render_writes_image_and_report_and_says_where() {
+    let folder = folder_with(SCENE);
+    let output = prpf(
+        folder.path(),
+        &["render", "scene.pbrt", "--spp", "8", "-o", "a.exr", "-o", "a.png", "--report", "a.json"],
+    );
+    assert!(output.status.success(), "{}", stderr(&output));
+    let said = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert!(said.contains("a.exr") && said.contains("a.png"), "{said}");
+    let report: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(folder.path().join("a.json")).unwrap()).unwrap();
+    assert_eq!(report["samples_total"], 8 * 24 * 16);
+    assert_eq!((&report["width"], &report["height"]), (&24.into(), &16.into()));
+    assert_eq!(report["stopped_by"], "spp");
+    for key in [
+        "scene",
+        "seed",
+        "threads",
+        "effects",
+        "dimensions",
+        "settings",
+        "seconds",
+        "samples_min",
+        "samples_max",
+        "rejected_samples",
+        "peak_memory_bytes",
+        "estimated_error",
+        "batches",
+    ] {
+        assert!(report.get(key).is_some(), "{key}");
+    }
+    let info = prpf::image::exr_file::read_info(&folder.path().join("a.exr")).unwrap();
+    for channel in
+        ["R", "Noisy.G", "Ns.X", "P.Z", "Variance.B", "Error.X", "SampleCount.X", "FilterResidual.X"]
+    {
+        assert!(info.channels.iter().any(|c| c == channel), "{channel} of {:?}", info.channels);
+    }
+}
+
+#[test]
+fn without_outfile_the_scenes_name_is_taken() {
+    let folder = folder_with(SCENE);
+    assert!(prpf(folder.path(), &["render", "scene.pbrt", "--spp", "1", "--quiet"]).status.success());
+    assert!(folder.path().join("named.exr").exists());
+}
+
+#[test]
+fn the_same_command_gives_the_same_bytes() {
+    let folder = folder_with(SCENE);
+    for (name, threads) in [("a.png", "1"), ("b.png", "2")] {
+        assert!(
+            prpf(folder.path(), &["render", "scene.pbrt", "--spp", "8", "-o", name, "--threads", threads])
+                .status
+                .success()
+        );
+    }
+    let bytes = |name: &str| std::fs::read(folder.path().join(name)).unwrap();
+    assert_eq!(bytes("a.png"), bytes("b.png"));
+}
+
+#[test]
+fn a_wrong_scene_gets_one_line_with_its_place() {
+    let folder = folder_with(&SCENE.replace("\"sphere\"", "\"spere\" \"float radius\" [ x ]"));
+    let output = prpf(folder.path(), &["render", "scene.pbrt", "-o", "a.png"]);
+    assert_eq!(output.status.code(), Some(2));
+    let said = stderr(&output);
+    assert_eq!(said.lines().count(), 1, "{said}");
+    assert!(said.contains("scene.pbrt:9:"), "{said}");
+    assert!(!folder.path().join("a.png").exists());
+}
+
+#[test]
+fn wrong_command_lines_exit_with_2_and_say_what_is_accepted() {
+    let folder = folder_with(SCENE);
+    let cases: [(&[&str], &str); 8] = [
+        (&["render", "missing.pbrt"], "missing.pbrt"),
+        (&["render", "scene.pbrt", "-o", "a.bmp"], ".png"),
+        (&["render", "scene.pbrt", "--quality", "best"], "standard"),
+        (&["render", "scene.pbrt", "--time", "soon"], "20s"),
+        (&["render", "scene.pbrt", "--pixelbounds", "0,50,0,10"], "24"),
+        (&["render", "scene.pbrt", "--resolution", "0x0"], "WIDTHxHEIGHT"),
+        (&["render", "scene.pbrt", "--reference", "none.exr"], "none.exr"),
+        (&["info", "missing.pbrt"], "missing.pbrt"),
+    ];
+    for (arguments, expected) in cases {
+        let output = prpf(folder.path(), arguments);
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}: {}", stderr(&output));
+        assert!(stderr(&output).contains(expected), "{arguments:?}: {}", stderr(&output));
+    }
+}
+
+#[test]
+fn a_crop_is_that_part_of_the_whole() {
+    let folder = folder_with(SCENE);
+    let render = |name: &str, more: &[&str]| {
+        let mut arguments = vec![
+            "render",
+            "scene.pbrt",
+            "--spp",
+            "4",
+            "--sampling",
+            "uniform",
+            "--denoiser",
+            "none",
+            "-o",
+            name,
+        ];
+        arguments.extend(more);
+        assert!(prpf(folder.path(), &arguments).status.success());
+        prpf::image::exr_file::read_channels(&folder.path().join(name), &["R"]).unwrap()
+    };
+    let (whole, crop) = (render("whole.exr", &[]), render("crop.exr", &["--pixelbounds", "5,15,3,10"]));
+    assert_eq!((crop.width(), crop.height()), (10, 7));
+    for (x, y) in (0..10).flat_map(|x| (0..7).map(move |y| (x, y))) {
+        assert_eq!(crop.at(0, x, y), whole.at(0, x + 5, y + 3));
+    }
+}
+
+#[test]
+fn info_shows_effects_and_alive_dimensions() {
+    let folder = folder_with(SCENE);
+    let output = prpf(folder.path(), &["info", "scene.pbrt"]);
+    let said = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert!(output.status.success() && said.contains("environment") && !said.contains("lens.u"), "{said}");
+}
+
+/// The real scenes that stand beside the project on some machines.
+#[test]
+fn the_cornell_box_agrees_with_its_reference() {
+    let scene =
+        Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/scenes/pbrt-v4/cornell-box/scene-v4.pbrt");
+    if !scene.exists() {
+        println!("skipped: {} is not here", scene.display());
+        return;
+    }
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let bounds = [256, 512, 512, 768];
+    let text: Vec<String> = bounds.iter().map(usize::to_string).collect();
+    let scene_text = scene.to_string_lossy().into_owned();
+    let arguments = [
+        "render",
+        &scene_text,
+        "--spp",
+        "16",
+        "--sampling",
+        "uniform",
+        "--denoiser",
+        "none",
+        "--pixelbounds",
+        &text.join(","),
+        "-o",
+        "crop.exr",
+    ];
+    let output = prpf(folder.path(), &arguments);
+    assert!(output.status.success(), "{}", stderr(&output));
+    let names = ["R", "G", "B"];
+    let image = prpf::image::exr_file::read_channels(&folder.path().join("crop.exr"), &names).unwrap();
+    let reference: PathBuf = scene.with_file_name("reference").join("TungstenRender.exr");
+    let whole = prpf::image::exr_file::read_channels(&reference, &names).unwrap();
+    let mut part = prpf::image::Planes::new(256, 256, 3);
+    for c in 0..3 {
+        for (i, v) in part.plane_mut(c).iter_mut().enumerate() {
+            *v = whole.at(c, bounds[0] + i % 256, bounds[2] + i / 256);
+        }
+    }
+    let pair = prpf::image::metrics::Pair::new(&image, &part).unwrap();
+    assert!((pair.mean_ratio() - 1.0).abs() < 0.02, "{}", pair.mean_ratio());
+    assert!(pair.block_relmse() < 0.01, "{}", pair.block_relmse());
+}
