@@ -70,8 +70,8 @@ fn gains(guide: &Guide, hood: &Neighbourhood, weights: &Padded, gain: Gain) -> P
         let colour_randomness = weights.row(dims, y);
         for (k, out) in row.chunks_mut(stride).enumerate() {
             let weight = weights.row(k, y);
-            let variances = hood.variances.row(k, y);
-            let means = hood.means.row(k, y);
+            let variances = hood.variances(k, y);
+            let means = hood.means(k, y);
             let own = guide.variances.row(k, y);
             for x in 0..counts.len() {
                 if variances[x] <= (CONSTANT * means[x].abs().max(1.0)).powi(2) {

@@ -180,31 +180,38 @@ fn find_alike(guide: &Guide, i: (usize, usize), start: (usize, usize), alike: &m
 /// Mean and variance of the samples in each pixel's cluster.
 #[derive(Debug)]
 pub(super) struct Neighbourhood {
-    pub means: Padded,
-    pub variances: Padded,
+    dims: usize,
+    /// Means of all dimensions, then variances.
+    planes: Padded,
 }
 
 impl Neighbourhood {
     /// `side` columns and rows of the window at most are looked at.
     pub fn new(guide: &Guide, window: usize, side: usize) -> Self {
-        let (width, height, dims) = (guide.width(), guide.height(), guide.means.count());
+        let dims = guide.means.count();
         let offsets = offsets(window, side);
-        let mut both = Padded::new(width, height, 2 * dims, 0, 0.0);
-        let row_len = both.row_len();
-        both.data_mut().par_chunks_mut(row_len.max(1)).enumerate().for_each_init(
-            Vec::new,
-            |alike, (y, out)| {
-                neighbourhood_row(guide, &offsets, y, alike, out);
-            },
-        );
-        let [mut means, mut variances] = [0, 1].map(|_| Padded::new(width, height, dims, 0, 0.0));
-        for y in 0..height {
-            for k in 0..dims {
-                means.row_mut(k, y).copy_from_slice(both.row(k, y));
-                variances.row_mut(k, y).copy_from_slice(both.row(dims + k, y));
-            }
-        }
-        Self { means, variances }
+        let mut planes = Padded::new(guide.width(), guide.height(), 2 * dims, 0, 0.0);
+        let row_len = planes.row_len();
+        planes.data_mut().par_chunks_mut(row_len).enumerate().for_each_init(Vec::new, |alike, (y, out)| {
+            neighbourhood_row(guide, &offsets, y, alike, out);
+        });
+        Self { dims, planes }
+    }
+
+    pub fn means(&self, k: usize, y: usize) -> &[f32] {
+        self.planes.row(k, y)
+    }
+
+    pub fn variances(&self, k: usize, y: usize) -> &[f32] {
+        self.planes.row(self.dims + k, y)
+    }
+
+    pub fn mean(&self, k: usize, x: usize, y: usize) -> f32 {
+        self.planes.at(k, x, y)
+    }
+
+    pub fn variance(&self, k: usize, x: usize, y: usize) -> f32 {
+        self.planes.at(self.dims + k, x, y)
     }
 }
 

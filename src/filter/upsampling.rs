@@ -107,10 +107,10 @@ pub(super) fn confidence(
 /// Computes weights directly, pixel after pixel.
 fn evaluate(evidence: &Evidence, pixels: &[(usize, usize)]) -> Vec<f32> {
     let mut values = vec![0.0; pixels.len() * evidence.len()];
-    values.par_chunks_mut(evidence.len()).zip(pixels).for_each_init(
-        || Scratch::new(evidence.settings),
-        |scratch, (out, &i)| evidence.evaluate(i, scratch, out),
-    );
+    values
+        .par_chunks_mut(evidence.len())
+        .zip(pixels)
+        .for_each_init(|| Scratch::new(evidence), |scratch, (out, &i)| evidence.evaluate(i, scratch, out));
     values
 }
 
@@ -179,7 +179,7 @@ fn interpolate_row(
         }
         for (k, means) in means.iter().enumerate() {
             let own = guide.means.at(k, x, y);
-            let around = neighbourhood.variances.at(k, x, y);
+            let around = neighbourhood.variance(k, x, y);
             let variance = match guide.tolerances.get(k) {
                 Some(z) => z * z * guide.variances.at(k, x, y) + LEAST_FEATURE_VARIANCE * around,
                 None => around + LEAST_COLOUR_VARIANCE * own * own,
