@@ -349,3 +349,96 @@ fn filled(width: usize, height: usize, value: f32) -> Planes {
     planes.data_mut().fill(value);
     planes
 }
+
+#[cfg(test)]
+mod tests {
+    use rand::RngExt;
+
+    use super::super::assessment::Colours;
+    use super::super::synthetic::{store, wall};
+    use super::*;
+    use crate::stats::Layout;
+
+    fn noisy(width: usize, height: usize, count: impl Fn(usize, usize) -> u32 + Sync) -> (Store, Guide) {
+        let layout = Layout::with_blocks(|b| matches!(b, Block::Position1 | Block::Albedo | Block::Hit));
+        let store = store(width, height, layout.clone(), count, |x, y, _, rng| {
+            let mut sample = wall(&layout, x, y, [rng.random(), rng.random(), x as f32 / 10.0], rng);
+            let albedo = [0.5, 0.5 + 0.2 * rng.random::<f32>(), (y / 4) as f32];
+            layout.write(&mut sample, Block::Albedo, &albedo);
+            sample
+        });
+        let settings = PrpfSettings::paper();
+        let colours = Colours::new(&store, &settings.outliers);
+        let guide = Guide::new(&store, colours.guide(), &settings);
+        (store, guide)
+    }
+
+    #[test]
+    fn statistics_are_those_of_all_samples_of_the_cluster() {
+        let (store, guide) = noisy(21, 19, |_, _| 8);
+        let neighbourhood = Neighbourhood::new(&guide, 7, usize::MAX);
+        let dims = store.layout().len();
+        let mut cluster = Vec::new();
+        for (x, y) in [(0, 0), (10, 9), (20, 18), (16, 3)] {
+            guide.cluster(x, y, 7, &mut cluster);
+            for (k, &dim) in guide.feature_dims().iter().enumerate() {
+                let values: Vec<f64> = cluster
+                    .iter()
+                    .flat_map(|&(x, y)| store.rows()[y as usize].reservoir(x as usize).chunks(dims))
+                    .map(|sample| f64::from(sample[dim]))
+                    .collect();
+                let mean = values.iter().sum::<f64>() / values.len() as f64;
+                let variance = values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / values.len() as f64;
+                let found = (neighbourhood.mean(k, x, y), neighbourhood.variance(k, x, y));
+                assert!((f64::from(found.0) - mean).abs() < 1e-6 * (1.0 + mean.abs()), "{found:?} {mean}");
+                assert!(
+                    (f64::from(found.1) - variance).abs() < 1e-5 * variance + 1e-9,
+                    "{found:?} {variance}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn a_cluster_holds_the_pixels_that_resemble_and_no_others() {
+        let (_, guide) = noisy(40, 21, |x, _| u32::from(x != 3) * 4);
+        let mut cluster = Vec::new();
+        guide.cluster(5, 9, 7, &mut cluster);
+        // Rows 8 to 11 have the pixel's albedo; column 3 has no samples.
+        let expected: Vec<_> = (8..12).flat_map(|y| [2, 4, 5, 6, 7, 8].map(|x| (x, y))).collect();
+        assert_eq!(cluster, expected);
+        assert!(guide.resembles((5, 9), (6, 11)) && !guide.resembles((5, 9), (5, 12)));
+        // A pixel without samples takes all that have some.
+        guide.cluster(3, 9, 3, &mut cluster);
+        assert_eq!(cluster.len(), 6);
+    }
+
+    #[test]
+    fn few_looked_at_pixels_give_nearly_the_deviation_of_all() {
+        let (_, guide) = noisy(64, 64, |_, _| 8);
+        let [all, few] = [usize::MAX, 9].map(|side| Neighbourhood::new(&guide, 55, side));
+        for k in [0, 4, guide.features()] {
+            let [all, few] = [&all, &few].map(|hood| hood.variance(k, 32, 32).sqrt());
+            assert!((few / all - 1.0).abs() < 0.2, "{k}: {few} for {all}");
+        }
+    }
+
+    #[test]
+    fn offsets_reach_from_end_to_end_of_the_window() {
+        assert_eq!(offsets(55, 9), [-27, -20, -14, -7, 0, 7, 14, 20, 27]);
+        assert_eq!(offsets(7, 9), [-3, -2, -1, 0, 1, 2, 3]);
+        assert_eq!(offsets(1, 9), [0]);
+        assert_eq!(offsets(55, 1), [0]);
+    }
+
+    #[test]
+    fn pooling_finds_the_deviation_even_where_pixels_have_one_sample() {
+        for n in [1, 2, 8] {
+            let (_, guide) = noisy(40, 40, |_, _| n);
+            // Uniform in [0, 1).
+            let red = guide.features();
+            let mean = (0..40).flat_map(|y| guide.variances.row(red, y)).sum::<f32>() / 1600.0;
+            assert!((mean * 12.0 - 1.0).abs() < 0.15, "{n}: {mean}");
+        }
+    }
+}

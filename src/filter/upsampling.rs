@@ -205,3 +205,30 @@ fn interpolate_row(
         out[planes * stride + x] = sum;
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn nodes_are_in_the_middle_of_every_cell_and_inside_the_image() {
+        let grid = Grid::new(12, 1, 5);
+        assert_eq!(grid.nodes(), [(2, 0), (7, 0), (11, 0)]);
+        assert_eq!(Grid::new(1, 1, 5).nodes(), [(0, 0)]);
+        assert_eq!(Grid::new(3, 3, 1).nodes().len(), 9);
+    }
+
+    #[test]
+    fn the_nodes_around_a_pixel_are_the_nearest_along_each_axis() {
+        let grid = Grid::new(100, 100, 5);
+        for (x, expected) in [(50, [42, 47, 52, 57]), (52, [47, 52, 57, 62]), (51, [42, 47, 52, 57])] {
+            let around = grid.around((grid.block(&grid.xs, x), grid.block(&grid.ys, 50)));
+            let xs = around[..SIDE].iter().map(|node| grid.node(node.expect("inside")).0);
+            assert!(xs.eq(expected), "{x}");
+        }
+        // At a corner, only those inside.
+        let around = grid.around((grid.block(&grid.xs, 0), grid.block(&grid.ys, 0)));
+        let inside: Vec<_> = around.into_iter().flatten().map(|node| grid.node(node)).collect();
+        assert_eq!(inside, [(2, 2), (7, 2), (2, 7), (7, 7)]);
+    }
+}

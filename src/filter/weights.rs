@@ -246,3 +246,134 @@ fn copy(sample: &[f32], to: &mut [f32; LANES]) {
         to[start..start + PIECE].copy_from_slice(piece);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::assessment::Colours;
+    use super::super::synthetic::{store, wall};
+    use super::*;
+    use crate::stats::Block;
+
+    const LENS: usize = 0;
+    const ALBEDO: usize = 3;
+
+    /// Weights at the centre of a wall whose albedo alone makes its colour and whose normal is
+    /// nothing but the lens sample and the time: β of normal and albedo, α, W_c^r.
+    fn weights(
+        count: impl Fn(usize, usize) -> u32 + Sync,
+        albedo: impl Fn(usize, usize) -> f32 + Sync,
+    ) -> Vec<f32> {
+        use Block::{Albedo, Hit, Lens, Normal1, Time};
+        let layout = Layout::with_blocks(|b| matches!(b, Normal1 | Albedo | Lens | Time | Hit));
+        let randoms = layout.randoms();
+        let store = store(56, 56, layout.clone(), count, |x, y, _, rng| {
+            let albedo = albedo(x, y);
+            let mut sample = wall(&layout, x, y, [albedo, 0.5 * albedo, 0.2], rng);
+            let normal = [0, 1, 2].map(|k| sample[randoms[k]]);
+            layout.write(&mut sample, Normal1, &normal);
+            layout.write(&mut sample, Albedo, &[albedo, albedo, 0.2]);
+            sample
+        });
+        let settings = PrpfSettings::paper();
+        let colours = Colours::new(&store, &settings.outliers);
+        let guide =
+            Guide::new(&store, colours.guide(), &PrpfSettings { tolerance: 10.0, ..settings.clone() });
+        let neighbourhood = Neighbourhood::new(&guide, 55, 9);
+        let evidence = Evidence {
+            store: &store,
+            guide: &guide,
+            neighbourhood: &neighbourhood,
+            exposure: colours.exposure(),
+            settings: &settings,
+            pass: 0,
+            window: 55,
+            seed: 3,
+        };
+        let mut weights = vec![0.0; evidence.len()];
+        evidence.evaluate((28, 28), &mut Scratch::new(&evidence), &mut weights);
+        weights
+    }
+
+    fn uneven(x: usize, y: usize) -> u32 {
+        1 + (x * 31 + y * 17) as u32 % 64
+    }
+
+    fn check(albedo: impl Fn(usize, usize) -> f32 + Sync + Copy, least: f32) {
+        for (name, weights) in [
+            ("8", weights(|_, _| 8, albedo)),
+            ("64", weights(|_, _| 64, albedo)),
+            ("uneven", weights(uneven, albedo)),
+        ] {
+            let noise: f32 = weights[LENS..LENS + 3].iter().sum();
+            let explaining: f32 = weights[ALBEDO..ALBEDO + 2].iter().sum();
+            assert!(noise < 0.01, "{name}: {weights:?}");
+            assert!(explaining > least, "{name}: {weights:?}");
+            assert_eq!(weights[ALBEDO + 2], 0.0, "a constant feature");
+        }
+    }
+
+    #[test]
+    fn features_that_follow_position_and_explain_the_colour_get_the_weight_and_noise_gets_none() {
+        // Not all of it: the position explains the colour as well as either of two features.
+        check(|x, _| 0.1 + 0.01 * x as f32, 0.6);
+    }
+
+    #[test]
+    fn features_without_relation_to_one_coordinate_keep_the_weight_that_null_information_leaves() {
+        // Neither x nor y alone says anything on a random pattern, so that of the information on
+        // it, all of it chance, 3 parts in 5 belong to the 3 random parameters: 1 - W = 0.4.
+        check(|x, y| 0.2 + 0.1 * ((x * x * 7 + y * y * 13 + x * y * 5) % 7) as f32, 0.3);
+    }
+
+    #[test]
+    fn noise_in_the_colour_takes_its_weight() {
+        use Block::{Lens, Normal1};
+        let layout = Layout::with_blocks(|b| matches!(b, Normal1 | Lens));
+        let lens = layout.randoms()[0];
+        let store = store(
+            56,
+            56,
+            layout.clone(),
+            |_, _| 8,
+            |x, y, _, rng| {
+                let sample = wall(&layout, x, y, [0.0; 3], rng);
+                let light = sample[lens];
+                let mut sample = sample;
+                layout.write(&mut sample, Block::Colour, &[light, light, x as f32 / 56.0]);
+                sample
+            },
+        );
+        let settings = PrpfSettings::paper();
+        let colours = Colours::new(&store, &settings.outliers);
+        let guide = Guide::new(&store, colours.guide(), &settings);
+        let neighbourhood = Neighbourhood::new(&guide, 55, 9);
+        let exposure = colours.exposure();
+        let evidence = Evidence {
+            store: &store,
+            guide: &guide,
+            neighbourhood: &neighbourhood,
+            exposure,
+            settings: &settings,
+            pass: 0,
+            window: 55,
+            seed: 3,
+        };
+        let mut weights = vec![0.0; evidence.len()];
+        evidence.evaluate((28, 28), &mut Scratch::new(&evidence), &mut weights);
+        let [.., red, green, blue, randomness] = weights[..] else { panic!("four at least") };
+        assert_eq!([red, green], [0.0; 2]);
+        assert!(blue > 0.9, "{blue}");
+        assert!((randomness - 2.0 / 3.0).abs() < 0.05, "{randomness}");
+    }
+
+    #[test]
+    fn copies_are_whole_at_any_length() {
+        for n in 0..=LANES {
+            let sample: Vec<f32> = (0..n).map(|i| i as f32).collect();
+            let mut to = [-1.0; LANES];
+            copy(&sample, &mut to);
+            assert_eq!(to[..n], sample);
+            assert!(to[n..].iter().all(|&v| v == -1.0));
+        }
+    }
+}
