@@ -241,27 +241,24 @@ fn neighbourhood_row(
     let stride = out.len() / (2 * dims);
     let rows: Vec<usize> =
         offsets.iter().filter_map(|&d| y.checked_add_signed(d)).filter(|&yj| yj < guide.height()).collect();
+    let mut centre = Vec::with_capacity(guide.features());
     for x in (0..guide.width()).step_by(LANES) {
+        centre.clear();
+        centre.extend(
+            (0..guide.features()).map(|k| (*guide.means.lanes(k, y, x), *guide.thresholds.lanes(k, y, x))),
+        );
         let columns = offsets.iter().map(|&d| (guide.means.margin() + x).wrapping_add_signed(d));
         // First who belongs, then the sums, so that each dimension's sums stay in registers.
         alike.clear();
         let mut total = [0.0; LANES];
-        let own_hit = guide.own_hit.lanes(0, y, x);
+        let own_hit = *guide.own_hit.lanes(0, y, x);
         for &yj in &rows {
             for xj in columns.clone() {
-                let mut flags = [0.0; LANES];
-                let hits = others(&guide.hit, 0, yj, xj);
-                for l in 0..LANES {
-                    flags[l] = if (own_hit[l] - hits[l]).abs() <= Guide::HIT_TOLERANCE { 1.0 } else { 0.0 };
-                }
-                for k in 0..guide.features() {
-                    let own = guide.means.lanes(k, y, x);
-                    let threshold = guide.thresholds.lanes(k, y, x);
-                    let others = others(&guide.means, k, yj, xj);
-                    for l in 0..LANES {
-                        let d = own[l] - others[l];
-                        flags[l] = if d * d <= threshold[l] { flags[l] } else { 0.0 };
-                    }
+                let hits = block(&guide.hit.wide(0, yj)[xj..]);
+                let mut flags = [1.0; LANES];
+                keep_alike(&mut flags, &own_hit, hits, &[Guide::HIT_TOLERANCE.powi(2); LANES]);
+                for ((own, threshold), others) in centre.iter().zip(guide.means.from(yj, xj)) {
+                    keep_alike(&mut flags, own, block(others), threshold);
                 }
                 for l in 0..LANES {
                     total[l] += flags[l];
@@ -270,19 +267,13 @@ fn neighbourhood_row(
             }
         }
         for k in 0..dims {
-            let own = guide.means.lanes(k, y, x);
+            let own = *guide.means.lanes(k, y, x);
             let (mut sum, mut squares) = ([0.0; LANES], [0.0; LANES]);
             let mut flags = alike.iter();
             for &yj in &rows {
+                let (means, within) = (guide.means.wide(k, yj), guide.within.wide(k, yj));
                 for (xj, flags) in columns.clone().zip(&mut flags) {
-                    let means = others(&guide.means, k, yj, xj);
-                    let within = others(&guide.within, k, yj, xj);
-                    for l in 0..LANES {
-                        // From the pixel's own mean: no cancellation far from 0.
-                        let d = means[l] - own[l];
-                        sum[l] += flags[l] * d;
-                        squares[l] += flags[l] * (d * d + within[l]);
-                    }
+                    add_pixel(&mut sum, &mut squares, &own, block(&means[xj..]), block(&within[xj..]), flags);
                 }
             }
             for l in 0..LANES {
@@ -295,9 +286,37 @@ fn neighbourhood_row(
     }
 }
 
+/// Clears flags where values differ by more than their squared thresholds.
 #[inline(always)]
-fn others(planes: &Padded, plane: usize, y: usize, x: usize) -> &[f32; LANES] {
-    planes.wide(plane, y)[x..x + LANES].try_into().expect("the slice has this length")
+fn keep_alike(flags: &mut Lanes, own: &Lanes, others: &Lanes, threshold: &Lanes) {
+    for l in 0..LANES {
+        let d = own[l] - others[l];
+        flags[l] = if d * d <= threshold[l] { flags[l] } else { 0.0 };
+    }
+}
+
+/// Adds a flagged pixel's mean and mean square, both from `own`: no cancellation far from 0.
+#[inline(always)]
+fn add_pixel(
+    sum: &mut Lanes,
+    squares: &mut Lanes,
+    own: &Lanes,
+    means: &Lanes,
+    within: &Lanes,
+    flags: &Lanes,
+) {
+    for l in 0..LANES {
+        let d = means[l] - own[l];
+        sum[l] += flags[l] * d;
+        squares[l] += flags[l] * (d * d + within[l]);
+    }
+}
+
+type Lanes = [f32; LANES];
+
+#[inline(always)]
+fn block(values: &[f32]) -> &Lanes {
+    values[..LANES].try_into().expect("the slice has this length")
 }
 
 /// Samples that the neighbours' variance counts for beside a pixel's own.

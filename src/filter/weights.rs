@@ -274,15 +274,18 @@ mod tests {
             layout.write(&mut sample, Albedo, &[albedo, albedo, 0.2]);
             sample
         });
-        let settings = PrpfSettings::paper();
-        let colours = Colours::new(&store, &settings.outliers);
-        let guide =
-            Guide::new(&store, colours.guide(), &PrpfSettings { tolerance: 10.0, ..settings.clone() });
-        let neighbourhood = Neighbourhood::new(&guide, 55, 9);
+        evaluate(&store, 10.0)
+    }
+
+    /// The weights at the centre, in the first pass. Normals within `tolerance` resemble each other.
+    fn evaluate(store: &Store, tolerance: f32) -> Vec<f32> {
+        let settings = PrpfSettings { tolerance, ..PrpfSettings::paper() };
+        let colours = Colours::new(store, &settings.outliers);
+        let guide = Guide::new(store, colours.guide(), &settings);
         let evidence = Evidence {
-            store: &store,
+            store,
             guide: &guide,
-            neighbourhood: &neighbourhood,
+            neighbourhood: &Neighbourhood::new(&guide, 55, 9),
             exposure: colours.exposure(),
             settings: &settings,
             pass: 0,
@@ -343,24 +346,7 @@ mod tests {
                 sample
             },
         );
-        let settings = PrpfSettings::paper();
-        let colours = Colours::new(&store, &settings.outliers);
-        let guide = Guide::new(&store, colours.guide(), &settings);
-        let neighbourhood = Neighbourhood::new(&guide, 55, 9);
-        let exposure = colours.exposure();
-        let evidence = Evidence {
-            store: &store,
-            guide: &guide,
-            neighbourhood: &neighbourhood,
-            exposure,
-            settings: &settings,
-            pass: 0,
-            window: 55,
-            seed: 3,
-        };
-        let mut weights = vec![0.0; evidence.len()];
-        evidence.evaluate((28, 28), &mut Scratch::new(&evidence), &mut weights);
-        let [.., red, green, blue, randomness] = weights[..] else { panic!("four at least") };
+        let [.., red, green, blue, randomness] = evaluate(&store, 0.1)[..] else { panic!("four at least") };
         assert_eq!([red, green], [0.0; 2]);
         assert!(blue > 0.9, "{blue}");
         assert!((randomness - 2.0 / 3.0).abs() < 0.05, "{randomness}");
