@@ -70,8 +70,8 @@ fn gains(guide: &Guide, hood: &Neighbourhood, weights: &Padded, gain: Gain) -> P
         let colour_randomness = weights.row(dims, y);
         for (k, out) in row.chunks_mut(stride).enumerate() {
             let weight = weights.row(k, y);
-            let variances = hood.variances.row(k, y);
-            let means = hood.means.row(k, y);
+            let variances = hood.variances(k, y);
+            let means = hood.means(k, y);
             let own = guide.variances.row(k, y);
             for x in 0..counts.len() {
                 if variances[x] <= (CONSTANT * means[x].abs().max(1.0)).powi(2) {
@@ -323,4 +323,96 @@ fn exp_minus<const FMA: bool>(e: f32) -> f32 {
     let p = add_product::<FMA>(p, f, LN_2);
     let p = add_product::<FMA>(p, f, 1.0);
     f32::from_bits(p.to_bits().wrapping_add(rounded.to_bits() << 23))
+}
+
+#[cfg(test)]
+mod tests {
+    use rand::RngExt;
+
+    use super::super::assessment::Colours;
+    use super::super::prpf::PrpfSettings;
+    use super::super::synthetic::{store, wall};
+    use super::*;
+    use crate::stats::{Block, Layout};
+
+    /// The definition, in double precision.
+    fn by_definition(
+        values: &Padded,
+        guide: &Guide,
+        gains: &Padded,
+        deviation: f64,
+        radius: usize,
+        (x, y): (usize, usize),
+    ) -> [f64; CHANNELS] {
+        let (mut sums, mut total) = ([0.0; CHANNELS], 0.0);
+        for yj in y.saturating_sub(radius)..=(y + radius).min(guide.height() - 1) {
+            for xj in x.saturating_sub(radius)..=(x + radius).min(guide.width() - 1) {
+                if !guide.resembles((x, y), (xj, yj)) {
+                    continue;
+                }
+                let squared = x.abs_diff(xj).pow(2) + y.abs_diff(yj).pow(2);
+                let mut exponent = squared as f64 / (2.0 * deviation * deviation);
+                for k in 0..guide.features() + 3 {
+                    let d = f64::from(guide.means.at(k, x, y)) - f64::from(guide.means.at(k, xj, yj));
+                    exponent += f64::from(gains.at(k, x, y)) * d * d;
+                }
+                let n = f64::from(guide.counts.at(0, x, y));
+                let count = f64::from(guide.counts.at(0, xj, yj)).clamp(n / 4.0, n * 4.0);
+                let weight = count * (-exponent).exp();
+                total += weight;
+                for (c, sum) in sums.iter_mut().enumerate() {
+                    *sum += weight * f64::from(values.at(c, xj, yj));
+                }
+            }
+        }
+        sums.map(|sum| sum / total)
+    }
+
+    #[test]
+    fn vectors_agree_with_the_definition_at_every_pixel() {
+        let layout = Layout::with_blocks(|b| matches!(b, Block::Position1 | Block::Albedo | Block::Hit));
+        let count = |x: usize, y: usize| 2 + (x * y) as u32 % 30;
+        let store = store(37, 22, layout.clone(), count, |x, y, _, rng| {
+            let mut sample = wall(&layout, x, y, [rng.random(), rng.random(), 1.0], rng);
+            let albedo = [0.5, 0.5 + 0.2 * rng.random::<f32>(), (x / 9) as f32];
+            layout.write(&mut sample, Block::Albedo, &albedo);
+            layout.write(&mut sample, Block::Hit, &[f32::from(y > 4)]);
+            sample
+        });
+        let settings = PrpfSettings::paper();
+        let colours = Colours::new(&store, &settings.outliers);
+        let guide = Guide::new(&store, colours.guide(), &settings);
+        let values = colours.values(settings.margin());
+        for (gain, window, deviation, radius) in [
+            (Gain::RpfSigma { sigma8_squared: 0.02 }, 17, 17.0 / 4.0, 8),
+            (Gain::RpfSigma { sigma8_squared: 0.02 }, 55, 55.0 / 4.0, 27),
+            (Gain::OwnVariance { kappa: 8.0, rho: 1e-3 }, 35, 35.0 / 12.0, 10),
+        ] {
+            let neighbourhood = Neighbourhood::new(&guide, window, 9);
+            // α, β and W_c^r.
+            let weights = Padded::new(37, 22, guide.features() + 4, 0, 0.3);
+            let gains = gains(&guide, &neighbourhood, &weights, gain);
+            let filtered = filter(&values, &guide, &neighbourhood, &weights, window, gain);
+            for (x, y) in (0..22).flat_map(|y| (0..37).map(move |x| (x, y))) {
+                let expected = by_definition(&values, &guide, &gains, deviation, radius, (x, y));
+                for (c, expected) in expected.into_iter().enumerate() {
+                    let found = f64::from(filtered.at(c, x, y));
+                    assert!((found - expected).abs() < 2e-5, "({x}, {y}) {c}: {found} for {expected}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn the_exponential_is_one_at_zero_and_close_elsewhere() {
+        assert_eq!(exp_minus::<false>(0.0), 1.0);
+        assert_eq!(exp_minus::<true>(0.0), 1.0);
+        for i in 0..=4000 {
+            let e = i as f32 * 0.01;
+            let expected = (-f64::from(e)).exp();
+            for found in [exp_minus::<false>(e), exp_minus::<true>(e)] {
+                assert!((f64::from(found) / expected - 1.0).abs() < 1e-5, "{e}: {found} for {expected}");
+            }
+        }
+    }
 }

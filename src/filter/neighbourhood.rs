@@ -180,31 +180,38 @@ fn find_alike(guide: &Guide, i: (usize, usize), start: (usize, usize), alike: &m
 /// Mean and variance of the samples in each pixel's cluster.
 #[derive(Debug)]
 pub(super) struct Neighbourhood {
-    pub means: Padded,
-    pub variances: Padded,
+    dims: usize,
+    /// Means of all dimensions, then variances.
+    planes: Padded,
 }
 
 impl Neighbourhood {
     /// `side` columns and rows of the window at most are looked at.
     pub fn new(guide: &Guide, window: usize, side: usize) -> Self {
-        let (width, height, dims) = (guide.width(), guide.height(), guide.means.count());
+        let dims = guide.means.count();
         let offsets = offsets(window, side);
-        let mut both = Padded::new(width, height, 2 * dims, 0, 0.0);
-        let row_len = both.row_len();
-        both.data_mut().par_chunks_mut(row_len.max(1)).enumerate().for_each_init(
-            Vec::new,
-            |alike, (y, out)| {
-                neighbourhood_row(guide, &offsets, y, alike, out);
-            },
-        );
-        let [mut means, mut variances] = [0, 1].map(|_| Padded::new(width, height, dims, 0, 0.0));
-        for y in 0..height {
-            for k in 0..dims {
-                means.row_mut(k, y).copy_from_slice(both.row(k, y));
-                variances.row_mut(k, y).copy_from_slice(both.row(dims + k, y));
-            }
-        }
-        Self { means, variances }
+        let mut planes = Padded::new(guide.width(), guide.height(), 2 * dims, 0, 0.0);
+        let row_len = planes.row_len();
+        planes.data_mut().par_chunks_mut(row_len).enumerate().for_each_init(Vec::new, |alike, (y, out)| {
+            neighbourhood_row(guide, &offsets, y, alike, out);
+        });
+        Self { dims, planes }
+    }
+
+    pub fn means(&self, k: usize, y: usize) -> &[f32] {
+        self.planes.row(k, y)
+    }
+
+    pub fn variances(&self, k: usize, y: usize) -> &[f32] {
+        self.planes.row(self.dims + k, y)
+    }
+
+    pub fn mean(&self, k: usize, x: usize, y: usize) -> f32 {
+        self.planes.at(k, x, y)
+    }
+
+    pub fn variance(&self, k: usize, x: usize, y: usize) -> f32 {
+        self.planes.at(self.dims + k, x, y)
     }
 }
 
@@ -234,27 +241,24 @@ fn neighbourhood_row(
     let stride = out.len() / (2 * dims);
     let rows: Vec<usize> =
         offsets.iter().filter_map(|&d| y.checked_add_signed(d)).filter(|&yj| yj < guide.height()).collect();
+    let mut centre = Vec::with_capacity(guide.features());
     for x in (0..guide.width()).step_by(LANES) {
+        centre.clear();
+        centre.extend(
+            (0..guide.features()).map(|k| (*guide.means.lanes(k, y, x), *guide.thresholds.lanes(k, y, x))),
+        );
         let columns = offsets.iter().map(|&d| (guide.means.margin() + x).wrapping_add_signed(d));
         // First who belongs, then the sums, so that each dimension's sums stay in registers.
         alike.clear();
         let mut total = [0.0; LANES];
-        let own_hit = guide.own_hit.lanes(0, y, x);
+        let own_hit = *guide.own_hit.lanes(0, y, x);
         for &yj in &rows {
             for xj in columns.clone() {
-                let mut flags = [0.0; LANES];
-                let hits = others(&guide.hit, 0, yj, xj);
-                for l in 0..LANES {
-                    flags[l] = if (own_hit[l] - hits[l]).abs() <= Guide::HIT_TOLERANCE { 1.0 } else { 0.0 };
-                }
-                for k in 0..guide.features() {
-                    let own = guide.means.lanes(k, y, x);
-                    let threshold = guide.thresholds.lanes(k, y, x);
-                    let others = others(&guide.means, k, yj, xj);
-                    for l in 0..LANES {
-                        let d = own[l] - others[l];
-                        flags[l] = if d * d <= threshold[l] { flags[l] } else { 0.0 };
-                    }
+                let hits = block(&guide.hit.wide(0, yj)[xj..]);
+                let mut flags = [1.0; LANES];
+                keep_alike(&mut flags, &own_hit, hits, &[Guide::HIT_TOLERANCE.powi(2); LANES]);
+                for ((own, threshold), others) in centre.iter().zip(guide.means.from(yj, xj)) {
+                    keep_alike(&mut flags, own, block(others), threshold);
                 }
                 for l in 0..LANES {
                     total[l] += flags[l];
@@ -263,19 +267,13 @@ fn neighbourhood_row(
             }
         }
         for k in 0..dims {
-            let own = guide.means.lanes(k, y, x);
+            let own = *guide.means.lanes(k, y, x);
             let (mut sum, mut squares) = ([0.0; LANES], [0.0; LANES]);
             let mut flags = alike.iter();
             for &yj in &rows {
+                let (means, within) = (guide.means.wide(k, yj), guide.within.wide(k, yj));
                 for (xj, flags) in columns.clone().zip(&mut flags) {
-                    let means = others(&guide.means, k, yj, xj);
-                    let within = others(&guide.within, k, yj, xj);
-                    for l in 0..LANES {
-                        // From the pixel's own mean: no cancellation far from 0.
-                        let d = means[l] - own[l];
-                        sum[l] += flags[l] * d;
-                        squares[l] += flags[l] * (d * d + within[l]);
-                    }
+                    add_pixel(&mut sum, &mut squares, &own, block(&means[xj..]), block(&within[xj..]), flags);
                 }
             }
             for l in 0..LANES {
@@ -288,9 +286,37 @@ fn neighbourhood_row(
     }
 }
 
+/// Clears flags where values differ by more than their squared thresholds.
 #[inline(always)]
-fn others(planes: &Padded, plane: usize, y: usize, x: usize) -> &[f32; LANES] {
-    planes.wide(plane, y)[x..x + LANES].try_into().expect("the slice has this length")
+fn keep_alike(flags: &mut Lanes, own: &Lanes, others: &Lanes, threshold: &Lanes) {
+    for l in 0..LANES {
+        let d = own[l] - others[l];
+        flags[l] = if d * d <= threshold[l] { flags[l] } else { 0.0 };
+    }
+}
+
+/// Adds a flagged pixel's mean and mean square, both from `own`: no cancellation far from 0.
+#[inline(always)]
+fn add_pixel(
+    sum: &mut Lanes,
+    squares: &mut Lanes,
+    own: &Lanes,
+    means: &Lanes,
+    within: &Lanes,
+    flags: &Lanes,
+) {
+    for l in 0..LANES {
+        let d = means[l] - own[l];
+        sum[l] += flags[l] * d;
+        squares[l] += flags[l] * (d * d + within[l]);
+    }
+}
+
+type Lanes = [f32; LANES];
+
+#[inline(always)]
+fn block(values: &[f32]) -> &Lanes {
+    values[..LANES].try_into().expect("the slice has this length")
 }
 
 /// Samples that the neighbours' variance counts for beside a pixel's own.
@@ -341,4 +367,97 @@ fn filled(width: usize, height: usize, value: f32) -> Planes {
     let mut planes = Planes::new(width, height, 1);
     planes.data_mut().fill(value);
     planes
+}
+
+#[cfg(test)]
+mod tests {
+    use rand::RngExt;
+
+    use super::super::assessment::Colours;
+    use super::super::synthetic::{store, wall};
+    use super::*;
+    use crate::stats::Layout;
+
+    fn noisy(width: usize, height: usize, count: impl Fn(usize, usize) -> u32 + Sync) -> (Store, Guide) {
+        let layout = Layout::with_blocks(|b| matches!(b, Block::Position1 | Block::Albedo | Block::Hit));
+        let store = store(width, height, layout.clone(), count, |x, y, _, rng| {
+            let mut sample = wall(&layout, x, y, [rng.random(), rng.random(), x as f32 / 10.0], rng);
+            let albedo = [0.5, 0.5 + 0.2 * rng.random::<f32>(), (y / 4) as f32];
+            layout.write(&mut sample, Block::Albedo, &albedo);
+            sample
+        });
+        let settings = PrpfSettings::paper();
+        let colours = Colours::new(&store, &settings.outliers);
+        let guide = Guide::new(&store, colours.guide(), &settings);
+        (store, guide)
+    }
+
+    #[test]
+    fn statistics_are_those_of_all_samples_of_the_cluster() {
+        let (store, guide) = noisy(21, 19, |_, _| 8);
+        let neighbourhood = Neighbourhood::new(&guide, 7, usize::MAX);
+        let dims = store.layout().len();
+        let mut cluster = Vec::new();
+        for (x, y) in [(0, 0), (10, 9), (20, 18), (16, 3)] {
+            guide.cluster(x, y, 7, &mut cluster);
+            for (k, &dim) in guide.feature_dims().iter().enumerate() {
+                let values: Vec<f64> = cluster
+                    .iter()
+                    .flat_map(|&(x, y)| store.rows()[y as usize].reservoir(x as usize).chunks(dims))
+                    .map(|sample| f64::from(sample[dim]))
+                    .collect();
+                let mean = values.iter().sum::<f64>() / values.len() as f64;
+                let variance = values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / values.len() as f64;
+                let found = (neighbourhood.mean(k, x, y), neighbourhood.variance(k, x, y));
+                assert!((f64::from(found.0) - mean).abs() < 1e-6 * (1.0 + mean.abs()), "{found:?} {mean}");
+                assert!(
+                    (f64::from(found.1) - variance).abs() < 1e-5 * variance + 1e-9,
+                    "{found:?} {variance}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn a_cluster_holds_the_pixels_that_resemble_and_no_others() {
+        let (_, guide) = noisy(40, 21, |x, _| u32::from(x != 3) * 4);
+        let mut cluster = Vec::new();
+        guide.cluster(5, 9, 7, &mut cluster);
+        // Rows 8 to 11 have the pixel's albedo; column 3 has no samples.
+        let expected: Vec<_> = (8..12).flat_map(|y| [2, 4, 5, 6, 7, 8].map(|x| (x, y))).collect();
+        assert_eq!(cluster, expected);
+        assert!(guide.resembles((5, 9), (6, 11)) && !guide.resembles((5, 9), (5, 12)));
+        // A pixel without samples takes all that have some.
+        guide.cluster(3, 9, 3, &mut cluster);
+        assert_eq!(cluster.len(), 6);
+    }
+
+    #[test]
+    fn few_looked_at_pixels_give_nearly_the_deviation_of_all() {
+        let (_, guide) = noisy(64, 64, |_, _| 8);
+        let [all, few] = [usize::MAX, 9].map(|side| Neighbourhood::new(&guide, 55, side));
+        for k in [0, 4, guide.features()] {
+            let [all, few] = [&all, &few].map(|hood| hood.variance(k, 32, 32).sqrt());
+            assert!((few / all - 1.0).abs() < 0.2, "{k}: {few} for {all}");
+        }
+    }
+
+    #[test]
+    fn offsets_reach_from_end_to_end_of_the_window() {
+        assert_eq!(offsets(55, 9), [-27, -20, -14, -7, 0, 7, 14, 20, 27]);
+        assert_eq!(offsets(7, 9), [-3, -2, -1, 0, 1, 2, 3]);
+        assert_eq!(offsets(1, 9), [0]);
+        assert_eq!(offsets(55, 1), [0]);
+    }
+
+    #[test]
+    fn pooling_finds_the_deviation_even_where_pixels_have_one_sample() {
+        for n in [1, 2, 8] {
+            let (_, guide) = noisy(40, 40, |_, _| n);
+            // Uniform in [0, 1).
+            let red = guide.features();
+            let mean = (0..40).flat_map(|y| guide.variances.row(red, y)).sum::<f32>() / 1600.0;
+            assert!((mean * 12.0 - 1.0).abs() < 0.15, "{n}: {mean}");
+        }
+    }
 }

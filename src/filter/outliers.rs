@@ -37,7 +37,7 @@ impl Default for OutlierSettings {
             to_median: false,
             half_share: 0.8,
             spread_window: 17,
-            spread_limit: 0.05,
+            spread_limit: 0.02,
         }
     }
 }
@@ -196,4 +196,75 @@ fn luminance(planes: &Planes, i: usize) -> f32 {
 /// Rec. 709.
 fn luminance_of([r, g, b]: [f32; 3]) -> f32 {
     0.2126 * r + 0.7152 * g + 0.0722 * b
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// An image of 0.5 in which samples of pixel 40 differ as given by half.
+    fn field(halves: [f32; 2]) -> (Planes, [Planes; 2]) {
+        let mut images = [0.5, 0.5, 0.5].map(|value| {
+            let mut planes = Planes::new(9, 9, 3);
+            planes.data_mut().fill(value);
+            planes
+        });
+        let values = [0.5 * (halves[0] + halves[1]), halves[0], halves[1]];
+        for (image, value) in images.iter_mut().zip(values) {
+            image.planes_mut().for_each(|plane| plane[40] = value);
+        }
+        let [whole, a, b] = images;
+        (whole, [a, b])
+    }
+
+    fn clamped(halves: [f32; 2]) -> Clamped {
+        let (whole, [a, b]) = field(halves);
+        clamp(&whole, [&a, &b], [&[4; 81], &[4; 81]], &OutlierSettings::default())
+    }
+
+    #[test]
+    fn a_spike_that_one_half_saw_is_clamped_and_its_energy_is_kept_aside() {
+        let clamped = clamped([1e6, 0.5]);
+        let [outlier] = clamped.outliers[..] else { panic!("one outlier, not {:?}", clamped.outliers) };
+        assert_eq!(outlier.pixel, 40);
+        let left = clamped.whole.plane(1)[40];
+        assert!(left <= 8.0 * 0.5, "{left}");
+        assert!((left + outlier.excess[1] - 500_000.25).abs() < 0.1);
+        assert_eq!(clamped.whole.plane(1)[39], 0.5);
+    }
+
+    #[test]
+    fn a_highlight_that_both_halves_saw_stays() {
+        assert!(clamped([90.0, 110.0]).outliers.is_empty());
+    }
+
+    #[test]
+    fn light_in_a_black_surround_stays() {
+        let mut whole = Planes::new(9, 9, 3);
+        whole.planes_mut().for_each(|plane| plane[40] = 1.0);
+        let black = Planes::new(9, 9, 3);
+        let counts = [4; 81];
+        let clamped = clamp(&whole, [&whole, &black], [&counts, &counts], &OutlierSettings::default());
+        assert!(clamped.outliers.is_empty());
+    }
+
+    #[test]
+    fn spreading_keeps_the_energy_where_no_pixel_reaches_its_limit() {
+        let outlier = Outlier { pixel: 40, excess: [0.3, 0.2, 0.1], scale: 0.5 };
+        let (mut image, _) = field([0.5, 0.5]);
+        let before: f32 = image.plane(0).iter().sum();
+        spread(&[outlier], &mut [&mut image], &OutlierSettings::default(), |_, _| true);
+        let after: f32 = image.plane(0).iter().sum();
+        assert!((after - before - 0.3).abs() < 1e-4, "{before} {after}");
+        assert!(image.plane(0)[40] > image.plane(0)[0]);
+    }
+
+    #[test]
+    fn spreading_changes_no_pixel_beyond_the_limit_and_none_that_differs() {
+        let outlier = Outlier { pixel: 40, excess: [1e8; 3], scale: 0.5 };
+        let (mut image, _) = field([0.5, 0.5]);
+        spread(&[outlier], &mut [&mut image], &OutlierSettings::default(), |_, (x, _)| x < 5);
+        assert!(image.data().iter().all(|&v| v < 0.5 * 1.021), "{:?}", image.plane(0));
+        assert!(image.plane(0).chunks(9).all(|row| row[5..].iter().all(|&v| v == 0.5)));
+    }
 }

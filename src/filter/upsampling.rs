@@ -107,10 +107,10 @@ pub(super) fn confidence(
 /// Computes weights directly, pixel after pixel.
 fn evaluate(evidence: &Evidence, pixels: &[(usize, usize)]) -> Vec<f32> {
     let mut values = vec![0.0; pixels.len() * evidence.len()];
-    values.par_chunks_mut(evidence.len()).zip(pixels).for_each_init(
-        || Scratch::new(evidence.settings),
-        |scratch, (out, &i)| evidence.evaluate(i, scratch, out),
-    );
+    values
+        .par_chunks_mut(evidence.len())
+        .zip(pixels)
+        .for_each_init(|| Scratch::new(evidence), |scratch, (out, &i)| evidence.evaluate(i, scratch, out));
     values
 }
 
@@ -179,7 +179,7 @@ fn interpolate_row(
         }
         for (k, means) in means.iter().enumerate() {
             let own = guide.means.at(k, x, y);
-            let around = neighbourhood.variances.at(k, x, y);
+            let around = neighbourhood.variance(k, x, y);
             let variance = match guide.tolerances.get(k) {
                 Some(z) => z * z * guide.variances.at(k, x, y) + LEAST_FEATURE_VARIANCE * around,
                 None => around + LEAST_COLOUR_VARIANCE * own * own,
@@ -203,5 +203,32 @@ fn interpolate_row(
             out[k * stride + x] = if sum > 0.0 { weighted / sum } else { 0.0 };
         }
         out[planes * stride + x] = sum;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn nodes_are_in_the_middle_of_every_cell_and_inside_the_image() {
+        let grid = Grid::new(12, 1, 5);
+        assert_eq!(grid.nodes(), [(2, 0), (7, 0), (11, 0)]);
+        assert_eq!(Grid::new(1, 1, 5).nodes(), [(0, 0)]);
+        assert_eq!(Grid::new(3, 3, 1).nodes().len(), 9);
+    }
+
+    #[test]
+    fn the_nodes_around_a_pixel_are_the_nearest_along_each_axis() {
+        let grid = Grid::new(100, 100, 5);
+        for (x, expected) in [(50, [42, 47, 52, 57]), (52, [47, 52, 57, 62]), (51, [42, 47, 52, 57])] {
+            let around = grid.around((grid.block(&grid.xs, x), grid.block(&grid.ys, 50)));
+            let xs = around[..SIDE].iter().map(|node| grid.node(node.expect("inside")).0);
+            assert!(xs.eq(expected), "{x}");
+        }
+        // At a corner, only those inside.
+        let around = grid.around((grid.block(&grid.xs, 0), grid.block(&grid.ys, 0)));
+        let inside: Vec<_> = around.into_iter().flatten().map(|node| grid.node(node)).collect();
+        assert_eq!(inside, [(2, 2), (7, 2), (2, 7), (7, 7)]);
     }
 }

@@ -1,6 +1,8 @@
 //! How much each colour and feature counts in the filter (paper, section 4.2): by how far it
 //! depends on random parameters, as measured by mutual information over the samples of a cluster.
 
+use std::ops::Range;
+
 use rand::Rng;
 use rand_pcg::Pcg32;
 
@@ -8,7 +10,7 @@ use super::bilateral::CONSTANT;
 use super::mutual_information::{BitSlices, LANES, NO_SAMPLE, Standard, WORD};
 use super::neighbourhood::{Guide, Neighbourhood};
 use super::prpf::PrpfSettings;
-use crate::stats::{Part, Store};
+use crate::stats::{Layout, Part, Store};
 
 /// Bits by which each pair of variables seems to depend at least: no 0/0 where nothing depends on
 /// anything, and the share of random pairs is the answer then.
@@ -36,21 +38,55 @@ pub(super) struct Evidence<'a> {
     pub seed: u64,
 }
 
-/// Buffers that evaluations share.
+/// The sample vector's dimensions in the order in which information is measured: each group depends
+/// on those before it.
+struct Variables {
+    dims: Vec<usize>,
+    randoms: Range<usize>,
+    positions: Range<usize>,
+    features: Range<usize>,
+    colours: Range<usize>,
+}
+
+impl Variables {
+    fn new(layout: &Layout, features: &[usize]) -> Self {
+        let mut dims = layout.randoms();
+        let randoms = 0..dims.len();
+        dims.extend(layout.film());
+        let positions = randoms.end..dims.len();
+        dims.extend(features);
+        let features = positions.end..dims.len();
+        dims.extend(layout.radiance());
+        let colours = features.end..dims.len();
+        Self { dims, randoms, positions, features, colours }
+    }
+
+    /// W^r: the share of the random parameters in what a variable depends on, of the information
+    /// that it has in common with each variable.
+    fn randomness(&self, information: &[f32; LANES]) -> f32 {
+        let total = |group: &Range<usize>| {
+            information[group.clone()].iter().sum::<f32>() + LEAST_INFORMATION * group.len() as f32
+        };
+        let random = total(&self.randoms);
+        random / (random + total(&self.positions))
+    }
+}
+
+/// What evaluations of one pass share.
 pub(super) struct Scratch {
+    variables: Variables,
     cluster: Vec<(u32, u32)>,
     slices: BitSlices,
     block: Box<[[f32; LANES]; WORD]>,
-    filled: usize,
 }
 
 impl Scratch {
-    pub fn new(settings: &PrpfSettings) -> Self {
+    pub fn new(evidence: &Evidence) -> Self {
         Self {
+            variables: Variables::new(evidence.store.layout(), evidence.guide.feature_dims()),
             cluster: Vec::new(),
-            slices: BitSlices::new(settings.mi_samples),
+            slices: BitSlices::new(evidence.settings.mi_samples),
             block: Box::new([[NO_SAMPLE; LANES]; WORD]),
-            filled: 0,
         }
     }
 }
@@ -65,16 +101,16 @@ impl Evidence<'_> {
     /// Computes the weights at a pixel.
     pub fn evaluate(&self, (x, y): (usize, usize), scratch: &mut Scratch, weights: &mut [f32]) {
         self.guide.cluster(x, y, self.window, &mut scratch.cluster);
-        let standard = self.standard((x, y), &scratch.cluster);
+        let standard = self.standard((x, y), scratch);
         let samples = self.gather((x, y), &standard, scratch);
-        self.weigh(samples, &mut scratch.slices, weights);
+        self.weigh(samples, scratch, weights);
     }
 
     /// Mean and deviation of each dimension of the sample vector over the cluster.
-    fn standard(&self, (x, y): (usize, usize), cluster: &[(u32, u32)]) -> Standard {
-        let layout = self.store.layout();
+    fn standard(&self, (x, y): (usize, usize), scratch: &Scratch) -> Standard {
+        let Scratch { variables, cluster, .. } = scratch;
         let mut standard = Standard { mean: [0.0; LANES], scale: [0.0; LANES] };
-        for dim in layout.randoms() {
+        for &dim in &variables.dims[variables.randoms.clone()] {
             (standard.mean[dim], standard.scale[dim]) = UNIFORM;
         }
 
@@ -88,18 +124,18 @@ impl Evidence<'_> {
                 squares[axis] += d[axis] * d[axis];
             }
         }
-        for (axis, dim) in layout.film().enumerate() {
+        for (axis, &dim) in variables.dims[variables.positions.clone()].iter().enumerate() {
             let own = self.store.rows()[y].moments(x, dim, Part::Whole).mean as f32;
             let shift = sums[axis] / n;
             standard.mean[dim] = own + shift;
             standard.scale[dim] = 1.0 / (squares[axis] / n - shift * shift + IN_PIXEL).sqrt();
         }
 
-        let features = self.guide.feature_dims().iter().map(|&dim| (dim, 1.0));
-        let colours = layout.radiance().map(|dim| (dim, self.exposure));
+        let features = variables.dims[variables.features.clone()].iter().map(|&dim| (dim, 1.0));
+        let colours = variables.dims[variables.colours.clone()].iter().map(|&dim| (dim, self.exposure));
         for (k, (dim, exposure)) in features.chain(colours).enumerate() {
-            let mean = self.neighbourhood.means.at(k, x, y);
-            let deviation = self.neighbourhood.variances.at(k, x, y).sqrt();
+            let mean = self.neighbourhood.mean(k, x, y);
+            let deviation = self.neighbourhood.variance(k, x, y).sqrt();
             standard.mean[dim] = mean / exposure;
             if deviation > CONSTANT * mean.abs().max(1.0) {
                 standard.scale[dim] = exposure / deviation;
@@ -111,18 +147,18 @@ impl Evidence<'_> {
     /// Takes the pixel's own kept samples and as many of the rest of the cluster's as are wanted,
     /// every pixel of it with the same chance. Returns their number.
     fn gather(&self, i: (usize, usize), standard: &Standard, scratch: &mut Scratch) -> usize {
-        let Scratch { cluster, slices, block, filled } = scratch;
+        let Scratch { variables, cluster, slices, block } = scratch;
         slices.clear();
-        *filled = 0;
+        let mut filled = 0;
         let dims = self.store.layout().len();
         let mut taken = 0;
         let mut take = |sample: &[f32]| {
-            block[*filled][..dims].copy_from_slice(sample);
-            *filled += 1;
+            copy(sample, &mut block[filled]);
+            filled += 1;
             taken += 1;
-            if *filled == WORD {
-                slices.push(block, WORD, standard);
-                *filled = 0;
+            if filled == WORD {
+                slices.push(block, WORD, standard, &variables.dims);
+                filled = 0;
             }
         };
 
@@ -153,58 +189,177 @@ impl Evidence<'_> {
             }
         }
 
-        if *filled > 0 {
-            block[*filled..].fill([NO_SAMPLE; LANES]);
-            slices.push(block, *filled, standard);
+        if filled > 0 {
+            block[filled..].fill([NO_SAMPLE; LANES]);
+            slices.push(block, filled, standard, &variables.dims);
         }
         taken
     }
 
     /// From samples to weights.
-    fn weigh(&self, samples: usize, slices: &mut BitSlices, weights: &mut [f32]) {
-        let layout = self.store.layout();
-        let mut order = layout.randoms();
-        let randoms = 0..order.len();
-        order.extend(layout.film());
-        let positions = randoms.end..order.len();
-        order.extend(self.guide.feature_dims());
-        let features = positions.end..order.len();
-        order.extend(layout.radiance());
-        let colours = features.end..order.len();
-
-        let (beta, rest) = weights.split_at_mut(features.len());
-        let (alpha, colour_randomness) = rest.split_at_mut(colours.len());
-        let randomness = |on_random: f32, on_position: f32| {
-            let [random, all] = [randoms.len(), positions.end].map(|n| n as f32 * LEAST_INFORMATION);
-            (on_random + random) / (on_random + on_position + all)
-        };
+    fn weigh(&self, samples: usize, scratch: &Scratch, weights: &mut [f32]) {
+        let Scratch { variables, slices, .. } = scratch;
+        let (beta, rest) = weights.split_at_mut(variables.features.len());
+        let (alpha, colour_randomness) = rest.split_at_mut(variables.colours.len());
         if samples < FEWEST_SAMPLES {
             alpha.fill(0.0);
-            beta.fill(1.0 / features.len() as f32);
-            colour_randomness[0] = randomness(0.0, 0.0);
+            beta.fill(1.0 / variables.features.len() as f32);
+            colour_randomness[0] = variables.randomness(&[0.0; LANES]);
             return;
         }
-        slices.reorder(&order);
 
         let growth = 1.0 + self.settings.randomness_growth * self.pass as f32;
-        let sum = |bits: &[f32]| bits.iter().sum::<f32>();
-        // D_c^r, D_c^p and D_c^f, then D_c^{f,l} by feature.
+        // D_c^r + D_c^p + D_c^f, and D_c^{f,l} by feature.
         let mut on_all = 0.0;
         let mut on_feature = [0.0; LANES];
         colour_randomness[0] = 0.0;
-        for (k, alpha) in colours.clone().zip(&mut *alpha) {
-            let bits = slices.information(k, features.end);
-            let w = randomness(sum(&bits[randoms.clone()]), sum(&bits[positions.clone()]));
-            *alpha = (1.0 - self.settings.colour_damping * growth * w).max(0.0);
-            colour_randomness[0] += w / colours.len() as f32;
-            on_all += sum(&bits[..features.end]);
-            on_feature.iter_mut().zip(&bits[features.clone()]).for_each(|(sum, bits)| *sum += bits);
+        for (k, alpha) in variables.colours.clone().zip(&mut *alpha) {
+            let information = slices.information(k, variables.features.end);
+            let randomness = variables.randomness(&information);
+            *alpha = (1.0 - self.settings.colour_damping * growth * randomness).max(0.0);
+            colour_randomness[0] += randomness / variables.colours.len() as f32;
+            on_all += information[..variables.features.end].iter().sum::<f32>();
+            let on_features = &information[variables.features.clone()];
+            on_feature.iter_mut().zip(on_features).for_each(|(sum, bits)| *sum += bits);
         }
-        for ((k, beta), on_feature) in features.clone().zip(beta).zip(on_feature) {
-            let bits = slices.information(k, positions.end);
-            let w = randomness(sum(&bits[randoms.clone()]), sum(&bits[positions.clone()]));
+        for ((k, beta), on_feature) in variables.features.clone().zip(beta).zip(on_feature) {
+            let randomness = variables.randomness(&slices.information(k, variables.positions.end));
             let share = on_feature / (on_all + f32::MIN_POSITIVE);
-            *beta = share * (1.0 - growth * w).max(0.0);
+            *beta = share * (1.0 - growth * randomness).max(0.0);
+        }
+    }
+}
+
+/// Copies a sample vector to the first places. In pieces of a fixed size, which costs a third of a
+/// copy of any size; the last may overlap.
+#[inline(always)]
+fn copy(sample: &[f32], to: &mut [f32; LANES]) {
+    const PIECE: usize = 8;
+    let n = sample.len();
+    if n < PIECE {
+        to[..n].copy_from_slice(sample);
+        return;
+    }
+    for start in (0..n).step_by(PIECE) {
+        let start = start.min(n - PIECE);
+        let piece: &[f32; PIECE] = sample[start..start + PIECE].try_into().expect("it has this length");
+        to[start..start + PIECE].copy_from_slice(piece);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::assessment::Colours;
+    use super::super::synthetic::{store, wall};
+    use super::*;
+    use crate::stats::Block;
+
+    const LENS: usize = 0;
+    const ALBEDO: usize = 3;
+
+    /// Weights at the centre of a wall whose albedo alone makes its colour and whose normal is
+    /// nothing but the lens sample and the time: β of normal and albedo, α, W_c^r.
+    fn weights(
+        count: impl Fn(usize, usize) -> u32 + Sync,
+        albedo: impl Fn(usize, usize) -> f32 + Sync,
+    ) -> Vec<f32> {
+        use Block::{Albedo, Hit, Lens, Normal1, Time};
+        let layout = Layout::with_blocks(|b| matches!(b, Normal1 | Albedo | Lens | Time | Hit));
+        let randoms = layout.randoms();
+        let store = store(56, 56, layout.clone(), count, |x, y, _, rng| {
+            let albedo = albedo(x, y);
+            let mut sample = wall(&layout, x, y, [albedo, 0.5 * albedo, 0.2], rng);
+            let normal = [0, 1, 2].map(|k| sample[randoms[k]]);
+            layout.write(&mut sample, Normal1, &normal);
+            layout.write(&mut sample, Albedo, &[albedo, albedo, 0.2]);
+            sample
+        });
+        evaluate(&store, 10.0)
+    }
+
+    /// The weights at the centre, in the first pass. Normals within `tolerance` resemble each other.
+    fn evaluate(store: &Store, tolerance: f32) -> Vec<f32> {
+        let settings = PrpfSettings { tolerance, ..PrpfSettings::paper() };
+        let colours = Colours::new(store, &settings.outliers);
+        let guide = Guide::new(store, colours.guide(), &settings);
+        let evidence = Evidence {
+            store,
+            guide: &guide,
+            neighbourhood: &Neighbourhood::new(&guide, 55, 9),
+            exposure: colours.exposure(),
+            settings: &settings,
+            pass: 0,
+            window: 55,
+            seed: 3,
+        };
+        let mut weights = vec![0.0; evidence.len()];
+        evidence.evaluate((28, 28), &mut Scratch::new(&evidence), &mut weights);
+        weights
+    }
+
+    fn uneven(x: usize, y: usize) -> u32 {
+        1 + (x * 31 + y * 17) as u32 % 64
+    }
+
+    fn check(albedo: impl Fn(usize, usize) -> f32 + Sync + Copy, least: f32) {
+        for (name, weights) in [
+            ("8", weights(|_, _| 8, albedo)),
+            ("64", weights(|_, _| 64, albedo)),
+            ("uneven", weights(uneven, albedo)),
+        ] {
+            let noise: f32 = weights[LENS..LENS + 3].iter().sum();
+            let explaining: f32 = weights[ALBEDO..ALBEDO + 2].iter().sum();
+            assert!(noise < 0.01, "{name}: {weights:?}");
+            assert!(explaining > least, "{name}: {weights:?}");
+            assert_eq!(weights[ALBEDO + 2], 0.0, "a constant feature");
+        }
+    }
+
+    #[test]
+    fn features_that_follow_position_and_explain_the_colour_get_the_weight_and_noise_gets_none() {
+        // Not all of it: the position explains the colour as well as either of two features.
+        check(|x, _| 0.1 + 0.01 * x as f32, 0.6);
+    }
+
+    #[test]
+    fn features_without_relation_to_one_coordinate_keep_the_weight_that_null_information_leaves() {
+        // Neither x nor y alone says anything on a random pattern, so that of the information on
+        // it, all of it chance, 3 parts in 5 belong to the 3 random parameters: 1 - W = 0.4.
+        check(|x, y| 0.2 + 0.1 * ((x * x * 7 + y * y * 13 + x * y * 5) % 7) as f32, 0.3);
+    }
+
+    #[test]
+    fn noise_in_the_colour_takes_its_weight() {
+        use Block::{Lens, Normal1};
+        let layout = Layout::with_blocks(|b| matches!(b, Normal1 | Lens));
+        let lens = layout.randoms()[0];
+        let store = store(
+            56,
+            56,
+            layout.clone(),
+            |_, _| 8,
+            |x, y, _, rng| {
+                let sample = wall(&layout, x, y, [0.0; 3], rng);
+                let light = sample[lens];
+                let mut sample = sample;
+                layout.write(&mut sample, Block::Colour, &[light, light, x as f32 / 56.0]);
+                sample
+            },
+        );
+        let [.., red, green, blue, randomness] = evaluate(&store, 0.1)[..] else { panic!("four at least") };
+        assert_eq!([red, green], [0.0; 2]);
+        assert!(blue > 0.9, "{blue}");
+        assert!((randomness - 2.0 / 3.0).abs() < 0.05, "{randomness}");
+    }
+
+    #[test]
+    fn copies_are_whole_at_any_length() {
+        for n in 0..=LANES {
+            let sample: Vec<f32> = (0..n).map(|i| i as f32).collect();
+            let mut to = [-1.0; LANES];
+            copy(&sample, &mut to);
+            assert_eq!(to[..n], sample);
+            assert!(to[n..].iter().all(|&v| v == -1.0));
         }
     }
 }
