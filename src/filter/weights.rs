@@ -235,7 +235,8 @@ impl Evidence<'_> {
 #[inline(always)]
 fn copy(sample: &[f32], to: &mut [f32; LANES]) {
     const PIECE: usize = 8;
-    let n = sample.len();
+    // What is longer ends in auxiliary dimensions that no weight is made from.
+    let n = sample.len().min(LANES);
     if n < PIECE {
         to[..n].copy_from_slice(sample);
         return;
