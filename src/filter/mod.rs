@@ -16,7 +16,7 @@ mod outliers;
 mod padded;
 mod patch;
 pub mod prpf;
-mod standard;
+pub mod standard;
 #[cfg(test)]
 mod synthetic;
 mod upsampling;
