@@ -2,23 +2,23 @@
 //! noisy colours, features of the second hit that follow the BSDF numbers.
 
 use criterion::{Criterion, criterion_group, criterion_main};
-use prpf::filter::{PrpfSettings, prpf as algorithm};
+use prpf::filter::PrpfSettings;
+use prpf::filter::prpf::{filter, interpolation_failure};
 use prpf::stats::{Block, Layout, Store};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg32;
 
-const SIZE: usize = 512;
 const CAPACITY: usize = 8;
 
-pub fn store(spp: u32) -> Store {
+fn store(size: usize, spp: u32) -> Store {
     let layout = Layout::with_blocks(|_| true);
-    let mut store = Store::new(SIZE, SIZE, layout.clone(), CAPACITY, 1);
+    let mut store = Store::new(size, size, layout.clone(), CAPACITY, 1);
     let mut sample = vec![0.0; layout.len()];
-    for y in 0..SIZE {
-        for x in 0..SIZE {
-            let mut rng = Pcg32::seed_from_u64((y * SIZE + x) as u64);
+    for y in 0..size {
+        for x in 0..size {
+            let mut rng = Pcg32::seed_from_u64((y * size + x) as u64);
             for _ in 0..spp {
-                make(&layout, x, y, &mut rng, &mut sample);
+                make(&layout, size, x, y, &mut rng, &mut sample);
                 store.push(x, y, &sample);
             }
         }
@@ -26,7 +26,7 @@ pub fn store(spp: u32) -> Store {
     store
 }
 
-fn make(layout: &Layout, x: usize, y: usize, rng: &mut Pcg32, sample: &mut [f32]) {
+fn make(layout: &Layout, size: usize, x: usize, y: usize, rng: &mut Pcg32, sample: &mut [f32]) {
     for dim in layout.randoms() {
         sample[dim] = rng.random();
     }
@@ -34,10 +34,10 @@ fn make(layout: &Layout, x: usize, y: usize, rng: &mut Pcg32, sample: &mut [f32]
     let [lens, light] =
         [Block::Lens, Block::Light1].map(|b| layout.block(b).map_or(0.5, |d| sample[d.start]));
     let film = [x as f32 + rng.random::<f32>(), y as f32 + rng.random::<f32>()];
-    let wall = (x * 4 / SIZE) as f32;
+    let wall = (x * 4 / size) as f32;
     // The right half is out of focus.
-    let blur = if x > SIZE / 2 { (lens - 0.5) * 8.0 } else { 0.0 };
-    let [px, py] = [(film[0] + blur) / SIZE as f32, (film[1] + blur) / SIZE as f32];
+    let blur = if x > size / 2 { (lens - 0.5) * 8.0 } else { 0.0 };
+    let [px, py] = [(film[0] + blur) / size as f32, (film[1] + blur) / size as f32];
     let checker = ((px * 40.0).floor() + (py * 40.0).floor()) % 2.0;
     let albedo = [0.3 + 0.5 * checker, 0.5, 0.7 - 0.3 * checker];
     let light = 4.0 * (1.0 - px) * if light > 0.7 { 1.0 } else { 0.1 } * (0.5 + u);
@@ -53,15 +53,37 @@ fn make(layout: &Layout, x: usize, y: usize, rng: &mut Pcg32, sample: &mut [f32]
 }
 
 fn paper(c: &mut Criterion) {
-    let mut group = c.benchmark_group("paper, 512×512");
+    let settings = PrpfSettings::paper();
+    let mut group = c.benchmark_group("paper");
     group.sample_size(10);
     for spp in [8, 64] {
-        let store = store(spp);
-        group.bench_function(format!("{spp} samples"), |b| {
-            b.iter(|| algorithm::filter(&store, &PrpfSettings::paper(), 1));
-        });
+        let store = store(512, spp);
+        group.bench_function(format!("512×512, {spp} samples"), |b| b.iter(|| filter(&store, &settings, 1)));
     }
+    let store = store(512, 8);
+    group.bench_function("512×512, no mutual information", |b| {
+        let settings = PrpfSettings { mi_samples: 0, ..settings.clone() };
+        b.iter(|| filter(&store, &settings, 1));
+    });
+    group.bench_function("512×512, grid stage alone", |b| {
+        b.iter(|| interpolation_failure(&store, &settings, 17))
+    });
+    group.finish();
 }
 
-criterion_group!(benches, paper);
+/// What mutual information costs: one evaluation at each pixel and pass.
+fn mutual_information(c: &mut Criterion) {
+    let store = store(64, 8);
+    let mut group = c.benchmark_group("weights at every pixel");
+    group.sample_size(10);
+    for mi_samples in [512, 1024] {
+        group.bench_function(format!("64×64, {mi_samples} samples"), |b| {
+            let settings = PrpfSettings { mi_samples, upsampling: false, ..PrpfSettings::paper() };
+            b.iter(|| filter(&store, &settings, 1));
+        });
+    }
+    group.finish();
+}
+
+criterion_group!(benches, paper, mutual_information);
 criterion_main!(benches);

@@ -7,7 +7,7 @@ use crate::image::Planes;
 use crate::stats::{Part, Store};
 
 use super::blur;
-use super::outliers::{self, OutlierSettings};
+use super::outliers::{self, Outlier, OutlierSettings};
 
 /// Weight of the neighbourhood's variance against a pixel's own, in samples.
 const POOL_SAMPLES: f32 = 2.0;
@@ -72,13 +72,13 @@ impl Halves {
         Self::new(mean, sample_variance, counts)
     }
 
-    /// The same without outliers; what is cut off is dropped.
+    /// The same without outliers, and these.
     pub fn without_outliers(
         store: &Store,
         dims: std::ops::Range<usize>,
         counts: &Counts,
         settings: &OutlierSettings,
-    ) -> Self {
+    ) -> (Self, Vec<Outlier>) {
         let (mean, mut sample_variance) = store.halves(dims);
         let [a, b] = &mean;
         let clamped = outliers::clamp(&counts.mean(&mean), [a, b], counts.whole(), settings);
@@ -86,7 +86,7 @@ impl Halves {
             let factor = outlier.scale * outlier.scale;
             sample_variance.planes_mut().for_each(|plane| plane[outlier.pixel] *= factor);
         }
-        Self::new(clamped.halves, sample_variance, counts)
+        (Self::new(clamped.halves, sample_variance, counts), clamped.outliers)
     }
 
     fn new(mut mean: [Planes; 2], mut sample_variance: Planes, counts: &Counts) -> Self {

@@ -87,8 +87,8 @@ impl BitSlices {
         let groups = variables.div_ceil(GROUP);
         let mut above = [[0; LIMITS.len() * LANES]; BINS];
         above[0] = self.totals;
-        for i in 1..BINS {
-            count_bits(&self.words, Some(place(a, i - 1)), &mut above[i][..groups * GROUP_WORDS]);
+        for (limit, above) in above[1..].iter_mut().enumerate() {
+            count_bits(&self.words, Some(place(a, limit)), &mut above[..groups * GROUP_WORDS]);
         }
         let own = std::array::from_fn(|i| match i {
             0 => self.samples as u32,
@@ -248,9 +248,9 @@ mod tests {
             let slices = slices(&samples, &standard(0.0, 1.0));
             for a in 0..27 {
                 let information = slices.information(a, 27);
-                for b in 0..27 {
+                for (b, &found) in information[..27].iter().enumerate() {
                     let expected = by_definition(&samples, a, b);
-                    let found = f64::from(information[b]);
+                    let found = f64::from(found);
                     assert!((found - expected).abs() < 2e-5, "{count} {a} {b}: {found} for {expected}");
                 }
             }
@@ -301,7 +301,7 @@ mod tests {
     #[test]
     fn scale_and_shift_do_not_matter() {
         let mut samples = normal(700, 3, 9);
-        samples.iter_mut().for_each(|s| s[1] = s[0] + s[1]);
+        samples.iter_mut().for_each(|s| s[1] += s[0]);
         let before = slices(&samples, &standard(0.0, 1.0)).information(0, 3);
         samples.iter_mut().flatten().for_each(|v| *v = *v * 0.125 + 64.0);
         let after = slices(&samples, &standard(64.0, 0.125)).information(0, 3);

@@ -9,6 +9,9 @@ use rayon::prelude::*;
 
 use crate::image::Planes;
 
+/// Outliers whose shares are held in memory together.
+const AT_ONCE: usize = 256;
+
 /// When a pixel is an outlier, and what happens to the energy above its bound.
 #[derive(Clone, Copy, Debug, serde::Serialize)]
 pub struct OutlierSettings {
@@ -123,6 +126,7 @@ pub fn spread(
     let limits: Vec<f32> = (0..image.pixels()).map(|i| settings.spread_limit * luminance(image, i)).collect();
     let radius = settings.spread_window / 2;
     let factor = -8.0 / (settings.spread_window * settings.spread_window) as f32;
+    let falloff: Vec<f32> = (0..=radius).map(|d| (factor * (d * d) as f32).exp()).collect();
     let shares = |outlier: &Outlier| {
         let (x, y) = (outlier.pixel % width, outlier.pixel / width);
         let mut shares = Vec::new();
@@ -130,8 +134,7 @@ pub fn spread(
         for yj in y.saturating_sub(radius)..=(y + radius).min(height - 1) {
             for xj in x.saturating_sub(radius)..=(x + radius).min(width - 1) {
                 if (xj, yj) == (x, y) || resembles((x, y), (xj, yj)) {
-                    let distance = xj.abs_diff(x).pow(2) + yj.abs_diff(y).pow(2);
-                    let weight = (factor * distance as f32).exp();
+                    let weight = falloff[xj.abs_diff(x)] * falloff[yj.abs_diff(y)];
                     total += weight;
                     shares.push((yj * width + xj, weight));
                 }
@@ -143,12 +146,12 @@ pub fn spread(
         }
         shares
     };
-    let all: Vec<_> = outliers.par_iter().map(shares).collect();
-    for (outlier, shares) in outliers.iter().zip(all) {
-        for (pixel, share) in shares {
+    for some in outliers.chunks(AT_ONCE) {
+        let all: Vec<_> = some.par_iter().map(shares).collect();
+        for (outlier, shares) in some.iter().zip(all) {
             for image in images.iter_mut() {
                 for (plane, excess) in image.planes_mut().zip(outlier.excess) {
-                    plane[pixel] += share * excess;
+                    shares.iter().for_each(|&(pixel, share)| plane[pixel] += share * excess);
                 }
             }
         }

@@ -53,6 +53,10 @@ pub(super) struct PatchSettings {
     pub k: f32,
     /// Added to the variances, in squared units of the guide.
     pub epsilon: f32,
+    /// Both pixels of a pair take the smaller weight of the two, and a pixel without variance keeps
+    /// its value. Right for what has hard edges and is either there or not, such as an emitter; wrong
+    /// for radiance, where no variance may mean that none of few samples found the light.
+    pub cautious: bool,
 }
 
 /// Weighted means of three value planes.
@@ -72,11 +76,11 @@ struct Prepared {
     feature_gain: f32,
 }
 
-/// Filters `values` with weights from `guide`. All planes have `width`×`height` finite values.
+/// Filters `original` with weights from `guide`. All planes have `width`×`height` finite values.
 pub(super) fn filter(
     width: usize,
     height: usize,
-    values: [&[f32]; 3],
+    original: [&[f32]; 3],
     guide: Guide,
     settings: PatchSettings,
 ) -> PatchFiltered {
@@ -87,7 +91,7 @@ pub(super) fn filter(
     }
     let margin = settings.radius + PATCH;
     let prepared = prepare(width, height, guide, settings, margin);
-    let values = Padded::new(width, height, &values, margin, Margin::Nearest);
+    let values = Padded::new(width, height, &original, margin, Margin::Nearest);
 
     let tiles: Vec<Tile> = tiles(width, height).collect();
     let sums: Vec<Sums> = tiles.par_iter().map(|tile| tile.filter(&prepared, &values, settings)).collect();
@@ -106,7 +110,17 @@ pub(super) fn filter(
             }
         }
     }
+    if settings.cautious {
+        restore_certain(&mut filtered, original, guide.variance);
+    }
     filtered
+}
+
+fn restore_certain(filtered: &mut PatchFiltered, original: [&[f32]; 3], variance: [&[f32]; 3]) {
+    for i in (0..filtered.own_weight.len()).filter(|&i| variance.iter().all(|v| v[i] == 0.0)) {
+        (0..3).for_each(|channel| filtered.value.plane_mut(channel)[i] = original[channel][i]);
+        filtered.own_weight[i] = 1.0;
+    }
 }
 
 fn prepare(width: usize, height: usize, guide: Guide, settings: PatchSettings, margin: usize) -> Prepared {
@@ -266,7 +280,7 @@ impl Tile {
                 add_squared_difference(i, j, w_ij);
             }
             let [p, q] = &scratch.columns;
-            to_weights(k2, guide.feature_gain, &p[..wide], &q[..wide], w_ij, w_ji);
+            to_weights(k2, settings.cautious, guide.feature_gain, &p[..wide], &q[..wide], w_ij, w_ji);
             if y >= y0 {
                 let from = std::array::from_fn(|c| values.span(c, x0 + dx, y + dy, self.width));
                 let weights = &w_ij[(x0 - left) as usize..][..self.width];
@@ -345,7 +359,15 @@ fn add_squared_difference(i: &[f32], j: &[f32], sum: &mut [f32]) {
     "x86_64+avx512f+avx512bw+avx512dq+avx512vl+bmi1+bmi2+fma+avx2+popcnt+lzcnt",
     "x86_64+avx2+fma+bmi1+bmi2+popcnt+lzcnt"
 ))]
-fn to_weights(k2: f32, feature_gain: f32, p: &[f32], q: &[f32], w_ij: &mut [f32], w_ji: &mut [f32]) {
+fn to_weights(
+    k2: f32,
+    cautious: bool,
+    feature_gain: f32,
+    p: &[f32],
+    q: &[f32],
+    w_ij: &mut [f32],
+    w_ji: &mut [f32],
+) {
     let n = w_ij.len();
     let w_ji = &mut w_ji[..n];
     let (p, q) = (&p[..n + 2 * PATCH], &q[..n + 2 * PATCH]);
@@ -357,8 +379,11 @@ fn to_weights(k2: f32, feature_gain: f32, p: &[f32], q: &[f32], w_ij: &mut [f32]
             sum_q += q[x + t];
         }
         let feature = feature_gain * w_ij[x];
-        w_ij[x] = exp_negative(((sum_p - sum_q) * scale).max(0.0) + feature);
-        w_ji[x] = exp_negative(((sum_p + sum_q - TERMS) * scale).max(0.0) + feature);
+        let d_ij = ((sum_p - sum_q) * scale).max(0.0);
+        let d_ji = ((sum_p + sum_q - TERMS) * scale).max(0.0);
+        let larger = d_ij.max(d_ji);
+        w_ij[x] = exp_negative(if cautious { larger } else { d_ij } + feature);
+        w_ji[x] = exp_negative(if cautious { larger } else { d_ji } + feature);
     }
 }
 

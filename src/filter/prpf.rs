@@ -62,7 +62,8 @@ pub struct PrpfSettings {
     pub interpolation_threshold: f32,
     /// Interpolate weights between the nodes; otherwise compute them at every pixel.
     pub upsampling: bool,
-    /// Samples that mutual information is measured on, at most.
+    /// Samples that mutual information is measured on, at most. Paper: all of the neighbourhood;
+    /// from 256 to 2048 the error of the image changed by less than 2 %.
     pub mi_samples: usize,
     /// Columns and rows of a window, at most, that a neighbourhood's statistics are taken from.
     /// Paper: all of them; 9 give deviations within some 8 %.
@@ -85,7 +86,7 @@ impl PrpfSettings {
             grid_spacing: 5,
             interpolation_threshold: 0.1,
             upsampling: true,
-            mi_samples: 1024,
+            mi_samples: 512,
             statistics_side: 9,
             outliers: OutlierSettings::default(),
         }
@@ -420,6 +421,17 @@ mod tests {
         assert_eq!(one.image, two.image);
         assert_eq!(one.error, two.error);
         assert_eq!(one.interpolation_failure, two.interpolation_failure);
+    }
+
+    #[test]
+    fn a_store_that_keeps_no_samples_is_filtered() {
+        let layout = everything();
+        let mut store = Store::new(30, 30, layout.clone(), 0, 1);
+        let mut rng = rand_pcg::Pcg32::new(1, 1);
+        for (x, y) in (0..30).flat_map(|y| (0..30).map(move |x| (x, y))) {
+            store.push(x, y, &wall(&layout, x, y, [1.0; 3], &mut rng));
+        }
+        assert_finite(&filter(&store, &PrpfSettings::paper(), 1));
     }
 
     #[test]

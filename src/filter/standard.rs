@@ -18,7 +18,7 @@ use crate::stats::{Block, Store};
 use super::assess::Assessment;
 use super::halves::{Counts, Halves};
 use super::patch::{self, Guide, PatchFiltered, PatchSettings};
-use super::{Filtered, OutlierSettings};
+use super::{Filtered, OutlierSettings, outliers};
 
 /// Every constant of the filter.
 #[derive(Clone, Copy, Debug, serde::Serialize)]
@@ -27,6 +27,8 @@ pub struct StandardSettings {
     pub radius: usize,
     /// Sensitivity of the colour distance (k of the patch distance).
     pub k: f32,
+    /// The same for directly visible emission, whose edges are hard.
+    pub emission_k: f32,
     /// Deviation of the normal term; normals are unit vectors.
     pub normal_sigma: f32,
     /// Radius for albedo and normals, in pixels; 0 leaves them as they are.
@@ -39,7 +41,7 @@ pub struct StandardSettings {
     pub colour_epsilon: f32,
     /// Regularises the features' distance, in their own squared units.
     pub feature_epsilon: f32,
-    /// What is cut off as an outlier is dropped.
+    /// What is cut off of outliers, and how it is spread.
     pub outliers: OutlierSettings,
 }
 
@@ -49,6 +51,7 @@ impl StandardSettings {
         Self {
             radius: 9,
             k: 0.6,
+            emission_k: 0.45,
             normal_sigma: 0.2,
             feature_radius: 5,
             feature_k: 1.0,
@@ -56,12 +59,12 @@ impl StandardSettings {
             colour_epsilon: 1e-6,
             feature_epsilon: 1e-5,
             outliers: OutlierSettings {
-                medians: 8.0,
+                medians: 4.0,
                 deviations: 4.0,
                 to_median: true,
                 half_share: 0.8,
-                spread_window: 0,
-                spread_limit: 0.0,
+                spread_window: 55,
+                spread_limit: 0.02,
             },
         }
     }
@@ -78,7 +81,7 @@ pub fn filter(store: &Store, settings: &StandardSettings) -> Filtered {
     let counts = Counts::of(store);
     let read = |block| layout.block(block).map(|dims| Halves::of(store, dims, &counts));
 
-    let mut colour = Halves::without_outliers(store, layout.colour(), &counts, &settings.outliers);
+    let (mut colour, found) = Halves::without_outliers(store, layout.colour(), &counts, &settings.outliers);
     let normal = read(Block::Normal1).map(|normal| filter_feature(&normal, settings));
     let albedo = read(Block::Albedo)
         .map(|albedo| floored(swap(filter_feature(&albedo, settings)), settings.albedo_floor));
@@ -102,8 +105,13 @@ pub fn filter(store: &Store, settings: &StandardSettings) -> Filtered {
             filtered[h].data_mut().iter_mut().zip(emission[h].data()).for_each(|(v, &e)| *v += e);
         }
     }
+    let mut image = counts.mean(&filtered);
+    let [a, b] = &mut filtered;
+    outliers::spread(&found, &mut [&mut image, a, b], &settings.outliers, |i, j| {
+        face_alike(normal.as_ref(), i, j)
+    });
     Filtered {
-        image: counts.mean(&filtered),
+        image,
         halves: filtered,
         interpolation_failure: None,
         interpolation_success: None,
@@ -111,6 +119,16 @@ pub fn filter(store: &Store, settings: &StandardSettings) -> Filtered {
         variance: assessment.variance,
         error: assessment.error,
     }
+}
+
+/// Whether the normals of two pixels are close enough for light that fell on one to be light that
+/// might have fallen on the other.
+fn face_alike(normal: Option<&[Planes; 2]>, i: (usize, usize), j: (usize, usize)) -> bool {
+    const LEAST_COSINE: f32 = 0.9;
+    normal.is_none_or(|[a, b]| {
+        let dot = |c: usize| a.at(c, i.0, i.1) * b.at(c, j.0, j.1);
+        dot(0) + dot(1) + dot(2) >= LEAST_COSINE
+    })
 }
 
 /// Filters one half of the colour with weights from the other.
@@ -138,6 +156,7 @@ fn filter_half(
             radius: settings.radius,
             k: settings.k,
             epsilon: (settings.colour_epsilon * (level * level) as f32).max(f32::MIN_POSITIVE),
+            cautious: false,
         },
     )
 }
@@ -148,6 +167,7 @@ fn filter_feature(feature: &Halves, settings: &StandardSettings) -> [Planes; 2] 
         radius: settings.feature_radius,
         k: settings.feature_k,
         epsilon: settings.feature_epsilon,
+        cautious: false,
     };
     filter_alone(feature, distance)
 }
@@ -155,7 +175,10 @@ fn filter_feature(feature: &Halves, settings: &StandardSettings) -> [Planes; 2] 
 fn filter_emission(emission: &Halves, settings: &StandardSettings) -> [Planes; 2] {
     let brightest = emission.mean[0].data().iter().fold(f32::MIN_POSITIVE, |a, &b| a.max(b));
     let epsilon = (settings.colour_epsilon * brightest * brightest).max(f32::MIN_POSITIVE);
-    filter_alone(emission, PatchSettings { radius: settings.radius, k: settings.k, epsilon })
+    filter_alone(
+        emission,
+        PatchSettings { radius: settings.radius, k: settings.emission_k, epsilon, cautious: true },
+    )
 }
 
 fn filter_alone(halves: &Halves, distance: PatchSettings) -> [Planes; 2] {

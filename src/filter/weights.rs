@@ -149,9 +149,8 @@ impl Evidence<'_> {
     fn gather(&self, i: (usize, usize), standard: &Standard, scratch: &mut Scratch) -> usize {
         let Scratch { variables, cluster, slices, block } = scratch;
         slices.clear();
-        let mut filled = 0;
         let dims = self.store.layout().len();
-        let mut taken = 0;
+        let (mut taken, mut filled) = (0, 0);
         let mut take = |sample: &[f32]| {
             copy(sample, &mut block[filled]);
             filled += 1;
@@ -164,7 +163,7 @@ impl Evidence<'_> {
 
         let kept = |(x, y): (usize, usize)| self.store.rows()[y].reservoir(x);
         let at = |p: usize| (cluster[p].0 as usize, cluster[p].1 as usize);
-        let wanted = self.settings.mi_samples;
+        let wanted = if self.store.capacity() > 0 { self.settings.mi_samples } else { 0 };
         let own = kept(i);
         own.chunks_exact(dims).take(wanted).for_each(&mut take);
         let others = wanted.saturating_sub(own.len() / dims);
