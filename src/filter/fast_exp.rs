@@ -13,7 +13,7 @@ pub(super) fn exp_negative(x: f32) -> f32 {
     let shifted = power + ROUND;
     let f = power - (shifted - ROUND);
     // 2^f on [-½, ½]: minimax polynomial of degree 4.
-    let p = 1.0 + f * (0.693_147_2 + f * (0.240_226_5 + f * (0.055_504_1 + f * 0.009_618_1)));
+    let p = 1.0 + f * (std::f32::consts::LN_2 + f * (0.240_226_5 + f * (0.055_504_1 + f * 0.009_618_1)));
     f32::from_bits(p.to_bits().wrapping_add(shifted.to_bits() << 23))
 }
 

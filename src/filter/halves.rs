@@ -7,7 +7,7 @@ use crate::image::Planes;
 use crate::stats::{Part, Store};
 
 use super::blur;
-use super::outliers::{self, Outlier, OutlierSettings};
+use super::outliers::{self, Clamped, OutlierSettings};
 
 /// Weight of the neighbourhood's variance against a pixel's own, in samples.
 const POOL_SAMPLES: f32 = 2.0;
@@ -72,13 +72,13 @@ impl Halves {
         Self::new(mean, sample_variance, counts)
     }
 
-    /// The same without outliers, and these.
+    /// The same without outliers, and these, beside the whole's mean that is left.
     pub fn without_outliers(
         store: &Store,
         dims: std::ops::Range<usize>,
         counts: &Counts,
         settings: &OutlierSettings,
-    ) -> (Self, Vec<Outlier>) {
+    ) -> (Self, Clamped) {
         let (mean, mut sample_variance) = store.halves(dims);
         let [a, b] = &mean;
         let clamped = outliers::clamp(&counts.mean(&mean), [a, b], counts.whole(), settings);
@@ -86,7 +86,7 @@ impl Halves {
             let factor = outlier.scale * outlier.scale;
             sample_variance.planes_mut().for_each(|plane| plane[outlier.pixel] *= factor);
         }
-        (Self::new(clamped.halves, sample_variance, counts), clamped.outliers)
+        (Self::new(clamped.halves.clone(), sample_variance, counts), clamped)
     }
 
     fn new(mut mean: [Planes; 2], mut sample_variance: Planes, counts: &Counts) -> Self {
@@ -115,9 +115,9 @@ impl Halves {
 
     /// Divides by a colour per pixel and half.
     pub fn divide(&mut self, divisor: &[Planes; 2]) {
-        for h in 0..2 {
-            let planes = self.mean[h].data_mut().iter_mut().zip(self.variance[h].data_mut());
-            for ((mean, variance), &d) in planes.zip(divisor[h].data()) {
+        for ((mean, variance), divisor) in self.mean.iter_mut().zip(&mut self.variance).zip(divisor) {
+            let values = mean.data_mut().iter_mut().zip(variance.data_mut()).zip(divisor.data());
+            for ((mean, variance), &d) in values {
                 *mean /= d;
                 *variance /= d * d;
             }

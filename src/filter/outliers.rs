@@ -7,6 +7,7 @@
 
 use rayon::prelude::*;
 
+use super::blur;
 use crate::image::Planes;
 
 /// Outliers whose shares are held in memory together.
@@ -177,14 +178,46 @@ fn bound(
         }
     }
     let around = &mut around[..n];
+    // More than half of the window must lie below this for the median to; most pixels end here.
+    let low = own / settings.medians;
+    if 2 * around.iter().filter(|&&l| l < low).count() <= n {
+        return None;
+    }
     let median = median(around);
-    if own <= settings.medians * median || median <= 0.0 {
+    if median <= 0.0 {
         return None;
     }
     around.iter_mut().for_each(|l| *l = (*l - median).abs());
     let deviation = 1.48 * self::median(around);
     let bound = settings.medians * median + settings.deviations * deviation;
     (own > bound).then_some(if settings.to_median { median } else { bound })
+}
+
+/// Energy that was cut off, blurred over the surroundings of each outlier: 3 planes to be added to
+/// what is lit like them. `divisor` is what the images are divided by (1 for radiance itself). Unlike
+/// [`spread`] it costs the same for any number of outliers. `limit` is the share of the light at an
+/// outlier that a pixel may get from it; what is more is dropped. `None` if there is nothing to add.
+pub fn blurred(clamped: &Clamped, divisor: Option<&Planes>, sigma: f32, limit: f32) -> Option<Planes> {
+    if clamped.outliers.is_empty() {
+        return None;
+    }
+    let (width, height) = (clamped.whole.width(), clamped.whole.height());
+    let mut excess = Planes::new(width, height, 3);
+    for outlier in &clamped.outliers {
+        // At its peak the blur hands a pixel this share of the outlier.
+        let peak = 0.5 * std::f32::consts::FRAC_1_PI / (sigma * sigma);
+        let most = limit * luminance(&clamped.whole, outlier.pixel) / peak;
+        let kept = (most / luminance_of(outlier.excess)).min(1.0);
+        for (channel, (plane, value)) in excess.planes_mut().zip(outlier.excess).enumerate() {
+            let divisor = divisor.map_or(1.0, |divisor| divisor.plane(channel)[outlier.pixel]);
+            plane[outlier.pixel] = kept * value / divisor;
+        }
+    }
+    for plane in excess.planes_mut() {
+        let blurred = blur::gaussian(width, height, plane, sigma);
+        plane.copy_from_slice(&blurred);
+    }
+    Some(excess)
 }
 
 fn median(values: &mut [f32]) -> f32 {

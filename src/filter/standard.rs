@@ -41,19 +41,23 @@ pub struct StandardSettings {
     pub colour_epsilon: f32,
     /// Regularises the features' distance, in their own squared units.
     pub feature_epsilon: f32,
-    /// What is cut off of outliers, and how it is spread.
+    /// What counts as an outlier.
     pub outliers: OutlierSettings,
+    /// Blur, in pixels, with which their energy is given back.
+    pub outlier_sigma: f32,
+    /// Share of its own light that a pixel may get from one of them.
+    pub outlier_limit: f32,
 }
 
 impl StandardSettings {
     /// For the final image.
     pub const fn standard() -> Self {
         Self {
-            radius: 9,
+            radius: 8,
             k: 0.6,
             emission_k: 0.45,
             normal_sigma: 0.2,
-            feature_radius: 5,
+            feature_radius: 2,
             feature_k: 1.0,
             albedo_floor: 0.02,
             colour_epsilon: 1e-6,
@@ -63,15 +67,17 @@ impl StandardSettings {
                 deviations: 4.0,
                 to_median: true,
                 half_share: 0.8,
-                spread_window: 55,
-                spread_limit: 0.02,
+                spread_window: 0,
+                spread_limit: 0.0,
             },
+            outlier_sigma: 14.0,
+            outlier_limit: 0.02,
         }
     }
 
     /// For reruns between batches: smaller discs.
     pub const fn draft() -> Self {
-        Self { radius: 5, feature_radius: 2, ..Self::standard() }
+        Self { radius: 5, feature_radius: 1, ..Self::standard() }
     }
 }
 
@@ -81,7 +87,7 @@ pub fn filter(store: &Store, settings: &StandardSettings) -> Filtered {
     let counts = Counts::of(store);
     let read = |block| layout.block(block).map(|dims| Halves::of(store, dims, &counts));
 
-    let (mut colour, found) = Halves::without_outliers(store, layout.colour(), &counts, &settings.outliers);
+    let (mut colour, clamped) = Halves::without_outliers(store, layout.colour(), &counts, &settings.outliers);
     let normal = read(Block::Normal1).map(|normal| filter_feature(&normal, settings));
     let albedo = read(Block::Albedo)
         .map(|albedo| floored(swap(filter_feature(&albedo, settings)), settings.albedo_floor));
@@ -93,6 +99,15 @@ pub fn filter(store: &Store, settings: &StandardSettings) -> Filtered {
     let of_half = |h: usize| filter_half(&colour, normal.as_ref().map(|normal| &normal[1 - h]), h, settings);
     let (a, b) = (of_half(0), of_half(1));
     let (mut filtered, own_weight) = ([a.value, b.value], [a.own_weight, b.own_weight]);
+    let divisor = albedo.as_ref().map(|albedo| &albedo[0]);
+    if let Some(light) = outliers::blurred(&clamped, divisor, settings.outlier_sigma, settings.outlier_limit)
+    {
+        for half in &mut filtered {
+            // What is black gets none: it is no surface, or reflects nothing.
+            let lit = half.data_mut().iter_mut().zip(light.data()).filter(|(value, _)| **value > 0.0);
+            lit.for_each(|(value, light)| *value += light);
+        }
+    }
     if let Some(albedo) = &albedo {
         for h in 0..2 {
             filtered[h].data_mut().iter_mut().zip(albedo[h].data()).for_each(|(v, &a)| *v *= a);
@@ -105,13 +120,8 @@ pub fn filter(store: &Store, settings: &StandardSettings) -> Filtered {
             filtered[h].data_mut().iter_mut().zip(emission[h].data()).for_each(|(v, &e)| *v += e);
         }
     }
-    let mut image = counts.mean(&filtered);
-    let [a, b] = &mut filtered;
-    outliers::spread(&found, &mut [&mut image, a, b], &settings.outliers, |i, j| {
-        face_alike(normal.as_ref(), i, j)
-    });
     Filtered {
-        image,
+        image: counts.mean(&filtered),
         halves: filtered,
         interpolation_failure: None,
         interpolation_success: None,
@@ -119,16 +129,6 @@ pub fn filter(store: &Store, settings: &StandardSettings) -> Filtered {
         variance: assessment.variance,
         error: assessment.error,
     }
-}
-
-/// Whether the normals of two pixels are close enough for light that fell on one to be light that
-/// might have fallen on the other.
-fn face_alike(normal: Option<&[Planes; 2]>, i: (usize, usize), j: (usize, usize)) -> bool {
-    const LEAST_COSINE: f32 = 0.9;
-    normal.is_none_or(|[a, b]| {
-        let dot = |c: usize| a.at(c, i.0, i.1) * b.at(c, j.0, j.1);
-        dot(0) + dot(1) + dot(2) >= LEAST_COSINE
-    })
 }
 
 /// Filters one half of the colour with weights from the other.
@@ -289,7 +289,7 @@ mod tests {
     #[test]
     fn with_many_samples_the_image_becomes_the_mean() {
         // A texture finer than the patch, which any blur would destroy.
-        let truth = |x: usize, y: usize| if (x + y) % 2 == 0 { 0.3 } else { 0.5 };
+        let truth = |x: usize, y: usize| if (x + y).is_multiple_of(2) { 0.3 } else { 0.5 };
         let store = noisy_wall(40, 40, 4096, truth);
         let noisy = mse(&store.means(Part::Whole, store.layout().radiance()), truth);
         assert!(mse(&filter(&store, &StandardSettings::standard()).image, truth) <= noisy);

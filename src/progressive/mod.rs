@@ -263,7 +263,7 @@ impl<'a> Loop<'a> {
         for step in 0..steps {
             // Step k brings every pixel to the k-th share of its batch, rounded down to pairs.
             let share =
-                |n: u32, k: u64| if k == steps { u64::from(n) } else { u64::from(n) * k / steps & !1 };
+                |n: u32, k: u64| if k == steps { u64::from(n) } else { (u64::from(n) * k / steps) & !1 };
             let counts: Vec<u32> =
                 allocation.counts.iter().map(|&n| (share(n, step + 1) - share(n, step)) as u32).collect();
             self.renderer.render_batch(&counts, &mut self.store);

@@ -363,11 +363,11 @@ mod tests {
         let mut rng = rand_pcg::Pcg64::seed_from_u64(seed);
         let mut store = Store::new(WIDTH, HEIGHT, layout.clone(), 4, seed);
         let mut seen = vec![Vec::new(); WIDTH * HEIGHT];
-        for i in 0..WIDTH * HEIGHT {
+        for (i, seen) in seen.iter_mut().enumerate() {
             for _ in 0..per_pixel {
                 let s = sample(&layout, |_| rng.random());
                 store.push(i % WIDTH, i / WIDTH, &s);
-                seen[i].extend(s);
+                seen.extend(s);
             }
         }
         (store, seen)
