@@ -2,8 +2,8 @@
 //! noisy colours, features of the second hit that follow the BSDF numbers.
 
 use criterion::{Criterion, criterion_group, criterion_main};
-use prpf::filter::PrpfSettings;
 use prpf::filter::prpf::{filter, interpolation_failure};
+use prpf::filter::{PrpfSettings, Quality};
 use prpf::stats::{Block, Layout, Store};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg32;
@@ -52,14 +52,25 @@ fn make(layout: &Layout, size: usize, x: usize, y: usize, rng: &mut Pcg32, sampl
     layout.write(sample, Block::Hit, &[1.0]);
 }
 
-fn paper(c: &mut Criterion) {
-    let settings = PrpfSettings::paper();
-    let mut group = c.benchmark_group("paper");
+/// Each quality at 8 and 64 samples per pixel: the time hardly depends on the samples.
+fn qualities(c: &mut Criterion) {
+    let mut group = c.benchmark_group("512×512");
     group.sample_size(10);
     for spp in [8, 64] {
         let store = store(512, spp);
-        group.bench_function(format!("512×512, {spp} samples"), |b| b.iter(|| filter(&store, &settings, 1)));
+        for quality in [Quality::Paper, Quality::Standard, Quality::Draft] {
+            group.bench_function(format!("{quality:?}, {spp} samples"), |b| {
+                b.iter(|| prpf::filter::filter(&store, quality, 1));
+            });
+        }
     }
+    group.finish();
+}
+
+fn parts_of_paper(c: &mut Criterion) {
+    let settings = PrpfSettings::paper();
+    let mut group = c.benchmark_group("parts of paper");
+    group.sample_size(10);
     let store = store(512, 8);
     group.bench_function("512×512, no mutual information", |b| {
         let settings = PrpfSettings { mi_samples: 0, ..settings.clone() };
@@ -85,5 +96,5 @@ fn mutual_information(c: &mut Criterion) {
     group.finish();
 }
 
-criterion_group!(benches, paper, mutual_information);
+criterion_group!(benches, qualities, parts_of_paper, mutual_information);
 criterion_main!(benches);

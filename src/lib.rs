@@ -28,6 +28,37 @@
 //! | [`progressive`] | the loop: batches, budgets, events |
 //! | [`cli`] | arguments → settings → loop → report |
 
+//!
+//! # The filter without the renderer
+//!
+//! Any program can push its own sample vectors into a store and filter them:
+//!
+//! ```
+//! use prpf::filter::{self, Quality};
+//! use prpf::stats::{Block, Layout, Store};
+//!
+//! // What a sample holds: film position and colour always, here first-hit normals as well.
+//! let layout = Layout::with_blocks(|block| block == Block::Normal1);
+//! let (width, height, seed) = (32, 32, 0);
+//! let mut store = Store::new(width, height, layout.clone(), 8, seed);
+//! let mut sample = vec![0.0; layout.len()];
+//! for (y, x) in (0..height).flat_map(|y| (0..width).map(move |x| (y, x))) {
+//!     for index in 0..4 {
+//!         let noise = 0.4 + 0.2 * ((x * 7 + y * 13 + index * 5) % 3) as f32;
+//!         layout.write(&mut sample, Block::Film, &[x as f32 + 0.5, y as f32 + 0.5]);
+//!         layout.write(&mut sample, Block::Colour, &[noise; 3]);
+//!         layout.write(&mut sample, Block::Normal1, &[0.0, 0.0, 1.0]);
+//!         store.push(x, y, &sample);
+//!     }
+//! }
+//! // The published method; `Quality::Standard` is what measures best.
+//! let filtered = filter::filter(&store, Quality::Paper, seed);
+//! assert!((filtered.image.at(0, 16, 16) - 0.6).abs() < 0.1);
+//! // How sure the filter is of each pixel, and where its interpolation of feature weights failed.
+//! assert_eq!(filtered.variance.count(), 3);
+//! assert!(filtered.interpolation_failure.is_some());
+//! ```
+
 pub mod adaptive;
 pub mod cli;
 pub mod filter;

@@ -22,10 +22,8 @@ const DEFAULT_CAPACITY: usize = 0;
 
 pub(super) fn run(options: &InfoOptions) -> Result<u8, Failure> {
     let scene = pbrt::read(&options.scene).map_err(|error| Failure::Input(error.into()))?;
-    print!("{}", describe(&scene));
-    for warning in &scene.warnings {
-        println!("warning: {warning}");
-    }
+    let warnings: String = scene.warnings.iter().map(|warning| format!("warning: {warning}\n")).collect();
+    super::say(&(describe(&scene) + &warnings));
     Ok(0)
 }
 

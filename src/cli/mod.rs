@@ -11,6 +11,7 @@ mod render;
 mod report;
 
 use std::ffi::OsString;
+use std::io::Write;
 use std::process::ExitCode;
 use std::time::Instant;
 
@@ -38,6 +39,11 @@ enum Command {
     Info(info::InfoOptions),
     /// Compare an image with a reference: MSE, relMSE, PSNR, SSIM, FLIP, brightness
     Compare(compare::CompareArgs),
+}
+
+/// Prints to standard output. Nobody listening any more, as after `| head`, is no failure.
+fn say(text: &str) {
+    let _ = std::io::stdout().write_all(text.as_bytes());
 }
 
 /// Something that went wrong, and the exit status it ends in.

@@ -86,7 +86,7 @@ fn run_in_pool(options: &RenderOptions, start: Instant) -> Result<u8, Failure> {
             .map_err(Failure::Run)?;
     }
     if !options.quiet {
-        summarise(&outcome, seconds, &outfiles, options.verbose);
+        super::say(&summary(&outcome, seconds, &outfiles, options.verbose));
     }
     Ok(if outcome.stopped_by == StoppedBy::Interrupt { INTERRUPTED } else { 0 })
 }
@@ -214,23 +214,24 @@ fn write_report(path: &Path, report: &Report) -> anyhow::Result<()> {
     })
 }
 
-fn summarise(outcome: &Outcome, seconds: Times, outfiles: &[PathBuf], verbose: bool) {
+fn summary(outcome: &Outcome, seconds: Times, outfiles: &[PathBuf], verbose: bool) -> String {
+    let mut lines = Vec::new();
     let spread = Spread::of(&outcome.store);
     if verbose {
         for batch in &outcome.batches {
-            println!(
+            lines.push(format!(
                 "batch {:>2}  {:>8.2} s  {:>12} samples  filter {:>6.3} s  error {}",
                 batch.index,
                 batch.seconds,
                 batch.samples_total,
                 batch.filter_seconds,
                 batch.relmse.or(batch.estimated_error).map_or("-".to_owned(), |e| format!("{e:.3e}")),
-            );
+            ));
         }
     }
     let stopped_by =
         serde_json::to_value(outcome.stopped_by).ok().and_then(|v| v.as_str().map(str::to_owned));
-    println!(
+    lines.push(format!(
         "{:.2} s (load {:.2}, build {:.2}, render {:.2}, filter {:.2}, allocate {:.2}, write {:.2}), \
          {:.1} samples per pixel ({} to {}), {:.2} M samples/s",
         seconds.total,
@@ -244,15 +245,17 @@ fn summarise(outcome: &Outcome, seconds: Times, outfiles: &[PathBuf], verbose: b
         spread.min,
         spread.max,
         outcome.store.samples() as f64 / seconds.render.max(1e-9) / 1e6,
-    );
+    ));
     let rejected = outcome.store.rejected();
     if rejected > 0 {
-        println!("{rejected} samples were rejected: their radiance was not finite, or negative");
+        lines.push(format!("{rejected} samples were rejected: their radiance was not finite, or negative"));
     }
     let error =
         outcome.estimated_error.map(|e| format!("estimated relMSE {:.2e}, ", e.max(0.0))).unwrap_or_default();
-    println!("{error}stopped by {}", stopped_by.unwrap_or_default());
+    lines.push(format!("{error}stopped by {}", stopped_by.unwrap_or_default()));
     for path in outfiles {
-        println!("{}", path.display());
+        lines.push(format!("{}", path.display()));
     }
+    lines.push(String::new());
+    lines.join("\n")
 }
