@@ -1,0 +1,228 @@
+//! Hard cases of the statistics.
+
+use super::*;
+use crate::stats::Block;
+use proptest::prelude::*;
+use rand::{RngExt, SeedableRng};
+
+const WIDTH: usize = 5;
+const HEIGHT: usize = 3;
+
+fn layout() -> Layout {
+    Layout::with_blocks(|b| matches!(b, Block::Position1 | Block::Radiance | Block::Lens))
+}
+
+fn sample(layout: &Layout, value: impl FnMut(usize) -> f32) -> Vec<f32> {
+    (0..layout.len()).map(value).collect()
+}
+
+fn random_store(seed: u64, per_pixel: u32) -> (Store, Vec<Vec<f32>>) {
+    let layout = layout();
+    let mut rng = rand_pcg::Pcg64::seed_from_u64(seed);
+    let mut store = Store::new(WIDTH, HEIGHT, layout.clone(), 4, seed);
+    let mut seen = vec![Vec::new(); WIDTH * HEIGHT];
+    for (i, seen) in seen.iter_mut().enumerate() {
+        for _ in 0..per_pixel {
+            let s = sample(&layout, |_| rng.random());
+            store.push(i % WIDTH, i / WIDTH, &s);
+            seen.extend(s);
+        }
+    }
+    (store, seen)
+}
+
+fn two_pass(values: &[f64]) -> (f64, f64) {
+    let mean = values.iter().sum::<f64>() / values.len() as f64;
+    let m2: f64 = values.iter().map(|v| (v - mean) * (v - mean)).sum();
+    (mean, if values.len() < 2 { 0.0 } else { m2 / (values.len() - 1) as f64 })
+}
+
+#[test]
+fn one_sample_has_its_value_and_no_variance() {
+    let (store, seen) = random_store(1, 1);
+    let m = store.rows()[0].moments(2, 4, Part::Whole);
+    assert_eq!((m.count, m.mean as f32, m.variance()), (1, seen[2][4], 0.0));
+}
+
+#[test]
+fn two_equal_samples_have_no_variance() {
+    let layout = layout();
+    let mut store = Store::new(1, 1, layout.clone(), 2, 0);
+    let s = sample(&layout, |d| 0.1 + d as f32);
+    store.push(0, 0, &[s.clone(), s].concat());
+    assert!(store.variances(Part::Whole, 0..layout.len()).data().iter().all(|&v| v == 0.0));
+}
+
+#[test]
+fn ten_million_samples_agree_with_an_exact_two_pass_sum() {
+    let layout = Layout::with_blocks(|_| false);
+    let mut store = Store::new(1, 1, layout.clone(), 0, 0);
+    let mut rng = rand_pcg::Pcg64::seed_from_u64(3);
+    let mut values = Vec::with_capacity(10_000_000);
+    let mut block = Vec::new();
+    for _ in 0..1000 {
+        block.clear();
+        for _ in 0..10_000 {
+            let v = 0.5 + rng.random::<f32>();
+            values.push(f64::from(v));
+            block.extend([0.0, 0.0, v, v, v]);
+        }
+        store.push(0, 0, &block);
+    }
+    let (mean, variance) = two_pass(&values);
+    let m = store.rows()[0].moments(0, 2, Part::Whole);
+    assert_eq!(m.count, 10_000_000);
+    assert!((m.mean / mean - 1.0).abs() < 1e-10, "{} {mean}", m.mean);
+    assert!((m.variance() / variance - 1.0).abs() < 1e-9, "{} {variance}", m.variance());
+}
+
+#[test]
+fn a_deviation_of_one_is_seen_beside_a_mean_of_a_million() {
+    let layout = Layout::with_blocks(|_| false);
+    for (mean, tolerance) in [(1e6, 0.01), (1e8, f64::INFINITY)] {
+        let mut store = Store::new(1, 1, layout.clone(), 0, 0);
+        let mut rng = rand_pcg::Pcg64::seed_from_u64(5);
+        for _ in 0..100_000 {
+            // Uniform with deviation one.
+            let v = mean + (12f32.sqrt() * (rng.random::<f32>() - 0.5));
+            store.push(0, 0, &[0.0, 0.0, v, v, v]);
+        }
+        let sigma = store.rows()[0].moments(0, 2, Part::Whole).variance().sqrt();
+        assert!(sigma.is_finite() && (sigma - 1.0).abs() < tolerance, "{mean}: {sigma}");
+    }
+}
+
+#[test]
+fn bad_samples_are_counted_and_touch_no_statistic() {
+    let layout = layout();
+    let good = sample(&layout, |_| 0.5);
+    let mut store = Store::new(1, 1, layout.clone(), 4, 0);
+    store.push(0, 0, &good);
+    for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, -1e-3] {
+        for dim in layout.colour().chain(layout.radiance()) {
+            let mut s = good.clone();
+            s[dim] = bad;
+            store.push(0, 0, &s);
+        }
+    }
+    assert_eq!((store.samples(), store.rejected()), (1, 24));
+    assert_eq!(store.rows()[0].next_index(0), 25, "a rejected sample uses up its index");
+    assert!(store.means(Part::Whole, 0..layout.len()).data().iter().all(|&v| v == 0.5));
+    assert_eq!(store.rows()[0].reservoir(0), good);
+}
+
+#[test]
+fn negative_positions_are_no_reason_to_reject() {
+    let layout = layout();
+    let mut store = Store::new(1, 1, layout.clone(), 0, 0);
+    store.push(
+        0,
+        0,
+        &sample(&layout, |d| {
+            if layout.colour().contains(&d) || layout.radiance().contains(&d) { 1.0 } else { -1.0 }
+        }),
+    );
+    assert_eq!(store.rejected(), 0);
+}
+
+#[test]
+fn merging_with_an_empty_store_changes_nothing() {
+    let (store, _) = random_store(7, 9);
+    let empty = Store::new(WIDTH, HEIGHT, layout(), 4, 8);
+    let mut merged = store.clone();
+    merged.merge(&empty);
+    let all = 0..layout().len();
+    for part in [Part::Whole, Part::Half(0), Part::Half(1)] {
+        assert_eq!(merged.means(part, all.clone()), store.means(part, all.clone()));
+        assert_eq!(merged.variances(part, all.clone()), store.variances(part, all.clone()));
+        assert_eq!(merged.counts(part), store.counts(part));
+    }
+}
+
+#[test]
+fn reading_halves_at_once_equals_reading_them_one_by_one() {
+    for per_pixel in [0, 1, 2, 7] {
+        let (store, _) = random_store(11, per_pixel);
+        let ([a, b], variance) = store.halves(2..5);
+        assert_eq!(a, store.means(Part::Half(0), 2..5));
+        assert_eq!(b, store.means(Part::Half(1), 2..5));
+        let expected = store.variances(Part::Whole, 2..5);
+        assert!(variance.data().iter().zip(expected.data()).all(|(v, e)| (v - e).abs() <= 1e-6 * e));
+    }
+}
+
+#[test]
+fn the_bytes_that_are_promised_are_the_bytes_that_are_held() {
+    let (width, layout) = (512, layout());
+    let store = Store::new(width, 1, layout.clone(), 4, 0);
+    let row = &store.rows()[0];
+    let held = row.halves.iter().map(|h| h.count.len() * 4 + (h.mean.len() + h.m2.len()) * 8).sum::<usize>()
+        + (row.drawn.len() + row.rejected.len()) * 4
+        + row.keys.len() * 8
+        + row.reservoir.len() * 4;
+    let promised = Store::bytes_per_pixel(&layout, 4) * width;
+    // Rows are padded to an odd number of cache lines.
+    assert!(held >= promised && (held as f64) < 1.03 * promised as f64, "{held} {promised}");
+}
+
+#[test]
+fn the_reservoir_keeps_a_uniform_choice() {
+    let layout = Layout::with_blocks(|_| false);
+    let (pixels, n, capacity) = (4000, 40, 4);
+    let mut store = Store::new(pixels, 1, layout, capacity, 9);
+    let mut kept = vec![0u32; n];
+    for x in 0..pixels {
+        for k in 0..n {
+            store.push(x, 0, &[k as f32, 0.0, 0.0, 0.0, 0.0]);
+        }
+        store.rows()[0].reservoir(x).chunks(5).for_each(|s| kept[s[0] as usize] += 1);
+    }
+    let expected = (pixels * capacity) as f64 / n as f64;
+    let chi2: f64 = kept.iter().map(|&k| (f64::from(k) - expected).powi(2) / expected).sum();
+    // 39 degrees of freedom: 1 in 10⁴ exceed 81.
+    assert!(chi2 < 81.0, "{chi2}");
+}
+
+proptest! {
+    #[test]
+    fn any_split_of_a_stream_merges_to_the_one_stream(
+        values in prop::collection::vec(0.0f32..1e3, 2..60),
+        cut in 0usize..60,
+    ) {
+        let layout = Layout::with_blocks(|_| false);
+        // Halves go by index: an even cut keeps every sample in its half.
+        let cut = cut.min(values.len()) & !1;
+        let store_of = |values: &[f32]| {
+            let mut store = Store::new(1, 1, layout.clone(), 4, 0);
+            values.iter().for_each(|&v| store.push(0, 0, &[v, v, v, v, v]));
+            store
+        };
+        let whole = store_of(&values);
+        let (a, b) = (store_of(&values[..cut]), store_of(&values[cut..]));
+        for (first, second) in [(&a, &b), (&b, &a)] {
+            let mut merged = first.clone();
+            merged.merge(second);
+            for part in [Part::Whole, Part::Half(0), Part::Half(1)] {
+                let (m, w) = (merged.rows()[0].moments(0, 2, part), whole.rows()[0].moments(0, 2, part));
+                prop_assert_eq!(m.count, w.count);
+                prop_assert!((m.mean - w.mean).abs() <= 1e-9 * w.mean.abs().max(1.0));
+                prop_assert!((m.m2 - w.m2).abs() <= 1e-9 * w.m2.abs().max(1.0));
+            }
+        }
+    }
+
+    #[test]
+    fn moments_equal_a_two_pass_recomputation(
+        values in prop::collection::vec(0.0f32..1e6, 1..200),
+        batch in 1usize..50,
+    ) {
+        let layout = Layout::with_blocks(|_| false);
+        let mut store = Store::new(1, 1, layout, 0, 0);
+        let vectors: Vec<f32> = values.iter().flat_map(|&v| [v; 5]).collect();
+        vectors.chunks(5 * batch).for_each(|samples| store.push(0, 0, samples));
+        let (mean, variance) = two_pass(&values.iter().map(|&v| f64::from(v)).collect::<Vec<_>>());
+        let m = store.rows()[0].moments(0, 3, Part::Whole);
+        prop_assert!((m.mean - mean).abs() <= 1e-9 * mean.max(1.0));
+        prop_assert!((m.variance() - variance).abs() <= 1e-9 * variance.max(1.0));
+    }
+}
