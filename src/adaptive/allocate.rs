@@ -18,7 +18,9 @@ pub struct Allocation {
 /// `total` samples over `pixels` pixels, as even as can be; pixels with `max_spp` are passed over.
 pub fn uniform(total: u64, have: &[u32], max_spp: u32) -> Allocation {
     let pixels = have.len();
-    let open: Vec<usize> = (0..pixels).filter(|&i| have[i] < max_spp).collect();
+    let mut open: Vec<usize> = (0..pixels).filter(|&i| have[i] < max_spp).collect();
+    // Least room first: what finds no room there is left for the others.
+    open.sort_by_key(|&i| max_spp - have[i]);
     let mut counts = vec![0; pixels];
     let mut left = total;
     for (k, &i) in open.iter().enumerate() {
@@ -33,15 +35,15 @@ pub fn uniform(total: u64, have: &[u32], max_spp: u32) -> Allocation {
 
 /// `total` samples, so that with those that a pixel has (`have`) the counts approach proportionality
 /// to `priority`. Counts are even, so that both halves of a pixel grow alike (one pixel may get the
-/// odd sample of an odd total). `width` is the image's; `batch` is the batch's index, which moves the
-/// uniform share about.
+/// odd sample of an odd total). `width` is the image's; `key` decides which pixels the uniform
+/// share falls on.
 pub fn allocate(
     priority: &[f32],
     have: &[u32],
     width: usize,
     total: u64,
     max_spp: u32,
-    batch: u32,
+    key: u64,
 ) -> Allocation {
     let pixels = priority.len();
     let sum: f64 = priority.iter().map(|&p| f64::from(p)).sum();
@@ -53,7 +55,7 @@ pub fn allocate(
 
     // Some pairs go to pixels chosen by chance alone.
     let chance = (UNIFORM_SHARE * pairs as f64 / pixels as f64).min(1.0);
-    let probes: Vec<bool> = (0..pixels).map(|i| room(i) >= 1.0 && draw(i, batch) < chance).collect();
+    let probes: Vec<bool> = (0..pixels).map(|i| room(i) >= 1.0 && draw(i, key) < chance).collect();
     let probed = probes.iter().filter(|&&probe| probe).count() as u64;
     let probed = probed.min(pairs);
 
@@ -77,17 +79,20 @@ pub fn allocate(
     // What found no room in pairs, and the odd sample.
     let placed: u64 = counts.iter().map(|&n| u64::from(n)).sum();
     if placed < total {
-        let grown: Vec<u32> = have.iter().zip(&counts).map(|(a, b)| a + b).collect();
         let mut rest = total - placed;
-        let mut order: Vec<usize> = (0..pixels).filter(|&i| grown[i] < max_spp).collect();
+        let room = |counts: &[u32], i: usize| max_spp.saturating_sub(have[i] + counts[i]);
+        let mut order: Vec<usize> = (0..pixels).filter(|&i| room(&counts, i) > 0).collect();
         order.sort_by(|&a, &b| priority[b].total_cmp(&priority[a]).then(a.cmp(&b)));
-        for i in order {
-            let extra = rest.min(u64::from(max_spp - grown[i])).min(if rest > 1 { 2 } else { 1 });
-            counts[i] += extra as u32;
-            rest -= extra;
-            if rest == 0 {
-                break;
+        // Pairs as long as there is room for pairs, then single samples.
+        for step in [2, 1] {
+            while rest >= step && !order.is_empty() {
+                order.retain(|&i| u64::from(room(&counts, i)) >= step);
+                for &i in order.iter().take(usize::try_from(rest / step).unwrap_or(usize::MAX)) {
+                    counts[i] += step as u32;
+                    rest -= step;
+                }
             }
+            order = (0..pixels).filter(|&i| room(&counts, i) > 0).collect();
         }
     }
     Allocation { counts, probes }
@@ -137,10 +142,10 @@ fn round(targets: &[f64], width: usize, pairs: u64, room: impl Fn(usize) -> f64)
     counts
 }
 
-/// A number in [0, 1) for a pixel and a batch.
-fn draw(pixel: usize, batch: u32) -> f64 {
+/// A number in [0, 1) for a pixel and a key.
+fn draw(pixel: usize, key: u64) -> f64 {
     let mut z = (pixel as u64 + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15)
-        ^ (u64::from(batch) + 1).wrapping_mul(0xd1b5_4a32_d192_ed03);
+        ^ key.wrapping_add(1).wrapping_mul(0xd1b5_4a32_d192_ed03);
     z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
     z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
     ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64
@@ -202,11 +207,14 @@ mod tests {
         ) {
             let max_spp = 40 + spare;
             let room: u64 = have.iter().map(|&n| u64::from(max_spp - n)).sum();
-            let spend = spend.min(room / 2);
+            let spend = spend.min(room);
             let a = allocate(&priority, &have, 8, spend, max_spp, 0);
             prop_assert_eq!(total(&a), spend);
             prop_assert!(a.counts.iter().zip(&have).all(|(n, h)| n + h <= max_spp));
-            prop_assert!(a.counts.iter().filter(|&&n| n % 2 == 1).count() <= 1 + (spend as usize & 1));
+            // Single samples come only after the pairs, and where there is no priority at all.
+            let room_for_pairs: u64 = have.iter().map(|&n| u64::from((max_spp - n) & !1)).sum();
+            let odd = a.counts.iter().filter(|&&n| n % 2 == 1).count();
+            prop_assert!(spend > room_for_pairs || priority.iter().all(|&p| p == 0.0) || odd <= 1);
         }
     }
 }

@@ -6,6 +6,7 @@ use clap::Args;
 
 use super::Failure;
 use super::report::dimension_names;
+use crate::progressive::RESERVOIR;
 use crate::scene::{Integrator, Light, Scene, Shape, pbrt};
 use crate::stats::{Group, Layout, Store};
 
@@ -16,9 +17,6 @@ pub(super) struct InfoOptions {
     /// Scene in pbrt's format
     scene: PathBuf,
 }
-
-/// Sample vectors that the reservoir keeps by default.
-const DEFAULT_CAPACITY: usize = 0;
 
 pub(super) fn run(options: &InfoOptions) -> Result<u8, Failure> {
     let scene = pbrt::read(&options.scene).map_err(|error| Failure::Input(error.into()))?;
@@ -39,7 +37,8 @@ fn describe(scene: &Scene) -> String {
     let features = count(|g| matches!(g, Group::Feature(_)));
     let randoms = count(|g| g == Group::Random);
     let vector = count(|g| g != Group::Auxiliary);
-    let bytes = Store::bytes_per_pixel(&layout, DEFAULT_CAPACITY);
+    let bytes = Store::bytes_per_pixel(&layout, 0);
+    let paper = Store::bytes_per_pixel(&layout, RESERVOIR);
     let megabytes = (bytes * (x1 - x0) * (y1 - y0)) as f64 / 1e6;
     let (stored, instanced) = triangles(scene);
     let emissive = scene.primitives.iter().filter(|p| p.area_light.is_some()).count();
@@ -56,8 +55,8 @@ fn describe(scene: &Scene) -> String {
          effects     {}\n\
          dimensions  {vector} of 27 alive: {}\n\
          auxiliary   {}\n\
-         pairs       {pairs} of mutual information\n\
-         store       {bytes} bytes per pixel, {megabytes:.0} MB for this film\n",
+         pairs       {pairs} of mutual information, with --quality paper\n\
+         store       {bytes} bytes per pixel, {megabytes:.0} MB for this film; {paper} bytes per pixel with --quality paper\n",
         scene.source,
         film.width,
         film.height,

@@ -26,7 +26,7 @@ pub(super) struct RenderOptions {
     /// Output, .exr (all layers) or .png; may be given twice [default: the scene's, else SCENE.exr]
     #[arg(short, long, value_name = "FILE")]
     pub outfile: Vec<PathBuf>,
-    /// Budget: samples per pixel, on average over the image [default: the scene's]
+    /// Budget: samples per pixel, on average over the image [default: the scene's, if there is no other budget]
     #[arg(long, value_name = "N")]
     pub spp: Option<u32>,
     /// Budget: wall time of the whole command, e.g. 20s, 5m, 1h30m
@@ -103,14 +103,14 @@ const NO_CEILING: u32 = u32::MAX / 4;
 impl RenderOptions {
     /// What the loop follows.
     pub fn settings(&self, scene: &Scene) -> Settings {
-        let spp = match (self.spp, self.time, self.target_error) {
-            (Some(0), ..) => None,
-            (None, None, None) => Some(scene.spp),
-            (spp, ..) => spp,
-        };
         let on = |value: Option<f64>| value.filter(|&v| v > 0.0);
+        let (seconds, target_error) = (on(self.time), on(self.target_error));
+        let spp = match self.spp.filter(|&spp| spp > 0) {
+            None if seconds.is_none() && target_error.is_none() => Some(scene.spp),
+            spp => spp,
+        };
         Settings {
-            budget: Budget { spp, seconds: on(self.time), target_error: on(self.target_error) },
+            budget: Budget { spp, seconds, target_error },
             sampling: match self.sampling {
                 SamplingOption::Uniform => Sampling::Uniform,
                 SamplingOption::Adaptive => Sampling::Adaptive,
@@ -188,7 +188,7 @@ fn parse_positive(text: &str) -> Result<f64, String> {
     }
 }
 
-/// Longest side of a film: an EXR of all layers still fits in memory.
+/// Longest side of a film. Whether its pixels fit in memory is checked before they are allocated.
 const LONGEST_SIDE: usize = 1 << 15;
 
 fn parse_resolution(text: &str) -> Result<[usize; 2], String> {

@@ -17,9 +17,10 @@ use crate::image::exr_file::{self, Attribute, Windows, names};
 use crate::image::formats::OutputFormat;
 use crate::image::metrics::Pair;
 use crate::image::{self, Planes, atomic, png_file};
-use crate::progressive::{Loop, Outcome, Progress, Settings, StoppedBy};
+use crate::progressive::{Loop, Outcome, Progress, Settings, StoppedBy, store_bytes_per_pixel};
 use crate::render::Renderer;
 use crate::scene::{Scene, pbrt};
+use crate::stats::Layout;
 
 /// Exit status after a person's interruption: 128 + SIGINT.
 const INTERRUPTED: u8 = 130;
@@ -43,6 +44,11 @@ fn run_in_pool(options: &RenderOptions, start: Instant) -> Result<u8, Failure> {
     let mut scene = pbrt::read(&options.scene).map_err(|error| Failure::Input(error.into()))?;
     options.apply(&mut scene).map_err(Failure::Input)?;
     let outfiles = outfiles(options, &scene).map_err(Failure::Input)?;
+    outfiles
+        .iter()
+        .chain(&options.report)
+        .try_for_each(|path| can_be_written(path))
+        .map_err(Failure::Input)?;
     let reference = options
         .reference
         .as_deref()
@@ -57,6 +63,7 @@ fn run_in_pool(options: &RenderOptions, start: Instant) -> Result<u8, Failure> {
     let build = start.elapsed().as_secs_f64() - load;
 
     let settings = options.settings(&scene);
+    fits_in_memory(renderer.layout(), &settings, renderer.resolution()).map_err(Failure::Input)?;
     let interrupt = Arc::new(AtomicBool::new(false));
     listen_to_signals(&interrupt).map_err(Failure::Run)?;
     let bar = bar(options);
@@ -99,6 +106,47 @@ fn outfiles(options: &RenderOptions, scene: &Scene) -> anyhow::Result<Vec<PathBu
     let named = scene.film.filename.as_ref().map(PathBuf::from).filter(|path| OutputFormat::of(path).is_ok());
     let fallback = || Path::new(options.scene.file_stem().unwrap_or_default()).with_extension("exr");
     Ok(vec![named.unwrap_or_else(fallback)])
+}
+
+/// What can be known of an output before minutes of rendering.
+fn can_be_written(path: &Path) -> anyhow::Result<()> {
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    if !folder.is_dir() {
+        anyhow::bail!("{}: found no folder {}; it has to exist", path.display(), folder.display());
+    }
+    if path.is_dir() {
+        anyhow::bail!("{}: found a folder; accepted is the name of a file", path.display());
+    }
+    Ok(())
+}
+
+/// Refuses a render whose store and filter would not fit in the memory that is left, where that is
+/// known.
+fn fits_in_memory(
+    layout: &Layout,
+    settings: &Settings,
+    (width, height): (usize, usize),
+) -> anyhow::Result<()> {
+    /// The filters hold planes of their own beside the store.
+    const BESIDE_STORE: f64 = 1.5;
+    let per_pixel = store_bytes_per_pixel(layout, settings) as f64 * BESIDE_STORE;
+    let needed = per_pixel * width as f64 * height as f64;
+    match available_bytes() {
+        Some(available) if needed > available => anyhow::bail!(
+            "{width}x{height} pixels need about {:.1} GB of memory, {:.1} GB are available; \
+             up to {:.0} pixels would fit",
+            needed / 1e9,
+            available / 1e9,
+            available / per_pixel
+        ),
+        _ => Ok(()),
+    }
+}
+
+fn available_bytes() -> Option<f64> {
+    let memory = std::fs::read_to_string("/proc/meminfo").ok()?;
+    let line = memory.lines().find_map(|line| line.strip_prefix("MemAvailable:"))?;
+    Some(line.trim().strip_suffix("kB")?.trim().parse::<f64>().ok()? * 1024.0)
 }
 
 fn reference(path: &Path, scene: &Scene) -> anyhow::Result<Planes> {
@@ -192,7 +240,7 @@ fn attributes(
         (names::RENDER_TIME_SECONDS.to_owned(), Attribute::Float(start.elapsed().as_secs_f32())),
         (own("seed"), Attribute::Text(settings.seed.to_string())),
         (own("version"), Attribute::Text(env!("CARGO_PKG_VERSION").to_owned())),
-        (own("commandLine"), Attribute::Text(std::env::args().collect::<Vec<_>>().join(" "))),
+        (own("commandLine"), Attribute::Text(command_line())),
         (own("scene"), Attribute::Text(scene.source.clone())),
         (own("samplesMin"), Attribute::Int(spread.min as i32)),
         (own("samplesMean"), Attribute::Float(spread.mean as f32)),
@@ -203,6 +251,11 @@ fn attributes(
         attributes.push((names::MSE.to_owned(), Attribute::Float(mse as f32)));
     }
     attributes
+}
+
+fn command_line() -> String {
+    let words: Vec<String> = std::env::args_os().map(|word| word.to_string_lossy().into_owned()).collect();
+    words.join(" ")
 }
 
 fn write_report(path: &Path, report: &Report) -> anyhow::Result<()> {

@@ -46,7 +46,8 @@ pub struct Filtered {
     /// Squared difference of the filtered from the unfiltered image over its expected value; about
     /// 1 where the filter is right, above where it is biased. 1 plane.
     pub residual: Planes,
-    /// Estimated variance of the filtered pixel, from the halves: ¼(F_A − F_B)². 3 planes.
+    /// Estimated variance of the pixel: of a filtered image ¼(F_A − F_B)² from its halves, of an
+    /// unfiltered one s²/n. 3 planes.
     pub variance: Planes,
     /// Estimated squared error of the filtered pixel, mean of channels. 1 plane.
     pub error: Planes,

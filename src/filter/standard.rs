@@ -27,6 +27,11 @@ pub struct StandardSettings {
     pub radius: usize,
     /// Sensitivity of the colour distance (k of the patch distance).
     pub k: f32,
+    /// Samples per pixel from which on k grows, as their fourth root: with more samples the variances
+    /// are better known, and less caution measures better.
+    pub k_samples: f32,
+    /// The most that k grows by.
+    pub k_growth: f32,
     /// The same for directly visible emission, whose edges are hard.
     pub emission_k: f32,
     /// Deviation of the normal term; normals are unit vectors.
@@ -55,6 +60,8 @@ impl StandardSettings {
         Self {
             radius: 8,
             k: 0.6,
+            k_samples: 32.0,
+            k_growth: 1.5,
             emission_k: 0.45,
             normal_sigma: 0.2,
             feature_radius: 2,
@@ -83,6 +90,10 @@ impl StandardSettings {
 
 /// Filters a store.
 pub fn filter(store: &Store, settings: &StandardSettings) -> Filtered {
+    let spp = store.samples() as f32 / store.pixels().max(1) as f32;
+    let growth = (spp / settings.k_samples).powf(0.25).clamp(1.0, settings.k_growth);
+    let settings =
+        &StandardSettings { k: settings.k * growth, emission_k: settings.emission_k * growth, ..*settings };
     let layout = store.layout();
     let counts = Counts::of(store);
     let read = |block| layout.block(block).map(|dims| Halves::of(store, dims, &counts));

@@ -110,6 +110,7 @@ pub struct Progress {
 struct Shown {
     filtered: Filtered,
     failure: Option<Planes>,
+    success: Option<f32>,
 }
 
 /// The loop's own state.
@@ -131,7 +132,7 @@ pub struct Loop<'a> {
 
 /// Sample vectors kept per pixel where mutual information is estimated: enough for the smallest of
 /// its windows.
-const RESERVOIR: usize = 8;
+pub const RESERVOIR: usize = 8;
 /// Window of the grid stage whose failures drive samples; the paper's third.
 const FAILURE_WINDOW: usize = 17;
 
@@ -189,7 +190,7 @@ impl<'a> Loop<'a> {
         let stopped_by = loop {
             let elapsed = self.start.elapsed().as_secs_f64();
             let error = self.estimate.as_ref().map(ErrorEstimate::at_most);
-            let total = match self.schedule.next(elapsed, self.store.samples(), error) {
+            let total = match self.schedule.next(elapsed, self.store.drawn(), error) {
                 Ok(total) => total,
                 Err(stopped_by) => break stopped_by,
             };
@@ -197,20 +198,28 @@ impl<'a> Loop<'a> {
             let allocation = self.allocate(shown.as_ref(), total);
             let interrupted = self.render(&allocation, listen);
             if let Some(shown) = &shown {
-                self.estimate =
-                    ErrorEstimate::of(&shown.filtered.image, &before, &self.store, &allocation.probes);
+                let new = ErrorEstimate::of(&shown.filtered.image, &before, &self.store, &allocation.probes);
+                let old = self.estimate.take();
+                self.estimate = match new {
+                    Some(new) => Some(new.or_keep(old)),
+                    None => old,
+                };
             }
             if interrupted {
                 break StoppedBy::Interrupt;
             }
             let elapsed = self.start.elapsed().as_secs_f64();
             let error = self.estimate.as_ref().map(ErrorEstimate::at_most);
-            if let Err(stopped_by) = self.schedule.clone().next(elapsed, self.store.samples(), error) {
+            if let Err(stopped_by) = self.schedule.next(elapsed, self.store.drawn(), error) {
                 break stopped_by;
             }
             shown = Some(self.rerun());
         };
-        let (filtered, seconds) = self.filter(self.settings.quality);
+        let (mut filtered, seconds) = self.filter(self.settings.quality);
+        if let Some(shown) = shown {
+            filtered.interpolation_failure = filtered.interpolation_failure.or(shown.failure);
+            filtered.interpolation_success = filtered.interpolation_success.or(shown.success);
+        }
         self.report(&filtered, seconds, filtered.interpolation_success);
         Outcome {
             filtered,
@@ -227,8 +236,9 @@ impl<'a> Loop<'a> {
     fn allocate(&mut self, shown: Option<&Shown>, total: u64) -> Allocation {
         let started = Instant::now();
         let counts = self.store.counts(Part::Whole);
+        let floor = self.settings.min_spp.min(self.settings.max_spp);
         let allocation = match (self.settings.sampling, shown) {
-            (Sampling::Adaptive, Some(shown)) => {
+            (Sampling::Adaptive, Some(shown)) if counts.iter().all(|&n| n >= floor) => {
                 let maps = Maps {
                     counts: &counts,
                     image: &shown.filtered.image,
@@ -238,15 +248,8 @@ impl<'a> Loop<'a> {
                     interpolation_failure: shown.failure.as_ref(),
                 };
                 let priority = adaptive::priority(maps, &self.settings.priority);
-                let batch = self.batches.len() as u32;
-                adaptive::allocate(
-                    &priority,
-                    &counts,
-                    self.store.width(),
-                    total,
-                    self.settings.max_spp,
-                    batch,
-                )
+                let key = self.settings.seed.rotate_left(32) ^ self.batches.len() as u64;
+                adaptive::allocate(&priority, &counts, self.store.width(), total, self.settings.max_spp, key)
             }
             _ => adaptive::uniform(total, &counts, self.settings.max_spp),
         };
@@ -260,6 +263,7 @@ impl<'a> Loop<'a> {
         let total: u64 = allocation.counts.iter().map(|&n| u64::from(n)).sum();
         let steps = self.schedule.steps(total);
         let mut interrupted = false;
+        let mut rendered = 0;
         for step in 0..steps {
             // Step k brings every pixel to the k-th share of its batch, rounded down to pairs.
             let share =
@@ -267,6 +271,7 @@ impl<'a> Loop<'a> {
             let counts: Vec<u32> =
                 allocation.counts.iter().map(|&n| (share(n, step + 1) - share(n, step)) as u32).collect();
             self.renderer.render_batch(&counts, &mut self.store);
+            rendered += counts.iter().map(|&n| u64::from(n)).sum::<u64>();
             let (samples, elapsed) = (self.store.samples(), self.start.elapsed().as_secs_f64());
             listen(Progress {
                 fraction: self.schedule.fraction(elapsed, samples),
@@ -281,7 +286,7 @@ impl<'a> Loop<'a> {
         }
         let seconds = started.elapsed().as_secs_f64();
         self.seconds.render += seconds;
-        self.schedule.rendered(total, seconds);
+        self.schedule.rendered(rendered, seconds);
         interrupted
     }
 
@@ -298,7 +303,7 @@ impl<'a> Loop<'a> {
         let (failure, success) = grid.unzip();
         self.schedule.filtered(seconds);
         self.report(&filtered, seconds, success);
-        Shown { filtered, failure }
+        Shown { filtered, failure, success }
     }
 
     fn filter(&mut self, quality: Quality) -> (Filtered, f64) {

@@ -1,8 +1,8 @@
 //! How many samples the next batch has, and when to stop. Pure arithmetic: times are told.
 //!
-//! Without a budget of time the schedule depends on counts alone, so that a render with a sample
-//! budget is the same image on any machine. Batches double the total, so the filter runs a number of
-//! times that grows with the logarithm of the samples, and its share of the time stays small.
+//! With a budget of samples alone the schedule depends on counts alone, so that the image is the same
+//! on any machine. Batches double the total up to a largest size, so the filter's share of the time
+//! falls and stays small.
 
 use super::StoppedBy;
 
@@ -17,7 +17,8 @@ pub struct Budget {
     pub target_error: Option<f64>,
 }
 
-/// The first batch is at most this many samples per pixel; more would be spread blindly.
+/// The first batch is at most this many samples per pixel unless the floor is higher; more would be
+/// spread blindly.
 const PILOT_SPP: u64 = 8;
 /// No batch is larger than this many samples per pixel, so that there is news now and then.
 const LARGEST_BATCH_SPP: u64 = 64;
@@ -62,7 +63,7 @@ impl Schedule {
     }
 
     /// Samples of the next batch, or what ended the render.
-    pub fn next(&mut self, elapsed: f64, samples: u64, error: Option<f64>) -> Result<u64, StoppedBy> {
+    pub fn next(&self, elapsed: f64, samples: u64, error: Option<f64>) -> Result<u64, StoppedBy> {
         let most = |spp: u64| spp.saturating_mul(self.pixels).saturating_sub(samples);
         let left = match self.budget.spp {
             Some(spp) => most(u64::from(spp).min(self.max_spp)),
@@ -108,7 +109,7 @@ impl Schedule {
 
     fn pilot(&self) -> u64 {
         if self.budget.seconds.is_some() {
-            // Nothing is known of the scene's speed yet.
+            // Nothing is known of the scene's speed yet, so the floor has to wait.
             return self.pixels;
         }
         let quarter = self.budget.spp.map_or(PILOT_SPP, |spp| u64::from(spp) / 4);
@@ -135,7 +136,7 @@ mod tests {
 
     fn batches(spp: u32) -> Vec<u64> {
         let budget = Budget { spp: Some(spp), ..Budget::default() };
-        let mut schedule = Schedule::new(&budget, 100, 4, u32::MAX);
+        let schedule = Schedule::new(&budget, 100, 4, u32::MAX);
         let mut samples = 0;
         let mut sizes = Vec::new();
         while let Ok(batch) = schedule.next(0.0, samples, None) {
@@ -157,7 +158,7 @@ mod tests {
     #[test]
     fn a_target_error_that_is_reached_ends_the_render() {
         let budget = Budget { target_error: Some(0.01), ..Budget::default() };
-        let mut schedule = Schedule::new(&budget, 100, 4, u32::MAX);
+        let schedule = Schedule::new(&budget, 100, 4, u32::MAX);
         assert_eq!(schedule.next(0.0, 800, Some(0.02)), Ok(800));
         assert_eq!(schedule.next(0.0, 1600, Some(0.01)), Err(StoppedBy::TargetError));
     }

@@ -129,6 +129,11 @@ impl Store {
         self.rows.iter().flat_map(|row| &row.halves).flat_map(|half| &half.count).map(|&n| u64::from(n)).sum()
     }
 
+    /// Samples of the whole image, rejected ones included.
+    pub fn drawn(&self) -> u64 {
+        self.rows.iter().flat_map(|row| &row.drawn).map(|&n| u64::from(n)).sum()
+    }
+
     /// Samples rejected because a value was not finite or a radiance negative.
     pub fn rejected(&self) -> u64 {
         self.rows.iter().flat_map(|row| &row.rejected).map(|&n| u64::from(n)).sum()
