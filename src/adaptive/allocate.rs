@@ -60,12 +60,10 @@ pub fn allocate(
     let probed = probed.min(pairs);
 
     // The rest raises pixels to what their priority asks for.
-    let targets = targets(priority, have, (pairs - probed) as f64, |i| {
-        (CEILING * pairs as f64 / pixels as f64)
-            .max(1.0)
-            .min((room(i) - f64::from(u8::from(probes[i]))).max(0.0))
-    });
-    let mut counts = round(&targets, width, pairs - probed, room);
+    let unprobed = |i: usize| (room(i) - f64::from(u8::from(probes[i]))).max(0.0);
+    let most = (CEILING * pairs as f64 / pixels as f64).max(1.0);
+    let targets = targets(priority, have, (pairs - probed) as f64, |i| most.min(unprobed(i)));
+    let mut counts = round(&targets, width, pairs - probed, unprobed);
     let mut left = probed;
     for (count, _) in counts.iter_mut().zip(&probes).filter(|(_, probe)| **probe) {
         if left == 0 {
