@@ -1,8 +1,8 @@
 //! Reader of pbrt's scene description.
 //!
-//! [`lexer`]: text → tokens. [`directives`]: tokens → statements, by the table of directives, each
-//! of which is a method of [`state::Reader`]; these methods are spread over the files by what they
-//! make. What differs between the dialects v2, v3 and v4 stands in [`dialect`].
+//! `lexer`: text → tokens. `directives`: tokens → statements, by the table of directives, each
+//! of which is a method of `state::Reader`; these methods are spread over the files by what they
+//! make. What differs between the dialects v2, v3 and v4 stands in `dialect`.
 //!
 //! Source: the file format specification of pbrt-v4 (pbrt.org/fileformat-v4).
 
