@@ -133,6 +133,8 @@ pub struct Loop<'a> {
 /// Sample vectors kept per pixel where mutual information is estimated: enough for the smallest of
 /// its windows.
 pub const RESERVOIR: usize = 8;
+/// Share of the time so far that reruns of the filter may have taken.
+const RERUN_SHARE: f64 = 0.1;
 /// Window of the grid stage whose failures drive samples; the paper's third.
 const FAILURE_WINDOW: usize = 17;
 
@@ -213,7 +215,16 @@ impl<'a> Loop<'a> {
             if let Err(stopped_by) = self.schedule.next(elapsed, self.store.drawn(), error) {
                 break stopped_by;
             }
-            shown = Some(self.rerun());
+            // With a budget of time the filter waits until there is something to decide and its share is
+            // small again; with one of samples the clock has no say, so that the image is the same on
+            // any machine.
+            let timed = self.settings.budget.seconds.is_some();
+            let pixels = self.store.pixels() as u64;
+            let decides = self.store.drawn() >= u64::from(self.settings.min_spp) * pixels;
+            let affordable = shown.is_none() || self.seconds.filter < RERUN_SHARE * elapsed;
+            if !timed || decides && affordable {
+                shown = Some(self.rerun());
+            }
         };
         let (mut filtered, seconds) = self.filter(self.settings.quality);
         if let Some(shown) = shown {
