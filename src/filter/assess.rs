@@ -33,7 +33,7 @@ impl Assessment {
         noisy: &Halves,
         filtered: &[Planes; 2],
         emission: Option<&[Planes; 2]>,
-        own_weight: &[Vec<f32>; 2],
+        own_weight: [&[f32]; 2],
     ) -> Self {
         let (width, height) = (filtered[0].width(), filtered[0].height());
         let own = |i: usize| 0.5 * (own_weight[0][i] + own_weight[1][i]);

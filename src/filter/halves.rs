@@ -13,7 +13,7 @@ use super::outliers::{self, Clamped, OutlierSettings};
 const POOL_SAMPLES: f32 = 2.0;
 /// Blur, in pixels, of what the halves say of the variance of the mean (after Rousselle, Knaus and
 /// Zwicker 2012, section 5.1).
-const AGREEMENT_SIGMA: f32 = 8.0;
+const AGREEMENT_SIGMA: f32 = 3.0;
 /// The halves may correct s²/n within these factors.
 const AGREEMENT_RANGE: (f32, f32) = (0.02, 2.0);
 
@@ -24,6 +24,21 @@ pub(super) struct Halves {
     pub mean: [Planes; 2],
     /// Variance of that mean: 3 planes.
     pub variance: [Planes; 2],
+}
+
+/// An estimate of one half of the samples that is linear in its values.
+pub(super) struct Estimate {
+    /// 3 planes.
+    pub value: Planes,
+    /// ∂F/∂c: what a pixel's own value weighs in its result, in (0, 1].
+    pub own_weight: Vec<f32>,
+}
+
+impl Estimate {
+    /// Of the values that are still to be computed.
+    pub fn new(width: usize, height: usize) -> Self {
+        Self { value: Planes::new(width, height, 3), own_weight: vec![1.0; width * height] }
+    }
 }
 
 /// Sample counts of the halves.
@@ -52,7 +67,7 @@ impl Counts {
     }
 
     /// Mean of the halves' values, weighted by their counts.
-    pub fn mean(&self, halves: &[Planes; 2]) -> Planes {
+    pub fn mean(&self, halves: [&Planes; 2]) -> Planes {
         let mut mean = halves[0].clone();
         for (plane, b) in mean.planes_mut().zip(halves[1].data().chunks(halves[1].pixels().max(1))) {
             for (((a, &b), &n_a), &n_b) in plane.iter_mut().zip(b).zip(&self.of[0]).zip(&self.of[1]) {
@@ -81,7 +96,7 @@ impl Halves {
     ) -> (Self, Clamped) {
         let (mean, mut sample_variance) = store.halves(dims);
         let [a, b] = &mean;
-        let clamped = outliers::clamp(&counts.mean(&mean), [a, b], counts.whole(), settings);
+        let clamped = outliers::clamp(&counts.mean([&mean[0], &mean[1]]), [a, b], counts.whole(), settings);
         for outlier in &clamped.outliers {
             let factor = outlier.scale * outlier.scale;
             sample_variance.planes_mut().for_each(|plane| plane[outlier.pixel] *= factor);
@@ -114,7 +129,7 @@ impl Halves {
     }
 
     /// Divides by a colour per pixel and half.
-    pub fn divide(&mut self, divisor: &[Planes; 2]) {
+    pub fn divide(&mut self, divisor: [&Planes; 2]) {
         for ((mean, variance), divisor) in self.mean.iter_mut().zip(&mut self.variance).zip(divisor) {
             let values = mean.data_mut().iter_mut().zip(variance.data_mut()).zip(divisor.data());
             for ((mean, variance), &d) in values {

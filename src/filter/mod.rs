@@ -7,6 +7,7 @@ mod assess;
 mod assessment;
 mod bilateral;
 pub mod blur;
+mod distance;
 mod fast_exp;
 mod halves;
 mod margin;
@@ -16,6 +17,8 @@ mod outliers;
 mod padded;
 mod patch;
 pub mod prpf;
+mod regression;
+mod stack;
 pub mod standard;
 #[cfg(test)]
 mod synthetic;

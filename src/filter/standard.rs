@@ -4,21 +4,25 @@
 //! What differs from the paper, each measured as better on path-traced images: the two halves of
 //! the samples guide each other; a patch distance normalised by variance stands in place of Eq. 4's
 //! colour term and of the mutual-information weights; features are filtered across the halves
-//! first; the albedo is divided out before and multiplied back after.
+//! first; the albedo is divided out before and multiplied back after; a linear fit is a second
+//! estimate, and the two are mixed by their estimated risk.
 //!
 //! 1. albedo and normals of each half, filtered with weights from the other half
 //! 2. colour of each half over the albedo, filtered with weights from the other half's colour
 //!    (patch distance) and normals
-//! 3. albedo multiplied back; directly visible emission, filtered by itself, added back
-//! 4. image, variance, residual and error from the two results
+//! 3. albedo multiplied back; directly visible emission filtered by itself
+//! 4. (`standard` only) each mixed with a linear fit of itself, by estimated risk
+//! 5. image, variance, residual and error from the two results
 
 use crate::image::Planes;
 use crate::stats::{Block, Store};
 
 use super::assess::Assessment;
-use super::halves::{Counts, Halves};
-use super::patch::{self, Guide, PatchFiltered, PatchSettings};
-use super::{Filtered, OutlierSettings, outliers};
+use super::distance::{DistanceSettings, Guide};
+use super::halves::{Counts, Estimate, Halves};
+use super::regression::{self, FEATURES};
+use super::stack::{self, Brightness};
+use super::{Filtered, OutlierSettings, outliers, patch};
 
 /// Every constant of the filter.
 #[derive(Clone, Copy, Debug, serde::Serialize)]
@@ -27,7 +31,15 @@ pub struct StandardSettings {
     pub radius: usize,
     /// Sensitivity of the colour distance (k of the patch distance).
     pub k: f32,
-    /// Samples per pixel from which on k grows, as their fourth root: with more samples the variances
+    /// Radius of the disc of neighbours for the linear fit, in pixels; 0 leaves the fit out.
+    pub fit_radius: usize,
+    /// Sensitivity of the fit's colour distance …
+    pub fit_k: f32,
+    /// … and of its distance for directly visible emission.
+    pub fit_emission_k: f32,
+    /// Blur, in pixels, of the risk that decides between the weighted mean and the fit.
+    pub mix_sigma: f32,
+    /// Samples per pixel from which on every k grows, as their fourth root: with more samples the variances
     /// are better known, and less caution measures better.
     pub k_samples: f32,
     /// The most that k grows by.
@@ -60,11 +72,15 @@ impl StandardSettings {
         Self {
             radius: 8,
             k: 0.6,
+            fit_radius: 5,
+            fit_k: 1.2,
+            fit_emission_k: 0.6,
+            mix_sigma: 3.0,
             k_samples: 32.0,
             k_growth: 1.5,
             emission_k: 0.45,
             normal_sigma: 0.2,
-            feature_radius: 2,
+            feature_radius: 1,
             feature_k: 1.0,
             albedo_floor: 0.02,
             colour_epsilon: 1e-6,
@@ -82,58 +98,75 @@ impl StandardSettings {
         }
     }
 
-    /// For reruns between batches: smaller discs.
+    /// For reruns between batches: smaller discs and no fit.
     pub const fn draft() -> Self {
-        Self { radius: 5, feature_radius: 1, ..Self::standard() }
+        Self { radius: 5, fit_radius: 0, ..Self::standard() }
+    }
+
+    /// Every k as it is at so many samples per pixel.
+    fn grown(&self, spp: f32) -> Self {
+        let growth = (spp / self.k_samples).powf(0.25).clamp(1.0, self.k_growth);
+        Self {
+            k: self.k * growth,
+            emission_k: self.emission_k * growth,
+            fit_k: self.fit_k * growth,
+            fit_emission_k: self.fit_emission_k * growth,
+            ..*self
+        }
     }
 }
 
 /// Filters a store.
 pub fn filter(store: &Store, settings: &StandardSettings) -> Filtered {
-    let spp = store.samples() as f32 / store.pixels().max(1) as f32;
-    let growth = (spp / settings.k_samples).powf(0.25).clamp(1.0, settings.k_growth);
-    let settings =
-        &StandardSettings { k: settings.k * growth, emission_k: settings.emission_k * growth, ..*settings };
+    let settings = &settings.grown(store.samples() as f32 / store.pixels().max(1) as f32);
     let layout = store.layout();
     let counts = Counts::of(store);
     let read = |block| layout.block(block).map(|dims| Halves::of(store, dims, &counts));
 
-    let (mut colour, clamped) = Halves::without_outliers(store, layout.colour(), &counts, &settings.outliers);
+    let (noisy, clamped) = Halves::without_outliers(store, layout.colour(), &counts, &settings.outliers);
     let normal = read(Block::Normal1).map(|normal| filter_feature(&normal, settings));
-    let albedo = read(Block::Albedo)
-        .map(|albedo| floored(swap(filter_feature(&albedo, settings)), settings.albedo_floor));
+    let albedo =
+        read(Block::Albedo).map(|albedo| floored(filter_feature(&albedo, settings), settings.albedo_floor));
+    let noisy_emission = read(Block::Emission);
 
-    let noisy = colour.clone();
-    if let Some(albedo) = &albedo {
-        colour.divide(albedo);
+    let mut colour = filter_colour(&noisy, normal.as_ref(), albedo.as_ref(), settings);
+    let mut emission = noisy_emission.as_ref().map(|emission| filter_emission(emission, settings));
+    if settings.fit_radius > 0 {
+        let mut image = counts.mean([&colour[0].value, &colour[1].value]);
+        if let Some([a, b]) = &emission {
+            add(&mut image, &counts.mean([&a.value, &b.value]));
+        }
+        let brightness = Brightness::of(&image);
+        let features = [normal.as_ref(), albedo.as_ref()];
+        let fitted = fit(&noisy, features, settings.fit_k, settings);
+        colour = stack::mix(&noisy, &brightness, colour, &fitted, settings.mix_sigma);
+        emission = emission.zip(noisy_emission).map(|(emission, noisy)| {
+            let fitted = fit(&noisy, [None; 2], settings.fit_emission_k, settings);
+            stack::mix(&noisy, &brightness, emission, &fitted, settings.mix_sigma)
+        });
     }
-    let of_half = |h: usize| filter_half(&colour, normal.as_ref().map(|normal| &normal[1 - h]), h, settings);
-    let (a, b) = (of_half(0), of_half(1));
-    let (mut filtered, own_weight) = ([a.value, b.value], [a.own_weight, b.own_weight]);
-    let divisor = albedo.as_ref().map(|albedo| &albedo[0]);
+    let of_guide = albedo.as_ref().map(|[a, b]| [b, a]);
+    let divisor = of_guide.map(|[divisor, _]| divisor);
     if let Some(light) = outliers::blurred(&clamped, divisor, settings.outlier_sigma, settings.outlier_limit)
     {
-        for half in &mut filtered {
+        for (h, half) in colour.iter_mut().enumerate() {
+            let albedo = of_guide.map(|albedo| albedo[h].data());
+            let values = half.value.data_mut().iter_mut().zip(light.data()).enumerate();
             // What is black gets none: it is no surface, or reflects nothing.
-            let lit = half.data_mut().iter_mut().zip(light.data()).filter(|(value, _)| **value > 0.0);
-            lit.for_each(|(value, light)| *value += light);
+            let lit = values.filter(|(_, (value, _))| **value > 0.0);
+            lit.for_each(|(i, (value, light))| *value += light * albedo.map_or(1.0, |albedo| albedo[i]));
         }
     }
-    if let Some(albedo) = &albedo {
-        for h in 0..2 {
-            filtered[h].data_mut().iter_mut().zip(albedo[h].data()).for_each(|(v, &a)| *v *= a);
-        }
-    }
-    let emission = read(Block::Emission).map(|emission| filter_emission(&emission, settings));
-    let assessment = Assessment::of(&noisy, &filtered, emission.as_ref(), &own_weight);
-    if let Some(emission) = emission {
-        for h in 0..2 {
-            filtered[h].data_mut().iter_mut().zip(emission[h].data()).for_each(|(v, &e)| *v += e);
-        }
+    let [a, b] = colour;
+    let mut halves = [a.value, b.value];
+    let emission = emission.map(|[a, b]| [a.value, b.value]);
+    let assessment = Assessment::of(&noisy, &halves, emission.as_ref(), [&a.own_weight, &b.own_weight]);
+    for (half, emission) in halves.iter_mut().zip(emission.iter().flatten()) {
+        add(half, emission);
     }
     Filtered {
-        image: counts.mean(&filtered),
-        halves: filtered,
+        image: counts.mean([&halves[0], &halves[1]]),
+        halves,
         interpolation_failure: None,
         interpolation_success: None,
         residual: assessment.residual,
@@ -142,17 +175,35 @@ pub fn filter(store: &Store, settings: &StandardSettings) -> Filtered {
     }
 }
 
+/// Filters the colour over the albedo, each half with weights from the other.
+fn filter_colour(
+    noisy: &Halves,
+    normal: Option<&[Planes; 2]>,
+    albedo: Option<&[Planes; 2]>,
+    settings: &StandardSettings,
+) -> [Estimate; 2] {
+    let mut colour = noisy.clone();
+    if let Some([a, b]) = albedo {
+        colour.divide([b, a]);
+    }
+    [0, 1].map(|h| {
+        let mut half = filter_half(&colour, normal.map(|normal| &normal[1 - h]), h, settings);
+        if let Some(albedo) = albedo {
+            half.value.data_mut().iter_mut().zip(albedo[1 - h].data()).for_each(|(v, &a)| *v *= a);
+        }
+        half
+    })
+}
+
 /// Filters one half of the colour with weights from the other.
 fn filter_half(
     colour: &Halves,
     normal: Option<&Planes>,
     half: usize,
     settings: &StandardSettings,
-) -> PatchFiltered {
+) -> Estimate {
     let guide = 1 - half;
     let features: Vec<&[f32]> = normal.iter().flat_map(|n| [n.plane(0), n.plane(1), n.plane(2)]).collect();
-    let mean = colour.mean[guide].data();
-    let level = mean.iter().map(|&v| f64::from(v)).sum::<f64>() / mean.len().max(1) as f64;
     patch::filter(
         colour.mean[half].width(),
         colour.mean[half].height(),
@@ -163,36 +214,69 @@ fn filter_half(
             features: &features,
             feature_gain: 0.5 / settings.normal_sigma.powi(2),
         },
-        PatchSettings {
+        DistanceSettings {
             radius: settings.radius,
             k: settings.k,
-            epsilon: (settings.colour_epsilon * (level * level) as f32).max(f32::MIN_POSITIVE),
+            epsilon: epsilon(&colour.mean[guide], settings),
             cautious: false,
         },
     )
 }
 
+/// Fits both halves of three planes, each with weights and regressors from the other.
+fn fit(
+    noisy: &Halves,
+    features: [Option<&[Planes; 2]>; 2],
+    k: f32,
+    settings: &StandardSettings,
+) -> [Estimate; 2] {
+    let (width, height) = (noisy.mean[0].width(), noisy.mean[0].height());
+    // A regressor that is zero everywhere gets no part in the fit.
+    let nothing = vec![0.0; width * height];
+    [0, 1].map(|h| {
+        let guide = 1 - h;
+        let feature =
+            |f: usize| features[f / 3].map_or(nothing.as_slice(), |halves| halves[guide].plane(f % 3));
+        regression::fit(
+            width,
+            height,
+            three(&noisy.mean[h]),
+            regression::Guide {
+                value: three(&noisy.mean[guide]),
+                variance: three(&noisy.variance[guide]),
+                features: std::array::from_fn::<_, FEATURES, _>(feature),
+            },
+            DistanceSettings {
+                radius: settings.fit_radius,
+                k,
+                epsilon: epsilon(&noisy.mean[guide], settings),
+                cautious: false,
+            },
+        )
+    })
+}
+
 /// Filters both halves of three planes, each with weights from the other.
 fn filter_feature(feature: &Halves, settings: &StandardSettings) -> [Planes; 2] {
-    let distance = PatchSettings {
+    let distance = DistanceSettings {
         radius: settings.feature_radius,
         k: settings.feature_k,
         epsilon: settings.feature_epsilon,
         cautious: false,
     };
-    filter_alone(feature, distance)
+    filter_alone(feature, distance).map(|half| half.value)
 }
 
-fn filter_emission(emission: &Halves, settings: &StandardSettings) -> [Planes; 2] {
+fn filter_emission(emission: &Halves, settings: &StandardSettings) -> [Estimate; 2] {
     let brightest = emission.mean[0].data().iter().fold(f32::MIN_POSITIVE, |a, &b| a.max(b));
     let epsilon = (settings.colour_epsilon * brightest * brightest).max(f32::MIN_POSITIVE);
     filter_alone(
         emission,
-        PatchSettings { radius: settings.radius, k: settings.emission_k, epsilon, cautious: true },
+        DistanceSettings { radius: settings.radius, k: settings.emission_k, epsilon, cautious: true },
     )
 }
 
-fn filter_alone(halves: &Halves, distance: PatchSettings) -> [Planes; 2] {
+fn filter_alone(halves: &Halves, distance: DistanceSettings) -> [Estimate; 2] {
     let (width, height) = (halves.mean[0].width(), halves.mean[0].height());
     [0, 1].map(|h| {
         let guide = Guide {
@@ -201,16 +285,23 @@ fn filter_alone(halves: &Halves, distance: PatchSettings) -> [Planes; 2] {
             features: &[],
             feature_gain: 1.0,
         };
-        patch::filter(width, height, three(&halves.mean[h]), guide, distance).value
+        patch::filter(width, height, three(&halves.mean[h]), guide, distance)
     })
+}
+
+/// What regularises a distance between colours, in their squared units.
+fn epsilon(colour: &Planes, settings: &StandardSettings) -> f32 {
+    let values = colour.data();
+    let level = values.iter().map(|&v| f64::from(v)).sum::<f64>() / values.len().max(1) as f64;
+    (settings.colour_epsilon * (level * level) as f32).max(f32::MIN_POSITIVE)
 }
 
 fn three(planes: &Planes) -> [&[f32]; 3] {
     [planes.plane(0), planes.plane(1), planes.plane(2)]
 }
 
-fn swap([a, b]: [Planes; 2]) -> [Planes; 2] {
-    [b, a]
+fn add(sum: &mut Planes, term: &Planes) {
+    sum.data_mut().iter_mut().zip(term.data()).for_each(|(sum, &v)| *sum += v);
 }
 
 fn floored(mut halves: [Planes; 2], floor: f32) -> [Planes; 2] {
@@ -219,258 +310,4 @@ fn floored(mut halves: [Planes; 2], floor: f32) -> [Planes; 2] {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::super::synthetic;
-    use super::*;
-    use crate::stats::{Layout, Part};
-    use rand::RngExt;
-    use rand_pcg::Pcg32;
-
-    /// A wall whose radiance is `truth(x, y)` plus uniform noise of the same mean.
-    fn noisy_wall(
-        width: usize,
-        height: usize,
-        spp: u32,
-        truth: impl Fn(usize, usize) -> f32 + Sync,
-    ) -> Store {
-        let layout = Layout::with_blocks(|_| true);
-        synthetic::store(
-            width,
-            height,
-            layout.clone(),
-            |_, _| spp,
-            |x, y, _, rng: &mut Pcg32| {
-                let v = truth(x, y) * 2.0 * rng.random::<f32>();
-                synthetic::wall(&layout, x, y, [v; 3], rng)
-            },
-        )
-    }
-
-    fn constant(width: usize, height: usize, value: f32) -> Store {
-        let layout = Layout::with_blocks(|_| true);
-        synthetic::store(
-            width,
-            height,
-            layout.clone(),
-            |_, _| 8,
-            |x, y, _, rng: &mut Pcg32| synthetic::wall(&layout, x, y, [value; 3], rng),
-        )
-    }
-
-    fn both() -> [StandardSettings; 2] {
-        [StandardSettings::standard(), StandardSettings::draft()]
-    }
-
-    fn mse(image: &Planes, truth: impl Fn(usize, usize) -> f32) -> f64 {
-        let width = image.width();
-        let error = |(i, &v): (usize, &f32)| {
-            let i = i % image.pixels();
-            f64::from(v - truth(i % width, i / width)).powi(2)
-        };
-        image.data().iter().enumerate().map(error).sum::<f64>() / image.data().len() as f64
-    }
-
-    #[test]
-    fn one_colour_comes_back_as_it_is_whatever_the_size() {
-        for (width, height) in [(1, 1), (1, 13), (13, 1), (7, 5), (61, 67)] {
-            for value in [0.0, 0.25, 1e-6, 1e6] {
-                let store = constant(width, height, value);
-                for settings in both() {
-                    let image = filter(&store, &settings).image;
-                    assert!(
-                        image.data().iter().all(|v| (v - value).abs() <= 1e-6 * value),
-                        "{width}x{height} {value}"
-                    );
-                }
-            }
-        }
-    }
-
-    #[test]
-    fn noise_goes_and_edges_stay() {
-        let truth = |x: usize, _: usize| if x < 48 { 0.1 } else { 0.8 };
-        let store = noisy_wall(96, 64, 16, truth);
-        let noisy = mse(&store.means(Part::Whole, store.layout().radiance()), truth);
-        let filtered = filter(&store, &StandardSettings::standard());
-        assert!(mse(&filtered.image, truth) < noisy / 30.0);
-        let draft = filter(&store, &StandardSettings::draft());
-        assert!(mse(&draft.image, truth) < noisy / 10.0);
-    }
-
-    #[test]
-    fn with_many_samples_the_image_becomes_the_mean() {
-        // A texture finer than the patch, which any blur would destroy.
-        let truth = |x: usize, y: usize| if (x + y).is_multiple_of(2) { 0.3 } else { 0.5 };
-        let store = noisy_wall(40, 40, 4096, truth);
-        let noisy = mse(&store.means(Part::Whole, store.layout().radiance()), truth);
-        assert!(mse(&filter(&store, &StandardSettings::standard()).image, truth) <= noisy);
-    }
-
-    #[test]
-    fn brightness_scales_through() {
-        let truth = |x: usize, y: usize| 0.1 + 0.01 * (x + y) as f32;
-        let image = filter(&noisy_wall(40, 40, 8, truth), &StandardSettings::standard()).image;
-        for scale in [1e-6, 1e6] {
-            let scaled =
-                filter(&noisy_wall(40, 40, 8, |x, y| scale * truth(x, y)), &StandardSettings::standard())
-                    .image;
-            let close = |(s, v): (&f32, &f32)| (s / (scale * v) - 1.0).abs() < 1e-3;
-            assert!(scaled.data().iter().zip(image.data()).all(close), "{scale}");
-        }
-    }
-
-    #[test]
-    fn one_sample_of_a_hundred_million_leaves_no_halo() {
-        let layout = Layout::with_blocks(|_| true);
-        let store = |spike: bool| {
-            synthetic::store(
-                64,
-                64,
-                layout.clone(),
-                |_, _| 8,
-                |x, y, index, rng: &mut Pcg32| {
-                    let v = if spike && (x, y, index) == (32, 32, 3) { 1e8 } else { rng.random::<f32>() };
-                    synthetic::wall(&layout, x, y, [v; 3], rng)
-                },
-            )
-        };
-        for settings in both() {
-            let (with, without) =
-                (filter(&store(true), &settings).image, filter(&store(false), &settings).image);
-            for y in 0..64 {
-                for x in 0..64 {
-                    let change = (with.at(0, x, y) / without.at(0, x, y) - 1.0).abs();
-                    assert!(change < 0.05, "{x},{y}: {change}");
-                }
-            }
-        }
-    }
-
-    #[test]
-    fn a_pixel_whose_samples_were_all_rejected_is_filled_from_its_neighbours() {
-        let layout = Layout::with_blocks(|_| true);
-        let store = synthetic::store(
-            32,
-            32,
-            layout.clone(),
-            |_, _| 8,
-            |x, y, _, rng: &mut Pcg32| {
-                let v = if (10..13).contains(&x) && y == 10 { f32::NAN } else { 0.5 };
-                synthetic::wall(&layout, x, y, [v; 3], rng)
-            },
-        );
-        assert_eq!(store.rejected(), 24);
-        for settings in both() {
-            let image = filter(&store, &settings).image;
-            assert!(image.data().iter().all(|v| (v - 0.5).abs() < 1e-4));
-        }
-    }
-
-    #[test]
-    fn no_colour_crosses_the_horizon() {
-        let layout = Layout::with_blocks(|_| true);
-        let half_sky = |sky: bool| {
-            synthetic::store(
-                64,
-                64,
-                layout.clone(),
-                |_, _| 16,
-                |x, y, _, rng: &mut Pcg32| {
-                    let v = 0.2 * rng.random::<f32>();
-                    let mut sample = synthetic::wall(&layout, x, y, [v; 3], rng);
-                    if sky && y < 32 {
-                        let blue = [0.0, 0.0, 5.0];
-                        layout.write(&mut sample, Block::Colour, &[0.0; 3]);
-                        layout.write(&mut sample, Block::Emission, &blue);
-                        layout.write(&mut sample, Block::Radiance, &blue);
-                        layout.write(&mut sample, Block::Normal1, &[0.0; 3]);
-                        layout.write(&mut sample, Block::Albedo, &[1.0; 3]);
-                        layout.write(&mut sample, Block::Hit, &[0.0]);
-                    }
-                    sample
-                },
-            )
-        };
-        let with = filter(&half_sky(true), &StandardSettings::standard()).image;
-        let without = filter(&half_sky(false), &StandardSettings::standard()).image;
-        for y in 33..64 {
-            for x in 0..64 {
-                // Fewer neighbours average less noise, so a few per cent differ beside the horizon.
-                assert!((with.at(2, x, y) - without.at(2, x, y)).abs() < 0.02, "{x},{y}");
-            }
-        }
-        assert!((0..64).all(|x| with.at(2, x, 31) == 5.0), "the sky is as it was");
-    }
-
-    #[test]
-    fn a_crop_filters_as_the_whole_does() {
-        let truth = |x: usize, y: usize| 0.1 + 0.4 * ((x / 9 + y / 7) % 2) as f32;
-        let layout = Layout::with_blocks(|_| true);
-        let store = |width: usize, height: usize| {
-            synthetic::store(
-                width,
-                height,
-                layout.clone(),
-                |_, _| 8,
-                |x, y, index, _: &mut Pcg32| {
-                    use rand::SeedableRng;
-                    // Numbers by pixel and sample, the same in the crop and in the whole.
-                    let mut rng = Pcg32::seed_from_u64(((y * 1000 + x) * 64) as u64 + u64::from(index));
-                    let v = truth(x, y) * 2.0 * rng.random::<f32>();
-                    synthetic::wall(&layout, x, y, [v; 3], &mut rng)
-                },
-            )
-        };
-        let whole = filter(&store(120, 110), &StandardSettings::standard()).image;
-        let crop = filter(&store(90, 80), &StandardSettings::standard()).image;
-        for y in 0..40 {
-            for x in 0..50 {
-                let (a, b) = (whole.at(0, x, y), crop.at(0, x, y));
-                assert!((a / b - 1.0).abs() < 2e-3, "{x},{y}: {a} {b}");
-            }
-        }
-    }
-
-    #[test]
-    fn the_error_map_knows_the_error() {
-        let truth = |x: usize, y: usize| 0.2 + 0.5 * ((x / 6 + y / 6) % 2) as f32;
-        let (mut estimated, mut actual) = (0.0, 0.0);
-        for spp in [8, 16, 32] {
-            let store = noisy_wall(96, 96, spp, truth);
-            let filtered = filter(&store, &StandardSettings::standard());
-            estimated += filtered.error.data().iter().map(|&v| f64::from(v)).sum::<f64>()
-                / filtered.error.pixels() as f64;
-            actual += mse(&filtered.image, truth);
-        }
-        let ratio = estimated / actual;
-        assert!((0.6..1.6).contains(&ratio), "{ratio}");
-    }
-
-    #[test]
-    fn the_number_of_threads_does_not_matter() {
-        let store = noisy_wall(70, 130, 8, |x, _| 0.1 + 0.01 * x as f32);
-        let image = |threads: usize| {
-            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            pool.install(|| filter(&store, &StandardSettings::standard()).image)
-        };
-        assert_eq!(image(1), image(2));
-    }
-
-    #[test]
-    fn counts_from_one_to_ten_thousand_side_by_side_are_fine() {
-        let layout = Layout::with_blocks(|_| true);
-        let store = synthetic::store(
-            24,
-            24,
-            layout.clone(),
-            |x, _| [1, 2, 7, 10_000][x % 4],
-            |x, y, _, rng: &mut Pcg32| {
-                let v = rng.random::<f32>();
-                synthetic::wall(&layout, x, y, [v; 3], rng)
-            },
-        );
-        let image = filter(&store, &StandardSettings::standard()).image;
-        assert!(image.data().iter().all(|v| (v - 0.5).abs() < 0.2));
-        assert!(mse(&image, |_, _| 0.5) < 0.01);
-    }
-}
+mod tests;

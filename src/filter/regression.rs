@@ -1,0 +1,286 @@
+//! A second estimate of the image: a weighted linear fit around every pixel.
+//!
+//! Source: nonlinearly weighted first-order regression (Bitterli et al. 2016), reduced to one pass
+//! and guided across the halves of the samples: weights and regressors of one half's fit come from
+//! the other half, so that the fit is linear in the half's own values.
+//!
+//! For pixel i the values of its neighbours j are fitted by β·x, x = (f_j − f_i, offset, 1), with
+//! the weights of [`distance`](super::distance). The constant comes last: after M = LLᵀ and Lz = b
+//! the fit at i is z_K/L_KK, and the share of the pixel's own value in it 1/L_KK².
+
+use multiversion::multiversion;
+use rayon::prelude::*;
+
+use super::distance::{self, Distance, DistanceSettings, Neighbours, Tile, tiles};
+use super::halves::Estimate;
+use super::margin::{Margin, Padded};
+
+/// Features that are regressed on.
+pub(super) const FEATURES: usize = 6;
+/// Regressors: features, two coordinates, one constant.
+const K: usize = FEATURES + 3;
+/// Half side of the 3×3 patch of the distance.
+const PATCH: usize = 1;
+/// Tile in pixels: its sums fit the second-level cache, those of a row the first.
+const TILE: (usize, usize) = (64, 32);
+const WIDTH: usize = TILE.0;
+/// Neighbouring pixels that are solved at once.
+const LANES: usize = 16;
+/// What the diagonal of the normal equations gains, relative to itself …
+const RIDGE: f32 = 1e-3;
+/// … and relative to the sum of the weights; features are about one.
+const RIDGE_FLOOR: f32 = 1e-7;
+
+/// Row r of the upper triangle of M, then the three right-hand sides of r, for r = 0 … K−1.
+const SUMS: usize = K * (K + 1) / 2 + 3 * K;
+/// Where each row starts in the sums.
+const STARTS: [usize; K] = starts();
+
+const fn starts() -> [usize; K] {
+    let mut starts = [0; K];
+    let mut r = 1;
+    while r < K {
+        starts[r] = starts[r - 1] + K - (r - 1) + 3;
+        r += 1;
+    }
+    starts
+}
+
+/// Sums of a row of a tile, one plane after the other.
+type Row = [[f32; WIDTH]; SUMS];
+
+/// What decides the fit: the other half.
+#[derive(Clone, Copy)]
+pub(super) struct Guide<'a> {
+    /// Three planes.
+    pub value: [&'a [f32]; 3],
+    /// Their variances *of the mean*.
+    pub variance: [&'a [f32]; 3],
+    /// Regressors beside the coordinates.
+    pub features: [&'a [f32]; FEATURES],
+}
+
+/// Fits `original` with weights and regressors from `guide`; no result is negative. All planes have
+/// `width`×`height` finite values.
+pub(super) fn fit(
+    width: usize,
+    height: usize,
+    original: [&[f32]; 3],
+    guide: Guide,
+    settings: DistanceSettings,
+) -> Estimate {
+    let mut fitted = Estimate::new(width, height);
+    if width == 0 || height == 0 {
+        return fitted;
+    }
+    let weights =
+        distance::Guide { value: guide.value, variance: guide.variance, features: &[], feature_gain: 0.0 };
+    let distance = Distance::<PATCH>::new(width, height, weights, settings);
+    let columns: Vec<&[f32]> = guide.features.into_iter().chain(original).collect();
+    let columns = Padded::new(width, height, &columns, settings.radius, Margin::Nearest);
+    let tiles = tiles(width, height, TILE);
+    let solved: Vec<_> =
+        tiles.par_iter().map(|&tile| fit_tile(tile, &distance, &columns, settings.radius)).collect();
+    for (tile, rows) in tiles.iter().zip(&solved) {
+        for y in 0..tile.height {
+            let start = (tile.y + y) * width + tile.x;
+            // A tile without noise is exact as it is.
+            let row = rows.as_ref().map(|rows| &rows[y]);
+            for (channel, original) in original.iter().enumerate() {
+                let out = &mut fitted.value.plane_mut(channel)[start..][..tile.width];
+                out.copy_from_slice(&original[start..][..tile.width]);
+                let changes = row.iter().flat_map(|row| &row[channel]);
+                out.iter_mut().zip(changes).for_each(|(out, change)| *out = (*out + change).max(0.0));
+            }
+            if let Some(row) = row {
+                fitted.own_weight[start..][..tile.width].copy_from_slice(&row[3][..tile.width]);
+            }
+        }
+    }
+    fitted
+}
+
+/// For each row of the tile the fit less the pixel's own value, three channels, and the own weight;
+/// `None` where nothing is noisy. `columns` are the features of the guide and the values.
+fn fit_tile(
+    tile: Tile,
+    distance: &Distance<PATCH>,
+    columns: &Padded,
+    radius: usize,
+) -> Option<Vec<[[f32; WIDTH]; 4]>> {
+    if !distance.is_noisy(tile) {
+        return None;
+    }
+    let (x, y) = (tile.x as isize, tile.y as isize);
+    let scale = 1.0 / radius.max(1) as f32;
+    let mut sums = vec![[[0.0; WIDTH]; SUMS]; tile.height];
+    // A pixel's own value has weight one; it differs in nothing from itself.
+    sums.iter_mut().for_each(|row| row[STARTS[K - 1]].fill(1.0));
+    let mut differences = [[0.0; WIDTH]; FEATURES + 3];
+    let mut weights = [0.0; WIDTH];
+    distance.for_each_neighbour(tile, |Neighbours { row, offset: (dx, dy), weights: of_row }| {
+        let y = y + row as isize;
+        weights[..tile.width].copy_from_slice(of_row);
+        for (c, difference) in differences.iter_mut().enumerate() {
+            let i = columns.span(c, x, y, tile.width);
+            let j = columns.span(c, x + dx, y + dy, tile.width);
+            subtract(j, i, difference);
+        }
+        accumulate(&weights, [dx as f32 * scale, dy as f32 * scale], &differences, &mut sums[row]);
+    });
+    Some(sums.iter().map(solve).collect())
+}
+
+#[multiversion(targets(
+    "x86_64+avx512f+avx512bw+avx512dq+avx512vl+bmi1+bmi2+fma+avx2+popcnt+lzcnt",
+    "x86_64+avx2+fma+bmi1+bmi2+popcnt+lzcnt"
+))]
+fn subtract(a: &[f32], b: &[f32], difference: &mut [f32; WIDTH]) {
+    difference.iter_mut().zip(a.iter().zip(b)).for_each(|(d, (a, b))| *d = a - b);
+}
+
+/// Adds a row's neighbours at one offset to the normal equations. `differences` from the pixels:
+/// features, then values.
+#[multiversion(targets(
+    "x86_64+avx512f+avx512bw+avx512dq+avx512vl+bmi1+bmi2+fma+avx2+popcnt+lzcnt",
+    "x86_64+avx2+fma+bmi1+bmi2+popcnt+lzcnt"
+))]
+fn accumulate(
+    weights: &[f32; WIDTH],
+    offset: [f32; 2],
+    differences: &[[f32; WIDTH]; FEATURES + 3],
+    sums: &mut Row,
+) {
+    let (features, values) = differences.split_at(FEATURES);
+    let mut weighted = [0.0; WIDTH];
+    for (r, feature) in features.iter().enumerate() {
+        weighted.iter_mut().zip(weights.iter().zip(feature)).for_each(|(out, (w, f))| *out = w * f);
+        let (of_features, rest) = sums[STARTS[r]..].split_at_mut(FEATURES - r);
+        let ([of_x, of_y, of_one], rest) = rest.split_first_chunk_mut().expect("three constants");
+        features[r..].iter().zip(of_features).for_each(|(f, sum)| add_product(&weighted, f, sum));
+        add_scaled(&weighted, offset[0], of_x);
+        add_scaled(&weighted, offset[1], of_y);
+        add_scaled(&weighted, 1.0, of_one);
+        values.iter().zip(rest).for_each(|(v, sum)| add_product(&weighted, v, sum));
+    }
+    let constants = [offset[0], offset[1], 1.0];
+    for (r, factor) in constants.into_iter().enumerate() {
+        weighted.iter_mut().zip(weights).for_each(|(out, w)| *out = w * factor);
+        let (of_constants, rest) = sums[STARTS[FEATURES + r]..].split_at_mut(3 - r);
+        constants[r..].iter().zip(of_constants).for_each(|(&c, sum)| add_scaled(&weighted, c, sum));
+        values.iter().zip(rest).for_each(|(v, sum)| add_product(&weighted, v, sum));
+    }
+}
+
+#[inline(always)]
+fn add_product(a: &[f32; WIDTH], b: &[f32; WIDTH], sum: &mut [f32; WIDTH]) {
+    for x in 0..WIDTH {
+        sum[x] += a[x] * b[x];
+    }
+}
+
+#[inline(always)]
+fn add_scaled(a: &[f32; WIDTH], factor: f32, sum: &mut [f32; WIDTH]) {
+    for x in 0..WIDTH {
+        sum[x] += a[x] * factor;
+    }
+}
+
+/// Solves the normal equations of a row of pixels: the fit less the pixel's own value, three
+/// channels, and the own weight.
+fn solve(sums: &Row) -> [[f32; WIDTH]; 4] {
+    let mut solved = [[0.0; WIDTH]; 4];
+    for start in (0..WIDTH).step_by(LANES) {
+        let block = std::array::from_fn(|s| std::array::from_fn(|l| sums[s][start + l]));
+        for (out, of_block) in solved.iter_mut().zip(solve_block(block)) {
+            out[start..][..LANES].copy_from_slice(&of_block);
+        }
+    }
+    solved
+}
+
+/// Cholesky decomposition, row by row in place. Columns r … K−1 of the matrix and the three
+/// right-hand sides are columns of one elimination.
+#[multiversion(targets(
+    "x86_64+avx512f+avx512bw+avx512dq+avx512vl+bmi1+bmi2+fma+avx2+popcnt+lzcnt",
+    "x86_64+avx2+fma+bmi1+bmi2+popcnt+lzcnt"
+))]
+fn solve_block(sums: [[f32; LANES]; SUMS]) -> [[f32; LANES]; 4] {
+    let mut m = sums;
+    let total = m[STARTS[K - 1]];
+    let mut result = [[0.0; LANES]; 4];
+    for r in 0..K {
+        let mut inverse = [0.0; LANES];
+        for l in 0..LANES {
+            let pivot = m[STARTS[r]][l];
+            // The constant has no ridge, and its pivot holds at least the pixel's own weight.
+            inverse[l] = 1.0
+                / if r + 1 == K {
+                    pivot.max(1.0)
+                } else {
+                    (pivot + RIDGE * sums[STARTS[r]][l]).max(0.0) + RIDGE_FLOOR * total[l]
+                };
+        }
+        for s in r + 1..K {
+            let mut factor = [0.0; LANES];
+            for l in 0..LANES {
+                factor[l] = inverse[l] * m[STARTS[r] + s - r][l];
+            }
+            for c in s..K + 3 {
+                for l in 0..LANES {
+                    m[STARTS[s] + c - s][l] -= factor[l] * m[STARTS[r] + c - r][l];
+                }
+            }
+        }
+        if r + 1 == K {
+            for c in 0..3 {
+                for l in 0..LANES {
+                    result[c][l] = inverse[l] * m[STARTS[r] + 1 + c][l];
+                }
+            }
+            result[3] = inverse;
+        }
+    }
+    result
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SIZE: usize = 33;
+
+    /// Fits what is `value` of column, row and a feature, with a guide that says nothing.
+    fn fitted(value: impl Fn(f32, f32, f32) -> f32) -> (Vec<f32>, Estimate) {
+        let feature: Vec<f32> = (0..SIZE * SIZE).map(|i| (i * 7919 % 101) as f32 / 101.0).collect();
+        let truth: Vec<f32> =
+            (0..SIZE * SIZE).map(|i| value((i % SIZE) as f32, (i / SIZE) as f32, feature[i])).collect();
+        let (flat, variance) = (vec![1.0; SIZE * SIZE], vec![1e-2; SIZE * SIZE]);
+        let mut features = [flat.as_slice(); FEATURES];
+        features[0] = &feature;
+        let guide = Guide { value: [&flat; 3], variance: [&variance; 3], features };
+        let settings = DistanceSettings { radius: 5, k: 1.0, epsilon: 1e-6, cautious: false };
+        let fitted = fit(SIZE, SIZE, [&truth; 3], guide, settings);
+        (truth, fitted)
+    }
+
+    #[test]
+    fn what_is_linear_in_place_and_features_comes_back() {
+        let (truth, fitted) = fitted(|x, y, f| 1.0 + 0.02 * x + 0.01 * y + 0.5 * f);
+        for (value, truth) in fitted.value.plane(1).iter().zip(&truth) {
+            assert!((value / truth - 1.0).abs() < 2e-3, "{value} {truth}");
+        }
+    }
+
+    #[test]
+    fn the_own_weight_is_what_the_result_takes_from_the_own_value() {
+        let at = 12 * SIZE + 3;
+        let value = |bump: f32| {
+            move |x: f32, y: f32, f: f32| 5.0 + f + if (x, y) == (3.0, 12.0) { bump } else { 0.0 }
+        };
+        let (without, with) = (fitted(value(0.0)).1, fitted(value(1.0)).1);
+        let change = with.value.plane(0)[at] - without.value.plane(0)[at];
+        assert!((change - with.own_weight[at]).abs() < 1e-4, "{change} {}", with.own_weight[at]);
+        assert!(change > 0.0 && change < 0.2);
+    }
+}

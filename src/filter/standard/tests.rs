@@ -1,0 +1,248 @@
+//! What the filter of `standard` and `draft` promises.
+
+use super::super::synthetic;
+use super::*;
+use crate::stats::{Layout, Part};
+use rand::RngExt;
+use rand_pcg::Pcg32;
+
+/// A wall whose radiance is `truth(x, y)` plus uniform noise of the same mean.
+fn noisy_wall(width: usize, height: usize, spp: u32, truth: impl Fn(usize, usize) -> f32 + Sync) -> Store {
+    let layout = Layout::with_blocks(|_| true);
+    synthetic::store(
+        width,
+        height,
+        layout.clone(),
+        |_, _| spp,
+        |x, y, _, rng: &mut Pcg32| {
+            let v = truth(x, y) * 2.0 * rng.random::<f32>();
+            synthetic::wall(&layout, x, y, [v; 3], rng)
+        },
+    )
+}
+
+fn constant(width: usize, height: usize, value: f32) -> Store {
+    let layout = Layout::with_blocks(|_| true);
+    synthetic::store(
+        width,
+        height,
+        layout.clone(),
+        |_, _| 8,
+        |x, y, _, rng: &mut Pcg32| synthetic::wall(&layout, x, y, [value; 3], rng),
+    )
+}
+
+fn both() -> [StandardSettings; 2] {
+    [StandardSettings::standard(), StandardSettings::draft()]
+}
+
+fn mse(image: &Planes, truth: impl Fn(usize, usize) -> f32) -> f64 {
+    let width = image.width();
+    let error = |(i, &v): (usize, &f32)| {
+        let i = i % image.pixels();
+        f64::from(v - truth(i % width, i / width)).powi(2)
+    };
+    image.data().iter().enumerate().map(error).sum::<f64>() / image.data().len() as f64
+}
+
+#[test]
+fn one_colour_comes_back_as_it_is_whatever_the_size() {
+    for (width, height) in [(1, 1), (1, 13), (13, 1), (7, 5), (61, 67)] {
+        for value in [0.0, 0.25, 1e-6, 1e6] {
+            let store = constant(width, height, value);
+            for settings in both() {
+                let image = filter(&store, &settings).image;
+                assert!(
+                    image.data().iter().all(|v| (v - value).abs() <= 1e-6 * value),
+                    "{width}x{height} {value}"
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn noise_goes_and_edges_stay() {
+    let truth = |x: usize, _: usize| if x < 48 { 0.1 } else { 0.8 };
+    let store = noisy_wall(96, 64, 16, truth);
+    let noisy = mse(&store.means(Part::Whole, store.layout().radiance()), truth);
+    let filtered = filter(&store, &StandardSettings::standard());
+    assert!(mse(&filtered.image, truth) < noisy / 30.0);
+    let draft = filter(&store, &StandardSettings::draft());
+    assert!(mse(&draft.image, truth) < noisy / 10.0);
+}
+
+#[test]
+fn with_many_samples_the_image_becomes_the_mean() {
+    // A texture finer than the patch, which any blur would destroy.
+    let truth = |x: usize, y: usize| if (x + y).is_multiple_of(2) { 0.3 } else { 0.5 };
+    let store = noisy_wall(40, 40, 4096, truth);
+    let noisy = mse(&store.means(Part::Whole, store.layout().radiance()), truth);
+    assert!(mse(&filter(&store, &StandardSettings::standard()).image, truth) <= noisy);
+}
+
+#[test]
+fn brightness_scales_through() {
+    let truth = |x: usize, y: usize| 0.1 + 0.01 * (x + y) as f32;
+    let image = filter(&noisy_wall(40, 40, 8, truth), &StandardSettings::standard()).image;
+    for scale in [1e-6, 1e6] {
+        let scaled =
+            filter(&noisy_wall(40, 40, 8, |x, y| scale * truth(x, y)), &StandardSettings::standard()).image;
+        let close = |(s, v): (&f32, &f32)| (s / (scale * v) - 1.0).abs() < 1e-3;
+        assert!(scaled.data().iter().zip(image.data()).all(close), "{scale}");
+    }
+}
+
+#[test]
+fn one_sample_of_a_hundred_million_leaves_no_halo() {
+    let layout = Layout::with_blocks(|_| true);
+    let store = |spike: bool| {
+        synthetic::store(
+            64,
+            64,
+            layout.clone(),
+            |_, _| 8,
+            |x, y, index, rng: &mut Pcg32| {
+                let v = if spike && (x, y, index) == (32, 32, 3) { 1e8 } else { rng.random::<f32>() };
+                synthetic::wall(&layout, x, y, [v; 3], rng)
+            },
+        )
+    };
+    for settings in both() {
+        let (with, without) = (filter(&store(true), &settings).image, filter(&store(false), &settings).image);
+        for y in 0..64 {
+            for x in 0..64 {
+                let change = (with.at(0, x, y) / without.at(0, x, y) - 1.0).abs();
+                assert!(change < 0.05, "{x},{y}: {change}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_pixel_whose_samples_were_all_rejected_is_filled_from_its_neighbours() {
+    let layout = Layout::with_blocks(|_| true);
+    let store = synthetic::store(
+        32,
+        32,
+        layout.clone(),
+        |_, _| 8,
+        |x, y, _, rng: &mut Pcg32| {
+            let v = if (10..13).contains(&x) && y == 10 { f32::NAN } else { 0.5 };
+            synthetic::wall(&layout, x, y, [v; 3], rng)
+        },
+    );
+    assert_eq!(store.rejected(), 24);
+    for settings in both() {
+        let image = filter(&store, &settings).image;
+        assert!(image.data().iter().all(|v| (v - 0.5).abs() < 1e-4));
+    }
+}
+
+#[test]
+fn no_colour_crosses_the_horizon() {
+    let layout = Layout::with_blocks(|_| true);
+    let half_sky = |sky: bool| {
+        synthetic::store(
+            64,
+            64,
+            layout.clone(),
+            |_, _| 16,
+            |x, y, _, rng: &mut Pcg32| {
+                let v = 0.2 * rng.random::<f32>();
+                let mut sample = synthetic::wall(&layout, x, y, [v; 3], rng);
+                if sky && y < 32 {
+                    let blue = [0.0, 0.0, 5.0];
+                    layout.write(&mut sample, Block::Colour, &[0.0; 3]);
+                    layout.write(&mut sample, Block::Emission, &blue);
+                    layout.write(&mut sample, Block::Radiance, &blue);
+                    layout.write(&mut sample, Block::Normal1, &[0.0; 3]);
+                    layout.write(&mut sample, Block::Albedo, &[1.0; 3]);
+                    layout.write(&mut sample, Block::Hit, &[0.0]);
+                }
+                sample
+            },
+        )
+    };
+    let with = filter(&half_sky(true), &StandardSettings::standard()).image;
+    let without = filter(&half_sky(false), &StandardSettings::standard()).image;
+    for y in 33..64 {
+        for x in 0..64 {
+            // Fewer neighbours average less noise, so a few per cent differ beside the horizon.
+            assert!((with.at(2, x, y) - without.at(2, x, y)).abs() < 0.02, "{x},{y}");
+        }
+    }
+    assert!((0..64).all(|x| with.at(2, x, 31) == 5.0), "the sky is as it was");
+}
+
+#[test]
+fn a_crop_filters_as_the_whole_does() {
+    let truth = |x: usize, y: usize| 0.1 + 0.4 * ((x / 9 + y / 7) % 2) as f32;
+    let layout = Layout::with_blocks(|_| true);
+    let store = |width: usize, height: usize| {
+        synthetic::store(
+            width,
+            height,
+            layout.clone(),
+            |_, _| 8,
+            |x, y, index, _: &mut Pcg32| {
+                use rand::SeedableRng;
+                // Numbers by pixel and sample, the same in the crop and in the whole.
+                let mut rng = Pcg32::seed_from_u64(((y * 1000 + x) * 64) as u64 + u64::from(index));
+                let v = truth(x, y) * 2.0 * rng.random::<f32>();
+                synthetic::wall(&layout, x, y, [v; 3], &mut rng)
+            },
+        )
+    };
+    let whole = filter(&store(120, 110), &StandardSettings::standard()).image;
+    let crop = filter(&store(90, 80), &StandardSettings::standard()).image;
+    for y in 0..40 {
+        for x in 0..50 {
+            let (a, b) = (whole.at(0, x, y), crop.at(0, x, y));
+            assert!((a / b - 1.0).abs() < 2e-3, "{x},{y}: {a} {b}");
+        }
+    }
+}
+
+#[test]
+fn the_error_map_knows_the_error() {
+    let truth = |x: usize, y: usize| 0.2 + 0.5 * ((x / 6 + y / 6) % 2) as f32;
+    let (mut estimated, mut actual) = (0.0, 0.0);
+    for spp in [8, 16, 32] {
+        let store = noisy_wall(96, 96, spp, truth);
+        let filtered = filter(&store, &StandardSettings::standard());
+        estimated +=
+            filtered.error.data().iter().map(|&v| f64::from(v)).sum::<f64>() / filtered.error.pixels() as f64;
+        actual += mse(&filtered.image, truth);
+    }
+    let ratio = estimated / actual;
+    assert!((0.6..1.6).contains(&ratio), "{ratio}");
+}
+
+#[test]
+fn the_number_of_threads_does_not_matter() {
+    let store = noisy_wall(70, 130, 8, |x, _| 0.1 + 0.01 * x as f32);
+    let image = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| filter(&store, &StandardSettings::standard()).image)
+    };
+    assert_eq!(image(1), image(2));
+}
+
+#[test]
+fn counts_from_one_to_ten_thousand_side_by_side_are_fine() {
+    let layout = Layout::with_blocks(|_| true);
+    let store = synthetic::store(
+        24,
+        24,
+        layout.clone(),
+        |x, _| [1, 2, 7, 10_000][x % 4],
+        |x, y, _, rng: &mut Pcg32| {
+            let v = rng.random::<f32>();
+            synthetic::wall(&layout, x, y, [v; 3], rng)
+        },
+    );
+    let image = filter(&store, &StandardSettings::standard()).image;
+    assert!(image.data().iter().all(|v| (v - 0.5).abs() < 0.2));
+    assert!(mse(&image, |_, _| 0.5) < 0.01);
+}
