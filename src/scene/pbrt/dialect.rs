@@ -1,17 +1,21 @@
 //! What differs between the dialects of pbrt's versions 2, 3 and 4.
 //!
-//! v4 is the reference. The older ones are read as far as they mean the same, and approximated,
-//! with a warning, where an old material has no exact counterpart.
+//! v4 is the reference. The older ones' materials are sums of lobes, and keep their formulas:
+//! Blinn's microfacets in v2 (exponent 1 / roughness), GGX in v3. Their plastics, and v2's `uber`
+//! and `translucent`, take the index of refraction the wrong way round, so that everything beyond
+//! the critical angle is reflected; images made with them show that, and it is kept.
 
 use glam::Vec3;
 
 use super::lexer::{Lexer, TokenKind};
 use super::params::{ParamType, Params};
+use super::spectrum::Spectrum;
 use super::state::Reader;
-use super::{Place, Result};
+use super::{Fault, Place, Result};
+use crate::scene::RgbTextureId;
 use crate::scene::film::PixelFilter;
-use crate::scene::material::{MaterialKind, Metal, Roughness};
-use crate::scene::texture::Texture;
+use crate::scene::material::{Additive, Layer, MaterialKind, Metal, RoughnessScale};
+use crate::scene::texture::{Encoding, Texture};
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Dialect {
@@ -66,6 +70,40 @@ impl Dialect {
         self != Dialect::V4
     }
 
+    /// What a roughness means; `remap` is the parameter `remaproughness`, which v2 does not have.
+    pub fn roughness_scale(self, remap: bool) -> RoughnessScale {
+        match (self, remap) {
+            (Dialect::V2, _) => RoughnessScale::InverseExponent,
+            (_, false) => RoughnessScale::Alpha,
+            (Dialect::V3, true) => RoughnessScale::Logarithm,
+            (Dialect::V4, true) => RoughnessScale::SquareRoot,
+        }
+    }
+
+    /// What 8-bit images hold, unless a parameter says so.
+    pub fn default_encoding(self) -> Encoding {
+        match self {
+            Dialect::V2 => Encoding::Linear,
+            Dialect::V3 | Dialect::V4 => Encoding::Srgb,
+        }
+    }
+
+    /// Reflectance, or index of refraction, by channel.
+    pub fn reflectance_of(self, spectrum: &Spectrum) -> Vec3 {
+        match self {
+            Dialect::V2 | Dialect::V3 => spectrum.unadapted(),
+            Dialect::V4 => spectrum.reflectance(),
+        }
+    }
+
+    /// Colour of a light; in v4 its brightness is said elsewhere.
+    pub fn light_of(self, spectrum: &Spectrum) -> Vec3 {
+        match self {
+            Dialect::V2 | Dialect::V3 => spectrum.unadapted().max(Vec3::ZERO),
+            Dialect::V4 => spectrum.illuminant(),
+        }
+    }
+
     /// The filter of a scene that names none.
     pub fn default_filter(self) -> PixelFilter {
         match self {
@@ -113,7 +151,25 @@ pub fn parameter_type(name: &str) -> Option<ParamType> {
     })
 }
 
+/// Index of refraction of the gloss of plastics.
+const PLASTIC_ETA: f32 = 1.5;
+
 impl Reader {
+    /// The names of the two materials of a mix, the one that `amount` 0 gives first.
+    pub fn mixed_names<'p>(&self, params: &'p Params, place: Place) -> Result<[&'p str; 2]> {
+        if let Some([first, second]) = params.strings("materials")? {
+            return Ok([first, second]);
+        }
+        // In the older dialects `amount` is that of the first.
+        match (params.string("namedmaterial1")?, params.string("namedmaterial2")?) {
+            (Some(first), Some(second)) => Ok([second, first]),
+            _ => {
+                let message = "a mix without \"string materials\"; the names of two would be accepted";
+                Err(Fault::new(place, message))
+            }
+        }
+    }
+
     /// A material of an older dialect; `None` if the name is none of theirs.
     pub fn old_material(
         &mut self,
@@ -121,54 +177,104 @@ impl Reader {
         params: &Params,
         place: Place,
     ) -> Result<Option<MaterialKind>> {
-        let half = Vec3::splat(0.5);
-        let quarter = Vec3::splat(0.25);
+        let gray = Vec3::splat;
         Ok(Some(match kind {
-            "matte" => MaterialKind::Diffuse { reflectance: self.rgb_texture_or(params, "Kd", half)? },
-            "mirror" => MaterialKind::Conductor {
-                metal: Metal::Reflectance(self.rgb_texture_or(params, "Kr", Vec3::splat(0.9))?),
-                roughness: self.smooth(),
-            },
-            "glass" => {
-                let eta = match params.get("index") {
-                    Some(_) => self.refractive_index(params, "index", 1.5)?,
-                    None => self.refractive_index(params, "eta", 1.5)?,
-                };
-                MaterialKind::Dielectric { eta, roughness: self.smooth() }
-            }
-            "metal" => MaterialKind::Conductor {
-                metal: self.metal(params, "")?,
-                roughness: self.old_roughness(params, 0.01)?,
-            },
-            "translucent" => {
-                self.warnings
-                    .add(place, "material \"translucent\" is approximated by \"diffusetransmission\"");
-                let base = self.rgb_texture_or(params, "Kd", quarter)?;
-                let [reflectance, transmittance] = ["reflect", "transmit"].map(|name| {
-                    let second = self.rgb_texture_or(params, name, half)?;
-                    Ok(self.textures.add(Texture::<Vec3>::Product { first: base, second }))
-                });
-                MaterialKind::DiffuseTransmission { reflectance: reflectance?, transmittance: transmittance? }
-            }
-            "plastic" | "substrate" | "uber" => {
-                self.warnings.add(place, format!("material \"{kind}\" is approximated by \"coateddiffuse\""));
-                MaterialKind::CoatedDiffuse {
-                    reflectance: self.rgb_texture_or(
-                        params,
-                        "Kd",
-                        if kind == "substrate" { half } else { quarter },
-                    )?,
-                    eta: 1.5,
-                    roughness: self.old_roughness(params, 0.1)?,
+            "matte" => {
+                let reflectance = self.rgb_texture_or(params, "Kd", gray(0.5))?;
+                let sigma = self.float_texture_or(params, "sigma", 0.0)?;
+                if self.textures.constant_float(sigma) == Some(0.0) {
+                    MaterialKind::Diffuse { reflectance }
+                } else {
+                    MaterialKind::OrenNayar { reflectance, sigma }
                 }
             }
+            "mirror" => MaterialKind::Mirror { reflectance: self.rgb_texture_or(params, "Kr", gray(0.9))? },
+            "glass" => self.glass(params)?,
+            "metal" => MaterialKind::Conductor {
+                metal: self.metal(params, "")?,
+                roughness: self.roughness(params, "", 0.01)?,
+            },
+            "shinymetal" => {
+                let message = "material \"shinymetal\" is read as \"metal\" of the reflectance \"Ks\"";
+                self.warnings.add(place, message);
+                params.get("Kr");
+                MaterialKind::Conductor {
+                    metal: Metal::Reflectance(self.rgb_texture_or(params, "Ks", gray(1.0))?),
+                    roughness: self.roughness(params, "", 0.1)?,
+                }
+            }
+            "substrate" => MaterialKind::FresnelBlend {
+                diffuse: self.rgb_texture_or(params, "Kd", gray(0.5))?,
+                specular: self.rgb_texture_or(params, "Ks", gray(0.5))?,
+                roughness: self.roughness(params, "", 0.1)?,
+            },
+            "plastic" => {
+                let diffuse = [Some(self.rgb_texture_or(params, "Kd", gray(0.25))?), None];
+                let colours = [Some(self.rgb_texture_or(params, "Ks", gray(0.25))?), None];
+                let roughness = self.roughness(params, "", 0.1)?;
+                let gloss = Some(Layer { colours, eta: 1.0 / PLASTIC_ETA, roughness });
+                MaterialKind::Additive(Box::new(Additive { diffuse, gloss, ..Additive::default() }))
+            }
+            "uber" => self.uber(params)?,
+            "translucent" => self.translucent(params)?,
             _ => return Ok(None),
         }))
     }
 
-    /// Roughness as the older dialects mean it.
-    fn old_roughness(&mut self, params: &Params, default: f64) -> Result<Roughness> {
-        self.roughness(params, "", default)
+    /// Glass whose two sides of light may be coloured.
+    fn glass(&mut self, params: &Params) -> Result<MaterialKind> {
+        let eta = self.old_index(params)?;
+        let colours = ["Kr", "Kt"].map(|name| self.rgb_texture_or(params, name, Vec3::ONE));
+        let [reflected, transmitted] = colours;
+        let colours = [Some(reflected?), Some(transmitted?)];
+        let roughness = self.roughness(params, "", 0.0)?;
+        let white =
+            |id: &Option<RgbTextureId>| id.is_none_or(|id| self.textures.constant_rgb(id) == Some(Vec3::ONE));
+        if colours.iter().all(white) {
+            return Ok(MaterialKind::Dielectric { eta, roughness });
+        }
+        let dielectric = Some(Layer { colours, eta, roughness });
+        Ok(MaterialKind::Additive(Box::new(Additive { dielectric, ..Additive::default() })))
+    }
+
+    fn uber(&mut self, params: &Params) -> Result<MaterialKind> {
+        let eta = match self.dialect {
+            Dialect::V2 => self.old_index(params)?.recip(),
+            Dialect::V3 | Dialect::V4 => self.old_index(params)?,
+        };
+        let mut colour = |name, default| self.rgb_texture_or(params, name, Vec3::splat(default)).map(Some);
+        let diffuse = [colour("Kd", 0.25)?, None];
+        let gloss = [colour("Ks", 0.25)?, None];
+        let boundary = [colour("Kr", 0.0)?, colour("Kt", 0.0)?];
+        let opacity = colour("opacity", 1.0)?;
+        let gloss = Some(Layer { colours: gloss, eta, roughness: self.roughness(params, "", 0.1)? });
+        let dielectric = Some(Layer { colours: boundary, eta, roughness: self.smooth() });
+        Ok(MaterialKind::Additive(Box::new(Additive { diffuse, gloss, dielectric, opacity })))
+    }
+
+    fn translucent(&mut self, params: &Params) -> Result<MaterialKind> {
+        let half = Vec3::splat(0.5);
+        let sides = ["reflect", "transmit"].map(|name| self.rgb_texture_or(params, name, half));
+        let [reflect, transmit] = sides;
+        let sides = [reflect?, transmit?];
+        let mut colours = |name| -> Result<[Option<RgbTextureId>; 2]> {
+            let first = self.rgb_texture_or(params, name, Vec3::splat(0.25))?;
+            Ok(sides.map(|second| Some(self.textures.add(Texture::<Vec3>::Product { first, second }))))
+        };
+        let (diffuse, colours) = (colours("Kd")?, colours("Ks")?);
+        let roughness = self.roughness(params, "", 0.1)?;
+        let layer = |eta| Some(Layer { colours, eta, roughness });
+        // v2's gloss is transmitted as it is reflected; v3's goes through as through rough glass.
+        let (gloss, dielectric) = match self.dialect {
+            Dialect::V2 => (layer(1.0 / PLASTIC_ETA), None),
+            Dialect::V3 | Dialect::V4 => (None, layer(PLASTIC_ETA)),
+        };
+        Ok(MaterialKind::Additive(Box::new(Additive { diffuse, gloss, dielectric, opacity: None })))
+    }
+
+    fn old_index(&mut self, params: &Params) -> Result<f32> {
+        let name = if params.get("eta").is_some() { "eta" } else { "index" };
+        self.refractive_index(params, name, f64::from(PLASTIC_ETA))
     }
 }
 

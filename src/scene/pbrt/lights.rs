@@ -5,7 +5,7 @@ use std::f64::consts::PI;
 use glam::{Affine3A, DVec3, Vec3};
 
 use super::directives::Statement;
-use super::params::Params;
+use super::params::{ParamType, Params};
 use super::state::Reader;
 use super::textures::encoding;
 use super::{Fault, Result};
@@ -64,11 +64,12 @@ impl Reader {
 
     /// Colour times `scale`, per channel not below 0.
     fn light_color(&mut self, params: &Params, name: &str) -> Result<Vec3> {
-        let color = self.spectrum(params, name)?.map_or(Vec3::ONE, |spectrum| spectrum.illuminant());
+        let color =
+            self.spectrum(params, name)?.map_or(Vec3::ONE, |spectrum| self.dialect.light_of(&spectrum));
         // v3 has a colour for a scale.
         let scale = match params.get("scale").map(|param| param.kind) {
-            Some(super::params::ParamType::Rgb) => {
-                self.spectrum(params, "scale")?.map_or(Vec3::ONE, |spectrum| spectrum.reflectance())
+            Some(ParamType::Rgb | ParamType::Spectrum) => {
+                self.spectrum(params, "scale")?.map_or(Vec3::ONE, |spectrum| spectrum.unadapted())
             }
             _ => Vec3::splat(params.float_or("scale", 1.0)? as f32),
         };
@@ -144,7 +145,8 @@ impl Reader {
         let map = match file.filter(|file| !file.is_empty()) {
             None => None,
             Some(file) => {
-                let image = self.load_image(file, encoding(params)?, params.place)?;
+                let image =
+                    self.load_image(file, encoding(params, self.dialect.default_encoding())?, params.place)?;
                 let (width, height) =
                     (self.textures.image(image).width(), self.textures.image(image).height());
                 if self.dialect.environments_are_lat_long() {

@@ -14,6 +14,7 @@ mod lexer;
 mod lights;
 mod loop_subdivision;
 mod materials;
+mod measured;
 mod mesh;
 mod objects;
 mod params;

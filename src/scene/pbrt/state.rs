@@ -3,6 +3,7 @@
 use std::collections::{BTreeMap, HashMap};
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
+use std::sync::Arc;
 
 use glam::{DAffine3, DVec3};
 
@@ -13,6 +14,7 @@ use super::params::Param;
 use super::textures::TextureNames;
 use super::warnings::Warnings;
 use super::{Fault, Place, Result, SceneError, camera_film};
+use crate::scene::measured::MeasuredBrdf;
 use crate::scene::texture::Textures;
 use crate::scene::{AreaLight, Instance, Light, Material, MaterialId, Object, Primitive, Scene};
 
@@ -89,6 +91,7 @@ pub struct Reader {
     pub named_materials: HashMap<String, MaterialId>,
     /// How deep a mix of mixes each material is.
     pub mix_depths: Vec<usize>,
+    pub measured_brdfs: HashMap<PathBuf, Arc<MeasuredBrdf>>,
     pub lights: Vec<Light>,
     /// `groups[0]` is the static part of the scene.
     pub groups: Vec<Group>,
@@ -125,6 +128,7 @@ impl Reader {
             materials: Vec::new(),
             named_materials: HashMap::new(),
             mix_depths: Vec::new(),
+            measured_brdfs: HashMap::new(),
             lights: Vec::new(),
             groups: vec![Group::new("".into())],
             instances: Vec::new(),

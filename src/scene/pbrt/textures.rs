@@ -55,7 +55,8 @@ impl Parameter for Vec3 {
         &mut names.rgbs
     }
     fn value(reader: &mut Reader, params: &Params, name: &str, default: Vec3) -> Result<Vec3> {
-        Ok(reader.spectrum(params, name)?.map_or(default, |spectrum| spectrum.reflectance()))
+        let spectrum = reader.spectrum(params, name)?;
+        Ok(spectrum.map_or(default, |spectrum| reader.dialect.reflectance_of(&spectrum)))
     }
 }
 
@@ -100,7 +101,8 @@ impl Reader {
                 return Err(param.fault(format_args!("{} numbers", numbers.len()), "three numbers"));
             }
             (ParamType::Float, &[value]) => Spectrum::Rgb(Vec3::splat(value as f32)),
-            (ParamType::Blackbody, &[kelvin, ..]) if kelvin > 0.0 => Spectrum::Blackbody(kelvin),
+            (ParamType::Blackbody, &[kelvin]) if kelvin > 0.0 => Spectrum::Blackbody { kelvin, scale: 1.0 },
+            (ParamType::Blackbody, &[kelvin, scale]) if kelvin > 0.0 => Spectrum::Blackbody { kelvin, scale },
             (ParamType::Blackbody, _) => return Err(param.fault("no temperature", "kelvins above 0")),
             (ParamType::Spectrum, numbers) => match param.strings() {
                 [] => spectrum_of_numbers(param, numbers)?,
@@ -118,15 +120,9 @@ impl Reader {
         }
         let path = self.resolve(name);
         let shown = path.display();
-        let text = files::read(&path).map_err(|error| {
+        let numbers = files::numbers(&path).map_err(|error| {
             param.fault(format_args!("\"{shown}\" ({error})"), "a spectrum's name or file")
         })?;
-        let text = String::from_utf8_lossy(&text);
-        let words = text.lines().flat_map(|line| line.split('#').next().unwrap_or("").split_whitespace());
-        let numbers: Option<Vec<f64>> =
-            words.map(|word| word.parse().ok().filter(|number: &f64| number.is_finite())).collect();
-        let numbers =
-            numbers.ok_or_else(|| param.fault(format_args!("file \"{shown}\""), "a file of numbers"))?;
         spectrum_of_numbers(param, &numbers)
     }
 
@@ -218,7 +214,7 @@ impl Reader {
             params.get(name);
         }
         Ok(ImageTexture {
-            image: self.load_image(file, encoding(params)?, params.place)?,
+            image: self.load_image(file, encoding(params, self.dialect.default_encoding())?, params.place)?,
             mapping: self.mapping(params, self.dialect.images_start_at_the_bottom())?,
             wrap,
             scale: params.float_or("scale", 1.0)? as f32,
@@ -289,7 +285,7 @@ fn spectrum_of_numbers(param: &Param, numbers: &[f64]) -> Result<Spectrum> {
 }
 
 /// How 8- and 16-bit images are encoded: `encoding`, or v3's `gamma`.
-pub fn encoding(params: &Params) -> Result<Encoding> {
+pub fn encoding(params: &Params, default: Encoding) -> Result<Encoding> {
     if let Some(param) = params.get("gamma") {
         return Ok(match param.kind {
             ParamType::Bool if !params.bool_or("gamma", true)? => Encoding::Linear,
@@ -298,7 +294,8 @@ pub fn encoding(params: &Params) -> Result<Encoding> {
         });
     }
     match params.string("encoding")? {
-        None | Some("sRGB") => Ok(Encoding::Srgb),
+        None => Ok(default),
+        Some("sRGB") => Ok(Encoding::Srgb),
         Some("linear") => Ok(Encoding::Linear),
         Some(other) => {
             match other.strip_prefix("gamma ").and_then(|gamma| gamma.trim().parse::<f32>().ok()) {
