@@ -5,6 +5,8 @@
 //! and `translucent`, take the index of refraction the wrong way round, so that everything beyond
 //! the critical angle is reflected; images made with them show that, and it is kept.
 
+use std::path::Path;
+
 use glam::Vec3;
 
 use super::lexer::{Lexer, TokenKind};
@@ -86,6 +88,13 @@ impl Dialect {
             Dialect::V2 => Encoding::Linear,
             Dialect::V3 | Dialect::V4 => Encoding::Srgb,
         }
+    }
+
+    /// What an image holds whose parameters ask for `wanted`. v4 asks only of PNG files, and takes
+    /// all others for sRGB; the older dialects take a parameter at its word.
+    pub fn encoding_of(self, path: &Path, wanted: Encoding) -> Encoding {
+        let png = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("png"));
+        if self == Dialect::V4 && !png { Encoding::Srgb } else { wanted }
     }
 
     /// Reflectance, or index of refraction, by channel.

@@ -225,6 +225,7 @@ impl Reader {
     /// Reads an image, once for each encoding.
     pub fn load_image(&mut self, file: &str, encoding: Encoding, place: Place) -> Result<ImageId> {
         let path = self.resolve(file);
+        let encoding = self.dialect.encoding_of(&path, encoding);
         let key = (path.clone(), format!("{encoding:?}"));
         if let Some(&id) = self.texture_names.images.get(&key) {
             return Ok(id);

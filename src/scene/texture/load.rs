@@ -156,11 +156,8 @@ fn load_integers(
     check_size(width.into(), height.into(), length)?;
     let image = DynamicImage::from_decoder(decoder).map_err(|error| error.to_string())?;
     let (width, height) = (width as usize, height as usize);
-    // As in pbrt-v4, only PNG files have alpha and a choice of encoding.
-    let (png, encoding) = match format {
-        ImageFormat::Png => (true, encoding),
-        _ => (false, Encoding::Srgb),
-    };
+    // As in pbrt-v4, only PNG files have alpha.
+    let png = format == ImageFormat::Png;
     let bytes = |channels, data: Vec<u8>| {
         without_opaque_alpha(width, height, channels, data, u8::MAX, |w, h, c, data| {
             TextureImage::from_bytes(w, h, c, data, encoding.byte_table())
