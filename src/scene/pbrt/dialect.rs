@@ -290,11 +290,80 @@ impl Reader {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scene::pbrt::read_str;
+
+    /// The materials that a main file of each older dialect makes, without the default one.
+    fn materials(dialect: Dialect, world: &str) -> Vec<MaterialKind> {
+        let header = if dialect == Dialect::V2 { "" } else { "Integrator \"path\"" };
+        let scene = read_str(&format!("{header} WorldBegin {world} WorldEnd"), Path::new(""));
+        let scene = scene.unwrap_or_else(|error| panic!("{error}"));
+        scene.materials.into_iter().skip(1).map(|material| material.kind).collect()
+    }
+
+    fn additive(dialect: Dialect, world: &str) -> Additive {
+        match &materials(dialect, world)[..] {
+            [MaterialKind::Additive(parts)] => **parts,
+            other => panic!("{other:?}"),
+        }
+    }
 
     #[test]
     fn dialects_are_recognised_by_their_words() {
         assert_eq!(Dialect::detect(b"Integrator \"path\" WorldBegin # WorldEnd"), Dialect::V4);
         assert_eq!(Dialect::detect(b"Integrator \"path\" WorldBegin WorldEnd"), Dialect::V3);
         assert_eq!(Dialect::detect(b"SurfaceIntegrator \"path\" WorldBegin WorldEnd"), Dialect::V2);
+    }
+
+    #[test]
+    fn plastic_is_a_diffuse_part_under_gloss_that_is_lit_from_inside() {
+        for (dialect, scale) in
+            [(Dialect::V2, RoughnessScale::InverseExponent), (Dialect::V3, RoughnessScale::Logarithm)]
+        {
+            let parts = additive(dialect, "Material \"plastic\" \"color Kd\" [.4 .2 .2]");
+            assert!(parts.diffuse[0].is_some() && parts.diffuse[1].is_none() && parts.dielectric.is_none());
+            let gloss = parts.gloss.unwrap();
+            assert_eq!((gloss.eta, gloss.roughness.scale), (1.0 / 1.5, scale));
+        }
+    }
+
+    #[test]
+    fn uber_and_translucent_differ_between_the_dialects() {
+        let uber = |dialect| additive(dialect, "Material \"uber\" \"float index\" 2 \"color Kr\" [1 1 1]");
+        assert_eq!(uber(Dialect::V2).dielectric.unwrap().eta, 0.5);
+        assert_eq!(uber(Dialect::V3).dielectric.unwrap().eta, 2.0);
+        let translucent = |dialect| additive(dialect, "Material \"translucent\"");
+        assert!(translucent(Dialect::V2).dielectric.is_none() && translucent(Dialect::V2).gloss.is_some());
+        assert!(translucent(Dialect::V3).dielectric.is_some() && translucent(Dialect::V3).gloss.is_none());
+    }
+
+    #[test]
+    fn the_amount_of_an_old_mix_is_that_of_its_first_material() {
+        let named = "MakeNamedMaterial \"a\" \"string type\" \"matte\"
+            MakeNamedMaterial \"b\" \"string type\" \"mirror\"";
+        let mix = "Material \"mix\" \"string namedmaterial1\" \"a\" \"string namedmaterial2\" \"b\"
+            \"color amount\" [.2 .2 .2]";
+        let kinds = materials(Dialect::V3, &format!("{named} {mix}"));
+        let MaterialKind::Mix { first, second, .. } = kinds[2] else { panic!("{:?}", kinds[2]) };
+        assert_eq!((first.0, second.0), (2, 1));
+    }
+
+    #[test]
+    fn rough_matte_is_oren_nayar_and_coloured_glass_keeps_its_colours() {
+        let world = "Material \"matte\" \"float sigma\" 20 Material \"matte\" Material \"glass\"
+            Material \"glass\" \"color Kt\" [1 .5 .5] Material \"substrate\"";
+        let kinds = materials(Dialect::V2, world);
+        assert!(matches!(kinds[0], MaterialKind::OrenNayar { .. }));
+        assert!(matches!(kinds[1], MaterialKind::Diffuse { .. }));
+        assert!(matches!(kinds[2], MaterialKind::Dielectric { .. }));
+        assert!(matches!(&kinds[3], MaterialKind::Additive(parts) if parts.dielectric.is_some()));
+        assert!(matches!(kinds[4], MaterialKind::FresnelBlend { .. }));
+    }
+
+    #[test]
+    fn only_v4_takes_every_jpeg_for_srgb() {
+        let of = |dialect: Dialect, name| dialect.encoding_of(Path::new(name), Encoding::Linear);
+        assert_eq!(of(Dialect::V4, "a.jpg"), Encoding::Srgb);
+        assert_eq!(of(Dialect::V4, "a.PNG"), Encoding::Linear);
+        assert_eq!(of(Dialect::V3, "a.jpg"), Encoding::Linear);
     }
 }

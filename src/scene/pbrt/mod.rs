@@ -6,7 +6,9 @@
 //!
 //! Source: the file format specification of pbrt-v4 (pbrt.org/fileformat-v4).
 
+mod bilinear;
 mod camera_film;
+mod curve;
 mod dialect;
 mod directives;
 mod files;
@@ -19,6 +21,7 @@ mod mesh;
 mod objects;
 mod params;
 mod ply;
+mod revolution;
 mod shapes;
 mod spectrum;
 mod state;

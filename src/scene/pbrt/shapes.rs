@@ -9,7 +9,7 @@ use super::mesh::MeshDescription;
 use super::objects::Placement;
 use super::params::{ParamType, Params};
 use super::state::Reader;
-use super::{Fault, Result, loop_subdivision, ply};
+use super::{Fault, Result, bilinear, curve, loop_subdivision, ply, revolution};
 use crate::scene::material::MaterialKind;
 use crate::scene::texture::{FloatTextureId, Texture};
 use crate::scene::{Disk, Primitive, Shape, Sphere};
@@ -40,14 +40,19 @@ impl Reader {
                 let mesh = ply::read(&path).map_err(named)?;
                 self.mesh(params, &mesh, named)?;
             }
-            "bilinearmesh" | "curve" | "cylinder" | "cone" | "paraboloid" | "hyperboloid" | "nurbs"
-            | "heightfield" => {
+            "bilinearmesh" => self.mesh(params, &bilinear::mesh(params)?, fault)?,
+            "curve" => self.mesh(params, &curve::mesh(params)?, fault)?,
+            "cylinder" | "cone" | "paraboloid" | "hyperboloid" => {
+                self.mesh(params, &revolution::mesh(kind, params)?, fault)?;
+            }
+            "nurbs" | "heightfield" => {
                 self.warnings.add(statement.place, format!("shape \"{kind}\" is left out"));
                 statement.params.mark_all_used();
             }
             other => {
                 return Err(fault(format!(
-                    "shape \"{other}\"; sphere, disk, trianglemesh, plymesh and loopsubdiv are accepted"
+                    "shape \"{other}\"; sphere, disk, cylinder, trianglemesh, plymesh, bilinearmesh, curve and \
+                     loopsubdiv are accepted"
                 )));
             }
         }

@@ -6,6 +6,7 @@
 
 mod image;
 mod load;
+mod pfm;
 
 use std::ops::{Add, Mul};
 
