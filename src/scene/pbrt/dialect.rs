@@ -16,6 +16,7 @@ use super::state::Reader;
 use super::{Fault, Place, Result};
 use crate::scene::RgbTextureId;
 use crate::scene::film::PixelFilter;
+use crate::scene::light::SpotFalloff;
 use crate::scene::material::{Additive, Layer, MaterialKind, Metal, RoughnessScale};
 use crate::scene::texture::{Encoding, Texture};
 
@@ -121,6 +122,24 @@ impl Dialect {
         }
     }
 
+    /// What the radius of a pixel filter is called.
+    pub fn filter_radius_names(self) -> [&'static str; 2] {
+        match self {
+            Dialect::V4 => ["xradius", "yradius"],
+            Dialect::V2 | Dialect::V3 => ["xwidth", "ywidth"],
+        }
+    }
+
+    /// The radius of a Gaussian filter, where it is not given.
+    pub fn default_gaussian_radius(self) -> f64 {
+        if self == Dialect::V4 { 1.5 } else { 2.0 }
+    }
+
+    /// How a spot light falls off between its two angles.
+    pub fn spot_falloff(self) -> SpotFalloff {
+        if self == Dialect::V4 { SpotFalloff::Smoothstep } else { SpotFalloff::FourthPower }
+    }
+
     /// The integrator of a scene that names none.
     pub fn default_integrator(self) -> &'static str {
         match self {
@@ -133,8 +152,8 @@ impl Dialect {
     /// The size of the film, where it is not given.
     pub fn default_resolution(self) -> [u32; 2] {
         match self {
-            Dialect::V2 | Dialect::V3 => [640, 480],
-            Dialect::V4 => [1280, 720],
+            Dialect::V2 => [640, 480],
+            Dialect::V3 | Dialect::V4 => [1280, 720],
         }
     }
 }
@@ -357,6 +376,21 @@ mod tests {
         assert!(matches!(kinds[2], MaterialKind::Dielectric { .. }));
         assert!(matches!(&kinds[3], MaterialKind::Additive(parts) if parts.dielectric.is_some()));
         assert!(matches!(kinds[4], MaterialKind::FresnelBlend { .. }));
+    }
+
+    #[test]
+    fn filters_and_film_go_by_the_dialects_names_and_defaults() {
+        let film = |header: &str, end: &str| {
+            let text = format!("{header} PixelFilter \"gaussian\" WorldBegin {end}");
+            read_str(&text, Path::new("")).unwrap().film
+        };
+        let old = film("", "WorldEnd");
+        assert_eq!((old.width, old.filter), (640, PixelFilter::Gaussian { radius: [2.0; 2], sigma: 0.5 }));
+        assert_eq!(film("Integrator \"path\"", "WorldEnd").width, 1280);
+        assert_eq!(film("", "").filter, PixelFilter::Gaussian { radius: [1.5; 2], sigma: 0.5 });
+        let wide = "PixelFilter \"box\" \"float xwidth\" 2 WorldBegin WorldEnd";
+        let wide = read_str(wide, Path::new("")).unwrap().film.filter;
+        assert_eq!(wide, PixelFilter::Box { radius: [2.0, 0.5] });
     }
 
     #[test]

@@ -97,7 +97,7 @@ impl Reader {
         let normal_map = match params.string("normalmap")?.map(String::from) {
             None => None,
             Some(file) => {
-                let image = self.load_image(&file, Encoding::Linear, params.place)?;
+                let image = self.image(&file, Encoding::Linear, params.place);
                 let mapping = Mapping::Uv { scale: glam::Vec2::new(1.0, -1.0), offset: glam::Vec2::Y };
                 let texture = ImageTexture { image, mapping, wrap: Wrap::Repeat, scale: 1.0, invert: false };
                 Some(self.textures.add(Texture::<Vec3>::Image(texture)))
@@ -190,7 +190,10 @@ impl Reader {
         if let Some(table) = self.measured_brdfs.get(&path) {
             return Ok(MaterialKind::Measured(table.clone()));
         }
-        let named = |message| Fault::new(place, format!("BRDF \"{}\": {message}", path.display()));
+        let named = |message: String| {
+            let accepted = "a table of measurements (.brdf, or MERL's) would be accepted";
+            Fault::new(place, format!("BRDF \"{}\": {message}; {accepted}", path.display()))
+        };
         let table = Arc::new(measured::read(&path).map_err(named)?);
         self.measured_brdfs.insert(path, table.clone());
         Ok(MaterialKind::Measured(table))

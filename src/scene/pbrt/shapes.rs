@@ -1,5 +1,6 @@
 //! Shapes.
 
+use std::f64::consts::PI;
 use std::sync::Arc;
 
 use glam::{DAffine3, DVec3};
@@ -8,7 +9,7 @@ use super::directives::Statement;
 use super::mesh::MeshDescription;
 use super::objects::Placement;
 use super::params::{ParamType, Params};
-use super::state::Reader;
+use super::state::{Emission, Reader};
 use super::{Fault, Result, bilinear, curve, loop_subdivision, ply, revolution};
 use crate::scene::material::MaterialKind;
 use crate::scene::texture::{FloatTextureId, Texture};
@@ -37,7 +38,8 @@ impl Reader {
                 };
                 let path = self.resolve(name);
                 let named = |message: String| fault(format!("mesh \"{}\": {message}", path.display()));
-                let mesh = ply::read(&path).map_err(named)?;
+                let mesh = ply::read(&path)
+                    .map_err(|message| named(format!("{message}; a sound PLY file would be accepted")))?;
                 self.mesh(params, &mesh, named)?;
             }
             "bilinearmesh" => self.mesh(params, &bilinear::mesh(params)?, fault)?,
@@ -137,6 +139,18 @@ impl Reader {
             area_light = None;
         }
         let alpha = self.alpha(params)?;
+        let area_light = area_light.map(|Emission { mut light, power }| {
+            if let Some(power) = power {
+                let sides = if light.two_sided { 2.0 } else { 1.0 };
+                light.radiance *= (power / (PI * sides * shape.area())) as f32;
+            }
+            light
+        });
+        self.reading.shapes += 1;
+        if let Shape::Mesh(mesh) = &shape {
+            self.reading.triangles += mesh.indices.len();
+        }
+        (self.report)(self.reading);
         self.groups[group].primitives.push(Primitive { shape, material, alpha, area_light, flip_normal });
         Ok(())
     }

@@ -1,7 +1,6 @@
 //! Textures and images, and parameters that may be textures.
 
 use std::collections::HashMap;
-use std::path::PathBuf;
 
 use glam::{DAffine3, DMat3, DVec3, Vec2, Vec3};
 
@@ -11,7 +10,7 @@ use super::spectrum::{Spectrum, rgb_from_xyz};
 use super::state::Reader;
 use super::{Fault, Place, Result, files};
 use crate::scene::texture::{
-    self, Encoding, FloatTextureId, ImageId, ImageTexture, Mapping, RgbTextureId, Texture, TextureValue, Wrap,
+    Encoding, FloatTextureId, ImageTexture, Mapping, RgbTextureId, Texture, TextureValue, Wrap,
 };
 
 /// Deepest texture of textures: a lookup follows both branches of each.
@@ -20,12 +19,11 @@ const MAX_TEXTURE_DEPTH: usize = 12;
 /// Named textures of one kind, with their depths.
 type Names<Id> = HashMap<String, (Id, usize)>;
 
-/// What the scene has named, and the images that were read.
+/// What the scene has named.
 #[derive(Default)]
 pub struct TextureNames {
     floats: Names<FloatTextureId>,
     rgbs: Names<RgbTextureId>,
-    images: HashMap<(PathBuf, String), ImageId>,
     /// Depth of the texture that is being made.
     depth: usize,
 }
@@ -95,7 +93,9 @@ impl Reader {
     pub fn spectrum(&mut self, params: &Params, name: &str) -> Result<Option<Spectrum>> {
         let Some(param) = params.get(name) else { return Ok(None) };
         Ok(Some(match (param.kind, param.numbers()) {
-            (ParamType::Rgb, &[r, g, b]) => Spectrum::Rgb(DVec3::new(r, g, b).as_vec3()),
+            (ParamType::Rgb, &[r, g, b]) => {
+                Spectrum::Rgb(self.state.color_space.to_srgb(DVec3::new(r, g, b)).as_vec3())
+            }
             (ParamType::Xyz, &[x, y, z]) => Spectrum::Rgb(rgb_from_xyz(DVec3::new(x, y, z)).as_vec3()),
             (ParamType::Rgb | ParamType::Xyz, numbers) => {
                 return Err(param.fault(format_args!("{} numbers", numbers.len()), "three numbers"));
@@ -214,27 +214,12 @@ impl Reader {
             params.get(name);
         }
         Ok(ImageTexture {
-            image: self.load_image(file, encoding(params, self.dialect.default_encoding())?, params.place)?,
+            image: self.image(file, encoding(params, self.dialect.default_encoding())?, params.place),
             mapping: self.mapping(params, self.dialect.images_start_at_the_bottom())?,
             wrap,
             scale: params.float_or("scale", 1.0)? as f32,
             invert: params.bool_or("invert", false)?,
         })
-    }
-
-    /// Reads an image, once for each encoding.
-    pub fn load_image(&mut self, file: &str, encoding: Encoding, place: Place) -> Result<ImageId> {
-        let path = self.resolve(file);
-        let encoding = self.dialect.encoding_of(&path, encoding);
-        let key = (path.clone(), format!("{encoding:?}"));
-        if let Some(&id) = self.texture_names.images.get(&key) {
-            return Ok(id);
-        }
-        let image = texture::load(&path, encoding)
-            .map_err(|message| Fault::new(place, format!("image \"{}\": {message}", path.display())))?;
-        let id = self.textures.add_image(image);
-        self.texture_names.images.insert(key, id);
-        Ok(id)
     }
 
     /// The 2D mapping of a texture; `flip` turns v = 0 to the last row of an image.

@@ -179,6 +179,11 @@ impl Textures {
         self.constant::<Vec3>(id)
     }
 
+    /// The images of the pool.
+    pub fn images(&self) -> &[TextureImage] {
+        &self.images
+    }
+
     /// An image of the pool.
     pub fn image(&self, id: ImageId) -> &TextureImage {
         &self.images[id.0 as usize]
