@@ -40,9 +40,9 @@ pub(super) fn read(
 }
 
 /// The next word, and one blank after it.
-fn word(reader: &mut impl Read) -> Result<String, String> {
+fn word(reader: &mut impl BufRead) -> Result<String, String> {
     let mut word = String::new();
-    for byte in reader.bytes() {
+    for byte in reader.by_ref().bytes() {
         let byte = byte.map_err(|error| error.to_string())?;
         match byte.is_ascii_whitespace() {
             true if word.is_empty() => {}
@@ -54,7 +54,7 @@ fn word(reader: &mut impl Read) -> Result<String, String> {
     Err("a header without an end; magic word, width, height and scale would be accepted".into())
 }
 
-fn number<T: std::str::FromStr>(reader: &mut impl Read) -> Result<T, String> {
+fn number<T: std::str::FromStr>(reader: &mut impl BufRead) -> Result<T, String> {
     let word = word(reader)?;
     word.parse().map_err(|_| format!("\"{word}\" in its header; a number would be accepted"))
 }
