@@ -50,7 +50,7 @@ use measured::Measured;
 use microfacet::Ggx;
 use mirror::Mirror;
 use oren_nayar::OrenNayar;
-use sum::{Part, Sum};
+use sum::{Straight, Sum};
 
 /// Cosines below this are lost in the rounding of the change of frame, and so is the side of the
 /// surface; such directions scatter nothing.
@@ -232,17 +232,14 @@ impl Values<'_> {
         let lit = |colours: [Vec3; 2]| colours.map(|colour| colour * opacity);
         let some = |colours: [Vec3; 2]| colours != [Vec3::ZERO; 2];
         let [reflectance, transmittance] = lit(parts.diffuse.map(colour));
-        let diffuse = some([reflectance, transmittance])
-            .then_some(Part::Diffuse(Diffuse { reflectance, transmittance }));
+        let diffuse = some([reflectance, transmittance]).then_some(Diffuse { reflectance, transmittance });
         let gloss = parts.gloss.and_then(|gloss| {
             let [reflectance, transmittance] = lit(gloss.colours.map(colour));
-            some([reflectance, transmittance]).then(|| {
-                Part::Gloss(Gloss {
-                    reflectance,
-                    transmittance,
-                    facets: self.facets(gloss.roughness),
-                    fresnel: FacetFresnel::Dielectric(gloss.eta),
-                })
+            some([reflectance, transmittance]).then(|| Gloss {
+                reflectance,
+                transmittance,
+                facets: self.facets(gloss.roughness),
+                fresnel: FacetFresnel::Dielectric(gloss.eta),
             })
         });
         let dielectric = parts.dielectric.and_then(|boundary| {
@@ -250,11 +247,11 @@ impl Values<'_> {
             some([reflected, transmitted]).then(|| {
                 let ggx = self.ggx(boundary.roughness);
                 let boundary = Dielectric { eta: usable_eta(boundary.eta), ggx };
-                Part::Dielectric(TintedDielectric { boundary, reflected, transmitted })
+                TintedDielectric { boundary, reflected, transmitted }
             })
         });
-        let straight = (straight != Vec3::ZERO).then_some(Part::Straight(straight));
-        Sum::new([diffuse, gloss, dielectric, straight])
+        let straight = (straight != Vec3::ZERO).then_some(Straight(straight));
+        Sum { diffuse, gloss, dielectric, straight }
     }
 
     fn conductor(&self, metal: Metal, roughness: Roughness) -> Conductor {

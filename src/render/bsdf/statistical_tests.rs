@@ -32,12 +32,12 @@ fn gold(alpha_x: f32, alpha_y: f32) -> Conductor {
 fn sum(facets: Facets, colour: Vec3, dark: Vec3) -> Sum {
     let (diffuse, fresnel) = (0.3 * colour, FacetFresnel::Dielectric(1.0 / 1.5));
     let boundary = Dielectric { eta: 1.5, ggx: Ggx::new(0.0, 0.0) };
-    Sum::new([
-        Some(Part::Diffuse(Diffuse { reflectance: diffuse, transmittance: 0.2 * dark })),
-        Some(Part::Gloss(Gloss { reflectance: 0.5 * dark, transmittance: 0.2 * colour, facets, fresnel })),
-        Some(Part::Dielectric(TintedDielectric { boundary, reflected: dark, transmitted: dark })),
-        Some(Part::Straight(0.1 * colour)),
-    ])
+    Sum {
+        diffuse: Some(Diffuse { reflectance: diffuse, transmittance: 0.2 * dark }),
+        gloss: Some(Gloss { reflectance: 0.5 * dark, transmittance: 0.2 * colour, facets, fresnel }),
+        dielectric: Some(TintedDielectric { boundary, reflected: dark, transmitted: dark }),
+        straight: Some(Straight(0.1 * colour)),
+    }
 }
 
 /// A diffuse base with a highlight.

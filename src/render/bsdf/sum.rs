@@ -8,29 +8,11 @@ use super::diffuse::Diffuse;
 use super::gloss::Gloss;
 use super::{BsdfSample, Scatter};
 
-/// A part of a sum.
+/// Lets this much straight through.
 #[derive(Clone, Copy, Debug)]
-pub(super) enum Part {
-    Diffuse(Diffuse),
-    Gloss(Gloss),
-    Dielectric(TintedDielectric),
-    /// Lets this much straight through.
-    Straight(Vec3),
-}
+pub(super) struct Straight(pub Vec3);
 
-impl Part {
-    fn scatter(&self) -> &dyn Scatter {
-        match self {
-            Part::Diffuse(lobe) => lobe,
-            Part::Gloss(lobe) => lobe,
-            Part::Dielectric(lobe) => lobe,
-            Part::Straight(share) => share,
-        }
-    }
-}
-
-/// What lets light straight through.
-impl Scatter for Vec3 {
+impl Scatter for Straight {
     fn eval(&self, _wo: Vec3, _wi: Vec3) -> Vec3 {
         Vec3::ZERO
     }
@@ -40,7 +22,7 @@ impl Scatter for Vec3 {
     }
 
     fn sample(&self, wo: Vec3, _u_lobe: f32, _u: Vec2) -> Option<BsdfSample> {
-        Some(BsdfSample { transmission: true, ..BsdfSample::specular(-wo, *self) })
+        Some(BsdfSample { transmission: true, ..BsdfSample::specular(-wo, self.0) })
     }
 
     fn is_specular(&self) -> bool {
@@ -48,47 +30,51 @@ impl Scatter for Vec3 {
     }
 
     fn albedo(&self, _wo: Vec3) -> Vec3 {
-        *self
+        self.0
     }
 }
-
-/// Most parts of a sum.
-const MAX_PARTS: usize = 4;
 
 /// Lobes that add up.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Sum {
-    parts: [Option<Part>; MAX_PARTS],
+    pub diffuse: Option<Diffuse>,
+    pub gloss: Option<Gloss>,
+    pub dielectric: Option<TintedDielectric>,
+    pub straight: Option<Straight>,
+}
+
+/// Number of parts that a sum can have.
+const PARTS: usize = 4;
+
+/// A part as a lobe.
+fn part<S: Scatter>(lobe: &Option<S>) -> Option<&dyn Scatter> {
+    lobe.as_ref().map(|lobe| lobe as &dyn Scatter)
 }
 
 impl Sum {
-    /// The sum of at most [`MAX_PARTS`] parts.
-    pub fn new(parts: [Option<Part>; MAX_PARTS]) -> Self {
-        Self { parts }
+    fn parts(&self) -> [Option<&dyn Scatter>; PARTS] {
+        [part(&self.diffuse), part(&self.gloss), part(&self.dielectric), part(&self.straight)]
     }
 
     fn lobes(&self) -> impl Iterator<Item = &dyn Scatter> {
-        self.parts.iter().flatten().map(Part::scatter)
+        self.parts().into_iter().flatten()
     }
 
     /// The parts' shares of the light, by the brightest channel; they add up to 1, unless nothing
     /// scatters.
-    fn shares(&self, wo: Vec3) -> [f32; MAX_PARTS] {
-        let weight = |part: &Option<Part>| {
-            part.as_ref().map_or(0.0, |part| part.scatter().albedo(wo).max_element().max(0.0))
-        };
-        let weights = [0, 1, 2, 3].map(|i| weight(&self.parts[i]));
+    fn shares(&self, wo: Vec3) -> [f32; PARTS] {
+        let weights =
+            self.parts().map(|part| part.map_or(0.0, |lobe| lobe.albedo(wo).max_element().max(0.0)));
         let sum: f32 = weights.iter().sum();
         if sum > 0.0 { weights.map(|weight| weight / sum) } else { weights }
     }
 
     /// Whether a part takes light to the other side.
     pub fn transmits(&self) -> bool {
-        self.parts.iter().flatten().any(|part| match part {
-            Part::Diffuse(lobe) => lobe.transmittance != Vec3::ZERO,
-            Part::Gloss(lobe) => lobe.transmittance != Vec3::ZERO,
-            Part::Dielectric(_) | Part::Straight(_) => true,
-        })
+        self.diffuse.is_some_and(|lobe| lobe.transmittance != Vec3::ZERO)
+            || self.gloss.is_some_and(|lobe| lobe.transmittance != Vec3::ZERO)
+            || self.dielectric.is_some()
+            || self.straight.is_some()
     }
 }
 
@@ -98,9 +84,8 @@ impl Scatter for Sum {
     }
 
     fn pdf(&self, wo: Vec3, wi: Vec3) -> f32 {
-        let shares = self.shares(wo);
-        let parts = self.parts.iter().zip(shares).filter(|(_, share)| *share > 0.0);
-        parts.map(|(part, share)| part.as_ref().map_or(0.0, |p| share * p.scatter().pdf(wo, wi))).sum()
+        let parts = self.parts().into_iter().zip(self.shares(wo)).filter(|(_, share)| *share > 0.0);
+        parts.map(|(part, share)| part.map_or(0.0, |lobe| share * lobe.pdf(wo, wi))).sum()
     }
 
     fn sample(&self, wo: Vec3, u_lobe: f32, u: Vec2) -> Option<BsdfSample> {
@@ -117,7 +102,7 @@ impl Scatter for Sum {
         let chosen = chosen.unwrap_or(last);
         // What the choice leaves of the number is spread over [0, 1) again.
         let u_part = (rest / shares[chosen]).clamp(0.0, 1.0 - f32::EPSILON);
-        let sample = self.parts[chosen].as_ref()?.scatter().sample(wo, u_part, u)?;
+        let sample = self.parts()[chosen]?.sample(wo, u_part, u)?;
         if sample.specular {
             return Some(BsdfSample { weight: sample.weight / shares[chosen], ..sample });
         }
@@ -142,8 +127,8 @@ mod tests {
     fn specular_parts_are_drawn_by_their_share_and_keep_their_energy() {
         let black = Vec3::ZERO;
         let diffuse = Diffuse { reflectance: Vec3::splat(0.6), transmittance: black };
-        let sum =
-            Sum::new([Some(Part::Diffuse(diffuse)), Some(Part::Straight(Vec3::splat(0.2))), None, None]);
+        let straight = Some(Straight(Vec3::splat(0.2)));
+        let sum = Sum { diffuse: Some(diffuse), straight, ..Sum::default() };
         let wo = Vec3::new(0.6, 0.0, 0.8);
         let below = sum.sample(wo, 0.7499, Vec2::splat(0.3)).unwrap();
         assert!(!below.specular && below.wi.z > 0.0);

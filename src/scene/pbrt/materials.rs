@@ -272,3 +272,38 @@ impl Reader {
         if eta > 0.0 { Ok(eta as f32) } else { Err(param.fault(eta, "an index of refraction above 0")) }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+    use crate::scene::pbrt::read_str;
+
+    #[test]
+    fn materials_have_their_parameters_and_defaults() {
+        let scene = read_str(
+        "WorldBegin Texture \"half\" \"float\" \"constant\" \"float value\" .5
+         Material \"conductor\" \"texture uroughness\" \"half\" \"float roughness\" .25 \"bool remaproughness\" false
+         Material \"dielectric\" \"spectrum eta\" \"glass-BK7\"
+         MakeNamedMaterial \"a\" \"string type\" \"coateddiffuse\" \"rgb reflectance\" [.1 .2 .3]
+         Material \"mix\" \"string materials\" [\"a\" \"a\"] \"float amount\" .3",
+        Path::new(""),
+    )
+    .unwrap();
+        let kinds: Vec<_> = scene.materials.iter().skip(1).map(|material| &material.kind).collect();
+        let MaterialKind::Conductor { roughness, .. } = kinds[0] else { panic!() };
+        let constant = |id| scene.textures.constant_float(id);
+        assert_eq!(
+            (constant(roughness.u), constant(roughness.v), roughness.scale),
+            (Some(0.5), Some(0.25), RoughnessScale::Alpha)
+        );
+        let MaterialKind::Dielectric { eta, .. } = kinds[1] else { panic!() };
+        assert_eq!(*eta, 1.5168);
+        let MaterialKind::CoatedDiffuse { reflectance, eta, .. } = kinds[2] else { panic!() };
+        assert_eq!(scene.textures.constant_rgb(*reflectance), Some(Vec3::new(0.1, 0.2, 0.3)));
+        assert_eq!(*eta, 1.5);
+        assert!(matches!(kinds[3], MaterialKind::Mix { .. }));
+        assert!(scene.warnings.is_empty(), "{:?}", scene.warnings);
+    }
+}

@@ -3,7 +3,7 @@
 use std::f64::consts::PI;
 use std::sync::Arc;
 
-use glam::{DAffine3, DVec3};
+use glam::{DAffine3, DVec2, DVec3};
 
 use super::directives::Statement;
 use super::mesh::MeshDescription;
@@ -17,6 +17,8 @@ use crate::scene::{Disk, Primitive, Shape, Sphere};
 
 /// Levels of subdivision: ten make a million triangles of each.
 const MAX_LEVELS: u32 = 10;
+/// Most heights along a side of a height field.
+const MAX_GRID: u32 = 1 << 14;
 /// Most triangles that subdivision may make: some gigabytes while it does.
 const MAX_SUBDIVIDED: usize = 1 << 24;
 
@@ -47,7 +49,8 @@ impl Reader {
             "cylinder" | "cone" | "paraboloid" | "hyperboloid" => {
                 self.mesh(params, &revolution::mesh(kind, params)?, fault)?;
             }
-            "nurbs" | "heightfield" => {
+            "heightfield" => self.mesh(params, &height_field(params)?, fault)?,
+            "nurbs" => {
                 self.warnings.add(statement.place, format!("shape \"{kind}\" is left out"));
                 statement.params.mark_all_used();
             }
@@ -199,6 +202,24 @@ fn triangle_mesh(params: &Params) -> Result<MeshDescription> {
     Ok(MeshDescription { positions, normals: params.triples("N")?.unwrap_or_default(), uvs, indices })
 }
 
+/// Heights over a grid of the unit square, as pbrt-v2 and v3 have them.
+fn height_field(params: &Params) -> Result<MeshDescription> {
+    let side = |name| params.integer_in(name, 2, 2..=MAX_GRID);
+    let (columns, rows) = (side("nu")?, side("nv")?);
+    let heights = params.floats("Pz")?.unwrap_or_default();
+    if heights.len() as u64 != u64::from(columns) * u64::from(rows) {
+        let message = format!("{} heights; {columns} times {rows} (nu, nv) would be accepted", heights.len());
+        return Err(Fault::new(params.place, message));
+    }
+    let share = |i: u32, count: u32| f64::from(i) / f64::from(count - 1);
+    let uvs: Vec<DVec2> = (0..rows)
+        .flat_map(|y| (0..columns).map(move |x| DVec2::new(share(x, columns), share(y, rows))))
+        .collect();
+    let positions = uvs.iter().zip(heights).map(|(uv, &height)| uv.extend(height)).collect();
+    let indices = revolution::grid(rows - 1, columns - 1);
+    Ok(MeshDescription { positions, normals: Vec::new(), uvs, indices })
+}
+
 fn loop_subdivided(params: &Params) -> Result<MeshDescription> {
     let positions = required_positions(params)?;
     let Some(indices) = indices(params)? else {
@@ -236,4 +257,22 @@ fn indices(params: &Params) -> Result<Option<Vec<[u32; 3]>>> {
         return Err(fault(format!("index {index}; the number of a vertex would be accepted")));
     }
     Ok(Some(triangles.iter().map(|triangle| triangle.map(|index| index as u32)).collect()))
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+    use crate::scene::pbrt::read_str;
+
+    #[test]
+    fn a_height_field_is_a_grid_over_the_unit_square() {
+        let text =
+            "WorldBegin Shape \"heightfield\" \"integer nu\" 3 \"integer nv\" 2 \"float Pz\" [0 1 2 3 4 5]";
+        let scene = read_str(text, Path::new("")).unwrap();
+        let Shape::Mesh(mesh) = &scene.primitives[0].shape else { panic!() };
+        assert_eq!((mesh.indices.len(), mesh.positions[4]), (4, glam::Vec3::new(0.5, 1.0, 4.0)));
+        assert!(read_str(&text.replace("[0 ", "["), Path::new("")).is_err());
+    }
 }

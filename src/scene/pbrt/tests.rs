@@ -7,7 +7,6 @@ use glam::{DVec3, Vec3};
 use super::{SceneError, read, read_str};
 use crate::scene::camera::Projection;
 use crate::scene::light::EnvironmentMap;
-use crate::scene::material::RoughnessScale;
 use crate::scene::texture::TexturePoint;
 use crate::scene::{Integrator, Light, MaterialKind, PixelFilter, SamplerKind, Scene, Shape, TriangleMesh};
 
@@ -219,31 +218,6 @@ fn lights_are_placed_and_scaled() {
     assert_eq!(*radiance, Vec3::splat(5.0));
     let Light::Environment(environment) = environment else { panic!() };
     assert!((environment.scale.dot(Vec3::new(0.2126, 0.7152, 0.0722)) - 3.0).abs() < 0.01);
-}
-
-#[test]
-fn materials_have_their_parameters_and_defaults() {
-    let scene = world(
-        "Texture \"half\" \"float\" \"constant\" \"float value\" .5
-         Material \"conductor\" \"texture uroughness\" \"half\" \"float roughness\" .25 \"bool remaproughness\" false
-         Material \"dielectric\" \"spectrum eta\" \"glass-BK7\"
-         MakeNamedMaterial \"a\" \"string type\" \"coateddiffuse\" \"rgb reflectance\" [.1 .2 .3]
-         Material \"mix\" \"string materials\" [\"a\" \"a\"] \"float amount\" .3",
-    );
-    let kinds: Vec<_> = scene.materials.iter().skip(1).map(|material| &material.kind).collect();
-    let MaterialKind::Conductor { roughness, .. } = kinds[0] else { panic!() };
-    let constant = |id| scene.textures.constant_float(id);
-    assert_eq!(
-        (constant(roughness.u), constant(roughness.v), roughness.scale),
-        (Some(0.5), Some(0.25), RoughnessScale::Alpha)
-    );
-    let MaterialKind::Dielectric { eta, .. } = kinds[1] else { panic!() };
-    assert_eq!(*eta, 1.5168);
-    let MaterialKind::CoatedDiffuse { reflectance, eta, .. } = kinds[2] else { panic!() };
-    assert_eq!(scene.textures.constant_rgb(*reflectance), Some(Vec3::new(0.1, 0.2, 0.3)));
-    assert_eq!(*eta, 1.5);
-    assert!(matches!(kinds[3], MaterialKind::Mix { .. }));
-    assert!(scene.warnings.is_empty(), "{:?}", scene.warnings);
 }
 
 #[test]
