@@ -13,7 +13,7 @@ use prpf::geometry::Accel;
 use prpf::render::Renderer;
 use prpf::scene::camera::Projection;
 use prpf::scene::light::Environment;
-use prpf::scene::material::{Metal, Roughness};
+use prpf::scene::material::{Metal, Roughness, RoughnessScale};
 use prpf::scene::texture::Texture;
 use prpf::scene::{
     AnimatedTransform, AreaLight, Camera, Disk, Film, Integrator, Light, Material, MaterialId, MaterialKind,
@@ -75,7 +75,7 @@ fn diffuse(scene: &mut Scene, albedo: f32) -> MaterialId {
 fn mirror(scene: &mut Scene, reflectance: f32) -> MaterialId {
     let reflectance = scene.textures.add(Texture::Constant(Vec3::splat(reflectance)));
     let zero = scene.textures.add(Texture::Constant(0.0));
-    let roughness = Roughness { u: zero, v: zero, remap: false };
+    let roughness = Roughness { u: zero, v: zero, scale: RoughnessScale::Alpha };
     material(scene, MaterialKind::Conductor { metal: Metal::Reflectance(reflectance), roughness })
 }
 

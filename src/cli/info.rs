@@ -7,7 +7,7 @@ use clap::Args;
 use super::Failure;
 use super::report::dimension_names;
 use crate::progressive::RESERVOIR;
-use crate::scene::{Integrator, Light, Scene, Shape, pbrt};
+use crate::scene::{Integrator, Light, Scene, Shape, TextureImage, pbrt};
 use crate::stats::{Group, Layout, Store};
 
 /// `prpf info`.
@@ -41,6 +41,9 @@ fn describe(scene: &Scene) -> String {
     let paper = Store::bytes_per_pixel(&layout, RESERVOIR);
     let megabytes = (bytes * (x1 - x0) * (y1 - y0)) as f64 / 1e6;
     let (stored, instanced) = triangles(scene);
+    let images = scene.textures.images();
+    let image_bytes: usize = images.iter().map(TextureImage::memory_bytes).sum();
+    let mesh_bytes: usize = scene.primitives.iter().map(|p| p.shape.memory_bytes()).sum();
     let emissive = scene.primitives.iter().filter(|p| p.area_light.is_some()).count();
     let environments = scene.lights.iter().filter(|l| matches!(l, Light::Environment(_))).count();
     // Features and colours against random parameters and position, and colours against features.
@@ -51,7 +54,8 @@ fn describe(scene: &Scene) -> String {
          integrator  {integrator}, {} samples per pixel\n\
          geometry    {} triangles stored, {} with instances; {} primitives, {} objects, {} instances\n\
          lights      {} emissive shapes, {} without a surface ({environments} environment)\n\
-         materials   {}\n\
+         materials   {}; {} images\n\
+         memory      {:.1} MB of meshes, {:.1} MB of images\n\
          effects     {}\n\
          dimensions  {vector} of 27 alive: {}\n\
          auxiliary   {}\n\
@@ -70,6 +74,9 @@ fn describe(scene: &Scene) -> String {
         emissive,
         scene.lights.len(),
         scene.materials.len(),
+        images.len(),
+        mesh_bytes as f64 / 1e6,
+        image_bytes as f64 / 1e6,
         scene.effects().names().join(", "),
         dimension_names(&layout)[..vector].join(" "),
         dimension_names(&layout)[vector..].join(" "),

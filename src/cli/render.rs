@@ -41,7 +41,7 @@ pub(super) fn run(options: &RenderOptions, start: Instant) -> Result<u8, Failure
 }
 
 fn run_in_pool(options: &RenderOptions, start: Instant) -> Result<u8, Failure> {
-    let mut scene = pbrt::read(&options.scene).map_err(|error| Failure::Input(error.into()))?;
+    let mut scene = read(options)?;
     options.apply(&mut scene).map_err(Failure::Input)?;
     let outfiles = outfiles(options, &scene).map_err(Failure::Input)?;
     outfiles
@@ -187,6 +187,18 @@ fn listen_to_signals(interrupt: &Arc<AtomicBool>) -> anyhow::Result<()> {
             .context("listening to signals")?;
     }
     Ok(())
+}
+
+/// Reads the scene, showing how far it has come.
+fn read(options: &RenderOptions) -> Result<Scene, Failure> {
+    let bar = if options.quiet { ProgressBar::hidden() } else { ProgressBar::new_spinner() };
+    let shown = bar.clone();
+    let scene = pbrt::read_reporting(&options.scene, move |reading| {
+        shown.set_message(format!("reading: {} shapes, {} triangles", reading.shapes, reading.triangles));
+        shown.tick();
+    });
+    bar.finish_and_clear();
+    scene.map_err(|error| Failure::Input(error.into()))
 }
 
 fn bar(options: &RenderOptions) -> ProgressBar {

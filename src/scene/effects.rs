@@ -2,7 +2,7 @@
 
 use glam::Vec3;
 
-use super::material::{Metal, Roughness};
+use super::material::{Additive, Metal, Roughness, RoughnessScale};
 use super::texture::RgbTextureId;
 use super::{AnimatedTransform, Integrator, Light, MaterialId, MaterialKind, Scene};
 
@@ -113,6 +113,24 @@ impl<'s> Looks<'s> {
         }
         match &self.scene.materials[id.0 as usize].kind {
             MaterialKind::Diffuse { reflectance } => self.reflects(*reflectance),
+            MaterialKind::OrenNayar { reflectance, .. } => {
+                self.reflects(*reflectance);
+                self.glossy = true;
+            }
+            MaterialKind::Mirror { reflectance } => {
+                self.reflects(*reflectance);
+                self.specular = true;
+            }
+            MaterialKind::FresnelBlend { diffuse, specular, .. } => {
+                self.reflects(*diffuse);
+                self.reflects(*specular);
+                self.glossy = true;
+            }
+            MaterialKind::Additive(parts) => self.additive(parts),
+            MaterialKind::Measured(table) => {
+                self.reflects_constant(table.albedo(1.0));
+                self.glossy = true;
+            }
             MaterialKind::DiffuseTransmission { reflectance, transmittance } => {
                 self.reflects(*reflectance);
                 self.reflects(*transmittance);
@@ -146,10 +164,36 @@ impl<'s> Looks<'s> {
         }
     }
 
+    fn additive(&mut self, parts: &Additive) {
+        let black = |id: &RgbTextureId| self.scene.textures.constant_rgb(*id) == Some(Vec3::ZERO);
+        let seen = |colours: [Option<RgbTextureId>; 2]| {
+            colours.into_iter().flatten().filter(|id| !black(id)).collect::<Vec<_>>()
+        };
+        let diffuse = seen(parts.diffuse);
+        let gloss = parts.gloss.map_or(Vec::new(), |layer| seen(layer.colours));
+        let dielectric = parts.dielectric.map_or(Vec::new(), |layer| seen(layer.colours));
+        let see_through = parts.opacity.is_some_and(|id| {
+            self.scene.textures.constant_rgb(id).is_none_or(|opacity| opacity != Vec3::ONE)
+        });
+        self.glossy |= !gloss.is_empty();
+        self.specular |= see_through;
+        if let Some(layer) = parts.dielectric.filter(|_| !dielectric.is_empty()) {
+            self.interface(&layer.roughness);
+        }
+        // Together they are what a surface reflects.
+        let colours = diffuse.into_iter().chain(gloss).chain(dielectric);
+        let values: Option<Vec<Vec3>> = colours.map(|id| self.scene.textures.constant_rgb(id)).collect();
+        match values {
+            Some(values) => self.reflects_constant(values.into_iter().sum()),
+            None => self.varied = true,
+        }
+    }
+
     /// A microfacet surface is specular where it has no roughness, and glossy where it has.
     fn interface(&mut self, roughness: &Roughness) {
         let smooth = |id| self.scene.textures.constant_float(id) == Some(0.0);
-        if smooth(roughness.u) && smooth(roughness.v) {
+        let can_be_smooth = roughness.scale != RoughnessScale::InverseExponent;
+        if can_be_smooth && smooth(roughness.u) && smooth(roughness.v) {
             self.specular = true;
         } else {
             self.glossy = true;

@@ -9,13 +9,39 @@ use super::texture::ImageId;
 pub enum Light {
     /// Radiant intensity in all directions from a point.
     Point { position: Vec3, intensity: Vec3 },
-    /// A point light with a cone. `cos_falloff_start` ≥ `cos_total_width`; smoothstep between.
-    Spot { position: Vec3, axis: Vec3, intensity: Vec3, cos_falloff_start: f32, cos_total_width: f32 },
+    /// A point light with a cone. `cos_falloff_start` ≥ `cos_total_width`.
+    Spot {
+        position: Vec3,
+        axis: Vec3,
+        intensity: Vec3,
+        cos_falloff_start: f32,
+        cos_total_width: f32,
+        falloff: SpotFalloff,
+    },
     /// Parallel light. `direction` points from the scene towards the light; `radiance` is the
     /// irradiance on a surface facing it.
     Distant { direction: Vec3, radiance: Vec3 },
     /// Light from everywhere: constant, or an image.
     Environment(Environment),
+}
+
+/// How a spot's intensity falls from 1 to 0 between its two cosines.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SpotFalloff {
+    /// pbrt-v4's.
+    Smoothstep,
+    /// The fourth power of the share of the way (pbrt-v2 and v3).
+    FourthPower,
+}
+
+impl SpotFalloff {
+    /// The intensity where `t` of the way from dark to full is left.
+    pub fn at(self, t: f32) -> f32 {
+        match self {
+            SpotFalloff::Smoothstep => t * t * (3.0 - 2.0 * t),
+            SpotFalloff::FourthPower => t.powi(4),
+        }
+    }
 }
 
 /// An environment around the scene.

@@ -9,6 +9,7 @@ pub mod effects;
 pub mod film;
 pub mod light;
 pub mod material;
+pub mod measured;
 pub mod pbrt;
 pub mod shape;
 pub mod texture;

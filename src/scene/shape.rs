@@ -51,6 +51,41 @@ pub enum Shape {
     Disk(Disk),
 }
 
+impl Shape {
+    /// Surface area in the object's space; of a sphere that is scaled differently along its axes
+    /// it is that of the sphere of the same volume.
+    pub fn area(&self) -> f64 {
+        match self {
+            Shape::Mesh(mesh) => {
+                let area = |triangle: &[u32; 3]| {
+                    let [a, b, c] = triangle.map(|i| mesh.positions[i as usize].as_dvec3());
+                    (b - a).cross(c - a).length() / 2.0
+                };
+                mesh.indices.iter().map(area).sum()
+            }
+            Shape::Sphere(sphere) => {
+                let scale = sphere.to_object.matrix3.determinant().abs().cbrt();
+                let height = f64::from(sphere.z_max - sphere.z_min);
+                f64::from(sphere.phi_max) * f64::from(sphere.radius) * height * scale * scale
+            }
+            Shape::Disk(disk) => {
+                let axes = disk.to_object.matrix3;
+                let ring = f64::from(disk.radius).powi(2) - f64::from(disk.inner_radius).powi(2);
+                f64::from(disk.phi_max) / 2.0 * ring * axes.x_axis.cross(axes.y_axis).length()
+            }
+        }
+    }
+
+    /// Bytes held beyond the shape itself.
+    pub fn memory_bytes(&self) -> usize {
+        let Shape::Mesh(mesh) = self else { return 0 };
+        size_of_val(&mesh.positions[..])
+            + size_of_val(&mesh.normals[..])
+            + size_of_val(&mesh.uvs[..])
+            + size_of_val(&mesh.indices[..])
+    }
+}
+
 /// A shape with its looks.
 #[derive(Clone, Debug)]
 pub struct Primitive {

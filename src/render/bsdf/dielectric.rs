@@ -106,6 +106,44 @@ impl Scatter for Dielectric {
     }
 }
 
+/// A boundary whose reflected and transmitted light is coloured: the `glass` of pbrt-v2 and v3.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct TintedDielectric {
+    pub boundary: Dielectric,
+    pub reflected: Vec3,
+    pub transmitted: Vec3,
+}
+
+impl TintedDielectric {
+    fn tint(&self, transmission: bool) -> Vec3 {
+        if transmission { self.transmitted } else { self.reflected }
+    }
+}
+
+impl Scatter for TintedDielectric {
+    fn eval(&self, wo: Vec3, wi: Vec3) -> Vec3 {
+        self.tint(!same_side(wo, wi)) * self.boundary.eval(wo, wi)
+    }
+
+    fn pdf(&self, wo: Vec3, wi: Vec3) -> f32 {
+        self.boundary.pdf(wo, wi)
+    }
+
+    fn sample(&self, wo: Vec3, u_lobe: f32, u: Vec2) -> Option<BsdfSample> {
+        let sample = self.boundary.sample(wo, u_lobe, u)?;
+        Some(BsdfSample { weight: self.tint(sample.transmission) * sample.weight, ..sample })
+    }
+
+    fn is_specular(&self) -> bool {
+        self.boundary.is_specular()
+    }
+
+    fn albedo(&self, wo: Vec3) -> Vec3 {
+        let reflectance = fresnel::dielectric(wo.z.abs(), self.boundary.relative_eta(wo));
+        self.reflected * reflectance + self.transmitted * (1.0 - reflectance)
+    }
+}
+
 /// A pane without thickness, its inner reflections summed; light that crosses goes straight on.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct ThinDielectric {

@@ -45,6 +45,11 @@ impl Ggx {
         }
     }
 
+    /// As [`Self::new`], but never smooth.
+    pub fn rough(x: f32, y: f32) -> Self {
+        Self::new(x.max(SMOOTH_BELOW), y.max(SMOOTH_BELOW))
+    }
+
     /// Whether the microfacets are so flat that the surface is perfectly specular. No other
     /// method may then be called but [`Self::mean_alpha`].
     pub fn is_smooth(self) -> bool {
@@ -67,7 +72,7 @@ impl Ggx {
     }
 
     /// Density of microfacet normals over projected area, per steradian.
-    fn density(self, m: Vec3) -> f32 {
+    pub fn density(self, m: Vec3) -> f32 {
         let e = (m.x / self.x).powi(2) + (m.y / self.y).powi(2) + m.z * m.z;
         1.0 / (PI * self.x * self.y * e * e)
     }

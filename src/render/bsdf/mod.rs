@@ -9,6 +9,7 @@
 //! A lobe (`Scatter`) is made of plain values and knows its local frame only; [`Bsdf`] adds the
 //! frame, and [`Bsdf::new`] the textures.
 
+mod blinn;
 mod coat;
 mod coated_conductor;
 mod coated_diffuse;
@@ -17,26 +18,39 @@ mod dielectric;
 mod diffuse;
 mod frame;
 mod fresnel;
+mod fresnel_blend;
+mod gloss;
+mod measured;
 mod microfacet;
+mod mirror;
+mod oren_nayar;
 mod shading_frame;
 #[cfg(test)]
 mod statistical_tests;
+mod sum;
 mod table;
 
 use glam::{Vec2, Vec3};
 
 use crate::geometry::SurfacePoint;
-use crate::scene::material::{Metal, Roughness};
+use crate::scene::material::{Additive, Metal, Roughness, RoughnessScale};
 use crate::scene::texture::TexturePoint;
 use crate::scene::{FloatTextureId, Material, MaterialId, MaterialKind, RgbTextureId, Scene, Textures};
+use blinn::Blinn;
 use coat::Coat;
 use coated_conductor::CoatedConductor;
 use coated_diffuse::CoatedDiffuse;
 use conductor::Conductor;
-use dielectric::{Dielectric, ThinDielectric};
+use dielectric::{Dielectric, ThinDielectric, TintedDielectric};
 use diffuse::Diffuse;
 use frame::Frame;
+use fresnel_blend::FresnelBlend;
+use gloss::{FacetFresnel, Facets, Gloss};
+use measured::Measured;
 use microfacet::Ggx;
+use mirror::Mirror;
+use oren_nayar::OrenNayar;
+use sum::{Straight, Sum};
 
 /// Cosines below this are lost in the rounding of the change of frame, and so is the side of the
 /// surface; such directions scatter nothing.
@@ -89,29 +103,41 @@ trait Scatter {
 }
 
 #[derive(Clone, Copy, Debug)]
-enum Lobe {
+enum Lobe<'s> {
     Diffuse(Diffuse),
+    OrenNayar(OrenNayar),
+    Mirror(Mirror),
     Conductor(Conductor),
     Dielectric(Dielectric),
     ThinDielectric(ThinDielectric),
     CoatedDiffuse(CoatedDiffuse),
     CoatedConductor(CoatedConductor),
+    FresnelBlend(FresnelBlend),
+    Gloss(Gloss),
+    Sum(Sum),
+    Measured(Measured<'s>),
 }
 
-impl Lobe {
+impl<'s> Lobe<'s> {
     fn scatter(&self) -> &dyn Scatter {
         match self {
             Lobe::Diffuse(lobe) => lobe,
+            Lobe::OrenNayar(lobe) => lobe,
+            Lobe::Mirror(lobe) => lobe,
             Lobe::Conductor(lobe) => lobe,
             Lobe::Dielectric(lobe) => lobe,
             Lobe::ThinDielectric(lobe) => lobe,
             Lobe::CoatedDiffuse(lobe) => lobe,
             Lobe::CoatedConductor(lobe) => lobe,
+            Lobe::FresnelBlend(lobe) => lobe,
+            Lobe::Gloss(lobe) => lobe,
+            Lobe::Sum(lobe) => lobe,
+            Lobe::Measured(lobe) => lobe,
         }
     }
 
     /// The lobe of a material that is no mix; `None` for one that light passes unchanged.
-    fn of(kind: &MaterialKind, values: &Values) -> Option<Self> {
+    fn of(kind: &'s MaterialKind, values: &Values) -> Option<Self> {
         Some(match *kind {
             MaterialKind::Diffuse { reflectance } => {
                 Lobe::Diffuse(Diffuse { reflectance: values.colour(reflectance), transmittance: Vec3::ZERO })
@@ -120,9 +146,13 @@ impl Lobe {
                 reflectance: values.colour(reflectance),
                 transmittance: values.colour(transmittance),
             }),
-            MaterialKind::Conductor { metal, roughness } => {
-                Lobe::Conductor(values.conductor(metal, roughness))
+            MaterialKind::OrenNayar { reflectance, sigma } => {
+                Lobe::OrenNayar(OrenNayar::new(values.colour(reflectance), values.float(sigma)))
             }
+            MaterialKind::Mirror { reflectance } => {
+                Lobe::Mirror(Mirror { reflectance: values.colour(reflectance) })
+            }
+            MaterialKind::Conductor { metal, roughness } => values.metal(metal, roughness),
             MaterialKind::Dielectric { eta, roughness } => {
                 Lobe::Dielectric(Dielectric { eta: usable_eta(eta), ggx: values.ggx(roughness) })
             }
@@ -138,6 +168,13 @@ impl Lobe {
                 let base = values.conductor(metal, conductor_roughness);
                 Lobe::CoatedConductor(CoatedConductor::new(coat, base))
             }
+            MaterialKind::FresnelBlend { diffuse, specular, roughness } => Lobe::FresnelBlend(FresnelBlend {
+                diffuse: values.colour(diffuse),
+                specular: values.colour(specular),
+                facets: values.facets(roughness),
+            }),
+            MaterialKind::Additive(ref parts) => Lobe::Sum(values.sum(parts)),
+            MaterialKind::Measured(ref table) => Lobe::Measured(Measured { table }),
             MaterialKind::Interface | MaterialKind::Mix { .. } => return None,
         })
     }
@@ -155,23 +192,82 @@ impl Values<'_> {
         self.textures.rgb(id, self.at).map(|v| bounded(v, 1.0))
     }
 
+    fn float(&self, id: FloatTextureId) -> f32 {
+        self.textures.float(id, self.at)
+    }
+
     fn ggx(&self, roughness: Roughness) -> Ggx {
-        let alpha = |id| {
-            let value = self.textures.float(id, self.at);
-            if roughness.remap { value.max(0.0).sqrt() } else { value }
-        };
+        let alpha = |id| roughness.scale.alpha(self.float(id));
         Ggx::new(alpha(roughness.u), alpha(roughness.v))
     }
 
+    /// Microfacets that are never smooth, by the dialect's distribution.
+    fn facets(&self, roughness: Roughness) -> Facets {
+        if roughness.scale == RoughnessScale::InverseExponent {
+            Facets::Blinn(Blinn::new(self.float(roughness.u).recip(), self.float(roughness.v).recip()))
+        } else {
+            let alpha = |id| roughness.scale.alpha(self.float(id));
+            Facets::Ggx(Ggx::rough(alpha(roughness.u), alpha(roughness.v)))
+        }
+    }
+
+    /// A metal by the dialect's distribution.
+    fn metal(&self, metal: Metal, roughness: Roughness) -> Lobe<'static> {
+        if roughness.scale != RoughnessScale::InverseExponent {
+            return Lobe::Conductor(self.conductor(metal, roughness));
+        }
+        let (eta, k) = self.indices(metal);
+        Lobe::Gloss(Gloss {
+            reflectance: Vec3::ONE,
+            transmittance: Vec3::ZERO,
+            facets: self.facets(roughness),
+            fresnel: FacetFresnel::Conductor { eta, k },
+        })
+    }
+
+    fn sum(&self, parts: &Additive) -> Sum {
+        let colour = |id: Option<RgbTextureId>| id.map_or(Vec3::ZERO, |id| self.colour(id));
+        let opacity = parts.opacity.map_or(Vec3::ONE, |id| self.colour(id));
+        let straight = Vec3::ONE - opacity;
+        let lit = |colours: [Vec3; 2]| colours.map(|colour| colour * opacity);
+        let some = |colours: [Vec3; 2]| colours != [Vec3::ZERO; 2];
+        let [reflectance, transmittance] = lit(parts.diffuse.map(colour));
+        let diffuse = some([reflectance, transmittance]).then_some(Diffuse { reflectance, transmittance });
+        let gloss = parts.gloss.and_then(|gloss| {
+            let [reflectance, transmittance] = lit(gloss.colours.map(colour));
+            some([reflectance, transmittance]).then(|| Gloss {
+                reflectance,
+                transmittance,
+                facets: self.facets(gloss.roughness),
+                fresnel: FacetFresnel::Dielectric(gloss.eta),
+            })
+        });
+        let dielectric = parts.dielectric.and_then(|boundary| {
+            let [reflected, transmitted] = lit(boundary.colours.map(colour));
+            some([reflected, transmitted]).then(|| {
+                let ggx = self.ggx(boundary.roughness);
+                let boundary = Dielectric { eta: usable_eta(boundary.eta), ggx };
+                TintedDielectric { boundary, reflected, transmitted }
+            })
+        });
+        let straight = (straight != Vec3::ZERO).then_some(Straight(straight));
+        Sum { diffuse, gloss, dielectric, straight }
+    }
+
     fn conductor(&self, metal: Metal, roughness: Roughness) -> Conductor {
+        let (eta, k) = self.indices(metal);
+        Conductor { eta, k, ggx: self.ggx(roughness) }
+    }
+
+    /// Complex index of refraction.
+    fn indices(&self, metal: Metal) -> (Vec3, Vec3) {
         // Far beyond any metal; keeps squares finite.
         const MAX_INDEX: f32 = 1e4;
         let index = |id| self.textures.rgb(id, self.at).map(|v| bounded(v, MAX_INDEX));
-        let (eta, k) = match metal {
+        match metal {
             Metal::Fresnel { eta, k } => (index(eta), index(k)),
             Metal::Reflectance(r) => (Vec3::ONE, fresnel::absorption_of_reflectance(self.colour(r))),
-        };
-        Conductor { eta, k, ggx: self.ggx(roughness) }
+        }
     }
 }
 
@@ -188,24 +284,24 @@ fn usable_eta(eta: f32) -> f32 {
 /// How a surface scatters light at a point. Directions are unit, in render space, and point away
 /// from the surface.
 #[derive(Clone, Copy, Debug)]
-pub struct Bsdf {
+pub struct Bsdf<'s> {
     frame: Frame,
-    lobe: Lobe,
+    lobe: Lobe<'s>,
     /// As given to [`Bsdf::new`], local.
     wo: Vec3,
 }
 
-impl Bsdf {
+impl<'s> Bsdf<'s> {
     /// Evaluates the material's textures at the point. `None` for materials that light passes
     /// unchanged ([`MaterialKind::Interface`]). `u_mix` in [0, 1) decides mixes; `wo` is the
     /// direction that [`Self::albedo`] is seen from.
     pub fn new(
-        scene: &Scene,
+        scene: &'s Scene,
         material: MaterialId,
         point: &SurfacePoint,
         wo: Vec3,
         u_mix: f32,
-    ) -> Option<Bsdf> {
+    ) -> Option<Bsdf<'s>> {
         let textures = &scene.textures;
         let at = TexturePoint { uv: point.uv, position: point.position };
         let amount = |id| textures.float(id, at);
@@ -249,7 +345,15 @@ impl Bsdf {
         match self.lobe {
             Lobe::Diffuse(lobe) => lobe.transmittance != Vec3::ZERO,
             Lobe::Dielectric(_) | Lobe::ThinDielectric(_) => true,
-            Lobe::Conductor(_) | Lobe::CoatedDiffuse(_) | Lobe::CoatedConductor(_) => false,
+            Lobe::Gloss(lobe) => lobe.transmittance != Vec3::ZERO,
+            Lobe::Sum(lobe) => lobe.transmits(),
+            Lobe::OrenNayar(_)
+            | Lobe::Mirror(_)
+            | Lobe::Conductor(_)
+            | Lobe::CoatedDiffuse(_)
+            | Lobe::CoatedConductor(_)
+            | Lobe::FresnelBlend(_)
+            | Lobe::Measured(_) => false,
         }
     }
 

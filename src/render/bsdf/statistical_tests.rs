@@ -3,6 +3,7 @@
 //! negative or not a number.
 
 use std::f32::consts::{FRAC_1_PI, PI};
+use std::sync::LazyLock;
 
 use glam::{Vec2, Vec3};
 use rand::{RngExt, SeedableRng};
@@ -10,6 +11,7 @@ use rand_pcg::Pcg32;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 use super::*;
+use crate::scene::measured::MeasuredBrdf;
 
 fn direction(cos: f32, phi: f32) -> Vec3 {
     let sin = (1.0 - cos * cos).sqrt();
@@ -25,6 +27,26 @@ fn gold(alpha_x: f32, alpha_y: f32) -> Conductor {
     let (eta, k) = (Vec3::new(0.18, 0.42, 1.37), Vec3::new(3.42, 2.35, 1.77));
     Conductor { eta, k, ggx: Ggx::new(alpha_x, alpha_y) }
 }
+
+/// All kinds of parts, with gloss and diffuse light on both sides.
+fn sum(facets: Facets, colour: Vec3, dark: Vec3) -> Sum {
+    let (diffuse, fresnel) = (0.3 * colour, FacetFresnel::Dielectric(1.0 / 1.5));
+    let boundary = Dielectric { eta: 1.5, ggx: Ggx::new(0.0, 0.0) };
+    Sum {
+        diffuse: Some(Diffuse { reflectance: diffuse, transmittance: 0.2 * dark }),
+        gloss: Some(Gloss { reflectance: 0.5 * dark, transmittance: 0.2 * colour, facets, fresnel }),
+        dielectric: Some(TintedDielectric { boundary, reflected: dark, transmitted: dark }),
+        straight: Some(Straight(0.1 * colour)),
+    }
+}
+
+/// A diffuse base with a highlight.
+static MEASURED: LazyLock<MeasuredBrdf> = LazyLock::new(|| {
+    MeasuredBrdf::new(|wo, wi| {
+        let half = (wo + wi).normalize();
+        Vec3::new(0.2, 0.1, 0.05) + Vec3::splat(half.z.powi(80))
+    })
+});
 
 /// Lobes of every kind that are not specular only, with a name.
 fn glossy_lobes() -> Vec<(String, Box<dyn Scatter>)> {
@@ -43,6 +65,19 @@ fn glossy_lobes() -> Vec<(String, Box<dyn Scatter>)> {
     }
     add("dense dielectric".into(), Box::new(Dielectric { eta: 2.4, ggx: Ggx::new(0.2, 0.2) }));
     add("thin dielectric bubble".into(), Box::new(Dielectric { eta: 1.0 / 1.33, ggx: Ggx::new(0.2, 0.2) }));
+    add("oren-nayar".into(), Box::new(OrenNayar::new(colour, 30.0)));
+    for (x, y) in [(3.0, 3.0), (200.0, 200.0), (20.0, 500.0)] {
+        let facets = Facets::Blinn(Blinn::new(x, y));
+        let (eta, k) = (gold(1.0, 1.0).eta, gold(1.0, 1.0).k);
+        let fresnel = FacetFresnel::Conductor { eta, k };
+        let metal = Gloss { reflectance: Vec3::ONE, transmittance: Vec3::ZERO, facets, fresnel };
+        add(format!("blinn metal {x} {y}"), Box::new(metal));
+        add(format!("blend {x} {y}"), Box::new(FresnelBlend { diffuse: colour, specular: dark, facets }));
+        add(format!("sum {x} {y}"), Box::new(sum(facets, colour, dark)));
+    }
+    let facets = Facets::Ggx(Ggx::new(0.2, 0.3));
+    add("blend ggx".into(), Box::new(FresnelBlend { diffuse: colour, specular: dark, facets }));
+    add("measured".into(), Box::new(Measured { table: &MEASURED }));
     let smooth = Coat::new(1.5, Ggx::new(0.0, 0.0));
     add("smoothly coated diffuse".into(), Box::new(CoatedDiffuse::new(smooth, colour)));
     for alpha in [0.05, 0.5] {

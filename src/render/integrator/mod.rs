@@ -93,6 +93,8 @@ impl<'s> PathTracer<'s> {
 fn has_lobes(kind: &MaterialKind) -> bool {
     match kind {
         MaterialKind::Diffuse { .. }
+        | MaterialKind::OrenNayar { .. }
+        | MaterialKind::Mirror { .. }
         | MaterialKind::Conductor { .. }
         | MaterialKind::Mix { .. }
         | MaterialKind::Interface => false,
@@ -100,7 +102,10 @@ fn has_lobes(kind: &MaterialKind) -> bool {
         | MaterialKind::Dielectric { .. }
         | MaterialKind::ThinDielectric { .. }
         | MaterialKind::CoatedDiffuse { .. }
-        | MaterialKind::CoatedConductor { .. } => true,
+        | MaterialKind::CoatedConductor { .. }
+        | MaterialKind::FresnelBlend { .. }
+        | MaterialKind::Additive(_)
+        | MaterialKind::Measured(_) => true,
     }
 }
 

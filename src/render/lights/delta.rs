@@ -7,6 +7,7 @@ use super::bounds::LightBounds;
 use super::choice::Reach;
 use super::{LightSample, brightness};
 use crate::scene::Light;
+use crate::scene::light::SpotFalloff;
 
 /// A point, a spot or a distant light.
 pub enum DeltaLight {
@@ -19,6 +20,7 @@ pub struct Cone {
     axis: Vec3,
     cos_start: f32,
     cos_end: f32,
+    falloff: SpotFalloff,
 }
 
 impl DeltaLight {
@@ -27,9 +29,9 @@ impl DeltaLight {
     pub fn new(light: &Light) -> Self {
         match *light {
             Light::Point { position, intensity } => Self::Point { position, intensity, cone: None },
-            Light::Spot { position, axis, intensity, cos_falloff_start, cos_total_width } => {
-                let cone =
-                    Cone { axis: axis.normalize(), cos_start: cos_falloff_start, cos_end: cos_total_width };
+            Light::Spot { position, axis, intensity, cos_falloff_start, cos_total_width, falloff } => {
+                let (cos_start, cos_end) = (cos_falloff_start, cos_total_width);
+                let cone = Cone { axis: axis.normalize(), cos_start, cos_end, falloff };
                 Self::Point { position, intensity, cone: Some(cone) }
             }
             Light::Distant { direction, radiance } => {
@@ -79,14 +81,14 @@ impl DeltaLight {
 }
 
 impl Cone {
-    /// Share of the intensity in a direction: smoothstep between the two angles.
+    /// Share of the intensity in a direction.
     fn share(&self, direction: Vec3) -> f32 {
         let cos = direction.dot(self.axis);
         if cos >= self.cos_start {
             return 1.0;
         }
         let t = ((cos - self.cos_end) / (self.cos_start - self.cos_end)).clamp(0.0, 1.0);
-        t * t * (3.0 - 2.0 * t)
+        self.falloff.at(t)
     }
 
     /// Cosine of the angle over which the intensity falls off.
@@ -108,19 +110,24 @@ mod tests {
         assert!(light.sample(Vec3::Z * 3.0).is_none());
     }
 
-    fn spot() -> DeltaLight {
+    fn spot(falloff: SpotFalloff) -> DeltaLight {
         DeltaLight::new(&Light::Spot {
             position: Vec3::ZERO,
             axis: Vec3::NEG_Z,
             intensity: Vec3::ONE,
             cos_falloff_start: 0.9,
             cos_total_width: 0.5,
+            falloff,
         })
     }
 
     #[test]
     fn a_spot_light_shines_within_its_cone_only() {
-        let at = |cos: f32| spot().sample(Vec3::new((1.0 - cos * cos).sqrt(), 0.0, -cos));
+        let falling =
+            |falloff, cos: f32| spot(falloff).sample(Vec3::new((1.0 - cos * cos).sqrt(), 0.0, -cos));
+        let at = |cos| falling(SpotFalloff::Smoothstep, cos);
+        let old = falling(SpotFalloff::FourthPower, 0.7).unwrap();
+        assert!((old.radiance.x - 1.0 / 16.0).abs() < 1e-4);
         assert!((at(0.95).unwrap().radiance.x - 1.0).abs() < 1e-5);
         assert!((at(0.7).unwrap().radiance.x - 0.5).abs() < 1e-4);
         assert!(at(0.49).is_none());

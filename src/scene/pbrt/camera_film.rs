@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use glam::{DAffine3, DVec3};
 
+use super::dialect::Dialect;
 use super::directives::Statement;
 use super::params::Params;
 use super::state::{Kept, Keys, Reader};
@@ -21,6 +22,11 @@ const MAX_SPP: u32 = 1 << 30;
 const MAX_DEPTH: u32 = 1 << 20;
 /// Widest pixel filter.
 const MAX_FILTER_RADIUS: f64 = 64.0;
+
+/// What stands for a realistic camera's lens and film, in millimetres: the normal lens of a small
+/// picture, and the diagonal that pbrt gives a film.
+const REALISTIC_FOCAL_LENGTH: f64 = 50.0;
+const REALISTIC_DIAGONAL: f64 = 35.0;
 
 /// What the header says.
 pub struct View {
@@ -55,7 +61,7 @@ impl View {
             None => Entry { kind: default, params: &none, place, ctm: [DAffine3::IDENTITY; 2] },
         };
         let filter = match header.get("PixelFilter") {
-            Some(_) => pixel_filter(&entry(&["PixelFilter"], ""))?,
+            Some(_) => pixel_filter(reader.dialect, &entry(&["PixelFilter"], ""))?,
             None => reader.dialect.default_filter(),
         };
         let film = film(reader, &entry(&["Film"], "rgb"), filter)?;
@@ -103,7 +109,10 @@ fn film(reader: &mut Reader, entry: &Entry, filter: PixelFilter) -> Result<Film>
         return Err(Fault::new(*place, "a film without pixels; bounds that hold one would be accepted"));
     }
     // The imaging ratio of pbrt-v4's default sensor.
-    let scale = params.positive_or("iso", 100.0)? / 100.0 * params.positive_or("exposuretime", 1.0)?;
+    let imaging_ratio =
+        params.positive_or("iso", 100.0)? / 100.0 * params.positive_or("exposuretime", 1.0)?;
+    // v3 has a factor instead.
+    let scale = imaging_ratio * params.positive_or("scale", 1.0)?;
     match params.string("sensor")? {
         None | Some("cie1931") => {}
         Some(sensor) => {
@@ -121,7 +130,7 @@ fn film(reader: &mut Reader, entry: &Entry, filter: PixelFilter) -> Result<Film>
     })
 }
 
-fn pixel_filter(entry: &Entry) -> Result<PixelFilter> {
+fn pixel_filter(dialect: Dialect, entry: &Entry) -> Result<PixelFilter> {
     let Entry { kind, params, place, .. } = entry;
     let side = |name: &str, default: f64| -> Result<f32> {
         let radius = params.positive_or(name, default)?;
@@ -132,17 +141,17 @@ fn pixel_filter(entry: &Entry) -> Result<PixelFilter> {
         }
         Ok(radius as f32)
     };
-    let radius =
-        |default: f64| -> Result<[f32; 2]> { Ok([side("xradius", default)?, side("yradius", default)?]) };
+    let [x_name, y_name] = dialect.filter_radius_names();
+    let radius = |default: f64| -> Result<[f32; 2]> { Ok([side(x_name, default)?, side(y_name, default)?]) };
     Ok(match *kind {
         "box" => PixelFilter::Box { radius: radius(0.5)? },
         "triangle" => PixelFilter::Triangle { radius: radius(2.0)? },
         "gaussian" => {
-            let radius = radius(1.5)?;
+            let radius = radius(dialect.default_gaussian_radius())?;
             // The older dialects give alpha, of exp(−αx²).
-            let sigma = match params.float("alpha")? {
-                Some(alpha) if alpha > 0.0 => (0.5 / alpha).sqrt(),
-                _ => params.positive_or("sigma", 0.5)?,
+            let sigma = match dialect {
+                Dialect::V4 => params.positive_or("sigma", 0.5)?,
+                Dialect::V2 | Dialect::V3 => (0.5 / params.positive_or("alpha", 2.0)?).sqrt(),
             };
             PixelFilter::Gaussian { radius, sigma: sigma as f32 }
         }
@@ -182,7 +191,10 @@ fn camera(reader: &mut Reader, entry: &Entry, film: &Film) -> Result<(Camera, DV
     };
     let projection = match *kind {
         "perspective" => {
-            let fov = params.float_or("fov", 90.0)?;
+            let fov = match params.float("halffov")? {
+                Some(half) => 2.0 * half,
+                None => params.float_or("fov", 90.0)?,
+            };
             if !(fov > 0.0 && fov < 180.0) {
                 let message =
                     format!("\"fov\" is {fov}; an angle between 0 and 180 degrees would be accepted");
@@ -191,17 +203,32 @@ fn camera(reader: &mut Reader, entry: &Entry, film: &Film) -> Result<(Camera, DV
             Projection::Perspective { tan_half_fov: (fov.to_radians() / 2.0).tan() as f32 }
         }
         "orthographic" => Projection::Orthographic,
+        "realistic" => {
+            reader.warnings.add(*place, "camera \"realistic\" is read as a thin lens of 50 mm");
+            for name in ["lensfile", "aperture", "simpleweighting"] {
+                params.get(name);
+            }
+            Projection::Perspective { tan_half_fov: (half_short_side(film) / REALISTIC_FOCAL_LENGTH) as f32 }
+        }
         other => {
             let message = format!("camera \"{other}\"; perspective and orthographic are accepted");
             return Err(Fault::new(*place, message));
         }
     };
-    let lens_radius = params.float_or("lensradius", 0.0)?;
+    let realistic = *kind == "realistic";
+    let lens_radius = match realistic {
+        // Millimetres across to metres from the middle.
+        true => params.float_or("aperturediameter", 1.0)? / 2000.0,
+        false => params.float_or("lensradius", 0.0)?,
+    };
     if lens_radius < 0.0 {
         let message = format!("\"lensradius\" is {lens_radius}; a number from 0 would be accepted");
         return Err(Fault::new(*place, message));
     }
-    let focal_distance = params.positive_or("focaldistance", 1e6)?;
+    let focal_distance = match realistic {
+        true => params.positive_or("focusdistance", 10.0)?,
+        false => params.positive_or("focaldistance", 1e6)?,
+    };
 
     // The transform at the camera is world to camera. Render space has its origin at the camera.
     let [to_world_start, to_world_end] = ctm.map(|ctm| ctm.inverse());
@@ -225,6 +252,12 @@ fn camera(reader: &mut Reader, entry: &Entry, film: &Film) -> Result<(Camera, DV
         shutter_close,
     };
     Ok((camera, origin))
+}
+
+/// Half the shorter side of a film of [`REALISTIC_DIAGONAL`], in millimetres.
+fn half_short_side(film: &Film) -> f64 {
+    let (width, height) = (film.width as f64, film.height as f64);
+    REALISTIC_DIAGONAL / 2.0 * width.min(height) / width.hypot(height)
 }
 
 fn integrator(reader: &mut Reader, entry: &Entry) -> Result<Integrator> {
@@ -260,4 +293,50 @@ fn sampler(reader: &mut Reader, entry: &Entry) -> Result<(SamplerKind, u32)> {
         _ => 16,
     };
     Ok((sampler, params.integer_in("pixelsamples", default, 1..=MAX_SPP)?))
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::Projection;
+    use crate::scene::Scene;
+    use crate::scene::pbrt::read_str;
+
+    fn header(text: &str) -> Scene {
+        read_str(&format!("{text} WorldBegin"), Path::new("")).unwrap_or_else(|error| panic!("{error}"))
+    }
+
+    #[test]
+    fn a_realistic_camera_is_a_normal_lens_and_says_so() {
+        let scene = header(
+            "Film \"rgb\" \"integer xresolution\" 300 \"integer yresolution\" 200
+             Camera \"realistic\" \"string lensfile\" \"a.dat\" \"float aperturediameter\" 10
+             \"float focusdistance\" 3",
+        );
+        let Projection::Perspective { tan_half_fov } = scene.camera.projection else { panic!() };
+        // Half the short side of a film of 35 mm across its diagonal, over 50 mm.
+        assert!((tan_half_fov - 17.5 * 2.0 / 13f32.sqrt() / 50.0).abs() < 1e-5);
+        assert_eq!((scene.camera.lens_radius, scene.camera.focal_distance), (0.005, 3.0));
+        assert_eq!(scene.warnings.len(), 1, "{:?}", scene.warnings);
+    }
+
+    #[test]
+    fn exposure_and_halved_angles_count() {
+        let scene = header(
+            "Film \"rgb\" \"float iso\" 200 \"float exposuretime\" .25
+             Camera \"perspective\" \"float halffov\" 45",
+        );
+        assert_eq!(scene.film.scale, 0.5);
+        let Projection::Perspective { tan_half_fov } = scene.camera.projection else { panic!() };
+        assert!((tan_half_fov - 1.0).abs() < 1e-6);
+    }
+
+    #[test]
+    fn options_of_the_machinery_are_accepted_and_those_of_the_image_reported() {
+        let scene = header("Option \"bool disablepixeljitter\" true Option \"integer seed\" 3");
+        assert!(scene.warnings.is_empty(), "{:?}", scene.warnings);
+        let scene = header("Option \"string forcediffuse\" \"x\"");
+        assert!(scene.warnings[0].contains("forcediffuse"), "{:?}", scene.warnings);
+    }
 }

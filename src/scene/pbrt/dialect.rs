@@ -1,17 +1,24 @@
 //! What differs between the dialects of pbrt's versions 2, 3 and 4.
 //!
-//! v4 is the reference. The older ones are read as far as they mean the same, and approximated,
-//! with a warning, where an old material has no exact counterpart.
+//! v4 is the reference. The older ones' materials are sums of lobes, and keep their formulas:
+//! Blinn's microfacets in v2 (exponent 1 / roughness), GGX in v3. Their plastics, and v2's `uber`
+//! and `translucent`, take the index of refraction the wrong way round, so that everything beyond
+//! the critical angle is reflected; images made with them show that, and it is kept.
+
+use std::path::Path;
 
 use glam::Vec3;
 
 use super::lexer::{Lexer, TokenKind};
 use super::params::{ParamType, Params};
+use super::spectrum::Spectrum;
 use super::state::Reader;
-use super::{Place, Result};
+use super::{Fault, Place, Result};
+use crate::scene::RgbTextureId;
 use crate::scene::film::PixelFilter;
-use crate::scene::material::{MaterialKind, Metal, Roughness};
-use crate::scene::texture::Texture;
+use crate::scene::light::SpotFalloff;
+use crate::scene::material::{Additive, Layer, MaterialKind, Metal, RoughnessScale};
+use crate::scene::texture::{Encoding, Texture};
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Dialect {
@@ -66,12 +73,71 @@ impl Dialect {
         self != Dialect::V4
     }
 
+    /// What a roughness means; `remap` is the parameter `remaproughness`, which v2 does not have.
+    pub fn roughness_scale(self, remap: bool) -> RoughnessScale {
+        match (self, remap) {
+            (Dialect::V2, _) => RoughnessScale::InverseExponent,
+            (_, false) => RoughnessScale::Alpha,
+            (Dialect::V3, true) => RoughnessScale::Logarithm,
+            (Dialect::V4, true) => RoughnessScale::SquareRoot,
+        }
+    }
+
+    /// What 8-bit images hold, unless a parameter says so.
+    pub fn default_encoding(self) -> Encoding {
+        match self {
+            Dialect::V2 => Encoding::Linear,
+            Dialect::V3 | Dialect::V4 => Encoding::Srgb,
+        }
+    }
+
+    /// What an image holds whose parameters ask for `wanted`. v4 asks only of PNG files, and takes
+    /// all others for sRGB; the older dialects take a parameter at its word.
+    pub fn encoding_of(self, path: &Path, wanted: Encoding) -> Encoding {
+        let png = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("png"));
+        if self == Dialect::V4 && !png { Encoding::Srgb } else { wanted }
+    }
+
+    /// Reflectance, or index of refraction, by channel.
+    pub fn reflectance_of(self, spectrum: &Spectrum) -> Vec3 {
+        match self {
+            Dialect::V2 | Dialect::V3 => spectrum.unadapted(),
+            Dialect::V4 => spectrum.reflectance(),
+        }
+    }
+
+    /// Colour of a light; in v4 its brightness is said elsewhere.
+    pub fn light_of(self, spectrum: &Spectrum) -> Vec3 {
+        match self {
+            Dialect::V2 | Dialect::V3 => spectrum.unadapted().max(Vec3::ZERO),
+            Dialect::V4 => spectrum.illuminant(),
+        }
+    }
+
     /// The filter of a scene that names none.
     pub fn default_filter(self) -> PixelFilter {
         match self {
             Dialect::V4 => PixelFilter::Gaussian { radius: [1.5; 2], sigma: 0.5 },
             Dialect::V2 | Dialect::V3 => PixelFilter::Box { radius: [0.5; 2] },
         }
+    }
+
+    /// What the radius of a pixel filter is called.
+    pub fn filter_radius_names(self) -> [&'static str; 2] {
+        match self {
+            Dialect::V4 => ["xradius", "yradius"],
+            Dialect::V2 | Dialect::V3 => ["xwidth", "ywidth"],
+        }
+    }
+
+    /// The radius of a Gaussian filter, where it is not given.
+    pub fn default_gaussian_radius(self) -> f64 {
+        if self == Dialect::V4 { 1.5 } else { 2.0 }
+    }
+
+    /// How a spot light falls off between its two angles.
+    pub fn spot_falloff(self) -> SpotFalloff {
+        if self == Dialect::V4 { SpotFalloff::Smoothstep } else { SpotFalloff::FourthPower }
     }
 
     /// The integrator of a scene that names none.
@@ -86,8 +152,8 @@ impl Dialect {
     /// The size of the film, where it is not given.
     pub fn default_resolution(self) -> [u32; 2] {
         match self {
-            Dialect::V2 | Dialect::V3 => [640, 480],
-            Dialect::V4 => [1280, 720],
+            Dialect::V2 => [640, 480],
+            Dialect::V3 | Dialect::V4 => [1280, 720],
         }
     }
 }
@@ -113,7 +179,25 @@ pub fn parameter_type(name: &str) -> Option<ParamType> {
     })
 }
 
+/// Index of refraction of the gloss of plastics.
+const PLASTIC_ETA: f32 = 1.5;
+
 impl Reader {
+    /// The names of the two materials of a mix, the one that `amount` 0 gives first.
+    pub fn mixed_names<'p>(&self, params: &'p Params, place: Place) -> Result<[&'p str; 2]> {
+        if let Some([first, second]) = params.strings("materials")? {
+            return Ok([first, second]);
+        }
+        // In the older dialects `amount` is that of the first.
+        match (params.string("namedmaterial1")?, params.string("namedmaterial2")?) {
+            (Some(first), Some(second)) => Ok([second, first]),
+            _ => {
+                let message = "a mix without \"string materials\"; the names of two would be accepted";
+                Err(Fault::new(place, message))
+            }
+        }
+    }
+
     /// A material of an older dialect; `None` if the name is none of theirs.
     pub fn old_material(
         &mut self,
@@ -121,65 +205,199 @@ impl Reader {
         params: &Params,
         place: Place,
     ) -> Result<Option<MaterialKind>> {
-        let half = Vec3::splat(0.5);
-        let quarter = Vec3::splat(0.25);
+        let gray = Vec3::splat;
         Ok(Some(match kind {
-            "matte" => MaterialKind::Diffuse { reflectance: self.rgb_texture_or(params, "Kd", half)? },
-            "mirror" => MaterialKind::Conductor {
-                metal: Metal::Reflectance(self.rgb_texture_or(params, "Kr", Vec3::splat(0.9))?),
-                roughness: self.smooth(),
-            },
-            "glass" => {
-                let eta = match params.get("index") {
-                    Some(_) => self.refractive_index(params, "index", 1.5)?,
-                    None => self.refractive_index(params, "eta", 1.5)?,
-                };
-                MaterialKind::Dielectric { eta, roughness: self.smooth() }
-            }
-            "metal" => MaterialKind::Conductor {
-                metal: self.metal(params, "")?,
-                roughness: self.old_roughness(params, 0.01)?,
-            },
-            "translucent" => {
-                self.warnings
-                    .add(place, "material \"translucent\" is approximated by \"diffusetransmission\"");
-                let base = self.rgb_texture_or(params, "Kd", quarter)?;
-                let [reflectance, transmittance] = ["reflect", "transmit"].map(|name| {
-                    let second = self.rgb_texture_or(params, name, half)?;
-                    Ok(self.textures.add(Texture::<Vec3>::Product { first: base, second }))
-                });
-                MaterialKind::DiffuseTransmission { reflectance: reflectance?, transmittance: transmittance? }
-            }
-            "plastic" | "substrate" | "uber" => {
-                self.warnings.add(place, format!("material \"{kind}\" is approximated by \"coateddiffuse\""));
-                MaterialKind::CoatedDiffuse {
-                    reflectance: self.rgb_texture_or(
-                        params,
-                        "Kd",
-                        if kind == "substrate" { half } else { quarter },
-                    )?,
-                    eta: 1.5,
-                    roughness: self.old_roughness(params, 0.1)?,
+            "matte" => {
+                let reflectance = self.rgb_texture_or(params, "Kd", gray(0.5))?;
+                let sigma = self.float_texture_or(params, "sigma", 0.0)?;
+                if self.textures.constant_float(sigma) == Some(0.0) {
+                    MaterialKind::Diffuse { reflectance }
+                } else {
+                    MaterialKind::OrenNayar { reflectance, sigma }
                 }
             }
+            "mirror" => MaterialKind::Mirror { reflectance: self.rgb_texture_or(params, "Kr", gray(0.9))? },
+            "glass" => self.glass(params)?,
+            "metal" => MaterialKind::Conductor {
+                metal: self.metal(params, "")?,
+                roughness: self.roughness(params, "", 0.01)?,
+            },
+            "shinymetal" => {
+                let message = "material \"shinymetal\" is read as \"metal\" of the reflectance \"Ks\"";
+                self.warnings.add(place, message);
+                params.get("Kr");
+                MaterialKind::Conductor {
+                    metal: Metal::Reflectance(self.rgb_texture_or(params, "Ks", gray(1.0))?),
+                    roughness: self.roughness(params, "", 0.1)?,
+                }
+            }
+            "substrate" => MaterialKind::FresnelBlend {
+                diffuse: self.rgb_texture_or(params, "Kd", gray(0.5))?,
+                specular: self.rgb_texture_or(params, "Ks", gray(0.5))?,
+                roughness: self.roughness(params, "", 0.1)?,
+            },
+            "plastic" => {
+                let diffuse = [Some(self.rgb_texture_or(params, "Kd", gray(0.25))?), None];
+                let colours = [Some(self.rgb_texture_or(params, "Ks", gray(0.25))?), None];
+                let roughness = self.roughness(params, "", 0.1)?;
+                let gloss = Some(Layer { colours, eta: 1.0 / PLASTIC_ETA, roughness });
+                MaterialKind::Additive(Box::new(Additive { diffuse, gloss, ..Additive::default() }))
+            }
+            "uber" => self.uber(params)?,
+            "translucent" => self.translucent(params)?,
             _ => return Ok(None),
         }))
     }
 
-    /// Roughness as the older dialects mean it.
-    fn old_roughness(&mut self, params: &Params, default: f64) -> Result<Roughness> {
-        self.roughness(params, "", default)
+    /// Glass whose two sides of light may be coloured.
+    fn glass(&mut self, params: &Params) -> Result<MaterialKind> {
+        let eta = self.old_index(params)?;
+        let colours = ["Kr", "Kt"].map(|name| self.rgb_texture_or(params, name, Vec3::ONE));
+        let [reflected, transmitted] = colours;
+        let colours = [Some(reflected?), Some(transmitted?)];
+        let roughness = self.roughness(params, "", 0.0)?;
+        let white =
+            |id: &Option<RgbTextureId>| id.is_none_or(|id| self.textures.constant_rgb(id) == Some(Vec3::ONE));
+        if colours.iter().all(white) {
+            return Ok(MaterialKind::Dielectric { eta, roughness });
+        }
+        let dielectric = Some(Layer { colours, eta, roughness });
+        Ok(MaterialKind::Additive(Box::new(Additive { dielectric, ..Additive::default() })))
+    }
+
+    fn uber(&mut self, params: &Params) -> Result<MaterialKind> {
+        let eta = match self.dialect {
+            Dialect::V2 => self.old_index(params)?.recip(),
+            Dialect::V3 | Dialect::V4 => self.old_index(params)?,
+        };
+        let mut colour = |name, default| self.rgb_texture_or(params, name, Vec3::splat(default)).map(Some);
+        let diffuse = [colour("Kd", 0.25)?, None];
+        let gloss = [colour("Ks", 0.25)?, None];
+        let boundary = [colour("Kr", 0.0)?, colour("Kt", 0.0)?];
+        let opacity = colour("opacity", 1.0)?;
+        let gloss = Some(Layer { colours: gloss, eta, roughness: self.roughness(params, "", 0.1)? });
+        let dielectric = Some(Layer { colours: boundary, eta, roughness: self.smooth() });
+        Ok(MaterialKind::Additive(Box::new(Additive { diffuse, gloss, dielectric, opacity })))
+    }
+
+    fn translucent(&mut self, params: &Params) -> Result<MaterialKind> {
+        let half = Vec3::splat(0.5);
+        let sides = ["reflect", "transmit"].map(|name| self.rgb_texture_or(params, name, half));
+        let [reflect, transmit] = sides;
+        let sides = [reflect?, transmit?];
+        let mut colours = |name| -> Result<[Option<RgbTextureId>; 2]> {
+            let first = self.rgb_texture_or(params, name, Vec3::splat(0.25))?;
+            Ok(sides.map(|second| Some(self.textures.add(Texture::<Vec3>::Product { first, second }))))
+        };
+        let (diffuse, colours) = (colours("Kd")?, colours("Ks")?);
+        let roughness = self.roughness(params, "", 0.1)?;
+        let layer = |eta| Some(Layer { colours, eta, roughness });
+        // v2's gloss is transmitted as it is reflected; v3's goes through as through rough glass.
+        let (gloss, dielectric) = match self.dialect {
+            Dialect::V2 => (layer(1.0 / PLASTIC_ETA), None),
+            Dialect::V3 | Dialect::V4 => (None, layer(PLASTIC_ETA)),
+        };
+        Ok(MaterialKind::Additive(Box::new(Additive { diffuse, gloss, dielectric, opacity: None })))
+    }
+
+    fn old_index(&mut self, params: &Params) -> Result<f32> {
+        let name = if params.get("eta").is_some() { "eta" } else { "index" };
+        self.refractive_index(params, name, f64::from(PLASTIC_ETA))
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scene::pbrt::read_str;
+
+    /// The materials that a main file of each older dialect makes, without the default one.
+    fn materials(dialect: Dialect, world: &str) -> Vec<MaterialKind> {
+        let header = if dialect == Dialect::V2 { "" } else { "Integrator \"path\"" };
+        let scene = read_str(&format!("{header} WorldBegin {world} WorldEnd"), Path::new(""));
+        let scene = scene.unwrap_or_else(|error| panic!("{error}"));
+        scene.materials.into_iter().skip(1).map(|material| material.kind).collect()
+    }
+
+    fn additive(dialect: Dialect, world: &str) -> Additive {
+        match &materials(dialect, world)[..] {
+            [MaterialKind::Additive(parts)] => **parts,
+            other => panic!("{other:?}"),
+        }
+    }
 
     #[test]
     fn dialects_are_recognised_by_their_words() {
         assert_eq!(Dialect::detect(b"Integrator \"path\" WorldBegin # WorldEnd"), Dialect::V4);
         assert_eq!(Dialect::detect(b"Integrator \"path\" WorldBegin WorldEnd"), Dialect::V3);
         assert_eq!(Dialect::detect(b"SurfaceIntegrator \"path\" WorldBegin WorldEnd"), Dialect::V2);
+    }
+
+    #[test]
+    fn plastic_is_a_diffuse_part_under_gloss_that_is_lit_from_inside() {
+        for (dialect, scale) in
+            [(Dialect::V2, RoughnessScale::InverseExponent), (Dialect::V3, RoughnessScale::Logarithm)]
+        {
+            let parts = additive(dialect, "Material \"plastic\" \"color Kd\" [.4 .2 .2]");
+            assert!(parts.diffuse[0].is_some() && parts.diffuse[1].is_none() && parts.dielectric.is_none());
+            let gloss = parts.gloss.unwrap();
+            assert_eq!((gloss.eta, gloss.roughness.scale), (1.0 / 1.5, scale));
+        }
+    }
+
+    #[test]
+    fn uber_and_translucent_differ_between_the_dialects() {
+        let uber = |dialect| additive(dialect, "Material \"uber\" \"float index\" 2 \"color Kr\" [1 1 1]");
+        assert_eq!(uber(Dialect::V2).dielectric.unwrap().eta, 0.5);
+        assert_eq!(uber(Dialect::V3).dielectric.unwrap().eta, 2.0);
+        let translucent = |dialect| additive(dialect, "Material \"translucent\"");
+        assert!(translucent(Dialect::V2).dielectric.is_none() && translucent(Dialect::V2).gloss.is_some());
+        assert!(translucent(Dialect::V3).dielectric.is_some() && translucent(Dialect::V3).gloss.is_none());
+    }
+
+    #[test]
+    fn the_amount_of_an_old_mix_is_that_of_its_first_material() {
+        let named = "MakeNamedMaterial \"a\" \"string type\" \"matte\"
+            MakeNamedMaterial \"b\" \"string type\" \"mirror\"";
+        let mix = "Material \"mix\" \"string namedmaterial1\" \"a\" \"string namedmaterial2\" \"b\"
+            \"color amount\" [.2 .2 .2]";
+        let kinds = materials(Dialect::V3, &format!("{named} {mix}"));
+        let MaterialKind::Mix { first, second, .. } = kinds[2] else { panic!("{:?}", kinds[2]) };
+        assert_eq!((first.0, second.0), (2, 1));
+    }
+
+    #[test]
+    fn rough_matte_is_oren_nayar_and_coloured_glass_keeps_its_colours() {
+        let world = "Material \"matte\" \"float sigma\" 20 Material \"matte\" Material \"glass\"
+            Material \"glass\" \"color Kt\" [1 .5 .5] Material \"substrate\"";
+        let kinds = materials(Dialect::V2, world);
+        assert!(matches!(kinds[0], MaterialKind::OrenNayar { .. }));
+        assert!(matches!(kinds[1], MaterialKind::Diffuse { .. }));
+        assert!(matches!(kinds[2], MaterialKind::Dielectric { .. }));
+        assert!(matches!(&kinds[3], MaterialKind::Additive(parts) if parts.dielectric.is_some()));
+        assert!(matches!(kinds[4], MaterialKind::FresnelBlend { .. }));
+    }
+
+    #[test]
+    fn filters_and_film_go_by_the_dialects_names_and_defaults() {
+        let film = |header: &str, end: &str| {
+            let text = format!("{header} PixelFilter \"gaussian\" WorldBegin {end}");
+            read_str(&text, Path::new("")).unwrap().film
+        };
+        let old = film("", "WorldEnd");
+        assert_eq!((old.width, old.filter), (640, PixelFilter::Gaussian { radius: [2.0; 2], sigma: 0.5 }));
+        assert_eq!(film("Integrator \"path\"", "WorldEnd").width, 1280);
+        assert_eq!(film("", "").filter, PixelFilter::Gaussian { radius: [1.5; 2], sigma: 0.5 });
+        let wide = "PixelFilter \"box\" \"float xwidth\" 2 WorldBegin WorldEnd";
+        let wide = read_str(wide, Path::new("")).unwrap().film.filter;
+        assert_eq!(wide, PixelFilter::Box { radius: [2.0, 0.5] });
+    }
+
+    #[test]
+    fn only_v4_takes_every_jpeg_for_srgb() {
+        let of = |dialect: Dialect, name| dialect.encoding_of(Path::new(name), Encoding::Linear);
+        assert_eq!(of(Dialect::V4, "a.jpg"), Encoding::Srgb);
+        assert_eq!(of(Dialect::V4, "a.PNG"), Encoding::Linear);
+        assert_eq!(of(Dialect::V3, "a.jpg"), Encoding::Linear);
     }
 }

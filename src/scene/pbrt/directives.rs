@@ -2,6 +2,7 @@
 
 use std::borrow::Cow;
 
+use super::color_space::ColorSpace;
 use super::lexer::{Lexer, TokenKind};
 use super::params::Params;
 use super::state::{Block, Reader};
@@ -9,6 +10,23 @@ use super::{Fault, Place, Result, files};
 
 /// Includes inside includes; real scenes have two or three.
 const MAX_INCLUDE_DEPTH: usize = 32;
+
+/// Options that change how pbrt works, and not what its image converges to here. Samples are
+/// filtered by their number, textures not at all, and the seed is the command line's.
+const WITHOUT_BEARING: [&str; 12] = [
+    "disablepixeljitter",
+    "disabletexturefiltering",
+    "disablewavelengthjitter",
+    "displacementedgescale",
+    "interactive",
+    "msereferenceimage",
+    "msereferenceout",
+    "pixelstats",
+    "quiet",
+    "rendercoordsys",
+    "seed",
+    "wavefront",
+];
 
 /// A directive with its arguments.
 #[derive(Clone, Debug)]
@@ -96,7 +114,7 @@ const TABLE: &[Directive] = {
         directive("ObjectBegin", Strings(1), World, Reader::object_begin),
         directive("ObjectEnd", Nothing, World, Reader::object_end),
         directive("ObjectInstance", Strings(1), World, Reader::object_instance),
-        directive("Option", Params(0), Header, Reader::ignore),
+        directive("Option", Params(0), Header, Reader::option),
         directive("PixelFilter", Params(1), Header, Reader::keep),
         directive("Renderer", Params(1), Header, Reader::ignore),
         directive("ReverseOrientation", Nothing, World, |r, _| {
@@ -206,9 +224,20 @@ impl Reader {
 
     fn color_space(&mut self, statement: &Statement) -> Result<()> {
         let name = &statement.strings[0];
-        if name != "srgb" {
-            self.warnings.add(statement.place, format!("color space \"{name}\" is read as \"srgb\""));
+        let Some(space) = ColorSpace::named(name) else {
+            let names = ColorSpace::names();
+            return Err(Fault::new(statement.place, format!("color space \"{name}\"; {names} are accepted")));
+        };
+        self.state.color_space = space;
+        Ok(())
+    }
+
+    /// Options of pbrt's machinery have no bearing here; those of the image are reported.
+    fn option(&mut self, statement: &Statement) -> Result<()> {
+        for name in WITHOUT_BEARING {
+            statement.params.get(name);
         }
+        self.report_unused(statement);
         Ok(())
     }
 

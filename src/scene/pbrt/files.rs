@@ -45,3 +45,21 @@ pub fn read(path: &Path) -> Result<Vec<u8>, String> {
     open(path)?.reader.read_to_end(&mut bytes).map_err(|error| error.to_string())?;
     Ok(bytes)
 }
+
+/// Reads a text file of finite numbers; `#` starts a comment.
+///
+/// # Errors
+/// One sentence, without the file's name.
+pub fn numbers(path: &Path) -> Result<Vec<f64>, String> {
+    let bytes = read(path)?;
+    let text = String::from_utf8_lossy(&bytes);
+    let words = text.lines().enumerate().flat_map(|(line, text)| {
+        text.split('#').next().unwrap_or("").split_whitespace().map(move |word| (line + 1, word))
+    });
+    words
+        .map(|(line, word)| match word.parse() {
+            Ok(number) if f64::is_finite(number) => Ok(number),
+            _ => Err(format!("\"{word}\" in line {line}; a number would be accepted")),
+        })
+        .collect()
+}

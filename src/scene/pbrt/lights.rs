@@ -5,8 +5,8 @@ use std::f64::consts::PI;
 use glam::{Affine3A, DVec3, Vec3};
 
 use super::directives::Statement;
-use super::params::Params;
-use super::state::Reader;
+use super::params::{ParamType, Params};
+use super::state::{Emission, Reader};
 use super::textures::encoding;
 use super::{Fault, Result};
 use crate::scene::Light;
@@ -24,7 +24,9 @@ impl Reader {
         params.get("samples");
         let radiance = self.light_color(&params, "L")?;
         let two_sided = params.bool_or("twosided", false)?;
-        self.state.area_light = (radiance != Vec3::ZERO).then_some(AreaLight { radiance, two_sided });
+        let power = params.float("power")?.filter(|&power| power > 0.0);
+        let light = AreaLight { radiance, two_sided };
+        self.state.area_light = (radiance != Vec3::ZERO).then_some(Emission { light, power });
         statement.params.mark_used_in(&params);
         Ok(())
     }
@@ -64,11 +66,12 @@ impl Reader {
 
     /// Colour times `scale`, per channel not below 0.
     fn light_color(&mut self, params: &Params, name: &str) -> Result<Vec3> {
-        let color = self.spectrum(params, name)?.map_or(Vec3::ONE, |spectrum| spectrum.illuminant());
+        let color =
+            self.spectrum(params, name)?.map_or(Vec3::ONE, |spectrum| self.dialect.light_of(&spectrum));
         // v3 has a colour for a scale.
         let scale = match params.get("scale").map(|param| param.kind) {
-            Some(super::params::ParamType::Rgb) => {
-                self.spectrum(params, "scale")?.map_or(Vec3::ONE, |spectrum| spectrum.reflectance())
+            Some(ParamType::Rgb | ParamType::Spectrum) => {
+                self.spectrum(params, "scale")?.map_or(Vec3::ONE, |spectrum| spectrum.unadapted())
             }
             _ => Vec3::splat(params.float_or("scale", 1.0)? as f32),
         };
@@ -111,6 +114,7 @@ impl Reader {
             intensity,
             cos_falloff_start: cos_falloff_start as f32,
             cos_total_width: cos_total_width as f32,
+            falloff: self.dialect.spot_falloff(),
         })
     }
 
@@ -144,21 +148,20 @@ impl Reader {
         let map = match file.filter(|file| !file.is_empty()) {
             None => None,
             Some(file) => {
-                let image = self.load_image(file, encoding(params)?, params.place)?;
-                let (width, height) =
-                    (self.textures.image(image).width(), self.textures.image(image).height());
+                let encoding = encoding(params, self.dialect.default_encoding())?;
+                let image = self.image(file, encoding, params.place);
                 if self.dialect.environments_are_lat_long() {
                     Some(EnvironmentMap::LatLong(image))
-                } else if width == height {
-                    Some(EnvironmentMap::EqualArea(image))
                 } else {
-                    let message = format!(
-                        "environment \"{file}\" of {width}x{height} texels; a square one would be accepted"
-                    );
-                    return Err(Fault::new(params.place, message));
+                    self.image_must_be_square(image);
+                    Some(EnvironmentMap::EqualArea(image))
                 }
             }
         };
+        if params.get("portal").is_some() {
+            // It tells where light can come from, which changes the noise only.
+            self.warnings.add(params.place, "a portal is not made use of: the whole environment is sampled");
+        }
         // Of an image it would need a sum over a hemisphere; left to the warning on unused ones.
         if map.is_none()
             && let Some(illuminance) = params.float("illuminance")?
@@ -181,5 +184,57 @@ fn emission(light: &Light) -> Vec3 {
         Light::Point { intensity, .. } | Light::Spot { intensity, .. } => *intensity,
         Light::Distant { radiance, .. } => *radiance,
         Light::Environment(environment) => environment.scale,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::f32::consts::PI;
+    use std::path::Path;
+
+    use glam::Vec3;
+
+    use crate::scene::Scene;
+    use crate::scene::pbrt::read_str;
+
+    fn world(text: &str) -> Scene {
+        read_str(&format!("WorldBegin {text}"), Path::new("")).unwrap_or_else(|error| panic!("{error}"))
+    }
+
+    #[test]
+    fn the_power_of_an_area_light_is_spread_over_its_surface() {
+        let cases = [
+            ("Shape \"sphere\" \"float radius\" 2", 16.0 * PI),
+            ("Scale 2 2 2 Shape \"sphere\"", 16.0 * PI),
+            ("Scale 2 3 1 Shape \"disk\" \"float innerradius\" .5", 4.5 * PI),
+            ("Shape \"trianglemesh\" \"point3 P\" [0 0 0 2 0 0 0 2 0]", 2.0),
+        ];
+        for (shape, area) in cases {
+            for (sides, factor) in [("", 1.0), ("\"bool twosided\" true", 2.0)] {
+                let light = "AreaLightSource \"diffuse\" \"rgb L\" [1 2 3] \"float power\" 12";
+                let scene = world(&format!("{light} {sides} {shape}"));
+                let radiance = scene.primitives[0].area_light.unwrap().radiance;
+                let expected = Vec3::new(1.0, 2.0, 3.0) * (12.0 / (PI * area * factor));
+                assert!((radiance - expected).length() < 1e-4 * expected.length(), "{shape} {sides}");
+            }
+        }
+    }
+
+    #[test]
+    fn colours_are_read_in_the_current_color_space() {
+        let scene = world(
+            "AttributeBegin ColorSpace \"rec2020\" LightSource \"point\" \"rgb I\" [0 1 0] AttributeEnd
+             LightSource \"point\" \"rgb I\" [0 1 0]",
+        );
+        let intensity = |i: usize| super::emission(&scene.lights[i]);
+        assert!((intensity(0) - Vec3::new(0.0, 1.1329, 0.0)).length() < 1e-3);
+        assert_eq!(intensity(1), Vec3::Y);
+        assert!(read_str("ColorSpace \"adobe\"", Path::new("")).is_err());
+    }
+
+    #[test]
+    fn portals_are_read_and_said_to_be_left_out() {
+        let scene = world("LightSource \"infinite\" \"point3 portal\" [0 0 0 1 0 0 1 1 0 0 1 0]");
+        assert!(scene.warnings.len() == 1 && scene.warnings[0].contains("portal"), "{:?}", scene.warnings);
     }
 }

@@ -1,13 +1,15 @@
 //! Materials, by the names and defaults of pbrt-v4.
 
+use std::sync::Arc;
+
 use glam::Vec3;
 
 use super::directives::Statement;
 use super::params::{ParamType, Params};
 use super::spectrum::Spectrum;
 use super::state::Reader;
-use super::{Fault, Place, Result};
-use crate::scene::material::{MaterialKind, Metal, Roughness};
+use super::{Fault, Place, Result, measured};
+use crate::scene::material::{MaterialKind, Metal, Roughness, RoughnessScale};
 use crate::scene::texture::{Encoding, FloatTextureId, ImageTexture, Mapping, Texture, Wrap};
 use crate::scene::{Material, MaterialId};
 
@@ -95,7 +97,7 @@ impl Reader {
         let normal_map = match params.string("normalmap")?.map(String::from) {
             None => None,
             Some(file) => {
-                let image = self.load_image(&file, Encoding::Linear, params.place)?;
+                let image = self.image(&file, Encoding::Linear, params.place);
                 let mapping = Mapping::Uv { scale: glam::Vec2::new(1.0, -1.0), offset: glam::Vec2::Y };
                 let texture = ImageTexture { image, mapping, wrap: Wrap::Repeat, scale: 1.0, invert: false };
                 Some(self.textures.add(Texture::<Vec3>::Image(texture)))
@@ -150,9 +152,13 @@ impl Reader {
             }
             "mix" => self.mix(params, place)?,
             "interface" | "" | "none" => MaterialKind::Interface,
-            "subsurface" | "hair" | "measured" => {
+            "measured" => self.measured(params, place)?,
+            "subsurface" | "kdsubsurface" | "hair" | "disney" | "fourier" => {
                 self.warnings.add(place, format!("material \"{kind}\" is read as \"diffuse\""));
-                let name = if params.get("color").is_some() { "color" } else { "reflectance" };
+                let named =
+                    ["color", "Kd", "reflectance"].into_iter().find(|name| params.get(name).is_some());
+                params.mark_all_used();
+                let name = named.unwrap_or("reflectance");
                 MaterialKind::Diffuse { reflectance: self.rgb_texture_or(params, name, Vec3::splat(0.5))? }
             }
             other => match self.old_material(other, params, place)? {
@@ -168,19 +174,46 @@ impl Reader {
         })
     }
 
-    fn mix(&mut self, params: &Params, place: Place) -> Result<MaterialKind> {
-        let (first, second) = match params.strings("materials")? {
-            Some([first, second]) => (self.find_material(first, place)?, self.find_material(second, place)?),
-            _ => {
-                let message = "a mix without \"string materials\"; the names of two would be accepted";
-                return Err(Fault::new(place, message));
-            }
+    /// A measured BRDF, each file of which is read once.
+    fn measured(&mut self, params: &Params, place: Place) -> Result<MaterialKind> {
+        let Some(name) = params.string("filename")? else {
+            let message = "a measured material without a file; \"string filename\" would be accepted";
+            return Err(Fault::new(place, message));
         };
+        let path = self.resolve(name);
+        if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("bsdf")) {
+            self.warnings.add(place, "measured BRDFs of pbrt-v4 (.bsdf) are read as \"diffuse\"");
+            return Ok(MaterialKind::Diffuse {
+                reflectance: self.textures.add(Texture::Constant(Vec3::splat(0.5))),
+            });
+        }
+        if let Some(table) = self.measured_brdfs.get(&path) {
+            return Ok(MaterialKind::Measured(table.clone()));
+        }
+        let named = |message: String| {
+            let accepted = "a table of measurements (.brdf, or MERL's) would be accepted";
+            Fault::new(place, format!("BRDF \"{}\": {message}; {accepted}", path.display()))
+        };
+        let table = Arc::new(measured::read(&path).map_err(named)?);
+        self.measured_brdfs.insert(path, table.clone());
+        Ok(MaterialKind::Measured(table))
+    }
+
+    fn mix(&mut self, params: &Params, place: Place) -> Result<MaterialKind> {
+        let [first, second] = self.mixed_names(params, place)?;
+        let (first, second) = (self.find_material(first, place)?, self.find_material(second, place)?);
         if [first, second].iter().any(|id| self.mix_depths[id.0 as usize] >= MAX_MIX_DEPTH) {
             let message = format!("mixes more than {MAX_MIX_DEPTH} deep; fewer would be accepted");
             return Err(Fault::new(place, message));
         }
-        let amount = self.float_texture_or(params, "amount", 0.5)?;
+        let amount = match params.get("amount").map(|param| param.kind) {
+            // The older dialects mix by colour; its mean is what a single choice can follow.
+            Some(ParamType::Rgb | ParamType::Xyz | ParamType::Spectrum) => {
+                let amount = self.spectrum(params, "amount")?.map_or(Vec3::splat(0.5), |s| s.reflectance());
+                self.textures.add(Texture::Constant(amount.element_sum() / 3.0))
+            }
+            _ => self.float_texture_or(params, "amount", 0.5)?,
+        };
         Ok(MaterialKind::Mix { first, second, amount })
     }
 
@@ -219,13 +252,14 @@ impl Reader {
             }
         };
         let (u, v) = (along("u")?, along("v")?);
-        Ok(Roughness { u, v, remap: params.bool_or("remaproughness", true)? })
+        let remap = params.bool_or("remaproughness", true)?;
+        Ok(Roughness { u, v, scale: self.dialect.roughness_scale(remap) })
     }
 
     /// No roughness at all.
     pub fn smooth(&mut self) -> Roughness {
         let zero = self.textures.add(Texture::Constant(0.0));
-        Roughness { u: zero, v: zero, remap: false }
+        Roughness { u: zero, v: zero, scale: RoughnessScale::Alpha }
     }
 
     /// One index of refraction: a number or a spectrum, of which the d line counts.
@@ -236,5 +270,40 @@ impl Reader {
             _ => self.spectrum(params, name)?.map_or(default, |spectrum| spectrum.refractive_index()),
         };
         if eta > 0.0 { Ok(eta as f32) } else { Err(param.fault(eta, "an index of refraction above 0")) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+    use crate::scene::pbrt::read_str;
+
+    #[test]
+    fn materials_have_their_parameters_and_defaults() {
+        let scene = read_str(
+        "WorldBegin Texture \"half\" \"float\" \"constant\" \"float value\" .5
+         Material \"conductor\" \"texture uroughness\" \"half\" \"float roughness\" .25 \"bool remaproughness\" false
+         Material \"dielectric\" \"spectrum eta\" \"glass-BK7\"
+         MakeNamedMaterial \"a\" \"string type\" \"coateddiffuse\" \"rgb reflectance\" [.1 .2 .3]
+         Material \"mix\" \"string materials\" [\"a\" \"a\"] \"float amount\" .3",
+        Path::new(""),
+    )
+    .unwrap();
+        let kinds: Vec<_> = scene.materials.iter().skip(1).map(|material| &material.kind).collect();
+        let MaterialKind::Conductor { roughness, .. } = kinds[0] else { panic!() };
+        let constant = |id| scene.textures.constant_float(id);
+        assert_eq!(
+            (constant(roughness.u), constant(roughness.v), roughness.scale),
+            (Some(0.5), Some(0.25), RoughnessScale::Alpha)
+        );
+        let MaterialKind::Dielectric { eta, .. } = kinds[1] else { panic!() };
+        assert_eq!(*eta, 1.5168);
+        let MaterialKind::CoatedDiffuse { reflectance, eta, .. } = kinds[2] else { panic!() };
+        assert_eq!(scene.textures.constant_rgb(*reflectance), Some(Vec3::new(0.1, 0.2, 0.3)));
+        assert_eq!(*eta, 1.5);
+        assert!(matches!(kinds[3], MaterialKind::Mix { .. }));
+        assert!(scene.warnings.is_empty(), "{:?}", scene.warnings);
     }
 }

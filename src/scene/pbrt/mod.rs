@@ -6,18 +6,24 @@
 //!
 //! Source: the file format specification of pbrt-v4 (pbrt.org/fileformat-v4).
 
+mod bilinear;
 mod camera_film;
+mod color_space;
+mod curve;
 mod dialect;
 mod directives;
 mod files;
+mod image_files;
 mod lexer;
 mod lights;
 mod loop_subdivision;
 mod materials;
+mod measured;
 mod mesh;
 mod objects;
 mod params;
 mod ply;
+mod revolution;
 mod shapes;
 mod spectrum;
 mod state;
@@ -67,11 +73,30 @@ impl Fault {
 
 type Result<T> = std::result::Result<T, Fault>;
 
+/// How far reading has come.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Reading {
+    /// Shapes that were read, and triangles of these.
+    pub shapes: usize,
+    pub triangles: usize,
+}
+
 /// Reads a scene file and all it includes. File names in it are relative to its folder.
 ///
 /// # Errors
 /// On anything that is wrong in a file, or missing.
 pub fn read(path: &Path) -> std::result::Result<Scene, SceneError> {
+    read_reporting(path, |_| {})
+}
+
+/// As [`read`]; `report` is told after every shape how far it has come.
+///
+/// # Errors
+/// As [`read`].
+pub fn read_reporting(
+    path: &Path,
+    report: impl Fn(Reading) + 'static,
+) -> std::result::Result<Scene, SceneError> {
     let source = path.display().to_string();
     let text = files::read(path).map_err(|message| SceneError {
         file: source.clone(),
@@ -80,7 +105,9 @@ pub fn read(path: &Path) -> std::result::Result<Scene, SceneError> {
         message: format!("cannot be read: {message}; a pbrt scene file would be accepted"),
     })?;
     let folder = path.parent().unwrap_or(Path::new(""));
-    let mut scene = Reader::new(&text, source.clone(), folder, Some(path)).read(&text)?;
+    let mut reader = Reader::new(&text, source.clone(), folder, Some(path));
+    reader.report = Box::new(report);
+    let mut scene = reader.read(&text)?;
     scene.source = source;
     Ok(scene)
 }

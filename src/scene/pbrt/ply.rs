@@ -19,7 +19,7 @@ pub fn read(path: &Path) -> Result<MeshDescription, String> {
     let Source { mut reader, max_length } = files::open(path)?;
     // Otherwise the search for the end of the first line might read a file of any kind to its end.
     if !reader.fill_buf().map_err(|error| error.to_string())?.starts_with(b"ply") {
-        return Err("it does not begin with \"ply\"; a PLY file would be accepted".into());
+        return Err("it does not begin with \"ply\"".into());
     }
     // The last number of an ASCII file needs a blank after it, which not all files have.
     read_from(reader.chain(&b"\n"[..]), max_length)
@@ -58,7 +58,7 @@ fn read_from(reader: impl BufRead, max_length: u64) -> Result<MeshDescription, S
 fn check(header: &PlyHeader, max_length: u64) -> Result<(), String> {
     for name in ["vertex", "face"] {
         if !header.has_element(name) {
-            return Err(format!("it has no element \"{name}\"; vertices and faces would be accepted"));
+            return Err(format!("it has no element \"{name}\""));
         }
     }
     for element in &header.elem_defs {
@@ -66,8 +66,7 @@ fn check(header: &PlyHeader, max_length: u64) -> Result<(), String> {
         // could go on for ever.
         if element.properties.is_empty() || element.count as u64 > max_length {
             return Err(format!(
-                "{} elements of \"{}\" with {} properties in a file that holds at most {max_length} bytes; \
-                 what fits would be accepted",
+                "{} elements of \"{}\" with {} properties in a file that holds at most {max_length} bytes",
                 element.count,
                 element.name,
                 element.properties.len()

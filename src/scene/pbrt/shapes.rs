@@ -1,21 +1,24 @@
 //! Shapes.
 
+use std::f64::consts::PI;
 use std::sync::Arc;
 
-use glam::{DAffine3, DVec3};
+use glam::{DAffine3, DVec2, DVec3};
 
 use super::directives::Statement;
 use super::mesh::MeshDescription;
 use super::objects::Placement;
 use super::params::{ParamType, Params};
-use super::state::Reader;
-use super::{Fault, Result, loop_subdivision, ply};
+use super::state::{Emission, Reader};
+use super::{Fault, Result, bilinear, curve, loop_subdivision, ply, revolution};
 use crate::scene::material::MaterialKind;
 use crate::scene::texture::{FloatTextureId, Texture};
 use crate::scene::{Disk, Primitive, Shape, Sphere};
 
 /// Levels of subdivision: ten make a million triangles of each.
 const MAX_LEVELS: u32 = 10;
+/// Most heights along a side of a height field.
+const MAX_GRID: u32 = 1 << 14;
 /// Most triangles that subdivision may make: some gigabytes while it does.
 const MAX_SUBDIVIDED: usize = 1 << 24;
 
@@ -37,17 +40,24 @@ impl Reader {
                 };
                 let path = self.resolve(name);
                 let named = |message: String| fault(format!("mesh \"{}\": {message}", path.display()));
-                let mesh = ply::read(&path).map_err(named)?;
+                let mesh = ply::read(&path)
+                    .map_err(|message| named(format!("{message}; a sound PLY file would be accepted")))?;
                 self.mesh(params, &mesh, named)?;
             }
-            "bilinearmesh" | "curve" | "cylinder" | "cone" | "paraboloid" | "hyperboloid" | "nurbs"
-            | "heightfield" => {
+            "bilinearmesh" => self.mesh(params, &bilinear::mesh(params)?, fault)?,
+            "curve" => self.mesh(params, &curve::mesh(params)?, fault)?,
+            "cylinder" | "cone" | "paraboloid" | "hyperboloid" => {
+                self.mesh(params, &revolution::mesh(kind, params)?, fault)?;
+            }
+            "heightfield" => self.mesh(params, &height_field(params)?, fault)?,
+            "nurbs" => {
                 self.warnings.add(statement.place, format!("shape \"{kind}\" is left out"));
                 statement.params.mark_all_used();
             }
             other => {
                 return Err(fault(format!(
-                    "shape \"{other}\"; sphere, disk, trianglemesh, plymesh and loopsubdiv are accepted"
+                    "shape \"{other}\"; sphere, disk, cylinder, trianglemesh, plymesh, bilinearmesh, curve and \
+                     loopsubdiv are accepted"
                 )));
             }
         }
@@ -132,6 +142,18 @@ impl Reader {
             area_light = None;
         }
         let alpha = self.alpha(params)?;
+        let area_light = area_light.map(|Emission { mut light, power }| {
+            if let Some(power) = power {
+                let sides = if light.two_sided { 2.0 } else { 1.0 };
+                light.radiance *= (power / (PI * sides * shape.area())) as f32;
+            }
+            light
+        });
+        self.reading.shapes += 1;
+        if let Shape::Mesh(mesh) = &shape {
+            self.reading.triangles += mesh.indices.len();
+        }
+        (self.report)(self.reading);
         self.groups[group].primitives.push(Primitive { shape, material, alpha, area_light, flip_normal });
         Ok(())
     }
@@ -180,6 +202,24 @@ fn triangle_mesh(params: &Params) -> Result<MeshDescription> {
     Ok(MeshDescription { positions, normals: params.triples("N")?.unwrap_or_default(), uvs, indices })
 }
 
+/// Heights over a grid of the unit square, as pbrt-v2 and v3 have them.
+fn height_field(params: &Params) -> Result<MeshDescription> {
+    let side = |name| params.integer_in(name, 2, 2..=MAX_GRID);
+    let (columns, rows) = (side("nu")?, side("nv")?);
+    let heights = params.floats("Pz")?.unwrap_or_default();
+    if heights.len() as u64 != u64::from(columns) * u64::from(rows) {
+        let message = format!("{} heights; {columns} times {rows} (nu, nv) would be accepted", heights.len());
+        return Err(Fault::new(params.place, message));
+    }
+    let share = |i: u32, count: u32| f64::from(i) / f64::from(count - 1);
+    let uvs: Vec<DVec2> = (0..rows)
+        .flat_map(|y| (0..columns).map(move |x| DVec2::new(share(x, columns), share(y, rows))))
+        .collect();
+    let positions = uvs.iter().zip(heights).map(|(uv, &height)| uv.extend(height)).collect();
+    let indices = revolution::grid(rows - 1, columns - 1);
+    Ok(MeshDescription { positions, normals: Vec::new(), uvs, indices })
+}
+
 fn loop_subdivided(params: &Params) -> Result<MeshDescription> {
     let positions = required_positions(params)?;
     let Some(indices) = indices(params)? else {
@@ -217,4 +257,22 @@ fn indices(params: &Params) -> Result<Option<Vec<[u32; 3]>>> {
         return Err(fault(format!("index {index}; the number of a vertex would be accepted")));
     }
     Ok(Some(triangles.iter().map(|triangle| triangle.map(|index| index as u32)).collect()))
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+    use crate::scene::pbrt::read_str;
+
+    #[test]
+    fn a_height_field_is_a_grid_over_the_unit_square() {
+        let text =
+            "WorldBegin Shape \"heightfield\" \"integer nu\" 3 \"integer nv\" 2 \"float Pz\" [0 1 2 3 4 5]";
+        let scene = read_str(text, Path::new("")).unwrap();
+        let Shape::Mesh(mesh) = &scene.primitives[0].shape else { panic!() };
+        assert_eq!((mesh.indices.len(), mesh.positions[4]), (4, glam::Vec3::new(0.5, 1.0, 4.0)));
+        assert!(read_str(&text.replace("[0 ", "["), Path::new("")).is_err());
+    }
 }

@@ -20,6 +20,9 @@ const RGB_FROM_XYZ: [[f64; 3]; 3] = [
 /// Helium d line, nm, where glass is measured.
 const D_LINE: f64 = 587.56;
 
+/// Wien's displacement constant, nm·K.
+const WIEN_DISPLACEMENT: f64 = 2.897_772e6;
+
 /// A spectrum as a scene gives it.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Spectrum {
@@ -27,8 +30,8 @@ pub enum Spectrum {
     Rgb(Vec3),
     /// Wavelengths in nm, rising, and values; constant beyond the ends. Not empty.
     Sampled(Vec<[f64; 2]>),
-    /// Temperature in kelvin.
-    Blackbody(f64),
+    /// Temperature in kelvin, and a factor (pbrt-v2 and v3).
+    Blackbody { kelvin: f64, scale: f64 },
     /// CIE 1931 x and y of an illuminant.
     Chromaticity(f64, f64),
 }
@@ -72,6 +75,21 @@ impl Spectrum {
         }
     }
 
+    /// Colour by channel as pbrt-v2 and v3 integrate it: relative to light of equal energy, so that
+    /// a constant spectrum is not gray but reddish. Blackbodies are 1 where they are brightest.
+    pub fn unadapted(&self) -> Vec3 {
+        let xyz = match self {
+            Spectrum::Rgb(rgb) => return *rgb,
+            Spectrum::Chromaticity(x, y) => DVec3::new(*x, *y, 1.0 - x - y) / *y,
+            Spectrum::Blackbody { kelvin, scale } => {
+                let peak = planck(WIEN_DISPLACEMENT / kelvin, *kelvin);
+                xyz(|nm| scale * planck(nm, *kelvin) / peak) / xyz(|_| 1.0).y
+            }
+            Spectrum::Sampled(_) => xyz(|nm| self.at(nm)) / xyz(|_| 1.0).y,
+        };
+        rgb_from_xyz(xyz).as_vec3()
+    }
+
     /// Colour of a light. Only RGB says how bright it is; all else has luminance 1, as in pbrt-v4.
     pub fn illuminant(&self) -> Vec3 {
         let xyz = match self {
@@ -101,7 +119,7 @@ impl Spectrum {
                     (None, None) => 0.0,
                 }
             }
-            Spectrum::Blackbody(kelvin) => planck(nm, *kelvin),
+            Spectrum::Blackbody { kelvin, .. } => planck(nm, *kelvin),
             Spectrum::Rgb(_) | Spectrum::Chromaticity(..) => 1.0,
         }
     }
@@ -217,8 +235,8 @@ mod tests {
     fn lights_have_luminance_one_whatever_their_spectrum() {
         let luminance = |rgb: Vec3| rgb.dot(Vec3::new(0.2126, 0.7152, 0.0722));
         for spectrum in [
-            Spectrum::Blackbody(6500.0),
-            Spectrum::Blackbody(3000.0),
+            Spectrum::Blackbody { kelvin: 6500.0, scale: 1.0 },
+            Spectrum::Blackbody { kelvin: 3000.0, scale: 1.0 },
             Spectrum::named("stdillum-D65").unwrap(),
             Spectrum::from_numbers(&[400.0, 7.0, 700.0, 7.0]).unwrap(),
         ] {
@@ -229,7 +247,7 @@ mod tests {
     #[test]
     fn daylight_is_white_and_a_cool_blackbody_is_orange() {
         assert_close(Spectrum::named("stdillum-D65").unwrap().illuminant(), Vec3::ONE, 2e-3);
-        let rgb = Spectrum::Blackbody(2856.0).illuminant();
+        let rgb = Spectrum::Blackbody { kelvin: 2856.0, scale: 1.0 }.illuminant();
         assert!(rgb.x > rgb.y && rgb.y > rgb.z, "{rgb}");
         // Illuminant A is a blackbody of 2856 K.
         assert_close(rgb, Spectrum::named("stdillum-A").unwrap().illuminant(), 0.05);
@@ -240,6 +258,12 @@ mod tests {
         let spectrum = Spectrum::from_numbers(&[400.0, 1.0, 500.0, 3.0]).unwrap();
         assert_eq!([300.0, 400.0, 450.0, 500.0, 600.0].map(|nm| spectrum.at(nm)), [1.0, 1.0, 2.0, 3.0, 3.0]);
         assert_eq!(Spectrum::named("glass-BK7").unwrap().refractive_index(), 1.5168);
+    }
+
+    #[test]
+    fn older_dialects_see_a_constant_spectrum_in_light_of_equal_energy() {
+        // The linear sRGB of XYZ = 1, 1, 1.
+        assert_close(Spectrum::constant(1.0).unadapted(), Vec3::new(1.2048, 0.9482, 0.9088), 1e-2);
     }
 
     #[test]

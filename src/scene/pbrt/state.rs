@@ -3,21 +3,33 @@
 use std::collections::{BTreeMap, HashMap};
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
+use std::sync::Arc;
 
 use glam::{DAffine3, DVec3};
 
+use super::color_space::ColorSpace;
 use super::dialect::Dialect;
 use super::directives::Statement;
+use super::image_files::ImageFiles;
 use super::objects::{Group, Part};
 use super::params::Param;
 use super::textures::TextureNames;
 use super::warnings::Warnings;
-use super::{Fault, Place, Result, SceneError, camera_film};
+use super::{Fault, Place, Reading, Result, SceneError, camera_film};
+use crate::scene::measured::MeasuredBrdf;
 use crate::scene::texture::Textures;
 use crate::scene::{AreaLight, Instance, Light, Material, MaterialId, Object, Primitive, Scene};
 
 /// Transforms at the two key times.
 pub type Keys = [DAffine3; 2];
+
+/// An area light before its surface is known.
+#[derive(Clone, Copy)]
+pub struct Emission {
+    pub light: AreaLight,
+    /// Power that the surface is to emit, instead of its radiance saying so.
+    pub power: Option<f64>,
+}
 
 /// What `AttributeBegin` saves and `AttributeEnd` restores.
 #[derive(Clone)]
@@ -28,7 +40,8 @@ pub struct GraphicsState {
     pub active: [bool; 2],
     pub reverse_orientation: bool,
     pub material: MaterialId,
-    pub area_light: Option<AreaLight>,
+    pub area_light: Option<Emission>,
+    pub color_space: ColorSpace,
     /// Parameters set by `Attribute`, by what they are for.
     pub defaults: Rc<HashMap<String, Vec<Param>>>,
 }
@@ -85,10 +98,12 @@ pub struct Reader {
 
     pub textures: Textures,
     pub texture_names: TextureNames,
+    pub images: ImageFiles,
     pub materials: Vec<Material>,
     pub named_materials: HashMap<String, MaterialId>,
     /// How deep a mix of mixes each material is.
     pub mix_depths: Vec<usize>,
+    pub measured_brdfs: HashMap<PathBuf, Arc<MeasuredBrdf>>,
     pub lights: Vec<Light>,
     /// `groups[0]` is the static part of the scene.
     pub groups: Vec<Group>,
@@ -96,6 +111,9 @@ pub struct Reader {
     pub objects: HashMap<String, Vec<Part>>,
     /// The object between `ObjectBegin` and `ObjectEnd`: its name and parts.
     pub current_object: Option<(String, Vec<Part>)>,
+    /// Told how far reading has come.
+    pub report: Box<dyn Fn(Reading)>,
+    pub reading: Reading,
 }
 
 impl Reader {
@@ -113,6 +131,7 @@ impl Reader {
                 reverse_orientation: false,
                 material: MaterialId(0),
                 area_light: None,
+                color_space: ColorSpace::Srgb,
                 defaults: Rc::default(),
             },
             stack: Vec::new(),
@@ -122,14 +141,18 @@ impl Reader {
             view: None,
             textures: Textures::default(),
             texture_names: TextureNames::default(),
+            images: ImageFiles::default(),
             materials: Vec::new(),
             named_materials: HashMap::new(),
             mix_depths: Vec::new(),
+            measured_brdfs: HashMap::new(),
             lights: Vec::new(),
             groups: vec![Group::new("".into())],
             instances: Vec::new(),
             objects: HashMap::new(),
             current_object: None,
+            report: Box::new(|_| {}),
+            reading: Reading::default(),
         };
         reader.add_default_material();
         reader
@@ -137,7 +160,7 @@ impl Reader {
 
     /// Reads the main file.
     pub fn read(mut self, text: &[u8]) -> std::result::Result<Scene, SceneError> {
-        match self.read_text(text, 0).and_then(|()| self.check_end()) {
+        match self.read_text(text, 0).and_then(|()| self.check_end()).and_then(|()| self.load_images()) {
             Ok(()) => Ok(self.into_scene()),
             Err(Fault { place, message }) => Err(SceneError {
                 file: self.files[place.file as usize].clone(),

@@ -221,33 +221,6 @@ fn lights_are_placed_and_scaled() {
 }
 
 #[test]
-fn materials_have_their_parameters_and_defaults() {
-    let scene = world(
-        "Texture \"half\" \"float\" \"constant\" \"float value\" .5
-         Material \"conductor\" \"texture uroughness\" \"half\" \"float roughness\" .25 \"bool remaproughness\" false
-         Material \"dielectric\" \"spectrum eta\" \"glass-BK7\"
-         MakeNamedMaterial \"a\" \"string type\" \"coateddiffuse\" \"rgb reflectance\" [.1 .2 .3]
-         Material \"mix\" \"string materials\" [\"a\" \"a\"] \"float amount\" .3
-         Material \"plastic\" \"rgb Kd\" [.4 .4 .4]",
-    );
-    let kinds: Vec<_> = scene.materials.iter().skip(1).map(|material| &material.kind).collect();
-    let MaterialKind::Conductor { roughness, .. } = kinds[0] else { panic!() };
-    let constant = |id| scene.textures.constant_float(id);
-    assert_eq!(
-        (constant(roughness.u), constant(roughness.v), roughness.remap),
-        (Some(0.5), Some(0.25), false)
-    );
-    let MaterialKind::Dielectric { eta, .. } = kinds[1] else { panic!() };
-    assert_eq!(*eta, 1.5168);
-    let MaterialKind::CoatedDiffuse { reflectance, eta, .. } = kinds[2] else { panic!() };
-    assert_eq!(scene.textures.constant_rgb(*reflectance), Some(Vec3::new(0.1, 0.2, 0.3)));
-    assert_eq!(*eta, 1.5);
-    assert!(matches!(kinds[3], MaterialKind::Mix { .. }));
-    assert!(matches!(kinds[4], MaterialKind::CoatedDiffuse { .. }));
-    assert!(scene.warnings[0].contains("plastic"));
-}
-
-#[test]
 fn the_bottom_row_of_an_image_is_at_v_0_except_in_v2() {
     let (folder, _) = folder(&[("unused", "")]);
     let pixels = vec![255, 0]; // White above black.
@@ -357,14 +330,14 @@ fn errors_say_where_and_what() {
 #[test]
 fn what_is_not_made_use_of_is_reported_once() {
     let scene = world(
-        "Shape \"sphere\" \"float size\" 1\nShape \"sphere\" \"float size\" 2 Shape \"curve\" \"float width\" 1
+        "Shape \"sphere\" \"float size\" 1\nShape \"sphere\" \"float size\" 2 Shape \"nurbs\" \"float width\" 1
          MediumInterface \"a\" \"\"",
     );
     assert_eq!(
         scene.warnings,
         [
             "<text>:2:16: parameter \"size\" of Shape \"sphere\" is not used (and 1 more)",
-            "<text>:3:31: shape \"curve\" is left out",
+            "<text>:3:31: shape \"nurbs\" is left out",
             "<text>:4:10: participating media are not simulated",
         ]
     );

@@ -1,7 +1,6 @@
 //! Textures and images, and parameters that may be textures.
 
 use std::collections::HashMap;
-use std::path::PathBuf;
 
 use glam::{DAffine3, DMat3, DVec3, Vec2, Vec3};
 
@@ -11,7 +10,7 @@ use super::spectrum::{Spectrum, rgb_from_xyz};
 use super::state::Reader;
 use super::{Fault, Place, Result, files};
 use crate::scene::texture::{
-    self, Encoding, FloatTextureId, ImageId, ImageTexture, Mapping, RgbTextureId, Texture, TextureValue, Wrap,
+    Encoding, FloatTextureId, ImageTexture, Mapping, RgbTextureId, Texture, TextureValue, Wrap,
 };
 
 /// Deepest texture of textures: a lookup follows both branches of each.
@@ -20,12 +19,11 @@ const MAX_TEXTURE_DEPTH: usize = 12;
 /// Named textures of one kind, with their depths.
 type Names<Id> = HashMap<String, (Id, usize)>;
 
-/// What the scene has named, and the images that were read.
+/// What the scene has named.
 #[derive(Default)]
 pub struct TextureNames {
     floats: Names<FloatTextureId>,
     rgbs: Names<RgbTextureId>,
-    images: HashMap<(PathBuf, String), ImageId>,
     /// Depth of the texture that is being made.
     depth: usize,
 }
@@ -55,7 +53,8 @@ impl Parameter for Vec3 {
         &mut names.rgbs
     }
     fn value(reader: &mut Reader, params: &Params, name: &str, default: Vec3) -> Result<Vec3> {
-        Ok(reader.spectrum(params, name)?.map_or(default, |spectrum| spectrum.reflectance()))
+        let spectrum = reader.spectrum(params, name)?;
+        Ok(spectrum.map_or(default, |spectrum| reader.dialect.reflectance_of(&spectrum)))
     }
 }
 
@@ -94,13 +93,16 @@ impl Reader {
     pub fn spectrum(&mut self, params: &Params, name: &str) -> Result<Option<Spectrum>> {
         let Some(param) = params.get(name) else { return Ok(None) };
         Ok(Some(match (param.kind, param.numbers()) {
-            (ParamType::Rgb, &[r, g, b]) => Spectrum::Rgb(DVec3::new(r, g, b).as_vec3()),
+            (ParamType::Rgb, &[r, g, b]) => {
+                Spectrum::Rgb(self.state.color_space.to_srgb(DVec3::new(r, g, b)).as_vec3())
+            }
             (ParamType::Xyz, &[x, y, z]) => Spectrum::Rgb(rgb_from_xyz(DVec3::new(x, y, z)).as_vec3()),
             (ParamType::Rgb | ParamType::Xyz, numbers) => {
                 return Err(param.fault(format_args!("{} numbers", numbers.len()), "three numbers"));
             }
             (ParamType::Float, &[value]) => Spectrum::Rgb(Vec3::splat(value as f32)),
-            (ParamType::Blackbody, &[kelvin, ..]) if kelvin > 0.0 => Spectrum::Blackbody(kelvin),
+            (ParamType::Blackbody, &[kelvin]) if kelvin > 0.0 => Spectrum::Blackbody { kelvin, scale: 1.0 },
+            (ParamType::Blackbody, &[kelvin, scale]) if kelvin > 0.0 => Spectrum::Blackbody { kelvin, scale },
             (ParamType::Blackbody, _) => return Err(param.fault("no temperature", "kelvins above 0")),
             (ParamType::Spectrum, numbers) => match param.strings() {
                 [] => spectrum_of_numbers(param, numbers)?,
@@ -118,15 +120,9 @@ impl Reader {
         }
         let path = self.resolve(name);
         let shown = path.display();
-        let text = files::read(&path).map_err(|error| {
+        let numbers = files::numbers(&path).map_err(|error| {
             param.fault(format_args!("\"{shown}\" ({error})"), "a spectrum's name or file")
         })?;
-        let text = String::from_utf8_lossy(&text);
-        let words = text.lines().flat_map(|line| line.split('#').next().unwrap_or("").split_whitespace());
-        let numbers: Option<Vec<f64>> =
-            words.map(|word| word.parse().ok().filter(|number: &f64| number.is_finite())).collect();
-        let numbers =
-            numbers.ok_or_else(|| param.fault(format_args!("file \"{shown}\""), "a file of numbers"))?;
         spectrum_of_numbers(param, &numbers)
     }
 
@@ -218,26 +214,12 @@ impl Reader {
             params.get(name);
         }
         Ok(ImageTexture {
-            image: self.load_image(file, encoding(params)?, params.place)?,
+            image: self.image(file, encoding(params, self.dialect.default_encoding())?, params.place),
             mapping: self.mapping(params, self.dialect.images_start_at_the_bottom())?,
             wrap,
             scale: params.float_or("scale", 1.0)? as f32,
             invert: params.bool_or("invert", false)?,
         })
-    }
-
-    /// Reads an image, once for each encoding.
-    pub fn load_image(&mut self, file: &str, encoding: Encoding, place: Place) -> Result<ImageId> {
-        let path = self.resolve(file);
-        let key = (path.clone(), format!("{encoding:?}"));
-        if let Some(&id) = self.texture_names.images.get(&key) {
-            return Ok(id);
-        }
-        let image = texture::load(&path, encoding)
-            .map_err(|message| Fault::new(place, format!("image \"{}\": {message}", path.display())))?;
-        let id = self.textures.add_image(image);
-        self.texture_names.images.insert(key, id);
-        Ok(id)
     }
 
     /// The 2D mapping of a texture; `flip` turns v = 0 to the last row of an image.
@@ -289,7 +271,7 @@ fn spectrum_of_numbers(param: &Param, numbers: &[f64]) -> Result<Spectrum> {
 }
 
 /// How 8- and 16-bit images are encoded: `encoding`, or v3's `gamma`.
-pub fn encoding(params: &Params) -> Result<Encoding> {
+pub fn encoding(params: &Params, default: Encoding) -> Result<Encoding> {
     if let Some(param) = params.get("gamma") {
         return Ok(match param.kind {
             ParamType::Bool if !params.bool_or("gamma", true)? => Encoding::Linear,
@@ -298,7 +280,8 @@ pub fn encoding(params: &Params) -> Result<Encoding> {
         });
     }
     match params.string("encoding")? {
-        None | Some("sRGB") => Ok(Encoding::Srgb),
+        None => Ok(default),
+        Some("sRGB") => Ok(Encoding::Srgb),
         Some("linear") => Ok(Encoding::Linear),
         Some(other) => {
             match other.strip_prefix("gamma ").and_then(|gamma| gamma.trim().parse::<f32>().ok()) {

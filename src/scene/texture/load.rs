@@ -1,4 +1,4 @@
-//! Reads image files for textures: EXR, PNG, JPEG and TGA.
+//! Reads image files for textures: EXR, PFM, PNG, JPEG and TGA.
 //!
 //! Sizes are taken from the header and checked against the length of the file before anything is
 //! allocated, so that a small file cannot ask for a large image.
@@ -58,16 +58,19 @@ impl Encoding {
 pub fn load(path: &Path, encoding: Encoding) -> Result<TextureImage, String> {
     let extension = path.extension().and_then(|e| e.to_str()).unwrap_or("").to_ascii_lowercase();
     let format = match extension.as_str() {
-        "exr" => None,
+        "exr" | "pfm" => None,
         "png" => Some(ImageFormat::Png),
         "jpg" | "jpeg" => Some(ImageFormat::Jpeg),
         "tga" => Some(ImageFormat::Tga),
-        _ => return Err(format!("image format \"{extension}\"; exr, png, jpg and tga are accepted")),
+        _ => return Err(format!("image format \"{extension}\"; exr, pfm, png, jpg and tga are accepted")),
     };
     let file = File::open(path).map_err(|error| error.to_string())?;
     let length = file.metadata().map_err(|error| error.to_string())?.len();
     let mut reader = BufReader::new(file);
     match format {
+        None if extension == "pfm" => {
+            super::pfm::read(&mut reader, |width, height| check_size(width, height, length), finite)
+        }
         None => load_exr(&mut reader, length, path),
         Some(format) => load_integers(reader, length, format, encoding),
     }
@@ -156,11 +159,8 @@ fn load_integers(
     check_size(width.into(), height.into(), length)?;
     let image = DynamicImage::from_decoder(decoder).map_err(|error| error.to_string())?;
     let (width, height) = (width as usize, height as usize);
-    // As in pbrt-v4, only PNG files have alpha and a choice of encoding.
-    let (png, encoding) = match format {
-        ImageFormat::Png => (true, encoding),
-        _ => (false, Encoding::Srgb),
-    };
+    // As in pbrt-v4, only PNG files have alpha.
+    let png = format == ImageFormat::Png;
     let bytes = |channels, data: Vec<u8>| {
         without_opaque_alpha(width, height, channels, data, u8::MAX, |w, h, c, data| {
             TextureImage::from_bytes(w, h, c, data, encoding.byte_table())
@@ -268,6 +268,6 @@ mod tests {
             assert!(load(&path, Encoding::Srgb).is_err(), "{name}");
         }
         assert!(load(Path::new("missing.exr"), Encoding::Srgb).is_err());
-        assert!(load(Path::new("image.xyz"), Encoding::Srgb).unwrap_err().contains("exr, png"));
+        assert!(load(Path::new("image.xyz"), Encoding::Srgb).unwrap_err().contains("exr, pfm, png"));
     }
 }

@@ -6,6 +6,7 @@
 
 mod image;
 mod load;
+mod pfm;
 
 use std::ops::{Add, Mul};
 
@@ -176,6 +177,11 @@ impl Textures {
     /// `Some` if the texture has the same value everywhere.
     pub fn constant_rgb(&self, id: RgbTextureId) -> Option<Vec3> {
         self.constant::<Vec3>(id)
+    }
+
+    /// The images of the pool.
+    pub fn images(&self) -> &[TextureImage] {
+        &self.images
     }
 
     /// An image of the pool.

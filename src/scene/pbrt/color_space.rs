@@ -1,0 +1,84 @@
+//! The colour spaces that pbrt-v4 names, as maps to linear sRGB in which white stays white.
+//!
+//! Sources: IEC 61966-2-1, SMPTE EG 432-1 (P3 with D65), ITU-R BT.2020, SMPTE ST 2065-1; the last
+//! one's white is adapted to D65 by Bradford's method.
+
+use glam::{DMat3, DVec3};
+
+/// A space for the colours of a scene.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ColorSpace {
+    Srgb,
+    DciP3,
+    Rec2020,
+    Aces2065,
+}
+
+/// The names of the spaces.
+const NAMES: [(&str, ColorSpace); 4] = [
+    ("srgb", ColorSpace::Srgb),
+    ("dci-p3", ColorSpace::DciP3),
+    ("rec2020", ColorSpace::Rec2020),
+    ("aces2065-1", ColorSpace::Aces2065),
+];
+
+/// Rows of the maps to linear sRGB.
+const FROM_DCI_P3: [[f64; 3]; 3] = [
+    [1.224_940_176, -0.224_940_176, 0.0],
+    [-0.042_056_955, 1.042_056_955, 0.0],
+    [-0.019_637_555, -0.078_636_046, 1.098_273_600],
+];
+const FROM_REC2020: [[f64; 3]; 3] = [
+    [1.660_491_002, -0.587_641_139, -0.072_849_863],
+    [-0.124_550_475, 1.132_899_897, -0.008_349_423],
+    [-0.018_150_763, -0.100_578_898, 1.118_729_661],
+];
+const FROM_ACES2065: [[f64; 3]; 3] = [
+    [2.521_686_187, -1.134_130_988, -0.387_555_199],
+    [-0.276_479_914, 1.372_719_088, -0.096_239_173],
+    [-0.015_378_065, -0.152_975_336, 1.168_353_401],
+];
+
+impl ColorSpace {
+    pub fn named(name: &str) -> Option<Self> {
+        NAMES.iter().find(|(known, _)| *known == name).map(|(_, space)| *space)
+    }
+
+    /// What names are accepted, for messages.
+    pub fn names() -> String {
+        NAMES.map(|(name, _)| name).join(", ")
+    }
+
+    /// Linear sRGB of a colour; what sRGB cannot show becomes the nearest by channel.
+    pub fn to_srgb(self, rgb: DVec3) -> DVec3 {
+        let rows = match self {
+            ColorSpace::Srgb => return rgb,
+            ColorSpace::DciP3 => FROM_DCI_P3,
+            ColorSpace::Rec2020 => FROM_REC2020,
+            ColorSpace::Aces2065 => FROM_ACES2065,
+        };
+        (DMat3::from_cols_array_2d(&rows).transpose() * rgb).max(DVec3::ZERO)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn white_is_white_in_every_space() {
+        for (name, space) in NAMES {
+            let white = space.to_srgb(DVec3::ONE);
+            assert!((white - 1.0).abs().max_element() < 1e-6, "{name}: {white}");
+        }
+        assert_eq!(ColorSpace::named("adobe"), None);
+    }
+
+    #[test]
+    fn wider_spaces_have_stronger_colours() {
+        for (name, space) in &NAMES[1..] {
+            let red = space.to_srgb(DVec3::X);
+            assert!(red.x > 1.2 && red.y == 0.0, "{name}: {red}");
+        }
+    }
+}

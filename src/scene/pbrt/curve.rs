@@ -1,0 +1,234 @@
+//! Curves (hair, fur, grass) as triangles: tubes of [`SIDES`] sides, or strips for ribbons.
+//!
+//! pbrt's `flat` and `cylinder` curves turn a strip towards every ray. A tube of the same width has
+//! the same outline from everywhere; `flat` ones are shaded as round here. A curve is cut into so
+//! many pieces that it strays from its true course by at most [`TOLERANCE`] of its width.
+
+use glam::{DMat3, DVec2, DVec3};
+
+use super::mesh::MeshDescription;
+use super::params::Params;
+use super::revolution::grid;
+use super::{Fault, Result};
+
+/// Sides of a tube.
+const SIDES: u32 = 6;
+/// Largest error of a curve's course, of its width.
+const TOLERANCE: f64 = 0.05;
+/// Most pieces of a segment.
+const MAX_PIECES: f64 = 64.0;
+
+/// The control points of a cubic Bézier segment.
+type Bezier = [DVec3; 4];
+
+/// The mesh of `curve`.
+pub fn mesh(params: &Params) -> Result<MeshDescription> {
+    let fault = |message: String| Fault::new(params.place, message);
+    let points = params
+        .triples("P")?
+        .ok_or_else(|| fault("a curve without points; \"point3 P\" would be accepted".into()))?;
+    let width = params.positive_or("width", 1.0)?;
+    let widths = [params.positive_or("width0", width)?, params.positive_or("width1", width)?];
+    let degree = params.integer_in("degree", 3, 2..=3)? as usize;
+    let segments = match params.string("basis")? {
+        None | Some("bezier") if points.len() > degree && points.len() % degree == 1 => {
+            points.windows(degree + 1).step_by(degree).map(bezier).collect::<Vec<_>>()
+        }
+        Some("bspline") if points.len() > degree => points.windows(degree + 1).map(bspline).collect(),
+        None | Some("bezier" | "bspline") => {
+            let accepted = format!("{}, or so many more as its basis takes", degree + 1);
+            return Err(fault(format!("a curve of {} points; {accepted} would be accepted", points.len())));
+        }
+        Some(other) => {
+            return Err(fault(format!("curve basis \"{other}\"; bezier and bspline are accepted")));
+        }
+    };
+    params.get("splitdepth");
+    let normals = params.triples("N")?;
+    let ribbon = match params.string("type")? {
+        None | Some("flat" | "cylinder") => None,
+        Some("ribbon") => match normals {
+            Some(normals) if normals.len() == segments.len() + 1 => Some(normals),
+            _ => {
+                let count = segments.len() + 1;
+                return Err(fault(format!(
+                    "a ribbon without {count} normals; \"normal N\" would be accepted"
+                )));
+            }
+        },
+        Some(other) => {
+            return Err(fault(format!("curve type \"{other}\"; flat, cylinder and ribbon are accepted")));
+        }
+    };
+    let stations = stations(&segments, widths, ribbon.as_deref());
+    Ok(swept(&stations, ribbon.is_some()))
+}
+
+fn bezier(points: &[DVec3]) -> Bezier {
+    match *points {
+        [a, b, c] => [a, a.lerp(b, 2.0 / 3.0), c.lerp(b, 2.0 / 3.0), c],
+        _ => [points[0], points[1], points[2], points[3]],
+    }
+}
+
+/// The Bézier form of a segment of a uniform B-spline.
+fn bspline(points: &[DVec3]) -> Bezier {
+    match *points {
+        [a, b, c] => bezier(&[(a + b) / 2.0, b, (b + c) / 2.0]),
+        _ => {
+            let [a, b, c, d] = [points[0], points[1], points[2], points[3]];
+            [(a + 4.0 * b + c) / 6.0, (2.0 * b + c) / 3.0, (b + 2.0 * c) / 3.0, (b + 4.0 * c + d) / 6.0]
+        }
+    }
+}
+
+/// A place along the curve.
+struct Station {
+    at: DVec3,
+    tangent: DVec3,
+    /// Where a ribbon faces.
+    normal: DVec3,
+    width: f64,
+    /// Share of the curve before it.
+    u: f64,
+}
+
+fn stations(segments: &[Bezier], widths: [f64; 2], ribbon: Option<&[DVec3]>) -> Vec<Station> {
+    let mut stations = Vec::new();
+    for (i, &[a, b, c, d]) in segments.iter().enumerate() {
+        // A cubic strays from its chord by at most an eighth of its largest second derivative.
+        let bend = 6.0 * (a - 2.0 * b + c).length().max((b - 2.0 * c + d).length());
+        let least = widths[0].min(widths[1]);
+        let pieces = (bend / (8.0 * TOLERANCE * least)).sqrt().ceil().clamp(1.0, MAX_PIECES) as u32;
+        let first = u32::from(i > 0);
+        for k in first..=pieces {
+            let t = f64::from(k) / f64::from(pieces);
+            let s = 1.0 - t;
+            let u = (i as f64 + t) / segments.len() as f64;
+            let tangent = (b - a) * (s * s) + (c - b) * (2.0 * s * t) + (d - c) * (t * t);
+            stations.push(Station {
+                at: a * s.powi(3) + b * (3.0 * s * s * t) + c * (3.0 * s * t * t) + d * t.powi(3),
+                tangent: tangent.try_normalize().unwrap_or((d - a).normalize_or(DVec3::Z)),
+                normal: ribbon.map_or(DVec3::ZERO, |normals| normals[i].lerp(normals[i + 1], t)),
+                width: widths[0] + (widths[1] - widths[0]) * u,
+                u,
+            });
+        }
+    }
+    stations
+}
+
+/// The surface that a cross-section leaves along the stations.
+fn swept(stations: &[Station], ribbon: bool) -> MeshDescription {
+    let mut mesh = MeshDescription::default();
+    let columns = if ribbon { 1 } else { SIDES };
+    let mut side = stations[0].tangent.any_orthonormal_vector();
+    for station in stations {
+        let Station { at, tangent, normal, width, u } = *station;
+        // Carried along without a twist about the curve.
+        side = (side - tangent * side.dot(tangent)).normalize_or(tangent.any_orthonormal_vector());
+        for column in 0..=columns {
+            let v = f64::from(column) / f64::from(columns);
+            let (offset, facing) = if ribbon {
+                let across = tangent.cross(normal).normalize_or(side);
+                (across * (width * (v - 0.5)), across.cross(tangent))
+            } else {
+                let out = DMat3::from_axis_angle(tangent, std::f64::consts::TAU * v) * side;
+                (out * (width / 2.0), out)
+            };
+            mesh.positions.push(at + offset);
+            mesh.normals.push(facing);
+            mesh.uvs.push(DVec2::new(u, v));
+        }
+    }
+    mesh.indices = grid(stations.len() as u32 - 1, columns);
+    mesh
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use glam::Vec3;
+
+    use crate::scene::pbrt::read_str;
+    use crate::scene::{Shape, TriangleMesh};
+
+    fn curve(parameters: &str) -> Result<TriangleMesh, String> {
+        let text = format!("WorldBegin Shape \"curve\" {parameters}");
+        let scene = read_str(&text, Path::new("")).map_err(|error| error.to_string())?;
+        match &scene.primitives[0].shape {
+            Shape::Mesh(mesh) => Ok((**mesh).clone()),
+            other => panic!("{other:?}"),
+        }
+    }
+
+    const STRAIGHT: &str = "\"point3 P\" [0 0 0 1 0 0 2 0 0 3 0 0]";
+
+    #[test]
+    fn a_straight_curve_is_a_tube_of_its_widths() {
+        let mesh = curve(&format!("{STRAIGHT} \"float width0\" .2 \"float width1\" .1")).unwrap();
+        assert_eq!(mesh.indices.len(), 12);
+        for p in &mesh.positions {
+            let radius = p.y.hypot(p.z);
+            assert!((radius - if p.x < 1.0 { 0.1 } else { 0.05 }).abs() < 1e-6, "{p}");
+        }
+        assert!(mesh.positions.iter().zip(&mesh.normals).all(|(p, n)| p.with_x(0.0).dot(*n) > 0.0));
+    }
+
+    #[test]
+    fn a_bent_curve_stays_near_its_course() {
+        let mesh = curve("\"point3 P\" [0 0 0 0 1 0 1 2 0 3 2 0] \"float width\" .02").unwrap();
+        // Middles of pieces against the Bézier curve.
+        let b = |t: f32| {
+            let s = 1.0 - t;
+            Vec3::new(
+                3.0 * s * t * t + 3.0 * t.powi(3),
+                3.0 * s * s * t + 6.0 * s * t * t + 2.0 * t.powi(3),
+                0.0,
+            )
+        };
+        let rings: Vec<Vec3> =
+            mesh.positions.chunks(7).map(|ring| ring[..6].iter().sum::<Vec3>() / 6.0).collect();
+        for pair in rings.windows(2) {
+            let middle = (pair[0] + pair[1]) / 2.0;
+            let distance =
+                (0..=20_000).map(|i| b(i as f32 / 20_000.0).distance(middle)).fold(f32::MAX, f32::min);
+            assert!(distance < 0.0011, "{distance}");
+        }
+    }
+
+    #[test]
+    fn splines_and_quadratic_curves_pass_where_they_should() {
+        let spline =
+            curve("\"string basis\" \"bspline\" \"point3 P\" [0 0 0 1 0 0 2 0 0 3 0 0 4 0 0]").unwrap();
+        let ends = |mesh: &TriangleMesh| {
+            let x = mesh.positions.iter().map(|p| p.x);
+            (x.clone().fold(f32::MAX, f32::min), x.fold(f32::MIN, f32::max))
+        };
+        assert_eq!(ends(&spline), (1.0, 3.0));
+        let quadratic = curve("\"integer degree\" 2 \"point3 P\" [0 0 0 1 0 0 2 0 0]").unwrap();
+        assert_eq!(ends(&quadratic), (0.0, 2.0));
+    }
+
+    #[test]
+    fn a_ribbon_faces_its_normals() {
+        let mesh =
+            curve(&format!("{STRAIGHT} \"string type\" \"ribbon\" \"normal N\" [0 0 1 0 0 1]")).unwrap();
+        assert_eq!(mesh.indices.len(), 2);
+        assert!(mesh.normals.iter().all(|n| (*n - Vec3::Z).length() < 1e-6));
+    }
+
+    #[test]
+    fn curves_that_are_none_are_errors() {
+        for parameters in [
+            "",
+            "\"point3 P\" [0 0 0 1 0 0]",
+            "\"point3 P\" [0 0 0 1 0 0 2 0 0 3 0 0 4 0 0]",
+            "\"point3 P\" [0 0 0 1 0 0 2 0 0 3 0 0] \"string type\" \"ribbon\"",
+            "\"point3 P\" [0 0 0 1 0 0 2 0 0 3 0 0] \"string basis\" \"hermite\"",
+        ] {
+            assert!(curve(parameters).is_err(), "{parameters}");
+        }
+    }
+}
