@@ -12,15 +12,19 @@ use super::Failure;
 use super::layers::Layers;
 use super::options::RenderOptions;
 use super::report::{Report, Spread, Times};
+use crate::filter::Filtered;
 use crate::geometry::Accel;
 use crate::image::exr_file::{self, Attribute, Windows, names};
 use crate::image::formats::OutputFormat;
 use crate::image::metrics::Pair;
+use crate::image::tone::to_srgb8;
 use crate::image::{self, Planes, atomic, png_file};
-use crate::progressive::{Loop, Outcome, Progress, Settings, StoppedBy, store_bytes_per_pixel};
+use crate::progressive::{
+    ErrorEstimate, Loop, Outcome, Progress, Settings, StoppedBy, store_bytes_per_pixel,
+};
 use crate::render::Renderer;
 use crate::scene::{Scene, pbrt};
-use crate::stats::Layout;
+use crate::stats::{Layout, Store};
 
 /// Exit status after a person's interruption: 128 + SIGINT.
 const INTERRUPTED: u8 = 130;
@@ -67,12 +71,17 @@ fn run_in_pool(options: &RenderOptions, start: Instant) -> Result<u8, Failure> {
     let interrupt = Arc::new(AtomicBool::new(false));
     listen_to_signals(&interrupt).map_err(Failure::Run)?;
     let bar = bar(options);
+    let rehearse = |filtered: &Filtered, store: &Store| {
+        let layers = Layers::of(filtered, store, &scene, renderer.diameter());
+        outfiles.iter().for_each(|path| encode(path, &layers, filtered));
+    };
     let outcome = Loop::new(&renderer, &settings, start, &interrupt, reference.as_ref())
+        .closing_with(&rehearse)
         .run(&mut |progress| show(&bar, progress));
     bar.finish_and_clear();
 
     let writing = Instant::now();
-    let layers = Layers::of(&outcome, &scene, renderer.diameter());
+    let layers = Layers::of(&outcome.filtered, &outcome.store, &scene, renderer.diameter());
     for path in &outfiles {
         write(path, &layers, &outcome, &scene, &settings, reference.as_ref(), start)
             .map_err(|error| Failure::Run(error.into()))?;
@@ -205,6 +214,20 @@ fn show(bar: &ProgressBar, progress: Progress) {
     bar.set_position((progress.fraction * BAR_STEPS as f64) as u64);
 }
 
+/// Writes to nowhere, to see how long it takes. What fails here will fail, and be said, at the end.
+fn encode(path: &Path, layers: &Layers, filtered: &Filtered) {
+    let (width, height) = (filtered.image.width(), filtered.image.height());
+    match OutputFormat::of(path) {
+        Ok(OutputFormat::Exr) => {
+            let _ = exr_file::encode(Windows::whole(width, height), &layers.channels(), &[]);
+        }
+        Ok(OutputFormat::Png) => {
+            let _ = png_file::encode(width, height, &to_srgb8(&filtered.image, 0.0));
+        }
+        Err(_) => {}
+    }
+}
+
 fn write(
     path: &Path,
     layers: &Layers,
@@ -303,12 +326,21 @@ fn summary(outcome: &Outcome, seconds: Times, outfiles: &[PathBuf], verbose: boo
     if rejected > 0 {
         lines.push(format!("{rejected} samples were rejected: their radiance was not finite, or negative"));
     }
-    let error =
-        outcome.estimated_error.map(|e| format!("estimated relMSE {:.2e}, ", e.max(0.0))).unwrap_or_default();
+    let error = outcome.estimate.as_ref().map(|e| said(e, &outcome.store)).unwrap_or_default();
     lines.push(format!("{error}stopped by {}", stopped_by.unwrap_or_default()));
     for path in outfiles {
         lines.push(format!("{}", path.display()));
     }
     lines.push(String::new());
     lines.join("\n")
+}
+
+/// The estimate, and the image that it is of.
+fn said(estimate: &ErrorEstimate, store: &Store) -> String {
+    format!(
+        "estimated relMSE {:.1e} ± {:.0e} at {:.1} samples per pixel, ",
+        estimate.image.max(0.0),
+        estimate.standard_error,
+        estimate.samples as f64 / store.pixels().max(1) as f64
+    )
 }
