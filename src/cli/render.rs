@@ -2,16 +2,17 @@
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 use anyhow::Context;
 use indicatif::{ProgressBar, ProgressStyle};
+use rayon::prelude::*;
 
-use super::Failure;
 use super::layers::Layers;
 use super::options::RenderOptions;
 use super::report::{Report, Spread, Times};
+use super::{Failure, escaped};
 use crate::filter::Filtered;
 use crate::geometry::Accel;
 use crate::image::exr_file::{self, Attribute, Windows, names};
@@ -24,7 +25,7 @@ use crate::progressive::{
 };
 use crate::render::Renderer;
 use crate::scene::{Scene, pbrt};
-use crate::stats::{Layout, Store};
+use crate::stats::{Layout, Part, Store};
 
 /// Exit status after a person's interruption: 128 + SIGINT.
 const INTERRUPTED: u8 = 130;
@@ -47,7 +48,7 @@ pub(super) fn run(options: &RenderOptions, start: Instant) -> Result<u8, Failure
 fn run_in_pool(options: &RenderOptions, start: Instant) -> Result<u8, Failure> {
     let mut scene = pbrt::read(&options.scene).map_err(|error| Failure::Input(error.into()))?;
     options.apply(&mut scene).map_err(Failure::Input)?;
-    let outfiles = outfiles(options, &scene).map_err(Failure::Input)?;
+    let outfiles = outfiles(options, &mut scene);
     outfiles
         .iter()
         .chain(&options.report)
@@ -73,19 +74,19 @@ fn run_in_pool(options: &RenderOptions, start: Instant) -> Result<u8, Failure> {
     let bar = bar(options);
     let rehearse = |filtered: &Filtered, store: &Store| {
         let layers = Layers::of(filtered, store, &scene, renderer.diameter());
-        outfiles.iter().for_each(|path| encode(path, &layers, filtered));
+        outfiles.par_iter().for_each(|path| encode(path, &layers, filtered));
     };
     let outcome = Loop::new(&renderer, &settings, start, &interrupt, reference.as_ref())
         .closing_with(&rehearse)
-        .run(&mut |progress| show(&bar, progress));
+        .run(&mut |progress| show(&bar, progress, interrupt.load(Ordering::Relaxed)));
     bar.finish_and_clear();
 
     let writing = Instant::now();
     let layers = Layers::of(&outcome.filtered, &outcome.store, &scene, renderer.diameter());
-    for path in &outfiles {
-        write(path, &layers, &outcome, &scene, &settings, reference.as_ref(), start)
-            .map_err(|error| Failure::Run(error.into()))?;
-    }
+    outfiles
+        .par_iter()
+        .try_for_each(|path| write(path, &layers, &outcome, &scene, &settings, reference.as_ref(), start))
+        .map_err(|error| Failure::Run(error.into()))?;
     let seconds = Times {
         load,
         build,
@@ -108,13 +109,23 @@ fn run_in_pool(options: &RenderOptions, start: Instant) -> Result<u8, Failure> {
 }
 
 /// What was asked for, else what the scene's film says, else the scene's name with `.exr`.
-fn outfiles(options: &RenderOptions, scene: &Scene) -> anyhow::Result<Vec<PathBuf>> {
+fn outfiles(options: &RenderOptions, scene: &mut Scene) -> Vec<PathBuf> {
     if !options.outfile.is_empty() {
-        return Ok(options.outfile.clone());
+        return options.outfile.clone();
     }
-    let named = scene.film.filename.as_ref().map(PathBuf::from).filter(|path| OutputFormat::of(path).is_ok());
-    let fallback = || Path::new(options.scene.file_stem().unwrap_or_default()).with_extension("exr");
-    Ok(vec![named.unwrap_or_else(fallback)])
+    let fallback = Path::new(options.scene.file_stem().unwrap_or_default()).with_extension("exr");
+    let Some(named) = scene.film.filename.as_ref().map(PathBuf::from) else {
+        return vec![fallback];
+    };
+    if OutputFormat::of(&named).is_ok() {
+        return vec![named];
+    }
+    scene.warnings.push(format!(
+        "the film's file name {} has an extension other than .exr and .png; {} is written",
+        escaped(&named.to_string_lossy()),
+        fallback.display()
+    ));
+    vec![fallback]
 }
 
 /// What can be known of an output before minutes of rendering.
@@ -181,14 +192,14 @@ fn warn(options: &RenderOptions, scene: &Scene) {
     }
     let shown = if options.verbose { scene.warnings.len() } else { SHOWN };
     for warning in scene.warnings.iter().take(shown) {
-        eprintln!("warning: {warning}");
+        super::complain(&format!("warning: {}", escaped(warning)));
     }
     if let Some(more) = scene.warnings.len().checked_sub(shown).filter(|&n| n > 0) {
-        eprintln!("warning: {more} more, see `prpf info`");
+        super::complain(&format!("warning: {more} more, see `prpf info`"));
     }
 }
 
-/// A first SIGINT or SIGTERM ends the loop after its current step, a second one the program at once.
+/// A first SIGINT or SIGTERM ends the loop after its current batch, a second one the program at once.
 fn listen_to_signals(interrupt: &Arc<AtomicBool>) -> anyhow::Result<()> {
     for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
         signal_hook::flag::register_conditional_shutdown(signal, i32::from(INTERRUPTED), interrupt.clone())
@@ -208,9 +219,10 @@ fn bar(options: &RenderOptions) -> ProgressBar {
     ProgressBar::new(BAR_STEPS).with_style(style)
 }
 
-fn show(bar: &ProgressBar, progress: Progress) {
+fn show(bar: &ProgressBar, progress: Progress, stopping: bool) {
     let error = progress.estimated_error.map(|e| format!("  relMSE ~{:.2e}", e.max(0.0))).unwrap_or_default();
-    bar.set_message(format!("{:.1} spp{error}", progress.spp));
+    let stopping = if stopping { "  ending with this batch, Ctrl-C quits at once" } else { "" };
+    bar.set_message(format!("{:.1} spp{error}{stopping}", progress.spp));
     bar.set_position((progress.fraction * BAR_STEPS as f64) as u64);
 }
 
@@ -322,6 +334,14 @@ fn summary(outcome: &Outcome, seconds: Times, outfiles: &[PathBuf], verbose: boo
         spread.max,
         outcome.store.samples() as f64 / seconds.render.max(1e-9) / 1e6,
     ));
+    if spread.min == 0 {
+        let without = outcome.store.counts(Part::Whole).iter().filter(|&&n| n == 0).count();
+        lines.push(format!(
+            "the time was too short for one sample per pixel: {:.0} % of the pixels have none, and show what is \
+             beside them",
+            100.0 * without as f64 / outcome.store.pixels().max(1) as f64
+        ));
+    }
     let rejected = outcome.store.rejected();
     if rejected > 0 {
         lines.push(format!("{rejected} samples were rejected: their radiance was not finite, or negative"));

@@ -139,8 +139,9 @@ pub struct Loop<'a> {
     rehearsal: Rehearsal,
     batches: Vec<Batch>,
     seconds: Seconds,
-    /// Seconds of the latest rerun with less effort than the last filter pass.
-    draft_seconds: Option<f64>,
+    /// Seconds of all reruns of the filter, and of the latest one of interim quality.
+    reruns: f64,
+    interim_seconds: Option<f64>,
     estimate: Option<ErrorEstimate>,
 }
 
@@ -149,6 +150,9 @@ pub struct Loop<'a> {
 pub const RESERVOIR: usize = 8;
 /// Share of the time that reruns of the filter may take under a budget of time.
 const RERUN_SHARE: f64 = 0.1;
+/// The one before the last batch may take this share by itself, however short the budget: without it
+/// nothing is known of the error of an image like the last one.
+const LAST_RERUN_SHARE: f64 = 0.08;
 /// A rerun must be followed by at least this many times its time for the samples that it directs.
 const LEAST_USE_OF_RERUN: f64 = 3.0;
 /// Window of the grid stage whose failures drive samples; the paper's third.
@@ -200,7 +204,8 @@ impl<'a> Loop<'a> {
             rehearsal: Rehearsal::default(),
             batches: Vec::new(),
             seconds: Seconds::default(),
-            draft_seconds: None,
+            reruns: 0.0,
+            interim_seconds: None,
             estimate: None,
         }
     }
@@ -228,7 +233,6 @@ impl<'a> Loop<'a> {
             if self.interrupt.load(Ordering::Relaxed) {
                 break StoppedBy::Interrupt;
             }
-            self.rehearse();
             match self.plan() {
                 Err(stopped_by) => break stopped_by,
                 Ok(next) => {
@@ -300,26 +304,25 @@ impl<'a> Loop<'a> {
         };
         let budget = self.settings.budget.seconds.unwrap_or(0.0);
         let ending_seconds = self.rehearsal.filter_seconds;
-        let interim_seconds = self.draft_seconds.unwrap_or(ending_seconds).min(ending_seconds);
-        let fits = |seconds: f64, of: f64| {
-            LEAST_USE_OF_RERUN * seconds <= left && self.seconds.filter + seconds <= RERUN_SHARE * of
-        };
+        let interim_seconds = self.interim_seconds.unwrap_or(ending_seconds).min(ending_seconds);
+        let of_use = |seconds: f64| LEAST_USE_OF_RERUN * seconds <= left;
         if !again {
-            // There has to be something to decide; then the first comes even if it takes a larger share.
+            // There has to be something to decide; then the first comes whatever its share.
             let decides = self.store.drawn() >= u64::from(self.settings.min_spp) * self.store.pixels() as u64;
-            return (decides && LEAST_USE_OF_RERUN * interim_seconds <= left).then_some(interim);
+            return (decides && of_use(interim_seconds)).then_some(interim);
         }
         if last {
-            return [(ending, ending_seconds), (interim, interim_seconds)]
-                .into_iter()
-                .find_map(|(quality, seconds)| fits(seconds, budget).then_some(quality));
+            let fits = |seconds: f64| of_use(seconds) && seconds <= LAST_RERUN_SHARE * budget;
+            let choices = [(ending, ending_seconds), (interim, interim_seconds)];
+            return choices.into_iter().find_map(|(quality, seconds)| fits(seconds).then_some(quality));
         }
         // What the one before the last batch will take is kept for it.
-        let with_reserve = self.seconds.filter + interim_seconds + ending_seconds;
-        (fits(interim_seconds, self.elapsed()) && with_reserve <= RERUN_SHARE * budget).then_some(interim)
+        let spent = self.reruns + interim_seconds;
+        let fits = spent <= RERUN_SHARE * self.elapsed() && spent + ending_seconds <= RERUN_SHARE * budget;
+        (fits && of_use(interim_seconds)).then_some(interim)
     }
 
-    /// Under a budget of time, measures on some rows what comes after the last batch.
+    /// Under a budget of time, measures on some rows what comes after the last batch, now and then.
     fn rehearse(&mut self) {
         let elapsed = self.elapsed();
         if !self.schedule.seconds_left(elapsed).is_some_and(|left| self.rehearsal.is_due(elapsed, left)) {
@@ -372,6 +375,7 @@ impl<'a> Loop<'a> {
             let seconds = started.elapsed().as_secs_f64();
             self.seconds.render += seconds;
             self.schedule.rendered(self.store.drawn() - before, seconds);
+            self.rehearse();
             let samples = self.store.samples();
             listen(Progress {
                 fraction: self.schedule.fraction(self.elapsed(), samples),
@@ -394,8 +398,9 @@ impl<'a> Loop<'a> {
         self.seconds.filter += grid_seconds;
         seconds += grid_seconds;
         let (failure, success) = grid.unzip();
+        self.reruns += seconds;
         if quality == self.interim_quality() {
-            self.draft_seconds = Some(seconds);
+            self.interim_seconds = Some(seconds);
         }
         self.report(&filtered, seconds, success);
         Shown { filtered, failure, success, made_of, probes: vec![false; self.store.pixels()] }

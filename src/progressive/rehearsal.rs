@@ -17,7 +17,7 @@ const SHARE_OF_ROWS: usize = 8;
 /// Rows of a band at least: fewer are mostly borders.
 const LEAST_ROWS: usize = 12;
 /// Share of the time that rehearsals may take.
-const SHARE_OF_TIME: f64 = 0.03;
+const SHARE_OF_TIME: f64 = 0.06;
 /// A rehearsal must be followed by more than this many times its time for samples.
 const LEAST_USE: f64 = 2.0;
 
@@ -83,6 +83,6 @@ mod tests {
     fn rehearsals_take_their_share_of_the_time_and_no_more() {
         let once = Rehearsal { spent: 0.1, count: 1, ..Rehearsal::default() };
         assert!(Rehearsal::default().is_due(0.0, 0.1));
-        assert!(!once.is_due(6.0, 9.0) && once.is_due(7.0, 9.0) && !once.is_due(7.0, 0.1));
+        assert!(!once.is_due(3.0, 9.0) && once.is_due(4.1, 9.0) && !once.is_due(4.1, 0.1));
     }
 }

@@ -54,8 +54,8 @@ const MARGIN: f64 = 0.02;
 const LAST_EXCESS: f64 = 1.25;
 /// Memory of the sampling rate, in seconds: other programs come and go.
 const RATE_MEMORY: f64 = 0.5;
-/// Weight of what a rehearsal says against what the earlier ones said.
-const REHEARSAL_WEIGHT: f64 = 0.5;
+/// As many of the latest rehearsals make the prediction of what comes after the last batch.
+const REHEARSALS: f64 = 4.0;
 /// What comes after the last batch takes about this long where it was not rehearsed yet.
 const CLOSING_SECONDS_PER_PIXEL: f64 = 2.5e-6;
 
@@ -69,13 +69,25 @@ pub struct Schedule {
     /// Samples and seconds of the latest steps, older ones fading.
     recent: (f64, f64),
     /// Predicted seconds of what comes after the last batch.
-    closing: Option<f64>,
+    closing: f64,
+    /// Mean deviation of rehearsals from that.
+    deviation: f64,
+    rehearsals: f64,
 }
 
 impl Schedule {
     pub fn new(budget: &Budget, pixels: u64, min_spp: u32, max_spp: u32) -> Self {
         let (min_spp, max_spp) = (u64::from(min_spp), u64::from(max_spp));
-        Self { budget: *budget, pixels, min_spp, max_spp, recent: (0.0, 0.0), closing: None }
+        Self {
+            budget: *budget,
+            pixels,
+            min_spp,
+            max_spp,
+            recent: (0.0, 0.0),
+            closing: 0.0,
+            deviation: 0.0,
+            rehearsals: 0.0,
+        }
     }
 
     /// A step of `samples` took so long.
@@ -87,8 +99,12 @@ impl Schedule {
 
     /// What comes after the last batch would take so long now.
     pub fn rehearsed(&mut self, seconds: f64) {
-        let before = self.closing.unwrap_or(seconds);
-        self.closing = Some(before + REHEARSAL_WEIGHT * (seconds - before));
+        self.rehearsals += 1.0;
+        let weight = 1.0 / self.rehearsals.min(REHEARSALS);
+        if self.rehearsals > 1.0 {
+            self.deviation += weight * ((seconds - self.closing).abs() - self.deviation);
+        }
+        self.closing += weight * (seconds - self.closing);
     }
 
     /// The next batch, or what ended the render.
@@ -159,7 +175,11 @@ impl Schedule {
 
     /// Seconds left for samples, with a budget of time.
     pub fn seconds_left(&self, elapsed: f64) -> Option<f64> {
-        let closing = self.closing.unwrap_or(CLOSING_SECONDS_PER_PIXEL * self.pixels as f64);
+        let closing = if self.rehearsals > 0.0 {
+            self.closing + self.deviation
+        } else {
+            CLOSING_SECONDS_PER_PIXEL * self.pixels as f64
+        };
         self.budget.seconds.map(|seconds| (1.0 - MARGIN) * seconds - closing - elapsed)
     }
 
