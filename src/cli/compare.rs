@@ -99,7 +99,7 @@ pub fn run(args: &CompareArgs) -> anyhow::Result<u8> {
     } else {
         table(&comparison, &pair)?
     };
-    super::say(&output);
+    super::say(&output)?;
     match args.max_relmse {
         Some(limit) if comparison.relmse > limit => {
             super::complain(&format!("relMSE {:.6} is above the limit of {limit}", comparison.relmse));

@@ -16,6 +16,7 @@ use std::io::Write;
 use std::process::ExitCode;
 use std::time::Instant;
 
+use anyhow::Context;
 use clap::error::ErrorKind;
 use clap::{Parser, Subcommand};
 
@@ -44,11 +45,15 @@ enum Command {
 }
 
 /// Prints to standard output. Nobody listening any more, as after `| head`, is no failure.
-fn say(text: &str) {
-    let _ = std::io::stdout().write_all(text.as_bytes());
+fn say(text: &str) -> anyhow::Result<()> {
+    let mut out = std::io::stdout();
+    match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
+        Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => Err(error).context("cannot print"),
+        _ => Ok(()),
+    }
 }
 
-/// Prints a line to standard error, likewise.
+/// Prints a line to standard error, if that goes anywhere.
 fn complain(line: &str) {
     let _ = writeln!(std::io::stderr(), "{line}");
 }

@@ -73,7 +73,7 @@ fn run_in_pool(options: &RenderOptions, start: Instant) -> Result<u8, Failure> {
     listen_to_signals(&interrupt).map_err(Failure::Run)?;
     let bar = bar(options);
     let rehearse = |filtered: &Filtered, store: &Store| {
-        let layers = Layers::of(filtered, store, &scene, renderer.diameter());
+        let layers = Layers::of(filtered, store, None, &scene, renderer.diameter());
         outfiles.par_iter().for_each(|path| encode(path, &layers, filtered));
     };
     let outcome = Loop::new(&renderer, &settings, start, &interrupt, reference.as_ref())
@@ -82,7 +82,8 @@ fn run_in_pool(options: &RenderOptions, start: Instant) -> Result<u8, Failure> {
     bar.finish_and_clear();
 
     let writing = Instant::now();
-    let layers = Layers::of(&outcome.filtered, &outcome.store, &scene, renderer.diameter());
+    let Outcome { filtered, store, estimate, .. } = &outcome;
+    let layers = Layers::of(filtered, store, estimate.as_ref(), &scene, renderer.diameter());
     outfiles
         .par_iter()
         .try_for_each(|path| write(path, &layers, &outcome, &scene, &settings, reference.as_ref(), start))
@@ -103,7 +104,7 @@ fn run_in_pool(options: &RenderOptions, start: Instant) -> Result<u8, Failure> {
             .map_err(Failure::Run)?;
     }
     if !options.quiet {
-        super::say(&summary(&outcome, seconds, &outfiles, options.verbose));
+        super::say(&summary(&outcome, seconds, &outfiles, options.verbose)).map_err(Failure::Run)?;
     }
     Ok(if outcome.stopped_by == StoppedBy::Interrupt { INTERRUPTED } else { 0 })
 }
@@ -277,6 +278,7 @@ fn attributes(
         (own("version"), Attribute::Text(env!("CARGO_PKG_VERSION").to_owned())),
         (own("commandLine"), Attribute::Text(command_line())),
         (own("scene"), Attribute::Text(scene.source.clone())),
+        (own("sceneHash"), Attribute::Text(format!("sha256:{}", scene.hash))),
         (own("samplesMin"), Attribute::Int(spread.min as i32)),
         (own("samplesMean"), Attribute::Float(spread.mean as f32)),
         (own("samplesMax"), Attribute::Int(spread.max as i32)),

@@ -51,6 +51,17 @@ impl ErrorEstimate {
         self.image.max(0.0) + self.standard_error
     }
 
+    /// The tiles' estimates at every pixel of an image of the size that they were made for: 1 plane.
+    pub fn of_pixels(&self, width: usize, height: usize) -> Planes {
+        let mut pixels = Planes::new(width, height, 1);
+        for (y, row) in pixels.data_mut().chunks_mut(width.max(1)).enumerate() {
+            for (x, value) in row.iter_mut().enumerate() {
+                *value = self.tiles.at(0, x / TILE, y / TILE);
+            }
+        }
+        pixels
+    }
+
     /// The newer of two estimates, unless it is of another image and rests on too little as yet.
     pub(super) fn or_keep(self, older: Option<Self>) -> Self {
         match older {
@@ -138,6 +149,8 @@ mod tests {
         assert!((estimate.image - expected).abs() < 4.0 * 0.15 / 64.0, "{} {expected}", estimate.image);
         assert_eq!(estimate.tiles.pixels(), 16);
         assert_eq!(estimate.samples, 4 * (width * height) as u64);
+        let pixels = estimate.of_pixels(width, height);
+        assert_eq!(pixels.at(0, 17, 40), estimate.tiles.at(0, 1, 2));
     }
 
     #[test]
