@@ -336,7 +336,7 @@ fn summary(outcome: &Outcome, seconds: Times, outfiles: &[PathBuf], verbose: boo
         spread.max,
         outcome.store.samples() as f64 / seconds.render.max(1e-9) / 1e6,
     ));
-    if spread.min == 0 {
+    if outcome.store.drawn() < outcome.store.pixels() as u64 {
         let without = outcome.store.counts(Part::Whole).iter().filter(|&&n| n == 0).count();
         lines.push(format!(
             "the time was too short for one sample per pixel: {:.0} % of the pixels have none, and show what is \

@@ -280,7 +280,7 @@ impl<'a> Loop<'a> {
     /// of no use where the time was too short for one sample per pixel.
     fn final_quality(&self) -> Quality {
         match self.settings.quality {
-            Quality::Paper if self.store.counts(Part::Whole).contains(&0) => Quality::Standard,
+            Quality::Paper if self.store.drawn() < self.store.pixels() as u64 => Quality::Standard,
             quality => quality,
         }
     }
@@ -325,12 +325,13 @@ impl<'a> Loop<'a> {
     /// Under a budget of time, measures on some rows what comes after the last batch, now and then.
     fn rehearse(&mut self) {
         let elapsed = self.elapsed();
-        if !self.schedule.seconds_left(elapsed).is_some_and(|left| self.rehearsal.is_due(elapsed, left)) {
+        let Some(left) = self.schedule.seconds_left(elapsed) else { return };
+        if !self.rehearsal.is_due(elapsed, left) {
             return;
         }
         let (quality, seed) = (self.final_quality(), self.settings.seed);
         let filter = |store: &Store| filtered(store, self.settings.denoiser, quality, seed);
-        self.rehearsal.run(&self.store, filter, self.closing);
+        self.rehearsal.run(&self.store, left, filter, self.closing);
         self.schedule.rehearsed(self.rehearsal.closing_seconds);
         self.seconds.filter += self.elapsed() - elapsed;
     }

@@ -20,6 +20,9 @@ const LEAST_ROWS: usize = 12;
 const SHARE_OF_TIME: f64 = 0.06;
 /// A rehearsal must be followed by more than this many times its time for samples.
 const LEAST_USE: f64 = 2.0;
+/// When no more than this many times what is rehearsed is left for samples, one more is due: the
+/// machine may be busier than it was.
+const LAST_LOOK: f64 = 1.0;
 
 /// The latest rehearsal, scaled to the whole image.
 #[derive(Clone, Copy, Debug, Default)]
@@ -31,19 +34,31 @@ pub(super) struct Rehearsal {
     /// Seconds of all rehearsals so far.
     spent: f64,
     count: usize,
+    /// Whether the last look was taken.
+    looked: bool,
 }
 
 impl Rehearsal {
     /// Whether it is time for another one, with so many seconds `left` for samples.
     pub fn is_due(&self, elapsed: f64, left: f64) -> bool {
         let next = self.spent / self.count.max(1) as f64;
-        left > LEAST_USE * next && (self.count == 0 || self.spent + next <= SHARE_OF_TIME * elapsed)
+        let affordable = self.count == 0 || self.spent + next <= SHARE_OF_TIME * elapsed;
+        let last_look = !self.looked && left <= LAST_LOOK * self.closing_seconds;
+        left > LEAST_USE * next && (affordable || last_look)
     }
 
-    pub fn run(&mut self, store: &Store, filter: impl Fn(&Store) -> Filtered, closing: Option<Closing>) {
+    /// `left`: as in [`Self::is_due`].
+    pub fn run(
+        &mut self,
+        store: &Store,
+        left: f64,
+        filter: impl Fn(&Store) -> Filtered,
+        closing: Option<Closing>,
+    ) {
         let started = Instant::now();
         let rows = store.of_rows(rows(store.height()));
         let scale = store.pixels() as f64 / rows.pixels().max(1) as f64;
+        self.looked |= left <= LAST_LOOK * self.closing_seconds;
         let filtering = Instant::now();
         let filtered = filter(&rows);
         self.filter_seconds = scale * filtering.elapsed().as_secs_f64();
@@ -83,6 +98,13 @@ mod tests {
     fn rehearsals_take_their_share_of_the_time_and_no_more() {
         let once = Rehearsal { spent: 0.1, count: 1, ..Rehearsal::default() };
         assert!(Rehearsal::default().is_due(0.0, 0.1));
-        assert!(!once.is_due(3.0, 9.0) && once.is_due(4.1, 9.0) && !once.is_due(4.1, 0.1));
+        assert!(!once.is_due(3.0, 9.0) && once.is_due(4.0, 9.0) && !once.is_due(4.0, 0.1));
+    }
+
+    #[test]
+    fn one_more_rehearsal_comes_before_the_end() {
+        let once = Rehearsal { spent: 0.1, count: 1, closing_seconds: 0.8, ..Rehearsal::default() };
+        assert!(!once.is_due(2.5, 1.0) && once.is_due(2.6, 0.7));
+        assert!(!Rehearsal { looked: true, ..once }.is_due(2.6, 0.7));
     }
 }

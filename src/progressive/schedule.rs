@@ -55,7 +55,7 @@ const LAST_EXCESS: f64 = 1.25;
 /// Memory of the sampling rate, in seconds: other programs come and go.
 const RATE_MEMORY: f64 = 0.5;
 /// As many of the latest rehearsals make the prediction of what comes after the last batch.
-const REHEARSALS: f64 = 4.0;
+const REHEARSALS: f64 = 2.0;
 /// What comes after the last batch takes about this long where it was not rehearsed yet.
 const CLOSING_SECONDS_PER_PIXEL: f64 = 2.5e-6;
 
