@@ -17,6 +17,10 @@ const TILE: usize = 16;
 /// The denominator's floor in relMSE.
 const RELATIVE_FLOOR: f32 = 0.01;
 
+/// An estimate of a newer image may be this many times less certain than that of the older one; it is
+/// told with its standard error.
+const LARGEST_LOSS: f64 = 4.0;
+
 /// What the store knew when an image was made of it.
 pub(super) struct Snapshot {
     mean: [Planes; 2],
@@ -66,7 +70,8 @@ impl ErrorEstimate {
     pub(super) fn or_keep(self, older: Option<Self>) -> Self {
         match older {
             Some(older)
-                if self.samples != older.samples && self.standard_error > 2.0 * older.standard_error =>
+                if self.samples != older.samples
+                    && self.standard_error > LARGEST_LOSS * older.standard_error =>
             {
                 older
             }
