@@ -90,6 +90,8 @@ pub struct Seconds {
 
 /// A finished render.
 pub struct Outcome {
+    /// The image. Its interpolation failures are those of the last rerun where the filter itself does
+    /// not interpolate.
     pub filtered: Filtered,
     pub store: Store,
     pub batches: Vec<Batch>,
@@ -326,7 +328,9 @@ impl<'a> Loop<'a> {
     fn rehearse(&mut self) {
         let elapsed = self.elapsed();
         let Some(left) = self.schedule.seconds_left(elapsed) else { return };
-        if !self.rehearsal.is_due(elapsed, left) {
+        // Pixels without samples have to be filled first, which the last pass will not have to.
+        let filled = self.store.drawn() >= self.store.pixels() as u64;
+        if !filled || !self.rehearsal.is_due(elapsed, left) {
             return;
         }
         let (quality, seed) = (self.final_quality(), self.settings.seed);
