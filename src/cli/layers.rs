@@ -1,11 +1,11 @@
 //! The layers of the EXR, in pbrt's spellings where pbrt has one.
 
-use crate::filter;
+use crate::filter::{self, Filtered};
 use crate::image::Planes;
 use crate::image::exr_file::{Channel, Precision};
-use crate::progressive::Outcome;
+use crate::progressive::ErrorEstimate;
 use crate::scene::Scene;
-use crate::stats::{Block, Part};
+use crate::stats::{Block, Part, Store};
 
 /// A named layer: its channels' suffixes, one plane each.
 struct Layer {
@@ -25,9 +25,14 @@ pub(super) struct Layers(Vec<Layer>);
 
 impl Layers {
     /// `diameter` is what positions in the store were divided by.
-    pub fn of(outcome: &Outcome, scene: &Scene, diameter: f32) -> Self {
+    pub fn of(
+        filtered: &Filtered,
+        store: &Store,
+        estimate: Option<&ErrorEstimate>,
+        scene: &Scene,
+        diameter: f32,
+    ) -> Self {
         use Precision::{Float, Half};
-        let (store, filtered) = (&outcome.store, &outcome.filtered);
         let layout = store.layout();
         let mut layers = Vec::new();
         let mut add =
@@ -56,6 +61,9 @@ impl Layers {
             add("InterpolationFailure", X, failure.clone(), Half);
         }
         add("FilterResidual", X, filtered.residual.clone(), Half);
+        if let Some(estimate) = estimate {
+            add("TileError", X, estimate.of_pixels(store.width(), store.height()), Float);
+        }
         Self(layers)
     }
 

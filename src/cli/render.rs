@@ -2,25 +2,30 @@
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 use anyhow::Context;
 use indicatif::{ProgressBar, ProgressStyle};
+use rayon::prelude::*;
 
-use super::Failure;
 use super::layers::Layers;
 use super::options::RenderOptions;
 use super::report::{Report, Spread, Times};
+use super::{Failure, escaped};
+use crate::filter::Filtered;
 use crate::geometry::Accel;
 use crate::image::exr_file::{self, Attribute, Windows, names};
 use crate::image::formats::OutputFormat;
 use crate::image::metrics::Pair;
+use crate::image::tone::to_srgb8;
 use crate::image::{self, Planes, atomic, png_file};
-use crate::progressive::{Loop, Outcome, Progress, Settings, StoppedBy, store_bytes_per_pixel};
+use crate::progressive::{
+    ErrorEstimate, Loop, Outcome, Progress, Settings, StoppedBy, store_bytes_per_pixel,
+};
 use crate::render::Renderer;
 use crate::scene::{Scene, pbrt};
-use crate::stats::Layout;
+use crate::stats::{Layout, Part, Store};
 
 /// Exit status after a person's interruption: 128 + SIGINT.
 const INTERRUPTED: u8 = 130;
@@ -43,7 +48,7 @@ pub(super) fn run(options: &RenderOptions, start: Instant) -> Result<u8, Failure
 fn run_in_pool(options: &RenderOptions, start: Instant) -> Result<u8, Failure> {
     let mut scene = read(options)?;
     options.apply(&mut scene).map_err(Failure::Input)?;
-    let outfiles = outfiles(options, &scene).map_err(Failure::Input)?;
+    let outfiles = outfiles(options, &mut scene);
     outfiles
         .iter()
         .chain(&options.report)
@@ -67,16 +72,22 @@ fn run_in_pool(options: &RenderOptions, start: Instant) -> Result<u8, Failure> {
     let interrupt = Arc::new(AtomicBool::new(false));
     listen_to_signals(&interrupt).map_err(Failure::Run)?;
     let bar = bar(options);
+    let rehearse = |filtered: &Filtered, store: &Store| {
+        let layers = Layers::of(filtered, store, None, &scene, renderer.diameter());
+        outfiles.par_iter().for_each(|path| encode(path, &layers, filtered));
+    };
     let outcome = Loop::new(&renderer, &settings, start, &interrupt, reference.as_ref())
-        .run(&mut |progress| show(&bar, progress));
+        .closing_with(&rehearse)
+        .run(&mut |progress| show(&bar, progress, interrupt.load(Ordering::Relaxed)));
     bar.finish_and_clear();
 
     let writing = Instant::now();
-    let layers = Layers::of(&outcome, &scene, renderer.diameter());
-    for path in &outfiles {
-        write(path, &layers, &outcome, &scene, &settings, reference.as_ref(), start)
-            .map_err(|error| Failure::Run(error.into()))?;
-    }
+    let Outcome { filtered, store, estimate, .. } = &outcome;
+    let layers = Layers::of(filtered, store, estimate.as_ref(), &scene, renderer.diameter());
+    outfiles
+        .par_iter()
+        .try_for_each(|path| write(path, &layers, &outcome, &scene, &settings, reference.as_ref(), start))
+        .map_err(|error| Failure::Run(error.into()))?;
     let seconds = Times {
         load,
         build,
@@ -93,19 +104,29 @@ fn run_in_pool(options: &RenderOptions, start: Instant) -> Result<u8, Failure> {
             .map_err(Failure::Run)?;
     }
     if !options.quiet {
-        super::say(&summary(&outcome, seconds, &outfiles, options.verbose));
+        super::say(&summary(&outcome, seconds, &outfiles, options.verbose)).map_err(Failure::Run)?;
     }
     Ok(if outcome.stopped_by == StoppedBy::Interrupt { INTERRUPTED } else { 0 })
 }
 
 /// What was asked for, else what the scene's film says, else the scene's name with `.exr`.
-fn outfiles(options: &RenderOptions, scene: &Scene) -> anyhow::Result<Vec<PathBuf>> {
+fn outfiles(options: &RenderOptions, scene: &mut Scene) -> Vec<PathBuf> {
     if !options.outfile.is_empty() {
-        return Ok(options.outfile.clone());
+        return options.outfile.clone();
     }
-    let named = scene.film.filename.as_ref().map(PathBuf::from).filter(|path| OutputFormat::of(path).is_ok());
-    let fallback = || Path::new(options.scene.file_stem().unwrap_or_default()).with_extension("exr");
-    Ok(vec![named.unwrap_or_else(fallback)])
+    let fallback = Path::new(options.scene.file_stem().unwrap_or_default()).with_extension("exr");
+    let Some(named) = scene.film.filename.as_ref().map(PathBuf::from) else {
+        return vec![fallback];
+    };
+    if OutputFormat::of(&named).is_ok() {
+        return vec![named];
+    }
+    scene.warnings.push(format!(
+        "the film's file name {} has an extension other than .exr and .png; {} is written",
+        escaped(&named.to_string_lossy()),
+        fallback.display()
+    ));
+    vec![fallback]
 }
 
 /// What can be known of an output before minutes of rendering.
@@ -172,14 +193,14 @@ fn warn(options: &RenderOptions, scene: &Scene) {
     }
     let shown = if options.verbose { scene.warnings.len() } else { SHOWN };
     for warning in scene.warnings.iter().take(shown) {
-        eprintln!("warning: {warning}");
+        super::complain(&format!("warning: {}", escaped(warning)));
     }
     if let Some(more) = scene.warnings.len().checked_sub(shown).filter(|&n| n > 0) {
-        eprintln!("warning: {more} more, see `prpf info`");
+        super::complain(&format!("warning: {more} more, see `prpf info`"));
     }
 }
 
-/// A first SIGINT or SIGTERM ends the loop after its current step, a second one the program at once.
+/// A first SIGINT or SIGTERM ends the loop after its current batch, a second one the program at once.
 fn listen_to_signals(interrupt: &Arc<AtomicBool>) -> anyhow::Result<()> {
     for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
         signal_hook::flag::register_conditional_shutdown(signal, i32::from(INTERRUPTED), interrupt.clone())
@@ -211,10 +232,25 @@ fn bar(options: &RenderOptions) -> ProgressBar {
     ProgressBar::new(BAR_STEPS).with_style(style)
 }
 
-fn show(bar: &ProgressBar, progress: Progress) {
+fn show(bar: &ProgressBar, progress: Progress, stopping: bool) {
     let error = progress.estimated_error.map(|e| format!("  relMSE ~{:.2e}", e.max(0.0))).unwrap_or_default();
-    bar.set_message(format!("{:.1} spp{error}", progress.spp));
+    let stopping = if stopping { "  ending with this batch, Ctrl-C quits at once" } else { "" };
+    bar.set_message(format!("{:.1} spp{error}{stopping}", progress.spp));
     bar.set_position((progress.fraction * BAR_STEPS as f64) as u64);
+}
+
+/// Writes to nowhere, to see how long it takes. What fails here will fail, and be said, at the end.
+fn encode(path: &Path, layers: &Layers, filtered: &Filtered) {
+    let (width, height) = (filtered.image.width(), filtered.image.height());
+    match OutputFormat::of(path) {
+        Ok(OutputFormat::Exr) => {
+            let _ = exr_file::encode(Windows::whole(width, height), &layers.channels(), &[]);
+        }
+        Ok(OutputFormat::Png) => {
+            let _ = png_file::encode(width, height, &to_srgb8(&filtered.image, 0.0));
+        }
+        Err(_) => {}
+    }
 }
 
 fn write(
@@ -254,6 +290,7 @@ fn attributes(
         (own("version"), Attribute::Text(env!("CARGO_PKG_VERSION").to_owned())),
         (own("commandLine"), Attribute::Text(command_line())),
         (own("scene"), Attribute::Text(scene.source.clone())),
+        (own("sceneHash"), Attribute::Text(format!("sha256:{}", scene.hash))),
         (own("samplesMin"), Attribute::Int(spread.min as i32)),
         (own("samplesMean"), Attribute::Float(spread.mean as f32)),
         (own("samplesMax"), Attribute::Int(spread.max as i32)),
@@ -311,16 +348,33 @@ fn summary(outcome: &Outcome, seconds: Times, outfiles: &[PathBuf], verbose: boo
         spread.max,
         outcome.store.samples() as f64 / seconds.render.max(1e-9) / 1e6,
     ));
+    if outcome.store.drawn() < outcome.store.pixels() as u64 {
+        let without = outcome.store.counts(Part::Whole).iter().filter(|&&n| n == 0).count();
+        lines.push(format!(
+            "the time was too short for one sample per pixel: {:.0} % of the pixels have none, and show what is \
+             beside them",
+            100.0 * without as f64 / outcome.store.pixels().max(1) as f64
+        ));
+    }
     let rejected = outcome.store.rejected();
     if rejected > 0 {
         lines.push(format!("{rejected} samples were rejected: their radiance was not finite, or negative"));
     }
-    let error =
-        outcome.estimated_error.map(|e| format!("estimated relMSE {:.2e}, ", e.max(0.0))).unwrap_or_default();
+    let error = outcome.estimate.as_ref().map(|e| said(e, &outcome.store)).unwrap_or_default();
     lines.push(format!("{error}stopped by {}", stopped_by.unwrap_or_default()));
     for path in outfiles {
         lines.push(format!("{}", path.display()));
     }
     lines.push(String::new());
     lines.join("\n")
+}
+
+/// The estimate, and the image that it is of.
+fn said(estimate: &ErrorEstimate, store: &Store) -> String {
+    format!(
+        "estimated relMSE {:.1e} ± {:.0e} at {:.1} samples per pixel, ",
+        estimate.image.max(0.0),
+        estimate.standard_error,
+        estimate.samples as f64 / store.pixels().max(1) as f64
+    )
 }

@@ -2,7 +2,9 @@
 //! is spent. The only room that reads a clock.
 
 mod estimate;
+mod rehearsal;
 mod schedule;
+mod steps;
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
@@ -16,8 +18,9 @@ use crate::stats::{Part, Store};
 
 pub use estimate::ErrorEstimate;
 use estimate::Snapshot;
+use rehearsal::Rehearsal;
 pub use schedule::Budget;
-use schedule::Schedule;
+use schedule::{Plan, Schedule};
 
 /// The reconstruction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
@@ -53,8 +56,10 @@ pub struct Batch {
     pub samples_total: u64,
     pub filter_seconds: f64,
     pub interpolation_success: Option<f32>,
-    /// Relative MSE of the image shown *before* this batch, measured with the batch.
+    /// Latest estimate of the relative MSE, of an image shown *before* this batch.
     pub estimated_error: Option<f64>,
+    /// Samples that that image was made of.
+    pub estimated_error_samples: Option<u64>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub mse: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -85,15 +90,15 @@ pub struct Seconds {
 
 /// A finished render.
 pub struct Outcome {
+    /// The image. Its interpolation failures are those of the last rerun where the filter itself does
+    /// not interpolate.
     pub filtered: Filtered,
     pub store: Store,
     pub batches: Vec<Batch>,
     pub stopped_by: StoppedBy,
     pub seconds: Seconds,
     /// The latest estimate of the image's relMSE; of an image with fewer samples than the final one.
-    pub estimated_error: Option<f64>,
-    /// Squared relative error by 16×16 tile, likewise.
-    pub tile_error: Option<Planes>,
+    pub estimate: Option<ErrorEstimate>,
 }
 
 /// A sign of life, after every step of a batch.
@@ -111,7 +116,14 @@ struct Shown {
     filtered: Filtered,
     failure: Option<Planes>,
     success: Option<f32>,
+    /// What the image was made of.
+    made_of: Snapshot,
+    /// Pixels that got samples regardless of their priority since.
+    probes: Vec<bool>,
 }
+
+/// What the caller does with the image at the end.
+pub type Closing<'a> = &'a dyn Fn(&Filtered, &Store);
 
 /// The loop's own state.
 pub struct Loop<'a> {
@@ -119,22 +131,32 @@ pub struct Loop<'a> {
     settings: &'a Settings,
     /// When the program started: what budgets of time count from.
     start: Instant,
-    /// Set from outside to end the render after the current step.
+    /// Set from outside to end the render after the current batch.
     interrupt: &'a AtomicBool,
     /// What the filtered image is compared with after every batch: 3 planes.
     reference: Option<&'a Planes>,
+    closing: Option<Closing<'a>>,
     store: Store,
     schedule: Schedule,
+    rehearsal: Rehearsal,
     batches: Vec<Batch>,
     seconds: Seconds,
+    /// Seconds of all reruns of the filter, and of the latest one of interim quality.
+    reruns: f64,
+    interim_seconds: Option<f64>,
     estimate: Option<ErrorEstimate>,
 }
 
 /// Sample vectors kept per pixel where mutual information is estimated: enough for the smallest of
 /// its windows.
 pub const RESERVOIR: usize = 8;
-/// Share of the time so far that reruns of the filter may have taken.
+/// Share of the time that reruns of the filter may take under a budget of time.
 const RERUN_SHARE: f64 = 0.1;
+/// The one before the last batch may take this share by itself, however short the budget: without it
+/// nothing is known of the error of an image like the last one.
+const LAST_RERUN_SHARE: f64 = 0.08;
+/// A rerun must be followed by at least this many times its time for the samples that it directs.
+const LEAST_USE_OF_RERUN: f64 = 3.0;
 /// Window of the grid stage whose failures drive samples; the paper's third.
 const FAILURE_WINDOW: usize = 17;
 
@@ -173,6 +195,7 @@ impl<'a> Loop<'a> {
             start,
             interrupt,
             reference,
+            closing: None,
             schedule: Schedule::new(
                 &settings.budget,
                 (width * height) as u64,
@@ -180,53 +203,48 @@ impl<'a> Loop<'a> {
                 settings.max_spp,
             ),
             store,
+            rehearsal: Rehearsal::default(),
             batches: Vec::new(),
             seconds: Seconds::default(),
+            reruns: 0.0,
+            interim_seconds: None,
             estimate: None,
         }
+    }
+
+    /// What the caller will do with the image counts as part of a budget of time: it is rehearsed on
+    /// some rows of the image, so that the loop knows how long it takes.
+    pub fn closing_with(mut self, closing: Closing<'a>) -> Self {
+        self.closing = Some(closing);
+        self
     }
 
     /// Runs until a budget is spent. `listen` hears of every step.
     pub fn run(mut self, listen: &mut dyn FnMut(Progress)) -> Outcome {
         let mut shown: Option<Shown> = None;
         let stopped_by = loop {
-            let elapsed = self.start.elapsed().as_secs_f64();
-            let error = self.estimate.as_ref().map(ErrorEstimate::at_most);
-            let total = match self.schedule.next(elapsed, self.store.drawn(), error) {
-                Ok(total) => total,
+            let plan = match self.plan() {
+                Ok(plan) => plan,
                 Err(stopped_by) => break stopped_by,
             };
-            let before = Snapshot::of(&self.store);
-            let allocation = self.allocate(shown.as_ref(), total);
-            let interrupted = self.render(&allocation, listen);
-            if let Some(shown) = &shown {
-                let new = ErrorEstimate::of(&shown.filtered.image, &before, &self.store, &allocation.probes);
-                let old = self.estimate.take();
-                self.estimate = match new {
-                    Some(new) => Some(new.or_keep(old)),
-                    None => old,
-                };
+            let allocation = self.allocate(shown.as_ref(), plan.samples);
+            self.render(&allocation, listen);
+            if let Some(shown) = &mut shown {
+                self.check(shown, &allocation.probes);
             }
-            if interrupted {
+            if self.interrupt.load(Ordering::Relaxed) {
                 break StoppedBy::Interrupt;
             }
-            let elapsed = self.start.elapsed().as_secs_f64();
-            let error = self.estimate.as_ref().map(ErrorEstimate::at_most);
-            if let Err(stopped_by) = self.schedule.next(elapsed, self.store.drawn(), error) {
-                break stopped_by;
-            }
-            // With a budget of time the filter waits until there is something to decide and its share is
-            // small again; with one of samples the clock has no say, so that the image is the same on
-            // any machine.
-            let timed = self.settings.budget.seconds.is_some();
-            let pixels = self.store.pixels() as u64;
-            let decides = self.store.drawn() >= u64::from(self.settings.min_spp) * pixels;
-            let affordable = shown.is_none() || self.seconds.filter < RERUN_SHARE * elapsed;
-            if !timed || decides && affordable {
-                shown = Some(self.rerun());
+            match self.plan() {
+                Err(stopped_by) => break stopped_by,
+                Ok(next) => {
+                    if let Some(quality) = self.rerun_due(shown.is_some(), next.last) {
+                        shown = Some(self.rerun(quality));
+                    }
+                }
             }
         };
-        let (mut filtered, seconds) = self.filter(self.settings.quality);
+        let (mut filtered, seconds) = self.filter(self.final_quality());
         if let Some(shown) = shown {
             filtered.interpolation_failure = filtered.interpolation_failure.or(shown.failure);
             filtered.interpolation_success = filtered.interpolation_success.or(shown.success);
@@ -238,9 +256,88 @@ impl<'a> Loop<'a> {
             batches: self.batches,
             stopped_by,
             seconds: self.seconds,
-            estimated_error: self.estimate.as_ref().map(|e| e.image),
-            tile_error: self.estimate.map(|e| e.tiles),
+            estimate: self.estimate,
         }
+    }
+
+    fn elapsed(&self) -> f64 {
+        self.start.elapsed().as_secs_f64()
+    }
+
+    fn plan(&self) -> Result<Plan, StoppedBy> {
+        let error = self.estimate.as_ref().map(ErrorEstimate::at_most);
+        self.schedule.next(self.elapsed(), self.store.drawn(), error)
+    }
+
+    /// Holds the samples since an image was shown against it.
+    fn check(&mut self, shown: &mut Shown, probes: &[bool]) {
+        shown.probes.iter_mut().zip(probes).for_each(|(all, &new)| *all |= new);
+        let new = ErrorEstimate::of(&shown.filtered.image, &shown.made_of, &self.store, &shown.probes);
+        if let Some(new) = new {
+            self.estimate = Some(new.or_keep(self.estimate.take()));
+        }
+    }
+
+    /// Quality of the last filter pass: a filter that takes pixels without samples for black ones is
+    /// of no use where the time was too short for one sample per pixel.
+    fn final_quality(&self) -> Quality {
+        match self.settings.quality {
+            Quality::Paper if self.store.drawn() < self.store.pixels() as u64 => Quality::Standard,
+            quality => quality,
+        }
+    }
+
+    /// The effort of the filter between batches.
+    fn interim_quality(&self) -> Quality {
+        match self.settings.quality {
+            // The draft's error is not the paper's, and it is the paper's that has to reach the target.
+            Quality::Paper if self.settings.budget.target_error.is_some() => Quality::Paper,
+            _ => Quality::Draft,
+        }
+    }
+
+    /// Whether the filter runs again before the next batch, and with what effort. Before the last
+    /// batch it is that of the end, so that the error which the batch measures is that of such an image.
+    fn rerun_due(&self, again: bool, last: bool) -> Option<Quality> {
+        let (interim, ending) = (self.interim_quality(), self.settings.quality);
+        let Some(left) = self.schedule.seconds_left(self.elapsed()) else {
+            // The clock has no say, so that the image is the same on any machine.
+            return Some(if last { ending } else { interim });
+        };
+        let budget = self.settings.budget.seconds.unwrap_or(0.0);
+        let ending_seconds = self.rehearsal.filter_seconds;
+        let interim_seconds = self.interim_seconds.unwrap_or(ending_seconds).min(ending_seconds);
+        let of_use = |seconds: f64| LEAST_USE_OF_RERUN * seconds <= left;
+        if !again {
+            // There has to be something to decide; then the first comes whatever its share.
+            let decides = self.store.drawn() >= u64::from(self.settings.min_spp) * self.store.pixels() as u64;
+            return (decides && of_use(interim_seconds)).then_some(interim);
+        }
+        if last {
+            let fits = |seconds: f64| of_use(seconds) && seconds <= LAST_RERUN_SHARE * budget;
+            let choices = [(ending, ending_seconds), (interim, interim_seconds)];
+            return choices.into_iter().find_map(|(quality, seconds)| fits(seconds).then_some(quality));
+        }
+        // What the one before the last batch will take is kept for it.
+        let spent = self.reruns + interim_seconds;
+        let fits = spent <= RERUN_SHARE * self.elapsed() && spent + ending_seconds <= RERUN_SHARE * budget;
+        (fits && of_use(interim_seconds)).then_some(interim)
+    }
+
+    /// Under a budget of time, measures on some rows what comes after the last batch, now and then.
+    fn rehearse(&mut self) {
+        let elapsed = self.elapsed();
+        let Some(left) = self.schedule.seconds_left(elapsed) else { return };
+        // Pixels without samples have to be filled first, which the last pass will not have to.
+        let filled = self.store.drawn() >= self.store.pixels() as u64;
+        if !filled || !self.rehearsal.is_due(elapsed, left) {
+            return;
+        }
+        let (quality, seed) = (self.final_quality(), self.settings.seed);
+        let filter = |store: &Store| filtered(store, self.settings.denoiser, quality, seed);
+        self.rehearsal.run(&self.store, left, filter, self.closing);
+        self.schedule.rehearsed(self.rehearsal.closing_seconds);
+        self.seconds.filter += self.elapsed() - elapsed;
     }
 
     /// Decides where the next samples go.
@@ -268,61 +365,55 @@ impl<'a> Loop<'a> {
         allocation
     }
 
-    /// Renders a batch in steps short enough to be interrupted between; true if it was.
-    fn render(&mut self, allocation: &Allocation, listen: &mut dyn FnMut(Progress)) -> bool {
-        let started = Instant::now();
+    /// Renders a batch in steps, between which the clock may end it.
+    fn render(&mut self, allocation: &Allocation, listen: &mut dyn FnMut(Progress)) {
         let total: u64 = allocation.counts.iter().map(|&n| u64::from(n)).sum();
-        let steps = self.schedule.steps(total);
-        let mut interrupted = false;
-        let mut rendered = 0;
-        for step in 0..steps {
-            // Step k brings every pixel to the k-th share of its batch, rounded down to pairs.
-            let share =
-                |n: u32, k: u64| if k == steps { u64::from(n) } else { (u64::from(n) * k / steps) & !1 };
-            let counts: Vec<u32> =
-                allocation.counts.iter().map(|&n| (share(n, step + 1) - share(n, step)) as u32).collect();
+        let mut done = 0.0;
+        while done < 1.0 {
+            let started = Instant::now();
+            let before = self.store.drawn();
+            let Some(share) = self.schedule.step(self.elapsed(), before, total) else { break };
+            let next = f64::min(done + share, 1.0);
+            let counts = steps::between(&allocation.counts, &self.store, done, next);
             self.renderer.render_batch(&counts, &mut self.store);
-            rendered += counts.iter().map(|&n| u64::from(n)).sum::<u64>();
-            let (samples, elapsed) = (self.store.samples(), self.start.elapsed().as_secs_f64());
+            done = next;
+            let seconds = started.elapsed().as_secs_f64();
+            self.seconds.render += seconds;
+            self.schedule.rendered(self.store.drawn() - before, seconds);
+            self.rehearse();
+            let samples = self.store.samples();
             listen(Progress {
-                fraction: self.schedule.fraction(elapsed, samples),
+                fraction: self.schedule.fraction(self.elapsed(), samples),
                 samples,
                 spp: samples as f64 / self.store.pixels().max(1) as f64,
                 estimated_error: self.estimate.as_ref().map(|e| e.image),
             });
-            interrupted = self.interrupt.load(Ordering::Relaxed);
-            if interrupted || self.schedule.is_late(elapsed) {
-                break;
-            }
         }
-        let seconds = started.elapsed().as_secs_f64();
-        self.seconds.render += seconds;
-        self.schedule.rendered(rendered, seconds);
-        interrupted
     }
 
-    /// Filters between batches, with less effort than at the end.
-    fn rerun(&mut self) -> Shown {
-        let (filtered, mut seconds) = self.filter(Quality::Draft);
+    /// Filters between batches.
+    fn rerun(&mut self, quality: Quality) -> Shown {
+        let (filtered, mut seconds) = self.filter(quality);
         let started = Instant::now();
         let grid = drives_interpolation(self.settings).then(|| {
             filter::prpf::interpolation_failure(&self.store, &PrpfSettings::paper(), FAILURE_WINDOW)
         });
+        let made_of = Snapshot::of(&self.store);
         let grid_seconds = started.elapsed().as_secs_f64();
         self.seconds.filter += grid_seconds;
         seconds += grid_seconds;
         let (failure, success) = grid.unzip();
-        self.schedule.filtered(seconds);
+        self.reruns += seconds;
+        if quality == self.interim_quality() {
+            self.interim_seconds = Some(seconds);
+        }
         self.report(&filtered, seconds, success);
-        Shown { filtered, failure, success }
+        Shown { filtered, failure, success, made_of, probes: vec![false; self.store.pixels()] }
     }
 
     fn filter(&mut self, quality: Quality) -> (Filtered, f64) {
         let started = Instant::now();
-        let filtered = match self.settings.denoiser {
-            Denoiser::None => filter::unfiltered(&self.store),
-            Denoiser::Prpf => filter::filter(&self.store, quality, self.settings.seed),
-        };
+        let filtered = filtered(&self.store, self.settings.denoiser, quality, self.settings.seed);
         let seconds = started.elapsed().as_secs_f64();
         self.seconds.filter += seconds;
         (filtered, seconds)
@@ -342,11 +433,20 @@ impl<'a> Loop<'a> {
             filter_seconds,
             interpolation_success,
             estimated_error: self.estimate.as_ref().map(|e| e.image),
+            estimated_error_samples: self.estimate.as_ref().map(|e| e.samples),
             mse: against(Some(&filtered.image), |pair| pair.mse()),
             relmse: against(Some(&filtered.image), |pair| pair.relmse()),
             noisy_mse: against(noisy.as_ref(), |pair| pair.mse()),
             noisy_relmse: against(noisy.as_ref(), |pair| pair.relmse()),
         };
         self.batches.push(batch);
+    }
+}
+
+/// The image that a store holds.
+fn filtered(store: &Store, denoiser: Denoiser, quality: Quality, seed: u64) -> Filtered {
+    match denoiser {
+        Denoiser::None => filter::unfiltered(store),
+        Denoiser::Prpf => filter::filter(store, quality, seed),
     }
 }

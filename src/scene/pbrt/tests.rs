@@ -470,7 +470,7 @@ fn the_cornell_box_is_read() {
     assert_eq!(scene.primitives.iter().filter(|p| p.area_light.is_some()).count(), 1);
     assert_eq!(
         scene.effects().names(),
-        ["area-lights", "visible-emission", "second-hit", "indirect", "textures"]
+        ["area-lights", "visible-emission", "second-hit", "indirect", "varied-albedo"]
     );
     assert!(scene.warnings.is_empty(), "{:?}", scene.warnings);
 }
@@ -482,4 +482,17 @@ fn the_door_ajar_is_read() {
     assert_eq!(triangles(&scene), 382_690 - 62);
     assert!(scene.effects().lens && scene.effects().glossy && scene.effects().specular);
     assert!(scene.warnings.is_empty(), "{:?}", scene.warnings);
+}
+
+#[test]
+fn a_reflectance_above_one_is_warned_of_with_its_material_and_place() {
+    let of = |value: &str| {
+        let material =
+            format!("MakeNamedMaterial \"paint\" \"string type\" \"diffuse\" \"rgb reflectance\" [{value}]");
+        scene(&format!("WorldBegin\n{material}")).warnings
+    };
+    assert!(of("1 1 1").is_empty());
+    let warnings = of("0.5 1.5 0");
+    assert_eq!(warnings.len(), 1, "{warnings:?}");
+    assert!(warnings[0].contains(":2:1:") && warnings[0].contains("\"paint\""), "{warnings:?}");
 }
