@@ -1,12 +1,10 @@
 //! The search along rays through a whole scene, in the instruction set that the processor has.
 
-use super::bvh::Node;
 use super::instances::search_instances;
 use super::kernels::{self, Kernels};
 use super::object::search;
 use super::query::Query;
 use super::traverse::{Stack, TraversalRay};
-use super::triangle::TrianglePacket;
 use super::{Accel, Hit, Ray};
 
 /// Passes on the nearest hit of each ray; of any hit if `any` will do.
@@ -34,6 +32,8 @@ fn has_avx2() -> bool {
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt")]
 fn find_avx2(accel: &Accel, rays: impl Iterator<Item = Ray>, any: bool, found: impl FnMut(Option<Hit>)) {
+    use super::{bvh::Node, triangle::TrianglePacket};
+
     let enter = |node: &Node, ray: &TraversalRay| kernels::avx2::enter(node, ray);
     let candidates = |packet: &TrianglePacket, ray: &TraversalRay| kernels::avx2::candidates(packet, ray);
     find_with(accel, rays, any, found, (enter, candidates));
