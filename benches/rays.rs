@@ -1,7 +1,10 @@
 //! Rays per second against a million generated triangles: coherent camera rays, shadow rays to one
-//! light, and rays without any order. Set `RAYON_NUM_THREADS` to choose the threads.
+//! light, rays scattered where camera rays hit, and rays without any order. Set `RAYON_NUM_THREADS`
+//! to choose the threads. With `PRPF_RAYS` naming a folder, mesh and rays are written there for
+//! `experiments/embree`, which runs Embree on them.
 
 use std::f32::consts::{PI, TAU};
+use std::path::Path;
 use std::sync::Arc;
 
 use criterion::{BatchSize, Criterion, Throughput, criterion_group, criterion_main};
@@ -126,28 +129,77 @@ fn shadow_rays(accel: &Accel, camera_rays: &[Ray]) -> Vec<Ray> {
     camera_rays.iter().filter_map(spawn).collect()
 }
 
+/// Diffusely scattered where the camera rays hit.
+fn bounce_rays(accel: &Accel, camera_rays: &[Ray]) -> Vec<Ray> {
+    let mut random = Pcg64Mcg::seed_from_u64(3);
+    let mut unit = || loop {
+        let point = Vec3::from_array(std::array::from_fn(|_| random.random_range(-1f32..1.0)));
+        if let Some(direction) = point.try_normalize().filter(|_| point.length_squared() < 1.0) {
+            return direction;
+        }
+    };
+    let spawn = |ray: &Ray| {
+        let point = accel.surface(ray, &accel.intersect(ray)?);
+        let side = -ray.direction.dot(point.geometric_normal).signum();
+        let direction = side * point.geometric_normal + unit();
+        let origin = point.offset_origin(direction);
+        Some(Ray { origin, direction, t_max: f32::INFINITY, time: 0.0 })
+    };
+    camera_rays.iter().filter_map(spawn).collect()
+}
+
+/// Writes what another program needs to trace the same rays, as plain numbers.
+fn write_rays(folder: &Path, mesh: &TriangleMesh, rays: &[(&str, &[Ray])]) -> std::io::Result<()> {
+    std::fs::create_dir_all(folder)?;
+    std::fs::write(folder.join("positions"), bytemuck::cast_slice(&mesh.positions))?;
+    std::fs::write(folder.join("indices"), bytemuck::cast_slice(&mesh.indices))?;
+    for (name, rays) in rays {
+        let numbers: Vec<Vec3> = rays.iter().flat_map(|ray| [ray.origin, ray.direction]).collect();
+        std::fs::write(folder.join(name), bytemuck::cast_slice(&numbers))?;
+    }
+    Ok(())
+}
+
 /// Tiles of this many rays are handed to threads.
 const TILE: usize = 1024;
 
+fn hits(accel: &Accel, rays: &[Ray]) -> usize {
+    let mut count = 0;
+    accel.intersect_all(rays.iter().copied(), |hit| count += usize::from(hit.is_some()));
+    count
+}
+
+fn occluded(accel: &Accel, rays: &[Ray]) -> usize {
+    let mut count = 0;
+    accel.occluded_all(rays.iter().copied(), |occluded| count += usize::from(occluded));
+    count
+}
+
 fn rays(criterion: &mut Criterion) {
-    let scene = scene_of(million_triangles());
+    let mesh = million_triangles();
+    let scene = scene_of(mesh.clone());
     let accel = Accel::build(&scene);
     let camera = camera_rays();
     let shadow = shadow_rays(&accel, &camera);
+    let bounce = bounce_rays(&accel, &camera);
     let random = random_rays();
+    if let Some(folder) = std::env::var_os("PRPF_RAYS") {
+        let rays: [(&str, &[Ray]); 4] =
+            [("primary", &camera), ("shadow", &shadow), ("bounce", &bounce), ("incoherent", &random)];
+        write_rays(Path::new(&folder), &mesh, &rays).expect("PRPF_RAYS names a folder to write to");
+    }
 
     let mut group = criterion.benchmark_group("rays");
-    let mut measure = |name: &str, rays: &[Ray], test: &(dyn Fn(&Ray) -> bool + Sync)| {
+    let mut measure = |name: &str, rays: &[Ray], count: fn(&Accel, &[Ray]) -> usize| {
         group.throughput(Throughput::Elements(rays.len() as u64));
         group.bench_function(name, |bencher| {
-            bencher.iter(|| {
-                rays.par_chunks(TILE).map(|tile| tile.iter().filter(|ray| test(ray)).count()).sum::<usize>()
-            });
+            bencher.iter(|| rays.par_chunks(TILE).map(|tile| count(&accel, tile)).sum::<usize>());
         });
     };
-    measure("primary", &camera, &|ray| accel.intersect(ray).is_some());
-    measure("shadow", &shadow, &|ray| accel.occluded(ray));
-    measure("incoherent", &random, &|ray| accel.intersect(ray).is_some());
+    measure("primary", &camera, hits);
+    measure("shadow", &shadow, occluded);
+    measure("bounce", &bounce, hits);
+    measure("incoherent", &random, hits);
     group.finish();
 
     criterion.bench_function("build", |bencher| {

@@ -1,4 +1,5 @@
-//! Samples per second of each of the project's own scenes, statistics included.
+//! Samples per second of each of the project's own scenes, and of three simple ones that other renderers
+//! are compared on (`experiments/mitsuba`); statistics included.
 
 use std::path::Path;
 
@@ -14,8 +15,10 @@ const SIDE: usize = 128;
 fn scenes(c: &mut Criterion) {
     let mut group = c.benchmark_group("scenes");
     group.sample_size(10);
-    for name in ["pool", "statues", "figure", "courtyard", "ajar"] {
-        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("scenes/{name}/{name}.pbrt"));
+    let own = ["pool", "statues", "figure", "courtyard", "ajar"].map(|name| format!("scenes/{name}/{name}"));
+    let simple = ["cornell", "lens", "glossy"].map(|name| format!("benches/throughput/{name}"));
+    for name in own.iter().chain(&simple) {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(name).with_extension("pbrt");
         let mut scene = pbrt::read(&path).expect("the project's own scenes can be read");
         let longer = scene.film.width.max(scene.film.height);
         let (width, height) = (scene.film.width * SIDE / longer, scene.film.height * SIDE / longer);

@@ -309,6 +309,33 @@ fn exposure_is_a_factor_of_both_colours() {
     assert_colour(&room, 64, 1.5, "colour");
 }
 
+/// Offsets of rays and thresholds follow the coordinates, so nothing has a size of its own.
+#[test]
+fn a_scene_looks_the_same_at_any_scale() {
+    let image = |scale: f32| {
+        let mut view = scene(4);
+        view.camera.projection = Projection::Perspective { tan_half_fov: 0.5 };
+        let white = diffuse(&mut view, 0.7);
+        add(&mut view, square(scale * Vec3::Z * FLOOR, scale * 5.0), white, None);
+        add(&mut view, sphere(scale * Vec3::new(0.5, 0.3, 3.0), scale * 0.5), white, None);
+        add(&mut view, square(scale * Vec3::new(-0.5, -0.6, 3.5), scale * 0.4), white, None);
+        add(&mut view, square(scale * Vec3::Y * 2.0, scale * 0.5), white, Some(9.0));
+        let store = render(&view, 32, 3);
+        store.means(Part::Whole, store.layout().radiance()).plane(1).to_vec()
+    };
+    let reference = image(1.0);
+    let mean = |image: &[f32]| image.iter().sum::<f32>() / image.len() as f32;
+    assert!(mean(&reference) > 0.05, "{}", mean(&reference));
+    for scale in [1e-3, 1e3] {
+        let scaled = image(scale);
+        let pairs = reference.iter().zip(&scaled);
+        // At an outline rounding decides whether a ray hits; everywhere else pixels agree.
+        let differing = pairs.filter(|(a, b)| (*a - *b).abs() > 1e-3 * *a).count();
+        assert!(differing <= SIDE * SIDE / 10, "{scale}: {differing} pixels differ");
+        assert!((mean(&scaled) / mean(&reference) - 1.0).abs() < 2e-3, "{scale}");
+    }
+}
+
 #[test]
 fn neither_threads_nor_batches_nor_crops_change_a_sample() {
     let mut room = scene(6);

@@ -2,11 +2,11 @@
 
 use std::f64::consts::TAU;
 
-use glam::{DVec3, Vec2};
+use glam::{DVec3, Vec2, Vec3};
 use obvhs::aabb::Aabb;
 
 use super::bvh::rounded_out;
-use super::local::LocalPoint;
+use super::local::{Detail, LocalPoint, Parametrisation};
 use super::sphere::{azimuth, corner_bounds, rounding_error};
 use crate::scene::Disk;
 
@@ -45,17 +45,23 @@ impl DiskExtent {
     }
 
     /// The surface at `p`, a point on the disk.
-    pub fn local_point(&self, p: DVec3) -> LocalPoint {
-        let width = self.radius - self.inner_radius;
-        let distance = p.x.hypot(p.y);
-        let (cos_phi, sin_phi) = if distance > 0.0 { (p.x / distance, p.y / distance) } else { (1.0, 0.0) };
+    pub fn local_point(&self, p: DVec3, detail: Detail) -> LocalPoint {
         LocalPoint {
             position: p,
             error: rounding_error(p),
-            geometric_normal: DVec3::Z,
+            geometric_normal: Vec3::Z,
             shading_normal: None,
-            dpdu: self.phi_max * DVec3::new(-p.y, p.x, 0.0),
-            dpdv: -width * DVec3::new(cos_phi, sin_phi, 0.0),
+            parametrisation: detail.then(|| self.parametrisation(p)),
+        }
+    }
+
+    fn parametrisation(&self, p: DVec3) -> Parametrisation {
+        let width = self.radius - self.inner_radius;
+        let distance = p.x.hypot(p.y);
+        let (cos_phi, sin_phi) = if distance > 0.0 { (p.x / distance, p.y / distance) } else { (1.0, 0.0) };
+        Parametrisation {
+            dpdu: (self.phi_max * DVec3::new(-p.y, p.x, 0.0)).as_vec3(),
+            dpdv: (-width * DVec3::new(cos_phi, sin_phi, 0.0)).as_vec3(),
             uv: Vec2::new(
                 (azimuth(p) / self.phi_max) as f32,
                 if width > 0.0 { ((self.radius - distance) / width) as f32 } else { 0.0 },

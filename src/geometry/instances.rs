@@ -1,16 +1,15 @@
 //! The upper level: instances of objects, and the boxes of those that move.
 
 use glam::{DAffine3, DMat3, DVec3};
-use multiversion::{multiversion, target::match_target};
 use obvhs::aabb::Aabb;
 
 use super::bvh::{Bvh, Node, rounded_out};
-use super::kernels;
+use super::kernels::Kernels;
 use super::object::{ObjectAccel, search};
 use super::query::Query;
 use super::rounding::gamma;
 use super::sphere::corner_bounds;
-use super::traverse::{Leaves, TraversalRay, traverse};
+use super::traverse::{Leaves, Stack, TraversalRay, traverse};
 use crate::scene::{AnimatedTransform, Scene};
 
 /// Intervals between the times at which the path of a moving instance is evaluated. What it may do
@@ -92,34 +91,29 @@ pub fn transforms_at(transform: &AnimatedTransform, time: f32) -> (DAffine3, DAf
 }
 
 /// Searches all instances along a ray in render space.
-#[multiversion(targets("x86_64+avx2+fma+bmi1+bmi2+popcnt+lzcnt"))]
+#[inline(always)]
 pub fn search_instances(
     instances: &InstanceAccel,
     objects: &[ObjectAccel],
     ray: &mut TraversalRay,
     query: &mut Query,
+    stack: &mut Stack,
+    kernels: impl Kernels,
 ) {
-    let leaves = &mut InstanceLeaves { instances, objects, query };
-    match_target! {
-        "x86_64+avx2" => traverse(
-            &instances.bvh,
-            ray,
-            |node: &Node, ray: &TraversalRay| kernels::avx2::enter(node, ray),
-            leaves,
-        ),
-        _ => traverse(&instances.bvh, ray, kernels::enter, leaves),
-    }
+    let enter = |node: &Node, ray: &TraversalRay| kernels.enter(node, ray);
+    traverse(&instances.bvh, ray, stack, enter, &mut InstanceLeaves { instances, objects, query, kernels });
 }
 
-struct InstanceLeaves<'a, 'q> {
+struct InstanceLeaves<'a, 'q, K> {
     instances: &'a InstanceAccel,
     objects: &'a [ObjectAccel],
     query: &'a mut Query<'q>,
+    kernels: K,
 }
 
-impl Leaves for InstanceLeaves<'_, '_> {
+impl<K: Kernels> Leaves for InstanceLeaves<'_, '_, K> {
     #[inline(always)]
-    fn test(&mut self, leaf: u32, ray: &mut TraversalRay) -> bool {
+    fn test(&mut self, leaf: u32, ray: &mut TraversalRay, stack: &mut Stack) -> bool {
         let placed = &self.instances.placed[leaf as usize];
         let to_object = match placed.placement {
             Placement::Fixed(to_object) => to_object,
@@ -128,7 +122,8 @@ impl Leaves for InstanceLeaves<'_, '_> {
             }
         };
         if let Some(mut local) = ray.transformed(&to_object) {
-            search(&self.objects[placed.object], placed.instance, &mut local, self.query);
+            let object = &self.objects[placed.object];
+            search(object, placed.instance, &mut local, self.query, stack, self.kernels);
             ray.t_max = local.t_max;
         }
         self.query.any && self.query.hit.is_some()

@@ -6,10 +6,37 @@
 #[cfg(target_arch = "x86_64")]
 pub mod avx2;
 
+use glam::Vec2;
+
 use super::bvh::{Node, WIDTH};
 use super::rounding::gamma;
 use super::traverse::TraversalRay;
-use super::triangle::TrianglePacket;
+use super::triangle::{TriangleHit, TrianglePacket};
+
+/// The tests in one instruction set: for boxes and for triangles.
+pub trait Kernels: Copy {
+    /// See [`enter`].
+    fn enter(self, node: &Node, ray: &TraversalRay) -> Entered;
+    /// See [`candidates`].
+    fn candidates(self, packet: &TrianglePacket, ray: &TraversalRay) -> Option<Candidates>;
+}
+
+/// A pair of functions, which inherit the instruction set from where they are written.
+impl<E, C> Kernels for (E, C)
+where
+    E: Fn(&Node, &TraversalRay) -> Entered + Copy,
+    C: Fn(&TrianglePacket, &TraversalRay) -> Option<Candidates> + Copy,
+{
+    #[inline(always)]
+    fn enter(self, node: &Node, ray: &TraversalRay) -> Entered {
+        self.0(node, ray)
+    }
+
+    #[inline(always)]
+    fn candidates(self, packet: &TrianglePacket, ray: &TraversalRay) -> Option<Candidates> {
+        self.1(packet, ray)
+    }
+}
 
 /// Widening of a ray's interval in each box. It covers the rounding of the slab test (Ize 2013:
 /// two of γ(3)) and that of the triangle test's shear, so that a ray enters every box with a
@@ -49,19 +76,46 @@ pub fn enter(node: &Node, ray: &TraversalRay) -> Entered {
     Entered { mask, near }
 }
 
-/// A bit for each triangle that may be hit; [`TrianglePacket::hit`] decides. All that are hit are
-/// among them.
+/// Triangles of a packet that may be hit.
+#[derive(Clone, Copy, Debug)]
+pub struct Candidates {
+    /// A bit for each of them. All that are hit are among them.
+    pub mask: u32,
+    /// A bit for each that is hit beyond doubt, if its distance is still below the ray's `t_max`;
+    /// for the others [`TrianglePacket::hit`] decides.
+    pub sure: u32,
+    pub t: [f32; WIDTH],
+    /// Weights of vertices 1 and 2, and the sum that they are to be divided by.
+    pub weights: [[f32; WIDTH]; 3],
+}
+
+impl Candidates {
+    /// The hit of a lane that is sure.
+    #[inline(always)]
+    pub fn hit(&self, lane: usize) -> TriangleHit {
+        let [v, w, determinant] = self.weights.map(|lanes| lanes[lane]);
+        TriangleHit { t: self.t[lane], barycentric: Vec2::new(v, w) / determinant }
+    }
+}
+
+/// Tests a packet; `None` if no triangle may be hit.
 #[inline(always)]
-pub fn candidates(packet: &TrianglePacket, ray: &TraversalRay) -> u32 {
-    let mut mask = 0;
+pub fn candidates(packet: &TrianglePacket, ray: &TraversalRay) -> Option<Candidates> {
+    let lanes = [0.0; WIDTH];
+    let mut found = Candidates { mask: 0, sure: 0, t: lanes, weights: [lanes; 3] };
     for lane in 0..WIDTH {
         let sheared = packet.sheared(ray, lane);
         let [u, v, w] = sheared.edges();
         let inside = (u.min(v).min(w) >= 0.0) | (u.max(v).max(w) <= 0.0);
         let on_edge = (u == 0.0) | (v == 0.0) | (w == 0.0);
-        let t = sheared.scaled_t([u, v, w], ray) / (u + v + w);
+        let determinant = u + v + w;
+        let t = sheared.scaled_t([u, v, w], ray) / determinant;
         let in_range = (t > 0.0) & (t < ray.t_max);
-        mask |= ((inside & (on_edge | in_range)) as u32) << lane;
+        let sure = !on_edge & sheared.is_ahead_of(ray);
+        found.mask |= ((inside & (on_edge | in_range)) as u32) << lane;
+        found.sure |= (sure as u32) << lane;
+        found.t[lane] = t;
+        [found.weights[0][lane], found.weights[1][lane], found.weights[2][lane]] = [v, w, determinant];
     }
-    mask
+    (found.mask != 0).then_some(found)
 }

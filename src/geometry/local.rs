@@ -1,7 +1,8 @@
-//! A point on a surface in double precision, in its shape's or object's space, and its way to
-//! render space.
+//! A point on a surface in its shape's or object's space, and its way to render space.
+//!
+//! Only positions are kept in double precision on the way: the rest has no cancellation left in it.
 
-use glam::{DAffine3, DMat3, DVec3, Vec2};
+use glam::{DAffine3, DVec3, Mat3, Vec2, Vec3};
 
 use super::SurfacePoint;
 use super::rounding::{UNIT_ROUNDOFF, gamma};
@@ -10,13 +11,37 @@ use super::rounding::{UNIT_ROUNDOFF, gamma};
 #[derive(Clone, Copy, Debug)]
 pub struct LocalPoint {
     pub position: DVec3,
-    pub error: DVec3,
-    pub geometric_normal: DVec3,
-    /// Interpolated normal, if the shape has one that differs from the geometric normal.
-    pub shading_normal: Option<DVec3>,
-    pub dpdu: DVec3,
-    pub dpdv: DVec3,
+    pub error: Vec3,
+    /// Unit.
+    pub geometric_normal: Vec3,
+    /// Interpolated normal of any length, if the shape has one that differs from the geometric
+    /// normal.
+    pub shading_normal: Option<Vec3>,
+    /// If it was asked for.
+    pub parametrisation: Option<Parametrisation>,
+}
+
+/// Texture coordinates, and how the surface changes with them.
+#[derive(Clone, Copy, Debug)]
+pub struct Parametrisation {
     pub uv: Vec2,
+    pub dpdu: Vec3,
+    pub dpdv: Vec3,
+}
+
+/// How much of a point is wanted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Detail {
+    /// All but the parametrisation.
+    Plain,
+    Full,
+}
+
+impl Detail {
+    #[inline]
+    pub fn then<T>(self, value: impl FnOnce() -> T) -> Option<T> {
+        (self == Self::Full).then(value)
+    }
 }
 
 impl LocalPoint {
@@ -24,20 +49,23 @@ impl LocalPoint {
     ///
     /// Rays come back to this space through a rounded origin, so the error bound covers a rounding
     /// here as well as in the other space.
+    #[inline]
     pub fn transformed(self, transform: &DAffine3, inverse: &DAffine3) -> Self {
-        let linear = transform.matrix3;
-        let normal_matrix = inverse.matrix3.transpose();
-        let absolute = DMat3::from_cols(linear.x_axis.abs(), linear.y_axis.abs(), linear.z_axis.abs());
+        let linear = transform.matrix3.as_mat3();
+        let normal_matrix = inverse.matrix3.as_mat3().transpose();
+        let absolute = Mat3::from_cols(linear.x_axis.abs(), linear.y_axis.abs(), linear.z_axis.abs());
         let position = transform.transform_point3(self.position);
-        let round_trip = self.error + gamma(1) as f64 * self.position.abs();
+        let round_trip = self.error + gamma(1) * self.position.as_vec3().abs();
         Self {
             position,
-            error: absolute * round_trip + gamma(2) as f64 * position.abs(),
-            geometric_normal: (normal_matrix * self.geometric_normal).normalize_or_zero(),
+            error: absolute * round_trip + gamma(2) * position.as_vec3().abs(),
+            geometric_normal: unit(normal_matrix * self.geometric_normal),
             shading_normal: self.shading_normal.map(|n| normal_matrix * n),
-            dpdu: linear * self.dpdu,
-            dpdv: linear * self.dpdv,
-            uv: self.uv,
+            parametrisation: self.parametrisation.map(|Parametrisation { uv, dpdu, dpdv }| Parametrisation {
+                uv,
+                dpdu: linear * dpdu,
+                dpdv: linear * dpdv,
+            }),
         }
     }
 
@@ -48,34 +76,43 @@ impl LocalPoint {
 
     /// Rounds to single precision; turns the shading normal to the geometric one's side, and
     /// replaces tangents that span no plane.
+    #[inline]
     pub fn rounded(self, primitive: u32, element: u32) -> SurfacePoint {
-        let geometric_normal = match self.geometric_normal.as_vec3().try_normalize() {
-            Some(normal) => normal,
-            None => glam::Vec3::Z,
-        };
-        let shading_normal = self
-            .shading_normal
-            .and_then(|normal| normal.try_normalize())
-            .map_or(geometric_normal, |normal| normal.as_vec3().normalize());
+        let geometric_normal = self.geometric_normal;
+        let shading_normal = self.shading_normal.map_or(geometric_normal, unit);
         let facing =
             if shading_normal.dot(geometric_normal) < 0.0 { -shading_normal } else { shading_normal };
-        let (mut dpdu, mut dpdv) = (self.dpdu.as_vec3(), self.dpdv.as_vec3());
-        let area = self.dpdu.cross(self.dpdv).length_squared();
-        // Written so that NaN is degenerate too.
-        if !(area > 0.0 && area.is_finite()) || dpdu == glam::Vec3::ZERO || dpdv == glam::Vec3::ZERO {
-            (dpdu, dpdv) = geometric_normal.any_orthonormal_pair();
-        }
-        let rounding = UNIT_ROUNDOFF as f64 * self.position.abs();
+        let Parametrisation { uv, dpdu, dpdv } =
+            self.parametrisation.filter(Parametrisation::spans_a_plane).unwrap_or_else(|| {
+                let (dpdu, dpdv) = geometric_normal.any_orthonormal_pair();
+                let uv = self.parametrisation.map_or(Vec2::ZERO, |it| it.uv);
+                Parametrisation { uv, dpdu, dpdv }
+            });
+        let position = self.position.as_vec3();
         SurfacePoint {
-            position: self.position.as_vec3(),
-            position_error: (self.error + rounding).as_vec3(),
+            position,
+            position_error: self.error + UNIT_ROUNDOFF * position.abs(),
             geometric_normal,
             shading_normal: facing,
             dpdu,
             dpdv,
-            uv: self.uv,
+            uv,
             primitive,
             element,
         }
     }
+}
+
+impl Parametrisation {
+    fn spans_a_plane(&self) -> bool {
+        // In double precision, which neither overflows nor underflows.
+        let area = self.dpdu.as_dvec3().cross(self.dpdv.as_dvec3()).length_squared();
+        area > 0.0 && area.is_finite()
+    }
+}
+
+/// The vector's direction; any unit vector where it has none.
+#[inline]
+fn unit(v: Vec3) -> Vec3 {
+    v.try_normalize().unwrap_or(Vec3::Z)
 }

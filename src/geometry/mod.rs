@@ -10,9 +10,11 @@ mod kernels;
 mod local;
 mod mesh;
 mod object;
+mod quadric;
 mod query;
 mod rounding;
 mod sampling;
+mod search;
 mod sphere;
 mod surface;
 #[cfg(test)]
@@ -21,16 +23,17 @@ mod test_scenes;
 mod tests;
 mod traverse;
 mod triangle;
+mod triangle_sampling;
 
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
 use crate::scene::Scene;
-use instances::{InstanceAccel, search_instances};
-use object::{ObjectAccel, search};
-use query::Query;
+use instances::InstanceAccel;
+use local::Detail;
+use object::ObjectAccel;
 pub use sampling::{ShapeSample, area, pdf_shape, sample_shape};
-use traverse::TraversalRay;
+pub use triangle_sampling::TriangleSampler;
 
 /// A ray in render space.
 #[derive(Clone, Copy, Debug)]
@@ -50,7 +53,7 @@ pub struct Hit {
     pub t: f32,
     /// Index into [`Scene::primitives`].
     pub primitive: u32,
-    /// Triangle of a mesh; 0 for other shapes.
+    /// Triangle of a mesh; for other shapes what only this room understands.
     pub element: u32,
     /// Index into [`Scene::instances`], or [`Hit::STATIC`].
     pub instance: u32,
@@ -80,6 +83,7 @@ pub struct SurfacePoint {
     pub uv: Vec2,
     /// Index into [`Scene::primitives`].
     pub primitive: u32,
+    /// Triangle of a mesh; 0 for other shapes.
     pub element: u32,
 }
 
@@ -96,6 +100,8 @@ pub struct Accel<'s> {
     /// As the scene's.
     objects: Vec<ObjectAccel>,
     instances: InstanceAccel,
+    /// Some primitive has an alpha texture.
+    has_alpha: bool,
 }
 
 impl<'s> Accel<'s> {
@@ -105,35 +111,48 @@ impl<'s> Accel<'s> {
         let objects: Vec<_> =
             scene.objects.par_iter().map(|object| ObjectAccel::build(scene, object)).collect();
         let instances = InstanceAccel::build(scene, &objects);
-        Self { scene, objects, instances }
+        let has_alpha = scene.primitives.iter().any(|primitive| primitive.alpha.is_some());
+        Self { scene, objects, instances, has_alpha }
     }
 
     /// The nearest hit that is not cut out by alpha.
     pub fn intersect(&self, ray: &Ray) -> Option<Hit> {
-        self.find(ray, false)
+        let mut hit = None;
+        search::find(self, std::iter::once(*ray), false, |found| hit = found);
+        hit
+    }
+
+    /// [`Self::intersect`] for many rays, which is faster than one by one: passes on the hit of
+    /// each, in their order.
+    #[inline]
+    pub fn intersect_all(&self, rays: impl Iterator<Item = Ray>, found: impl FnMut(Option<Hit>)) {
+        search::find(self, rays, false, found);
     }
 
     /// Whether anything lies between the ray's origin and `t_max`.
     pub fn occluded(&self, ray: &Ray) -> bool {
-        self.find(ray, true).is_some()
+        let mut hit = None;
+        search::find(self, std::iter::once(*ray), true, |found| hit = found);
+        hit.is_some()
     }
 
-    fn find(&self, ray: &Ray, any: bool) -> Option<Hit> {
-        let mut walk = TraversalRay::new(ray.origin, ray.direction, ray.t_max)?;
-        let mut query = Query { scene: self.scene, ray, any, hit: None };
-        if let Some(fixed) = self.objects.first() {
-            search(fixed, Hit::STATIC, &mut walk, &mut query);
-        }
-        let settled = any && query.hit.is_some();
-        if !settled && !self.instances.is_empty() {
-            search_instances(&self.instances, &self.objects, &mut walk, &mut query);
-        }
-        query.hit
+    /// [`Self::occluded`] for many rays, as [`Self::intersect_all`].
+    #[inline]
+    pub fn occluded_all(&self, rays: impl Iterator<Item = Ray>, mut found: impl FnMut(bool)) {
+        search::find(self, rays, true, |hit| found(hit.is_some()));
     }
 
     /// The point of a hit.
+    #[inline]
     pub fn surface(&self, ray: &Ray, hit: &Hit) -> SurfacePoint {
-        surface::surface_point(self.scene, ray, hit)
+        surface::surface_point(self.scene, &self.objects, ray, hit, Detail::Full)
+    }
+
+    /// The point of a hit without its parametrisation, which takes half of the work: texture
+    /// coordinates are 0, and tangents any that are perpendicular to the normal.
+    #[inline]
+    pub fn plain_surface(&self, ray: &Ray, hit: &Hit) -> SurfacePoint {
+        surface::surface_point(self.scene, &self.objects, ray, hit, Detail::Plain)
     }
 
     /// Smallest box around everything at any time of the shutter, in render space;

@@ -1,15 +1,13 @@
 //! Acceleration structure of one object: a hierarchy for its triangles, one for the other shapes.
 
-use glam::{DAffine3, Vec2, Vec3A};
-use multiversion::{multiversion, target::match_target};
+use glam::{Vec2, Vec3A};
 use obvhs::aabb::Aabb;
 
 use super::bvh::{Bvh, NO_ITEM, Node, WIDTH};
-use super::disk::{self, DiskExtent};
-use super::kernels::{self, Entered};
+use super::kernels::Kernels;
+use super::quadric::Quadric;
 use super::query::Query;
-use super::sphere::{self, SphereExtent};
-use super::traverse::{Leaves, TraversalRay, traverse};
+use super::traverse::{Leaves, Stack, TraversalRay, traverse};
 use super::triangle::TrianglePacket;
 use super::{Hit, mesh};
 use crate::scene::{Object, Scene, Shape};
@@ -22,41 +20,6 @@ const LARGEST_COORDINATE: f32 = 1e12;
 struct TriangleId {
     primitive: u32,
     triangle: u32,
-}
-
-/// A sphere or disk, ready for intersection.
-#[derive(Clone, Copy, Debug)]
-struct Quadric {
-    primitive: u32,
-    to_shape: DAffine3,
-    extent: QuadricExtent,
-}
-
-#[derive(Clone, Copy, Debug)]
-enum QuadricExtent {
-    Sphere(SphereExtent),
-    Disk(DiskExtent),
-}
-
-impl Quadric {
-    /// Where a ray in the object's space meets it, in order; NaN for none.
-    fn distances(&self, ray: &TraversalRay) -> [f32; 2] {
-        let origin = self.to_shape.transform_point3(ray.origin.as_dvec3());
-        let direction = self.to_shape.transform_vector3(ray.direction.as_dvec3());
-        match self.extent {
-            QuadricExtent::Sphere(sphere) => sphere.distances(origin, direction),
-            QuadricExtent::Disk(disk) => [disk.distance(origin, direction), f64::NAN],
-        }
-        .map(|t| t as f32)
-    }
-
-    fn uv(&self, ray: &TraversalRay, t: f32) -> Vec2 {
-        let p = self.to_shape.transform_point3((ray.origin + t * ray.direction).as_dvec3());
-        match self.extent {
-            QuadricExtent::Sphere(sphere) => sphere.local_point(sphere.projected(p)).uv,
-            QuadricExtent::Disk(disk) => disk.local_point(disk.projected(p)).uv,
-        }
-    }
 }
 
 /// An object, in its own space.
@@ -80,35 +43,22 @@ impl ObjectAccel {
         let mut quadric_boxes = Vec::new();
         for primitive in object.primitives.clone().filter(|&index| index < scene.primitives.len()) {
             let index = primitive as u32;
-            let mut add_quadric = |bounds: Option<Aabb>, to_object: &DAffine3, extent| {
-                if let Some(bounds) = bounds.filter(is_usable) {
-                    quadrics.push(Quadric { primitive: index, to_shape: to_object.inverse(), extent });
-                    quadric_boxes.push(bounds);
+            let shape = &scene.primitives[primitive].shape;
+            if let Some((quadric, bounds)) =
+                Quadric::new(index, shape).filter(|(_, bounds)| is_usable(bounds))
+            {
+                quadrics.push(quadric);
+                quadric_boxes.push(bounds);
+            }
+            let Shape::Mesh(mesh) = shape else { continue };
+            for triangle in 0..mesh.indices.len() as u32 {
+                let corners = mesh::corners(mesh, triangle);
+                let bounds = Aabb::from_points(&corners.map(Vec3A::from));
+                let finite = corners.iter().all(|corner| corner.is_finite());
+                if finite && is_usable(&bounds) && mesh::scaled_normal(corners).length_squared() > 0.0 {
+                    ids.push(TriangleId { primitive: index, triangle });
+                    boxes.push(bounds);
                 }
-            };
-            match &scene.primitives[primitive].shape {
-                Shape::Mesh(mesh) => {
-                    for triangle in 0..mesh.indices.len() as u32 {
-                        let corners = mesh::corners(mesh, triangle);
-                        let bounds = Aabb::from_points(&corners.map(Vec3A::from));
-                        let finite = corners.iter().all(|corner| corner.is_finite());
-                        if finite && is_usable(&bounds) && mesh::scaled_normal(corners).length_squared() > 0.0
-                        {
-                            ids.push(TriangleId { primitive: index, triangle });
-                            boxes.push(bounds);
-                        }
-                    }
-                }
-                Shape::Sphere(shape) => add_quadric(
-                    sphere::bounds(shape),
-                    &shape.to_object,
-                    QuadricExtent::Sphere(SphereExtent::of(shape)),
-                ),
-                Shape::Disk(shape) => add_quadric(
-                    disk::bounds(shape),
-                    &shape.to_object,
-                    QuadricExtent::Disk(DiskExtent::of(shape)),
-                ),
             }
         }
 
@@ -136,6 +86,12 @@ impl ObjectAccel {
         both.valid().then_some(both)
     }
 
+    /// By [`Hit::element`].
+    #[inline]
+    pub fn quadric(&self, element: u32) -> &Quadric {
+        &self.quadric_tests[element as usize]
+    }
+
     pub fn memory_bytes(&self) -> usize {
         self.triangles.memory_bytes()
             + self.quadrics.memory_bytes()
@@ -150,53 +106,45 @@ fn is_usable(bounds: &Aabb) -> bool {
 }
 
 /// Searches an object along a ray in its space; `instance` is what hits are labelled with.
-#[multiversion(targets("x86_64+avx2+fma+bmi1+bmi2+popcnt+lzcnt"))]
-pub fn search(object: &ObjectAccel, instance: u32, ray: &mut TraversalRay, query: &mut Query) {
-    match_target! {
-        "x86_64+avx2" => search_with(
-            object,
-            instance,
-            ray,
-            query,
-            |node: &Node, ray: &TraversalRay| kernels::avx2::enter(node, ray),
-            |packet: &TrianglePacket, ray: &TraversalRay| kernels::avx2::candidates(packet, ray),
-        ),
-        _ => search_with(object, instance, ray, query, kernels::enter, kernels::candidates),
-    }
-}
-
-/// [`search`] with given kernels.
 #[inline(always)]
-fn search_with(
+pub fn search(
     object: &ObjectAccel,
     instance: u32,
     ray: &mut TraversalRay,
     query: &mut Query,
-    enter: impl Fn(&Node, &TraversalRay) -> Entered,
-    candidates: impl Fn(&TrianglePacket, &TraversalRay) -> u32,
+    stack: &mut Stack,
+    kernels: impl Kernels,
 ) {
-    traverse(&object.triangles, ray, &enter, &mut TriangleLeaves { object, instance, query, candidates });
+    let enter = |node: &Node, ray: &TraversalRay| kernels.enter(node, ray);
+    let triangles = &mut TriangleLeaves { object, instance, query, kernels };
+    traverse(&object.triangles, ray, stack, enter, triangles);
     if !(query.any && query.hit.is_some()) {
-        traverse(&object.quadrics, ray, &enter, &mut QuadricLeaves { object, instance, query });
+        traverse(&object.quadrics, ray, stack, enter, &mut QuadricLeaves { object, instance, query });
     }
 }
 
-struct TriangleLeaves<'a, 'q, C> {
+struct TriangleLeaves<'a, 'q, K> {
     object: &'a ObjectAccel,
     instance: u32,
     query: &'a mut Query<'q>,
-    candidates: C,
+    kernels: K,
 }
 
-impl<C: Fn(&TrianglePacket, &TraversalRay) -> u32> Leaves for TriangleLeaves<'_, '_, C> {
+impl<K: Kernels> Leaves for TriangleLeaves<'_, '_, K> {
     #[inline(always)]
-    fn test(&mut self, leaf: u32, ray: &mut TraversalRay) -> bool {
+    fn test(&mut self, leaf: u32, ray: &mut TraversalRay, _: &mut Stack) -> bool {
         let packet = &self.object.packets[leaf as usize];
-        let mut candidates = (self.candidates)(packet, ray);
-        while candidates != 0 {
-            let lane = candidates.trailing_zeros() as usize % WIDTH;
-            candidates &= candidates - 1;
-            let Some(found) = packet.hit(ray, lane) else { continue };
+        let Some(candidates) = self.kernels.candidates(packet, ray) else { return false };
+        let mut mask = candidates.mask;
+        while mask != 0 {
+            let lane = mask.trailing_zeros() as usize % WIDTH;
+            mask &= mask - 1;
+            let found = if candidates.sure >> lane & 1 == 1 {
+                Some(candidates.hit(lane)).filter(|found| found.t < ray.t_max)
+            } else {
+                packet.hit(ray, lane)
+            };
+            let Some(found) = found else { continue };
             let id = self.object.triangle_ids[leaf as usize * WIDTH + lane];
             let hit = Hit {
                 t: found.t,
@@ -224,7 +172,7 @@ struct QuadricLeaves<'a, 'q> {
 
 impl Leaves for QuadricLeaves<'_, '_> {
     #[inline(always)]
-    fn test(&mut self, leaf: u32, ray: &mut TraversalRay) -> bool {
+    fn test(&mut self, leaf: u32, ray: &mut TraversalRay, _: &mut Stack) -> bool {
         let quadric = &self.object.quadric_tests[leaf as usize];
         for t in quadric.distances(ray) {
             // NaN is no hit.
@@ -232,7 +180,7 @@ impl Leaves for QuadricLeaves<'_, '_> {
                 let hit = Hit {
                     t,
                     primitive: quadric.primitive,
-                    element: 0,
+                    element: leaf,
                     instance: self.instance,
                     barycentric: Vec2::ZERO,
                 };
@@ -242,46 +190,5 @@ impl Leaves for QuadricLeaves<'_, '_> {
             }
         }
         self.query.any && self.query.hit.is_some()
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use glam::Vec3;
-
-    use super::*;
-    use crate::geometry::test_scenes::{Numbers, closed_sphere_mesh, ray, scene_of, sphere};
-
-    /// What the machine's vectors find is what the portable code finds, to the last bit; also for
-    /// rays at vertices and within the planes of boxes.
-    #[test]
-    fn every_instruction_set_finds_the_same() {
-        let mesh = closed_sphere_mesh(Vec3::ZERO, 1.0, 40, 60);
-        let scene = scene_of(vec![Shape::Mesh(mesh.clone()), sphere(Vec3::X, 0.7)]);
-        let object = ObjectAccel::build(&scene, &scene.objects[0]);
-        let mut numbers = Numbers::new(11);
-        let mut hits = 0;
-        for step in 0..4000 {
-            let origin = if step % 4 == 0 { Vec3::ZERO } else { numbers.in_cube(2.0) };
-            let vertex = mesh.positions[step % mesh.positions.len()];
-            let direction = if step % 2 == 0 { vertex - origin } else { numbers.direction() };
-            let ray = ray(origin, direction);
-            let Some(walk) = TraversalRay::new(ray.origin, ray.direction, ray.t_max) else { continue };
-            for any in [false, true] {
-                let [fast, portable] = [true, false].map(|vectors| {
-                    let (mut walk, mut query) = (walk, Query { scene: &scene, ray: &ray, any, hit: None });
-                    if vectors {
-                        search(&object, Hit::STATIC, &mut walk, &mut query);
-                    } else {
-                        let (enter, test) = (kernels::enter, kernels::candidates);
-                        search_with(&object, Hit::STATIC, &mut walk, &mut query, enter, test);
-                    }
-                    query.hit.map(|hit| (hit.t.to_bits(), hit.primitive, hit.element, hit.barycentric))
-                });
-                assert_eq!(fast, portable, "{ray:?}");
-                hits += fast.is_some() as u32;
-            }
-        }
-        assert!(hits > 3000, "{hits}");
     }
 }

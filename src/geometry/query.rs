@@ -10,6 +10,8 @@ use crate::scene::{Scene, Shape};
 /// A search along one ray, through all objects.
 pub struct Query<'a> {
     pub scene: &'a Scene,
+    /// Some primitive has an alpha texture.
+    pub has_alpha: bool,
     /// In render space.
     pub ray: &'a Ray,
     /// Any hit will do.
@@ -21,21 +23,25 @@ pub struct Query<'a> {
 impl Query<'_> {
     /// Takes a candidate nearer than all before, unless it is cut out. `uv` is asked for only if
     /// there is an alpha texture, and not for triangles.
+    #[inline]
     pub fn accept(&mut self, candidate: Hit, uv: impl FnOnce() -> Vec2) -> bool {
-        let primitive = &self.scene.primitives[candidate.primitive as usize];
-        if let Some(alpha) = primitive.alpha {
-            let uv = match &primitive.shape {
-                Shape::Mesh(mesh) => mesh::uv(mesh, candidate.element, candidate.barycentric),
-                Shape::Sphere(_) | Shape::Disk(_) => uv(),
-            };
-            let position = self.ray.origin + candidate.t * self.ray.direction;
-            let opacity = self.scene.textures.float(alpha, TexturePoint { uv, position });
-            if opacity < 1.0 && uniform(self.ray, &candidate) >= opacity {
-                return false;
-            }
+        if self.has_alpha && self.is_cut_out(&candidate, uv) {
+            return false;
         }
         self.hit = Some(candidate);
         true
+    }
+
+    fn is_cut_out(&self, candidate: &Hit, uv: impl FnOnce() -> Vec2) -> bool {
+        let primitive = &self.scene.primitives[candidate.primitive as usize];
+        let Some(alpha) = primitive.alpha else { return false };
+        let uv = match &primitive.shape {
+            Shape::Mesh(mesh) => mesh::uv(mesh, candidate.element, candidate.barycentric),
+            Shape::Sphere(_) | Shape::Disk(_) => uv(),
+        };
+        let position = self.ray.origin + candidate.t * self.ray.direction;
+        let opacity = self.scene.textures.float(alpha, TexturePoint { uv, position });
+        opacity < 1.0 && uniform(self.ray, candidate) >= opacity
     }
 }
 

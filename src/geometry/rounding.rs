@@ -12,15 +12,10 @@ pub const fn gamma(n: u32) -> f32 {
 }
 
 /// `position` moved along `normal`, to the side of `w`, so far that the true surface within
-/// `error` of it lies behind; every component is then rounded away from the surface.
+/// `error` of it lies behind, whatever the sum's own rounding does.
+#[inline]
 pub fn offset_origin(position: Vec3, error: Vec3, normal: Vec3, w: Vec3) -> Vec3 {
-    let distance = normal.abs().dot(error);
-    let offset = if w.dot(normal) < 0.0 { -distance } else { distance } * normal;
-    let away = |x: f32, towards: f32| match towards {
-        up if up > 0.0 => x.next_up(),
-        down if down < 0.0 => x.next_down(),
-        _ => x,
-    };
-    let moved = position + offset;
-    Vec3::new(away(moved.x, offset.x), away(moved.y, offset.y), away(moved.z, offset.z))
+    // γ(2): the rounding of the result, and of what is computed here.
+    let distance = normal.abs().dot(error + gamma(2) * position.abs());
+    position + distance.copysign(w.dot(normal)) * normal
 }

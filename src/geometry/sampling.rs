@@ -10,9 +10,9 @@ use std::f64::consts::TAU;
 use glam::{DAffine3, DVec2, DVec3, Vec2, Vec3};
 
 use super::disk::DiskExtent;
-use super::local::LocalPoint;
+use super::local::{Detail, LocalPoint};
 use super::sphere::SphereExtent;
-use super::surface::quadric_point;
+use super::triangle_sampling::TriangleSampler;
 use super::{SurfacePoint, mesh, rounding};
 use crate::scene::{Primitive, Scene, Shape, Sphere};
 
@@ -50,32 +50,31 @@ pub fn sample_shape(
     u: Vec2,
 ) -> Option<ShapeSample> {
     let owner = &scene.primitives[primitive as usize];
-    let u = u.as_dvec2();
     let (point, cone_density) = match &owner.shape {
         Shape::Mesh(mesh) => {
-            let barycentric = uniform_barycentric(u);
-            (mesh::local_point(mesh, element, barycentric, owner.flip_normal), None)
+            return TriangleSampler::new(mesh, element, owner.flip_normal).sample(reference, u);
         }
         Shape::Sphere(sphere) => {
             let extent = SphereExtent::of(sphere);
             let cone = Cone::towards(sphere, reference);
             let p = match &cone {
-                Some(cone) => cone.point(u),
-                None => uniform_on_sphere(&extent, u),
+                Some(cone) => cone.point(u.as_dvec2()),
+                None => uniform_on_sphere(&extent, u.as_dvec2()),
             };
-            let point = in_object(owner, &sphere.to_object, p, |p| extent.local_point(p));
+            let point = in_object(owner, &sphere.to_object, p, |p| extent.local_point(p, Detail::Full));
             let density = cone.map(|cone| cone.density(point.position - reference.as_dvec3()));
             (point, density)
         }
         Shape::Disk(disk) => {
             let extent = DiskExtent::of(disk);
-            let p = uniform_on_disk(&extent, u);
-            (in_object(owner, &disk.to_object, p, |p| extent.local_point(p)), None)
+            let p = uniform_on_disk(&extent, u.as_dvec2());
+            (in_object(owner, &disk.to_object, p, |p| extent.local_point(p, Detail::Full)), None)
         }
     };
     let density = cone_density.unwrap_or_else(|| {
-        area_density(owner, element, point.geometric_normal)
-            * area_to_solid_angle(point.position - reference.as_dvec3(), point.geometric_normal)
+        let normal = point.geometric_normal.as_dvec3();
+        area_density(owner, element, normal)
+            * area_to_solid_angle(point.position - reference.as_dvec3(), normal)
     });
     let point = point.rounded(primitive, element);
     let pdf = density as f32;
@@ -184,13 +183,8 @@ fn in_object(
     p: DVec3,
     surface: impl Fn(DVec3) -> LocalPoint,
 ) -> LocalPoint {
-    quadric_point(to_object, to_object.transform_point3(p), owner.flip_normal, |_| surface(p))
-}
-
-/// Uniform by area (Heitz 2019): keeps the stratification of `u` better than a square root.
-fn uniform_barycentric(u: DVec2) -> Vec2 {
-    let (b0, b1) = if u.x < u.y { (0.5 * u.x, u.y - 0.5 * u.x) } else { (u.x - 0.5 * u.y, 0.5 * u.y) };
-    DVec2::new(b1, 1.0 - b0 - b1).as_vec2()
+    let point = surface(p).transformed(to_object, &to_object.inverse());
+    if owner.flip_normal { point.flipped() } else { point }
 }
 
 fn uniform_on_disk(disk: &DiskExtent, u: DVec2) -> DVec3 {

@@ -2,11 +2,11 @@
 
 use std::f64::consts::{PI, TAU};
 
-use glam::{DAffine3, DVec3, Vec2};
+use glam::{DAffine3, DVec3, Vec2, Vec3};
 use obvhs::aabb::Aabb;
 
 use super::bvh::rounded_out;
-use super::local::LocalPoint;
+use super::local::{Detail, LocalPoint, Parametrisation};
 use crate::scene::Sphere;
 
 /// The parameters of a sphere in its own space.
@@ -16,6 +16,9 @@ pub struct SphereExtent {
     pub z_min: f64,
     pub z_max: f64,
     pub phi_max: f64,
+    /// Polar angle of `z_min`, and how much less that of `z_max` is.
+    theta_start: f32,
+    theta_range: f32,
 }
 
 impl SphereExtent {
@@ -23,12 +26,16 @@ impl SphereExtent {
         let radius = sphere.radius as f64;
         let within = |z: f32| (z as f64).max(-radius).min(radius);
         let (a, b) = (within(sphere.z_min), within(sphere.z_max));
+        let (z_min, z_max) = (a.min(b), a.max(b));
+        let theta = |z: f64| (z / radius).clamp(-1.0, 1.0).acos();
         Self {
             radius,
-            z_min: a.min(b),
-            z_max: a.max(b),
+            z_min,
+            z_max,
             // The single precision 2π is a little more than the double one.
             phi_max: (sphere.phi_max as f64).min(TAU),
+            theta_start: theta(z_min) as f32,
+            theta_range: (theta(z_max) - theta(z_min)) as f32,
         }
     }
 
@@ -51,16 +58,18 @@ impl SphereExtent {
         // The point closest to the centre gives a discriminant without cancellation.
         let closest = (origin - direction * (half_b / a)).length();
         let discriminant = (self.radius - closest) * (self.radius + closest) * a;
-        // Of a negative number this is NaN.
+        if discriminant < 0.0 {
+            return [f64::NAN; 2];
+        }
         let root = discriminant.sqrt();
         let q = -(half_b + root.copysign(half_b));
         let (t0, t1) = (q / a, c / q);
         let (first, last) = if t0 <= t1 { (t0, t1) } else { (t1, t0) };
-        [first, last].map(
-            |t| {
-                if self.contains(self.projected(origin + t * direction)) { t } else { f64::NAN }
-            },
-        )
+        if self.is_full() {
+            return [first, last];
+        }
+        let is_there = |t: f64| self.contains(self.projected(origin + t * direction));
+        [first, last].map(|t| if is_there(t) { t } else { f64::NAN })
     }
 
     /// The point of the sphere closest to `p`.
@@ -69,22 +78,30 @@ impl SphereExtent {
     }
 
     /// The surface at `p`, a point on the sphere.
-    pub fn local_point(&self, p: DVec3) -> LocalPoint {
-        let phi = azimuth(p).min(self.phi_max);
-        let theta = |z: f64| (z / self.radius).clamp(-1.0, 1.0).acos();
-        let (theta_start, theta_end) = (theta(self.z_min), theta(self.z_max));
-        let range = theta_end - theta_start;
-        let v = if range == 0.0 { 0.0 } else { (theta(p.z) - theta_start) / range };
-        let ring = p.x.hypot(p.y);
-        let (cos_phi, sin_phi) = if ring > 0.0 { (p.x / ring, p.y / ring) } else { (1.0, 0.0) };
+    pub fn local_point(&self, p: DVec3, detail: Detail) -> LocalPoint {
+        let n = (p / self.radius).as_vec3();
         LocalPoint {
             position: p,
             error: rounding_error(p),
-            geometric_normal: p / self.radius,
+            geometric_normal: n,
             shading_normal: None,
-            dpdu: self.phi_max * DVec3::new(-p.y, p.x, 0.0),
-            dpdv: range * DVec3::new(p.z * cos_phi, p.z * sin_phi, -ring),
-            uv: Vec2::new((phi / self.phi_max) as f32, v as f32),
+            parametrisation: detail.then(|| self.parametrisation(n)),
+        }
+    }
+
+    /// At the point with this unit normal.
+    fn parametrisation(&self, n: Vec3) -> Parametrisation {
+        let (radius, phi_max, range) = (self.radius as f32, self.phi_max as f32, self.theta_range);
+        let phi = n.y.atan2(n.x);
+        let phi = if phi < 0.0 { phi + 2.0 * PI as f32 } else { phi }.min(phi_max);
+        let ring = (n.x * n.x + n.y * n.y).sqrt();
+        // The arc tangent is exact near the poles too, where the arc cosine is not.
+        let v = if range == 0.0 { 0.0 } else { (ring.atan2(n.z) - self.theta_start) / range };
+        let (cos_phi, sin_phi) = if ring > 0.0 { (n.x / ring, n.y / ring) } else { (1.0, 0.0) };
+        Parametrisation {
+            dpdu: phi_max * radius * Vec3::new(-n.y, n.x, 0.0),
+            dpdv: range * radius * Vec3::new(n.z * cos_phi, n.z * sin_phi, -ring),
+            uv: Vec2::new(phi / phi_max, v),
         }
     }
 }
@@ -96,8 +113,8 @@ pub fn azimuth(p: DVec3) -> f64 {
 }
 
 /// Bound on the error of a position that is computed in double precision and used in single.
-pub fn rounding_error(p: DVec3) -> DVec3 {
-    super::rounding::gamma(2) as f64 * p.abs()
+pub fn rounding_error(p: DVec3) -> Vec3 {
+    super::rounding::gamma(3) * p.as_vec3().abs()
 }
 
 /// A box around a sphere, in its object's space.

@@ -1,54 +1,53 @@
 //! From a hit to the point on the surface, in render space.
 
-use glam::{DAffine3, DVec3};
+use glam::DVec3;
 
-use super::disk::DiskExtent;
 use super::instances::transforms_at;
-use super::local::LocalPoint;
-use super::sphere::SphereExtent;
+use super::local::{Detail, LocalPoint};
+use super::object::ObjectAccel;
 use super::{Hit, Ray, SurfacePoint, mesh};
-use crate::scene::{Primitive, Scene, Shape};
+use crate::scene::{Scene, Shape};
 
-/// The point at which `ray` hit.
-pub fn surface_point(scene: &Scene, ray: &Ray, hit: &Hit) -> SurfacePoint {
-    let primitive = &scene.primitives[hit.primitive as usize];
-    let (origin, direction) = (ray.origin.as_dvec3(), ray.direction.as_dvec3());
-    let reached = origin + hit.t as f64 * direction;
-    let local = match scene.instances.get(hit.instance as usize) {
-        None => object_point(primitive, hit, reached),
-        Some(instance) => {
-            let (to_render, to_object) = transforms_at(&instance.transform, ray.time);
-            object_point(primitive, hit, to_object.transform_point3(reached))
-                .transformed(&to_render, &to_object)
-        }
+/// The point at which `ray` hit. `objects` are indexed as the scene's.
+#[inline]
+pub fn surface_point(
+    scene: &Scene,
+    objects: &[ObjectAccel],
+    ray: &Ray,
+    hit: &Hit,
+    detail: Detail,
+) -> SurfacePoint {
+    let reached = || ray.origin.as_dvec3() + hit.t as f64 * ray.direction.as_dvec3();
+    let (point, element) = if hit.instance == Hit::STATIC {
+        local_point(scene, &objects[0], hit, detail, reached)
+    } else {
+        let instance = &scene.instances[hit.instance as usize];
+        let (to_render, to_object) = transforms_at(&instance.transform, ray.time);
+        let near = || to_object.transform_point3(reached());
+        let (point, element) = local_point(scene, &objects[instance.object], hit, detail, near);
+        (point.transformed(&to_render, &to_object), element)
     };
-    local.rounded(hit.primitive, hit.element)
+    point.rounded(hit.primitive, element)
 }
 
-/// The surface in the object's space; `near` is the hit as the ray gives it.
-fn object_point(primitive: &Primitive, hit: &Hit, near: DVec3) -> LocalPoint {
+/// The surface in the object's space, and [`SurfacePoint::element`]; `near` is the hit as the ray
+/// gives it.
+#[inline]
+fn local_point(
+    scene: &Scene,
+    object: &ObjectAccel,
+    hit: &Hit,
+    detail: Detail,
+    near: impl FnOnce() -> DVec3,
+) -> (LocalPoint, u32) {
+    let primitive = &scene.primitives[hit.primitive as usize];
     let flip = primitive.flip_normal;
     match &primitive.shape {
-        Shape::Mesh(mesh) => mesh::local_point(mesh, hit.element, hit.barycentric, flip),
-        Shape::Sphere(sphere) => {
-            let extent = SphereExtent::of(sphere);
-            quadric_point(&sphere.to_object, near, flip, |p| extent.local_point(extent.projected(p)))
+        Shape::Mesh(mesh) => {
+            (mesh::local_point(mesh, hit.element, hit.barycentric, flip, detail), hit.element)
         }
-        Shape::Disk(disk) => {
-            let extent = DiskExtent::of(disk);
-            quadric_point(&disk.to_object, near, flip, |p| extent.local_point(extent.projected(p)))
+        Shape::Sphere(_) | Shape::Disk(_) => {
+            (object.quadric(hit.element).local_point(near(), flip, detail), 0)
         }
     }
-}
-
-/// The point that `surface` gives, in its shape's space, for one near it; in the object's space.
-pub fn quadric_point(
-    to_object: &DAffine3,
-    near: DVec3,
-    flip: bool,
-    surface: impl Fn(DVec3) -> LocalPoint,
-) -> LocalPoint {
-    let to_shape = to_object.inverse();
-    let point = surface(to_shape.transform_point3(near)).transformed(to_object, &to_shape);
-    if flip { point.flipped() } else { point }
 }

@@ -12,6 +12,10 @@ use super::kernels::Entered;
 /// Entries of the stack before it spills to the heap; enough for any but degenerate scenes.
 const STACK_SIZE: usize = 64;
 
+/// For each major axis, and for directions along and against it: the other two in the order that
+/// keeps the handedness, and itself.
+const AXES: [[[usize; 3]; 2]; 3] = [[[1, 2, 0], [2, 1, 0]], [[2, 0, 1], [0, 2, 1]], [[0, 1, 2], [1, 0, 2]]];
+
 /// A ray, prepared for boxes and triangles.
 #[derive(Clone, Copy, Debug)]
 pub struct TraversalRay {
@@ -36,7 +40,7 @@ pub struct TraversalRay {
 
 impl TraversalRay {
     /// `None` for rays that can hit nothing: not finite, or without a direction.
-    #[inline]
+    #[inline(always)]
     pub fn new(origin: Vec3, direction: Vec3, t_max: f32) -> Option<Self> {
         let size = direction.abs();
         let major = if size.x > size.y && size.x > size.z {
@@ -46,25 +50,24 @@ impl TraversalRay {
         } else {
             2
         };
-        let usable = origin.is_finite() && direction.is_finite() && direction[major] != 0.0 && t_max > 0.0;
-        if !usable {
+        // Zero times what is not finite is not a number.
+        let finite = (0.0 * origin + 0.0 * direction).element_sum() == 0.0;
+        if !(finite && t_max > 0.0 && size[major] > 0.0) {
             return None;
         }
-        let (mut a, mut b) = ((major + 1) % 3, (major + 2) % 3);
-        if direction[major] < 0.0 {
-            (a, b) = (b, a);
-        }
         let inverse = direction.recip();
+        let scale = inverse[major];
+        let axes @ [a, b, _] = AXES[major][(scale < 0.0) as usize];
         Some(Self {
             origin,
             direction,
             inverse,
             t_max,
-            backward: inverse.to_array().map(|x| x.is_sign_negative() as usize),
-            axes: [a, b, major],
-            permuted_origin: [origin[a], origin[b], origin[major]],
-            shear: [direction[a] / direction[major], direction[b] / direction[major]],
-            scale: inverse[major],
+            backward: inverse.to_array().map(|x| (x.to_bits() >> 31) as usize),
+            axes,
+            permuted_origin: axes.map(|axis| origin[axis]),
+            shear: [direction[a] * scale, direction[b] * scale],
+            scale,
         })
     }
 
@@ -81,8 +84,9 @@ impl TraversalRay {
 
 /// What the leaves of a hierarchy hold.
 pub trait Leaves {
-    /// Tests a leaf, lowers `ray.t_max` to what it finds; `true` ends the walk.
-    fn test(&mut self, leaf: u32, ray: &mut TraversalRay) -> bool;
+    /// Tests a leaf, lowers `ray.t_max` to what it finds; `true` ends the walk. What is put on the
+    /// stack is taken away again.
+    fn test(&mut self, leaf: u32, ray: &mut TraversalRay, stack: &mut Stack) -> bool;
 }
 
 /// Calls `leaves` for every leaf whose box the ray enters before its `t_max`, roughly in order.
@@ -91,24 +95,26 @@ pub trait Leaves {
 pub fn traverse(
     bvh: &Bvh,
     ray: &mut TraversalRay,
+    stack: &mut Stack,
     enter: impl Fn(&Node, &TraversalRay) -> Entered,
     leaves: &mut impl Leaves,
 ) {
     if bvh.nodes.is_empty() {
         return;
     }
-    let mut stack = Stack::new();
+    let bottom = stack.height();
     let mut current = 0;
     loop {
         let child = if current & LEAF == 0 {
             let node = &bvh.nodes[current as usize];
-            descend(node, enter(node, ray), &mut stack)
-        } else if leaves.test(current & !LEAF, ray) {
+            descend(node, enter(node, ray), stack)
+        } else if leaves.test(current & !LEAF, ray, stack) {
+            stack.drop_above(bottom);
             return;
         } else {
             None
         };
-        let Some(next) = child.or_else(|| stack.pop_before(ray.t_max)) else { return };
+        let Some(next) = child.or_else(|| stack.pop_before(ray.t_max, bottom)) else { return };
         current = next;
     }
 }
@@ -174,16 +180,22 @@ impl Visit {
     }
 }
 
-struct Stack {
+/// What is still to be visited, by one walk above the other. Made once for many rays.
+pub struct Stack {
     visits: [Visit; STACK_SIZE],
     len: usize,
     spilled: Vec<Visit>,
 }
 
 impl Stack {
-    #[inline(always)]
-    fn new() -> Self {
+    #[inline]
+    pub fn new() -> Self {
         Self { visits: [Visit(0); STACK_SIZE], len: 0, spilled: Vec::new() }
+    }
+
+    #[inline(always)]
+    fn height(&self) -> usize {
+        self.len + self.spilled.len()
     }
 
     #[inline(always)]
@@ -196,20 +208,30 @@ impl Stack {
         }
     }
 
-    /// The child on top among those entered before `t_max`; what lies above it is dropped.
     #[inline(always)]
-    fn pop_before(&mut self, t_max: f32) -> Option<u32> {
-        loop {
-            let visit = match self.spilled.pop() {
-                Some(visit) => visit,
-                None => {
-                    self.len = self.len.checked_sub(1)?;
-                    self.visits[self.len % STACK_SIZE]
-                }
-            };
+    fn pop(&mut self) -> Visit {
+        self.spilled.pop().unwrap_or_else(|| {
+            self.len -= 1;
+            self.visits[self.len % STACK_SIZE]
+        })
+    }
+
+    /// The child on top among those above `bottom` and entered before `t_max`; what lies above it
+    /// is dropped.
+    #[inline(always)]
+    fn pop_before(&mut self, t_max: f32, bottom: usize) -> Option<u32> {
+        while self.height() > bottom {
+            let visit = self.pop();
             if visit.entry() <= t_max {
                 return Some(visit.child());
             }
+        }
+        None
+    }
+
+    fn drop_above(&mut self, bottom: usize) {
+        while self.height() > bottom {
+            self.pop();
         }
     }
 }
@@ -221,12 +243,15 @@ mod tests {
     #[test]
     fn the_stack_gives_back_all_that_it_takes_beyond_its_size() {
         let mut stack = Stack::new();
+        stack.push(Visit::new(0.0, 7));
+        let bottom = stack.height();
         let count = 3 * STACK_SIZE as u32;
         for child in 0..count {
             stack.push(Visit::new(child as f32, child));
         }
-        // Those entered farther than half of all are skipped.
-        let popped: Vec<_> = std::iter::from_fn(|| stack.pop_before((count / 2) as f32)).collect();
+        // Those entered farther than half of all are skipped, and what another walk left stays.
+        let popped: Vec<_> = std::iter::from_fn(|| stack.pop_before((count / 2) as f32, bottom)).collect();
         assert_eq!(popped, (0..=count / 2).rev().collect::<Vec<_>>());
+        assert_eq!(stack.pop().child(), 7);
     }
 }

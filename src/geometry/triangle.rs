@@ -97,9 +97,16 @@ impl Sheared {
         (edges[0] * self.z[0] + edges[1] * self.z[1] + edges[2] * self.z[2]) * ray.scale
     }
 
+    /// Whether all of the triangle is ahead of the ray's origin.
+    #[inline(always)]
+    pub fn is_ahead_of(&self, ray: &TraversalRay) -> bool {
+        let [a, b, c] = self.z.map(|z| z * ray.scale > 0.0);
+        a & b & c
+    }
+
     /// Whether a distance `t` is positive beyond doubt.
     fn is_ahead(&self, t: f32, edges: [f32; 3], ray: &TraversalRay) -> bool {
-        if self.z.iter().all(|&z| z * ray.scale > 0.0) {
+        if self.is_ahead_of(ray) {
             return true;
         }
         let largest = |values: [f32; 3]| values.iter().fold(0.0f32, |size, v| size.max(v.abs()));

@@ -17,13 +17,17 @@ mod sampler;
 use rayon::prelude::*;
 
 use self::camera::CameraRays;
-use self::integrator::PathTracer;
+use self::integrator::{PathTracer, Wavefront};
 use self::pixel_filter::FilterSampler;
 use self::record::Record;
 use self::sampler::{Independent, Sobol, Source, Stream};
 use crate::geometry::Accel;
 use crate::scene::{SamplerKind, Scene};
 use crate::stats::{Layout, Row, Store};
+
+/// Samples that are traced together: enough for the stages to overlap, few enough to stay in the
+/// first-level cache.
+const WAVEFRONT: usize = 24;
 
 /// Renders samples of one scene.
 pub struct Renderer<'s> {
@@ -100,33 +104,56 @@ impl<'s> Renderer<'s> {
     }
 
     fn render_row<S: Source>(&self, y: usize, counts: &[u32], row: &mut Row) {
-        let mut sample = vec![0.0; self.layout.len()];
-        let y = y + self.corner[1];
+        let mut wave = Wavefront::<S>::with_capacity(WAVEFRONT);
+        let mut columns = Vec::with_capacity(WAVEFRONT);
+        let mut samples = Vec::with_capacity(WAVEFRONT * self.layout.len());
         for (column, &count) in counts.iter().enumerate() {
-            let x = column + self.corner[0];
+            let (x, y) = (column + self.corner[0], y + self.corner[1]);
             let source = S::for_pixel(self.seed, x as u32, y as u32);
-            for _ in 0..count {
-                let mut numbers = Stream::new(&source, row.next_index(column));
-                let values = self.sample(x, y, &mut numbers).values();
-                for (out, &i) in sample.iter_mut().zip(&self.alive) {
-                    *out = values[i];
+            let first = row.next_index(column);
+            for index in first..first.saturating_add(count) {
+                self.start(x, y, Stream::new(source, index), &mut wave);
+                columns.push(column);
+                if columns.len() == WAVEFRONT {
+                    self.finish(&mut wave, &mut columns, &mut samples, row);
                 }
-                row.push(column, &sample);
             }
         }
+        self.finish(&mut wave, &mut columns, &mut samples, row);
     }
 
-    /// One sample of the pixel at (`x`, `y`) of the whole image.
+    /// Starts one sample of the pixel at (`x`, `y`) of the whole image.
     #[inline]
-    fn sample<S: Source>(&self, x: usize, y: usize, numbers: &mut Stream<S>) -> Record {
-        let camera = self.tracer.dimensions().camera(numbers);
+    fn start<S: Source>(&self, x: usize, y: usize, mut numbers: Stream<S>, wave: &mut Wavefront<'s, S>) {
+        let camera = self.tracer.dimensions().camera(&mut numbers);
         let centre = glam::Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
         let film = centre + self.filter.sample(camera.film);
         let ray = self.camera.ray(film, camera.lens, camera.time);
-        let mut record = Record { film, lens: camera.lens, time: camera.time, ..Record::default() };
-        self.tracer.trace(ray, numbers, &mut record);
-        record.colour *= self.exposure;
-        record.visible *= self.exposure;
-        record
+        let record = Record { film, lens: camera.lens, time: camera.time, ..Record::default() };
+        wave.start(ray, numbers, record);
+    }
+
+    /// Traces what was started, one path for each of `columns`, and takes it into the store.
+    fn finish<S: Source>(
+        &self,
+        wave: &mut Wavefront<'s, S>,
+        columns: &mut Vec<usize>,
+        samples: &mut Vec<f32>,
+        row: &mut Row,
+    ) {
+        self.tracer.trace(wave);
+        for record in wave.records() {
+            let values = record.values(self.exposure);
+            samples.extend(self.alive.iter().map(|&i| values[i]));
+        }
+        let mut rest = &samples[..];
+        for pixel in columns.chunk_by(|a, b| a == b) {
+            let (samples, others) = rest.split_at(pixel.len() * self.layout.len());
+            row.push(pixel[0], samples);
+            rest = others;
+        }
+        wave.clear();
+        columns.clear();
+        samples.clear();
     }
 }

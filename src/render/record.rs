@@ -2,7 +2,7 @@
 
 use glam::{Vec2, Vec3};
 
-use crate::stats::Layout;
+use crate::stats::{Layout, MAX_DIMENSIONS};
 
 /// Everything that the blocks of a [`Layout`] ask for.
 #[derive(Clone, Copy, Debug, Default)]
@@ -28,16 +28,15 @@ pub struct Record {
     pub hit: bool,
 }
 
-/// Dimensions of a sample vector when everything is alive.
-const ALL: usize = 34;
-
 impl Record {
-    /// The sample vector of a layout in which everything is alive.
+    /// The sample vector of a layout in which everything is alive; `exposure` is the factor from
+    /// radiance to pixel value.
     #[inline]
-    pub fn values(&self) -> [f32; ALL] {
+    pub fn values(&self, exposure: f32) -> [f32; MAX_DIMENSIONS] {
         let [film, lens, light1, bsdf1] = [self.film, self.lens, self.light1, self.bsdf1];
-        let [c, p1, n1, a] = [self.colour, self.position1, self.normal1, self.albedo];
-        let [p2, n2, e, r] = [self.position2, self.normal2, self.visible, self.colour + self.visible];
+        let (colour, visible) = (exposure * self.colour, exposure * self.visible);
+        let [c, p1, n1, a] = [colour, self.position1, self.normal1, self.albedo];
+        let [p2, n2, e, r] = [self.position2, self.normal2, visible, colour + visible];
         let hit = if self.hit { 1.0 } else { 0.0 };
         [
             film.x, film.y, c.x, c.y, c.z, p1.x, p1.y, p1.z, n1.x, n1.y, n1.z, a.x, a.y, a.z, p2.x, p2.y,
@@ -78,7 +77,7 @@ mod tests {
             hit: true,
         };
         let layout = Layout::with_blocks(|_| true);
-        let values = record.values();
+        let values = record.values(1.0);
         assert_eq!(layout.len(), values.len());
         let expected: [(Block, &[f32]); 14] = [
             (Block::Film, &[1.0, 2.0]),

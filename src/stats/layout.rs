@@ -121,6 +121,16 @@ const ALL: [(Block, &[Dimension]); 14] = {
     ]
 };
 
+/// Dimensions of a sample when everything is alive.
+pub const MAX_DIMENSIONS: usize = {
+    let (mut sum, mut i) = (0, 0);
+    while i < ALL.len() {
+        sum += ALL[i].1.len();
+        i += 1;
+    }
+    sum
+};
+
 /// Which dimensions a sample has, and where. Everything downstream (record size, statistics
 /// planes, mutual-information pairs, filter terms) iterates over it.
 #[derive(Clone, Debug, PartialEq, Eq)]

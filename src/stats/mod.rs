@@ -9,6 +9,6 @@ mod moments;
 mod reservoir;
 mod store;
 
-pub use layout::{Block, Dimension, Feature, Group, Layout};
+pub use layout::{Block, Dimension, Feature, Group, Layout, MAX_DIMENSIONS};
 pub use moments::Moments;
 pub use store::{Part, Row, Store};

@@ -2,7 +2,8 @@
 
 use rayon::prelude::*;
 
-use super::moments::{Moments, update};
+use super::layout::MAX_DIMENSIONS;
+use super::moments::{Moments, update_all};
 use super::{Group, Layout, reservoir};
 use crate::image::Planes;
 
@@ -52,6 +53,32 @@ struct HalfRow {
     count: Vec<u32>,
     mean: Vec<f64>,
     m2: Vec<f64>,
+}
+
+/// Moments of all dimensions of one half of one pixel, side by side.
+struct PixelMoments {
+    mean: [f64; MAX_DIMENSIONS],
+    m2: [f64; MAX_DIMENSIONS],
+}
+
+impl HalfRow {
+    fn fetch(&self, x: usize, stride: usize, dims: usize) -> PixelMoments {
+        let mut pixel = PixelMoments { mean: [0.0; MAX_DIMENSIONS], m2: [0.0; MAX_DIMENSIONS] };
+        let fetch = |into: &mut [f64], plane: &[f64]| {
+            into.iter_mut().zip(plane[x..].iter().step_by(stride)).for_each(|(to, from)| *to = *from);
+        };
+        fetch(&mut pixel.mean[..dims], &self.mean);
+        fetch(&mut pixel.m2[..dims], &self.m2);
+        pixel
+    }
+
+    fn put_back(&mut self, x: usize, stride: usize, dims: usize, pixel: &PixelMoments) {
+        let put = |plane: &mut [f64], from: &[f64]| {
+            plane[x..].iter_mut().step_by(stride).zip(from).for_each(|(to, from)| *to = *from);
+        };
+        put(&mut self.mean, &pixel.mean[..dims]);
+        put(&mut self.m2, &pixel.m2[..dims]);
+    }
 }
 
 impl Store {
@@ -232,22 +259,28 @@ impl Row {
     /// sample vectors one after the other. A sample with a value that is not finite, or with
     /// negative radiance, is counted as rejected and touches no statistic; its index is used up.
     pub fn push(&mut self, x: usize, samples: &[f32]) {
+        // The pixel's moments lie in as many cache lines as there are dimensions: they are fetched
+        // once for all samples.
+        let mut pixel = [0, 1].map(|h| self.halves[h].fetch(x, self.stride, self.dims));
         for sample in samples.chunks_exact(self.dims) {
             let index = self.drawn[x];
             self.drawn[x] = index.saturating_add(1);
-            if !sample.iter().all(|v| v.is_finite()) || self.radiance.iter().any(|&d| sample[d] < 0.0) {
+            // Without a branch for each value.
+            let finite = sample.iter().fold(true, |finite, v| finite & v.is_finite());
+            if !finite || self.radiance.iter().any(|&d| sample[d] < 0.0) {
                 self.rejected[x] += 1;
                 continue;
             }
             self.keep(x, sample);
-            let half = &mut self.halves[index as usize & 1];
-            half.count[x] += 1;
-            let weight = 1.0 / f64::from(half.count[x]);
-            let means = half.mean[x..].iter_mut().step_by(self.stride);
-            let m2s = half.m2[x..].iter_mut().step_by(self.stride);
-            for ((mean, m2), &value) in means.zip(m2s).zip(sample) {
-                update(mean, m2, f64::from(value), weight);
-            }
+            let half = index as usize & 1;
+            let count = &mut self.halves[half].count[x];
+            *count += 1;
+            let weight = 1.0 / f64::from(*count);
+            let PixelMoments { mean, m2 } = &mut pixel[half];
+            update_all(&mut mean[..self.dims], &mut m2[..self.dims], sample, weight);
+        }
+        for (half, pixel) in self.halves.iter_mut().zip(&pixel) {
+            half.put_back(x, self.stride, self.dims, pixel);
         }
     }
 

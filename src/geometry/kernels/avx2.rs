@@ -2,7 +2,7 @@
 
 use std::arch::x86_64::*;
 
-use super::{Entered, SLAB_WIDENING};
+use super::{Candidates, Entered, SLAB_WIDENING};
 use crate::geometry::bvh::{Node, WIDTH};
 use crate::geometry::traverse::TraversalRay;
 use crate::geometry::triangle::TrianglePacket;
@@ -35,7 +35,7 @@ pub fn enter(node: &Node, ray: &TraversalRay) -> Entered {
 /// See [`super::candidates`].
 #[inline]
 #[target_feature(enable = "avx2")]
-pub fn candidates(packet: &TrianglePacket, ray: &TraversalRay) -> u32 {
+pub fn candidates(packet: &TrianglePacket, ray: &TraversalRay) -> Option<Candidates> {
     let zero = _mm256_setzero_ps();
     let [a, b, major] = ray.axes;
     let [origin_a, origin_b, origin_major] = ray.permuted_origin.map(|x| _mm256_set1_ps(x));
@@ -56,17 +56,29 @@ pub fn candidates(packet: &TrianglePacket, ray: &TraversalRay) -> u32 {
     let inside =
         _mm256_or_ps(_mm256_cmp_ps::<_CMP_GE_OQ>(least, zero), _mm256_cmp_ps::<_CMP_LE_OQ>(greatest, zero));
     if _mm256_movemask_ps(inside) == 0 {
-        return 0;
+        return None;
     }
     let is_zero = |edge: __m256| _mm256_cmp_ps::<_CMP_EQ_OQ>(edge, zero);
     let on_edge = _mm256_or_ps(_mm256_or_ps(is_zero(u), is_zero(v)), is_zero(w));
     let weighted =
         _mm256_add_ps(_mm256_add_ps(_mm256_mul_ps(u, z[0]), _mm256_mul_ps(v, z[1])), _mm256_mul_ps(w, z[2]));
     let determinant = _mm256_add_ps(_mm256_add_ps(u, v), w);
-    let t = _mm256_div_ps(_mm256_mul_ps(weighted, _mm256_set1_ps(ray.scale)), determinant);
+    let scale = _mm256_set1_ps(ray.scale);
+    let t = _mm256_div_ps(_mm256_mul_ps(weighted, scale), determinant);
     let in_range = _mm256_and_ps(
         _mm256_cmp_ps::<_CMP_GT_OQ>(t, zero),
         _mm256_cmp_ps::<_CMP_LT_OQ>(t, _mm256_set1_ps(ray.t_max)),
     );
-    _mm256_movemask_ps(_mm256_and_ps(inside, _mm256_or_ps(on_edge, in_range))) as u32
+    let mask = _mm256_movemask_ps(_mm256_and_ps(inside, _mm256_or_ps(on_edge, in_range)));
+    if mask == 0 {
+        return None;
+    }
+    let [a, b, c] = z.map(|z| _mm256_cmp_ps::<_CMP_GT_OQ>(_mm256_mul_ps(z, scale), zero));
+    let ahead = _mm256_and_ps(_mm256_and_ps(a, b), c);
+    Some(Candidates {
+        mask: mask as u32,
+        sure: _mm256_movemask_ps(_mm256_andnot_ps(on_edge, ahead)) as u32,
+        t: bytemuck::cast(t),
+        weights: bytemuck::cast([v, w, determinant]),
+    })
 }

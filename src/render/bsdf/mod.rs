@@ -118,24 +118,27 @@ enum Lobe<'s> {
     Measured(Measured<'s>),
 }
 
-impl<'s> Lobe<'s> {
-    fn scatter(&self) -> &dyn Scatter {
-        match self {
-            Lobe::Diffuse(lobe) => lobe,
-            Lobe::OrenNayar(lobe) => lobe,
-            Lobe::Mirror(lobe) => lobe,
-            Lobe::Conductor(lobe) => lobe,
-            Lobe::Dielectric(lobe) => lobe,
-            Lobe::ThinDielectric(lobe) => lobe,
-            Lobe::CoatedDiffuse(lobe) => lobe,
-            Lobe::CoatedConductor(lobe) => lobe,
-            Lobe::FresnelBlend(lobe) => lobe,
-            Lobe::Gloss(lobe) => lobe,
-            Lobe::Sum(lobe) => lobe,
-            Lobe::Measured(lobe) => lobe,
+/// What a lobe of any kind gives; without a virtual call, so that it can be inlined.
+macro_rules! of_lobe {
+    ($lobe:expr, $name:ident => $value:expr) => {
+        match $lobe {
+            Lobe::Diffuse($name) => $value,
+            Lobe::OrenNayar($name) => $value,
+            Lobe::Mirror($name) => $value,
+            Lobe::Conductor($name) => $value,
+            Lobe::Dielectric($name) => $value,
+            Lobe::ThinDielectric($name) => $value,
+            Lobe::CoatedDiffuse($name) => $value,
+            Lobe::CoatedConductor($name) => $value,
+            Lobe::FresnelBlend($name) => $value,
+            Lobe::Gloss($name) => $value,
+            Lobe::Sum($name) => $value,
+            Lobe::Measured($name) => $value,
         }
-    }
+    };
+}
 
+impl<'s> Lobe<'s> {
     /// The lobe of a material that is no mix; `None` for one that light passes unchanged.
     fn of(kind: &'s MaterialKind, values: &Values) -> Option<Self> {
         Some(match *kind {
@@ -295,6 +298,7 @@ impl<'s> Bsdf<'s> {
     /// Evaluates the material's textures at the point. `None` for materials that light passes
     /// unchanged ([`MaterialKind::Interface`]). `u_mix` in [0, 1) decides mixes; `wo` is the
     /// direction that [`Self::albedo`] is seen from.
+    #[inline]
     pub fn new(
         scene: &'s Scene,
         material: MaterialId,
@@ -312,35 +316,44 @@ impl<'s> Bsdf<'s> {
     }
 
     /// f |cos wi|, specular parts excluded. Radiance travels from `wi` to `wo`.
+    #[inline]
     pub fn eval(&self, wo: Vec3, wi: Vec3) -> Vec3 {
         let (wo, wi) = (self.frame.to_local(wo), self.frame.to_local(wi));
-        if on_horizon(wo) || on_horizon(wi) { Vec3::ZERO } else { self.lobe.scatter().eval(wo, wi) }
+        if on_horizon(wo) || on_horizon(wi) {
+            Vec3::ZERO
+        } else {
+            of_lobe!(&self.lobe, lobe => lobe.eval(wo, wi))
+        }
     }
 
     /// Density, per steradian, of [`Self::sample`]'s non-specular directions.
+    #[inline]
     pub fn pdf(&self, wo: Vec3, wi: Vec3) -> f32 {
         let (wo, wi) = (self.frame.to_local(wo), self.frame.to_local(wi));
-        if on_horizon(wo) || on_horizon(wi) { 0.0 } else { self.lobe.scatter().pdf(wo, wi) }
+        if on_horizon(wo) || on_horizon(wi) { 0.0 } else { of_lobe!(&self.lobe, lobe => lobe.pdf(wo, wi)) }
     }
 
     /// Draws a direction by `u_lobe` (which part) and `u` (where), all in [0, 1); `None` where
     /// they lead nowhere, which is an estimate of zero.
+    #[inline]
     pub fn sample(&self, wo: Vec3, u_lobe: f32, u: Vec2) -> Option<BsdfSample> {
         let wo = self.frame.to_local(wo);
         if on_horizon(wo) {
             return None;
         }
-        let sample = self.lobe.scatter().sample(wo, u_lobe, u)?;
+        let sample = of_lobe!(&self.lobe, lobe => lobe.sample(wo, u_lobe, u))?;
         let reachable = !on_horizon(sample.wi) && (sample.specular || sample.pdf > 0.0);
         reachable.then(|| BsdfSample { wi: self.frame.to_render(sample.wi).normalize(), ..sample })
     }
 
     /// Whether nothing but specular parts scatters, so that [`Self::eval`] is always zero.
+    #[inline]
     pub fn is_specular(&self) -> bool {
-        self.lobe.scatter().is_specular()
+        of_lobe!(&self.lobe, lobe => lobe.is_specular())
     }
 
     /// Whether light from one side may be scattered to the other.
+    #[inline]
     pub fn transmits(&self) -> bool {
         match self.lobe {
             Lobe::Diffuse(lobe) => lobe.transmittance != Vec3::ZERO,
@@ -363,10 +376,11 @@ impl<'s> Bsdf<'s> {
         if self.is_specular() {
             return Vec3::ONE;
         }
-        self.lobe.scatter().albedo(self.wo).clamp(Vec3::ZERO, Vec3::ONE)
+        of_lobe!(&self.lobe, lobe => lobe.albedo(self.wo)).clamp(Vec3::ZERO, Vec3::ONE)
     }
 
     /// Unit normal after bump or normal map, in the geometric normal's hemisphere.
+    #[inline]
     pub fn shading_normal(&self) -> Vec3 {
         self.frame.z
     }

@@ -14,8 +14,8 @@ use crate::render::sampler::BounceNumbers;
 pub(super) const MAX_PASSES: u32 = 256;
 
 impl PathTracer<'_> {
-    /// Radiance in direction `wo` that comes from one sampled light by way of `bsdf`. Lights are
-    /// sampled as seen from the receiver, see [`receiver`].
+    /// Radiance in direction `wo` that comes from one sampled light by way of `bsdf`, if nothing is
+    /// in the way of the ray. Lights are sampled as seen from the receiver, see [`receiver`].
     #[inline]
     pub(super) fn direct_light(
         &self,
@@ -25,23 +25,25 @@ impl PathTracer<'_> {
         wo: Vec3,
         numbers: &BounceNumbers,
         time: f32,
-    ) -> Vec3 {
-        let Some(light) = self.lights.sample(receiver, numbers.light, numbers.light_uv) else {
-            return Vec3::ZERO;
-        };
+    ) -> Option<(Vec3, Ray)> {
+        let light = self.lights.sample(receiver, numbers.light, numbers.light_uv)?;
         let scattered = bsdf.eval(wo, light.wi) * light.radiance;
-        if scattered == Vec3::ZERO || !self.is_visible(light.shadow_ray(point, time)) {
-            return Vec3::ZERO;
+        if scattered == Vec3::ZERO {
+            return None;
         }
         let share =
             if light.found_by_rays { power_heuristic(light.pdf, bsdf.pdf(wo, light.wi)) } else { 1.0 };
-        scattered * (share / light.pdf)
+        Some((scattered * (share / light.pdf), light.shadow_ray(point, time)))
     }
 
-    /// Whether nothing but boundaries without effect is in the ray's way.
+    /// Passes on, for each ray, whether nothing but boundaries without effect is in its way.
     #[inline]
-    fn is_visible(&self, ray: Ray) -> bool {
-        if self.has_interfaces { self.is_visible_through_interfaces(ray) } else { !self.accel.occluded(&ray) }
+    pub(super) fn are_visible(&self, rays: impl Iterator<Item = Ray>, mut found: impl FnMut(bool)) {
+        if self.has_interfaces {
+            rays.for_each(|ray| found(self.is_visible_through_interfaces(ray)));
+        } else {
+            self.accel.occluded_all(rays, |occluded| found(!occluded));
+        }
     }
 
     fn is_visible_through_interfaces(&self, mut ray: Ray) -> bool {

@@ -8,11 +8,14 @@ mod direct;
 mod path;
 
 use crate::geometry::{Accel, SurfacePoint};
-use crate::scene::{Integrator, MaterialKind, Scene};
+use crate::scene::material::{Metal, Roughness};
+use crate::scene::{Integrator, Material, MaterialKind, Scene};
 use crate::stats::{Block, Layout};
 
 use super::lights::Lights;
 use super::sampler::{Dimensions, Needs};
+
+pub use path::Wavefront;
 
 /// Traces paths through one scene. See the module.
 pub struct PathTracer<'s> {
@@ -25,6 +28,8 @@ pub struct PathTracer<'s> {
     direct_only: bool,
     /// Paths go on from where they scatter.
     follows: bool,
+    /// For each material, whether it looks at texture coordinates or tangents.
+    parametrised: Vec<bool>,
     /// Some material lets light pass unchanged.
     has_interfaces: bool,
     records_albedo: bool,
@@ -64,6 +69,7 @@ impl<'s> PathTracer<'s> {
             max_depth,
             direct_only,
             follows,
+            parametrised: scene.materials.iter().map(|m| is_parametrised(scene, m)).collect(),
             has_interfaces: some_material(|kind| matches!(kind, MaterialKind::Interface)),
             records_albedo: alive(Block::Albedo),
             records_second_hit: alive(Block::Position2),
@@ -87,6 +93,33 @@ impl<'s> PathTracer<'s> {
         let material = self.scene.primitives[point.primitive as usize].material;
         matches!(self.scene.materials[material.0 as usize].kind, MaterialKind::Interface)
     }
+}
+
+/// Whether the parametrisation of a surface makes a difference to how a material looks. It may say
+/// so where it makes none.
+fn is_parametrised(scene: &Scene, material: &Material) -> bool {
+    let same_everywhere = |id| scene.textures.constant_rgb(id).is_some();
+    let isotropic = |roughness: &Roughness| {
+        let [u, v] = [roughness.u, roughness.v].map(|id| scene.textures.constant_float(id));
+        u.is_some() && u == v
+    };
+    let plain = match &material.kind {
+        MaterialKind::Diffuse { reflectance } => same_everywhere(*reflectance),
+        MaterialKind::Conductor { metal, roughness } => {
+            isotropic(roughness)
+                && match metal {
+                    Metal::Fresnel { eta, k } => same_everywhere(*eta) && same_everywhere(*k),
+                    Metal::Reflectance(reflectance) => same_everywhere(*reflectance),
+                }
+        }
+        MaterialKind::Dielectric { roughness, .. } => isotropic(roughness),
+        MaterialKind::CoatedDiffuse { reflectance, roughness, .. } => {
+            same_everywhere(*reflectance) && isotropic(roughness)
+        }
+        MaterialKind::ThinDielectric { .. } | MaterialKind::Interface => true,
+        _ => false,
+    };
+    !plain || material.displacement.is_some() || material.normal_map.is_some()
 }
 
 /// Whether a number is needed to choose between parts of a BSDF.

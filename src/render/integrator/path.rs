@@ -1,16 +1,20 @@
 //! Path tracing (Kajiya 1986) with light sampling, multiple importance sampling and Russian
 //! roulette, in the conventions of pbrt-v4's `path`: `max_depth` counts scattering events, so that
 //! 0 shows emission only and 1 adds direct light.
+//!
+//! Many paths go on together, a stage at a time (a *wavefront*: Laine, Karras and Aila 2013). A
+//! single path is one long chain of operations that wait for each other; the same stage of
+//! different paths does not, so that the processor works on several at once.
 
 use glam::Vec3;
 
 use super::PathTracer;
 use super::direct::{MAX_PASSES, power_heuristic, receiver, turned};
-use crate::geometry::{Ray, SurfacePoint};
+use crate::geometry::{Hit, Ray, SurfacePoint};
 use crate::render::bsdf::Bsdf;
 use crate::render::lights::Receiver;
 use crate::render::record::Record;
-use crate::render::sampler::{Source, Stream};
+use crate::render::sampler::{BounceNumbers, Source, Stream};
 
 /// Scattering events after which paths may end by chance (as pbrt-v4).
 pub(super) const ROULETTE_DEPTH: u32 = 2;
@@ -18,9 +22,10 @@ pub(super) const ROULETTE_DEPTH: u32 = 2;
 /// Distance, in scene diameters, at which a path that leaves the scene is recorded.
 const FAR: f32 = 2.0;
 
-/// The state of a path between two surfaces.
-struct Path {
+/// A path, between two surfaces.
+pub struct Path<S> {
     ray: Ray,
+    numbers: Stream<S>,
     /// Scattering events so far.
     depth: u32,
     throughput: Vec3,
@@ -30,6 +35,10 @@ struct Path {
     arrival: Arrival,
     /// No scattering event so far was other than perfectly specular.
     seen_directly: bool,
+    /// Boundaries without effect that were passed.
+    passes: u32,
+    /// Radiance, and features and numbers of the first two hits.
+    record: Record,
 }
 
 /// How a path came to where it is, and so by which techniques light can be found there.
@@ -42,108 +51,239 @@ enum Arrival {
     Scattered { from: Receiver, pdf: f32, light_sampling: bool },
 }
 
-impl PathTracer<'_> {
-    /// Follows a path from the camera and fills in the record: radiance, and features and numbers
-    /// of the first two hits.
+/// Paths that are followed together, and what the stages hand on to each other.
+pub struct Wavefront<'s, S> {
+    paths: Vec<Path<S>>,
+    /// Those that go on, by their index.
+    active: Vec<u32>,
+    hits: Vec<Option<Hit>>,
+    arrived: Vec<Arrived>,
+    events: Vec<Event<'s>>,
+    shadows: Vec<Shadow>,
+}
+
+/// A path at a surface.
+struct Arrived {
+    path: u32,
+    point: SurfacePoint,
+    drawn: BounceNumbers,
+}
+
+/// A path where it scatters.
+struct Event<'s> {
+    /// Index among those that arrived.
+    at: u32,
+    bsdf: Bsdf<'s>,
+    from: Receiver,
+}
+
+/// Light that reaches a path if nothing is in its way.
+struct Shadow {
+    path: u32,
+    light: Vec3,
+    ray: Ray,
+}
+
+impl<S> Wavefront<'_, S> {
+    /// An empty one, for this many paths.
+    pub fn with_capacity(capacity: usize) -> Self {
+        Self {
+            paths: Vec::with_capacity(capacity),
+            active: Vec::with_capacity(capacity),
+            hits: Vec::with_capacity(capacity),
+            arrived: Vec::with_capacity(capacity),
+            events: Vec::with_capacity(capacity),
+            shadows: Vec::with_capacity(capacity),
+        }
+    }
+
+    pub fn clear(&mut self) {
+        self.paths.clear();
+    }
+
+    /// Adds a path that starts at the camera.
     #[inline]
-    pub fn trace<S: Source>(&self, ray: Ray, numbers: &mut Stream<S>, record: &mut Record) {
-        let mut path = Path {
+    pub fn start(&mut self, ray: Ray, numbers: Stream<S>, record: Record) {
+        self.paths.push(Path {
             ray,
+            numbers,
             depth: 0,
             throughput: Vec3::ONE,
             eta_scale: 1.0,
             arrival: Arrival::Certain,
             seen_directly: true,
-        };
-        let mut passes = 0;
-        loop {
-            let Some(hit) = self.accel.intersect(&path.ray) else {
-                self.escape(&path, numbers, record);
-                break;
+            passes: 0,
+            record,
+        });
+    }
+
+    /// What is remembered of the paths, in the order in which they were started.
+    pub fn records(&self) -> impl Iterator<Item = &Record> {
+        self.paths.iter().map(|path| &path.record)
+    }
+}
+
+impl<'s> PathTracer<'s> {
+    /// Follows all paths to their ends and fills in their records.
+    pub fn trace<S: Source>(&self, wave: &mut Wavefront<'s, S>) {
+        wave.active.clear();
+        wave.active.extend(0..wave.paths.len() as u32);
+        while !wave.active.is_empty() {
+            self.intersect(wave);
+            self.arrive(wave);
+            self.prepare_to_scatter(wave);
+            self.sample_lights(wave);
+            self.add_visible_light(wave);
+            self.scatter(wave);
+        }
+    }
+
+    fn intersect<S>(&self, wave: &mut Wavefront<'s, S>) {
+        let Wavefront { paths, active, hits, .. } = wave;
+        hits.clear();
+        self.accel.intersect_all(active.iter().map(|&i| paths[i as usize].ray), |hit| hits.push(hit));
+    }
+
+    /// Gathers what is emitted where paths arrive, and draws the numbers of those that are not at
+    /// their end.
+    fn arrive<S: Source>(&self, wave: &mut Wavefront<'s, S>) {
+        wave.arrived.clear();
+        for (&i, hit) in wave.active.iter().zip(&wave.hits) {
+            let path = &mut wave.paths[i as usize];
+            let Some(hit) = hit else {
+                self.escape(path);
+                continue;
             };
-            let point = self.accel.surface(&path.ray, &hit);
-            let wo = -path.ray.direction;
-            self.gather_emission(&path, &point, wo, record);
+            let material = self.scene.primitives[hit.primitive as usize].material;
+            let point = if self.parametrised[material.0 as usize] {
+                self.accel.surface(&path.ray, hit)
+            } else {
+                self.accel.plain_surface(&path.ray, hit)
+            };
+            self.gather_emission(path, &point);
 
             // Nothing scatters at the last hit, but light may shine through it.
-            let ends = self.ends_at_hit(&path);
-            if ends && path.depth > 0 && !self.has_interfaces {
-                self.record_second_hit(&path, &point, record);
-                break;
+            if self.ends_at_hit(path) && path.depth > 0 && !self.has_interfaces {
+                self.record_second_hit(path, &point);
+                continue;
             }
-            let drawn = self.dimensions.bounce(numbers, path.depth);
+            let drawn = self.dimensions.bounce(&mut path.numbers, path.depth);
+            wave.arrived.push(Arrived { path: i, point, drawn });
+        }
+        wave.active.clear();
+    }
+
+    /// Makes the BSDFs where paths arrived; those at a boundary without effect go straight on.
+    fn prepare_to_scatter<S>(&self, wave: &mut Wavefront<'s, S>) {
+        wave.events.clear();
+        for (at, Arrived { path: i, point, drawn }) in (0..).zip(&wave.arrived) {
+            let i = *i;
+            let path = &mut wave.paths[i as usize];
+            let wo = -path.ray.direction;
             let material = self.scene.primitives[point.primitive as usize].material;
-            let Some(bsdf) = Bsdf::new(self.scene, material, &point, wo, drawn.mix) else {
-                passes += 1;
-                if passes > MAX_PASSES {
-                    break;
+            let Some(bsdf) = Bsdf::new(self.scene, material, point, wo, drawn.mix) else {
+                path.passes += 1;
+                if path.passes <= MAX_PASSES {
+                    self.pass(path, point);
+                    wave.active.push(i);
                 }
-                self.pass(&mut path, &point);
                 continue;
             };
             if path.depth == 0 {
-                record.light1 = drawn.light_uv;
-                record.bsdf1 = drawn.bsdf_uv;
-                self.record_first_hit(&point, &bsdf, wo, record);
+                path.record.light1 = drawn.light_uv;
+                path.record.bsdf1 = drawn.bsdf_uv;
+                self.record_first_hit(point, &bsdf, wo, &mut path.record);
             } else {
-                self.record_second_hit(&path, &point, record);
+                self.record_second_hit(path, point);
             }
-            if ends {
-                break;
-            }
-
-            // Light that one more scattering event brings, from a sampled light.
-            let from = receiver(&point, &bsdf, wo);
-            if !bsdf.is_specular() {
-                let light = self.direct_light(&point, &from, &bsdf, wo, &drawn, path.ray.time);
-                record.colour += path.throughput * light;
-            }
-
-            // A direction to go on in.
-            if !self.follows {
-                break;
-            }
-            let Some(sample) = bsdf.sample(wo, drawn.lobe, drawn.bsdf_uv) else { break };
-            path.throughput *= sample.weight;
-            if path.throughput == Vec3::ZERO {
-                break;
-            }
-            path.depth += 1;
-            path.eta_scale *= sample.eta * sample.eta;
-            path.seen_directly &= sample.specular;
-            path.arrival = if sample.specular {
-                Arrival::Certain
-            } else {
-                Arrival::Scattered { from, pdf: sample.pdf, light_sampling: true }
-            };
-            path.ray = Ray {
-                origin: point.offset_origin(sample.wi),
-                direction: sample.wi,
-                t_max: f32::INFINITY,
-                time: path.ray.time,
-            };
-
-            // The last ray can do nothing but find a light, or be recorded.
-            let recorded = self.records_second_hit && path.depth == 1;
-            if self.ends_at_hit(&path) && !self.lights.found_by_rays() && !recorded {
-                break;
-            }
-            if !self.survives_roulette(&mut path, drawn.roulette) {
-                break;
+            if !self.ends_at_hit(path) {
+                let from = receiver(point, &bsdf, wo);
+                wave.events.push(Event { at, bsdf, from });
             }
         }
     }
 
+    /// Light that one more scattering event brings, from a sampled light.
+    fn sample_lights<S>(&self, wave: &mut Wavefront<'s, S>) {
+        wave.shadows.clear();
+        for Event { at, bsdf, from } in &wave.events {
+            if bsdf.is_specular() {
+                continue;
+            }
+            let Arrived { path: i, point, drawn } = &wave.arrived[*at as usize];
+            let path = &wave.paths[*i as usize];
+            let wo = -path.ray.direction;
+            if let Some((light, ray)) = self.direct_light(point, from, bsdf, wo, drawn, path.ray.time) {
+                wave.shadows.push(Shadow { path: *i, light: path.throughput * light, ray });
+            }
+        }
+    }
+
+    fn add_visible_light<S>(&self, wave: &mut Wavefront<'s, S>) {
+        let Wavefront { paths, shadows, .. } = wave;
+        let mut lit = shadows.iter();
+        self.are_visible(shadows.iter().map(|shadow| shadow.ray), |is_visible| {
+            if let Some(Shadow { path, light, .. }) = lit.next().filter(|_| is_visible) {
+                paths[*path as usize].record.colour += *light;
+            }
+        });
+    }
+
+    /// Draws directions to go on in.
+    fn scatter<S>(&self, wave: &mut Wavefront<'s, S>) {
+        if !self.follows {
+            return;
+        }
+        for event in &wave.events {
+            let arrived = &wave.arrived[event.at as usize];
+            if self.goes_on(arrived, event, &mut wave.paths[arrived.path as usize]) {
+                wave.active.push(arrived.path);
+            }
+        }
+    }
+
+    /// Scatters a path; false if it ends by that.
+    #[inline]
+    fn goes_on<S>(&self, arrived: &Arrived, event: &Event, path: &mut Path<S>) -> bool {
+        let (Arrived { point, drawn, .. }, Event { bsdf, from, .. }) = (arrived, event);
+        let Some(sample) = bsdf.sample(-path.ray.direction, drawn.lobe, drawn.bsdf_uv) else { return false };
+        path.throughput *= sample.weight;
+        if path.throughput == Vec3::ZERO {
+            return false;
+        }
+        path.depth += 1;
+        path.eta_scale *= sample.eta * sample.eta;
+        path.seen_directly &= sample.specular;
+        path.arrival = if sample.specular {
+            Arrival::Certain
+        } else {
+            Arrival::Scattered { from: *from, pdf: sample.pdf, light_sampling: true }
+        };
+        path.ray = Ray {
+            origin: point.offset_origin(sample.wi),
+            direction: sample.wi,
+            t_max: f32::INFINITY,
+            time: path.ray.time,
+        };
+
+        // The last ray can do nothing but find a light, or be recorded.
+        let recorded = self.records_second_hit && path.depth == 1;
+        if self.ends_at_hit(path) && !self.lights.found_by_rays() && !recorded {
+            return false;
+        }
+        self.survives_roulette(path, drawn.roulette)
+    }
+
     /// Whether the path may not scatter where it arrives next.
     #[inline]
-    fn ends_at_hit(&self, path: &Path) -> bool {
+    fn ends_at_hit<S>(&self, path: &Path<S>) -> bool {
         path.depth >= self.max_depth
             || (self.direct_only && matches!(path.arrival, Arrival::Scattered { .. }))
     }
 
     /// Ends paths that carry little, and makes up for them in those that go on.
     #[inline]
-    fn survives_roulette(&self, path: &mut Path, number: f32) -> bool {
+    fn survives_roulette<S>(&self, path: &mut Path<S>, number: f32) -> bool {
         if self.direct_only || path.depth < ROULETTE_DEPTH {
             return true;
         }
@@ -154,7 +294,7 @@ impl PathTracer<'_> {
     }
 
     /// Goes straight on through a boundary without effect.
-    fn pass(&self, path: &mut Path, point: &SurfacePoint) {
+    fn pass<S>(&self, path: &mut Path<S>, point: &SurfacePoint) {
         path.ray.origin = point.offset_origin(path.ray.direction);
         // Light sampling sees through plain boundaries, but not through mixes with one.
         if let Arrival::Scattered { light_sampling, .. } = &mut path.arrival {
@@ -164,21 +304,22 @@ impl PathTracer<'_> {
 
     /// Light from a surface that is hit.
     #[inline]
-    fn gather_emission(&self, path: &Path, point: &SurfacePoint, wo: Vec3, record: &mut Record) {
-        if let Some(emitted) = self.lights.emitted(point, wo) {
+    fn gather_emission<S>(&self, path: &mut Path<S>, point: &SurfacePoint) {
+        if let Some(emitted) = self.lights.emitted(point, -path.ray.direction) {
             let share = path.arrival.share(|from| self.lights.pdf_surface(from, point));
-            path.add(emitted * share, record);
+            path.add(emitted * share);
         }
     }
 
     /// Light from around the scene, where nothing is hit.
     #[inline]
-    fn escape<S: Source>(&self, path: &Path, numbers: &mut Stream<S>, record: &mut Record) {
+    fn escape<S: Source>(&self, path: &mut Path<S>) {
         let direction = path.ray.direction;
         for (i, radiance) in self.lights.environments(direction) {
             let share = path.arrival.share(|from| self.lights.pdf_environment(from, i, direction));
-            path.add(radiance * share, record);
+            path.add(radiance * share);
         }
+        let record = &mut path.record;
         match path.depth {
             0 => {
                 record.position1 = path.ray.origin * self.inverse_diameter + FAR * direction;
@@ -186,7 +327,7 @@ impl PathTracer<'_> {
                 record.albedo = Vec3::ONE;
                 if self.records_numbers {
                     // Numbers that were not used, but whose distribution must not show that.
-                    let drawn = self.dimensions.bounce(numbers, 0);
+                    let drawn = self.dimensions.bounce(&mut path.numbers, 0);
                     (record.light1, record.bsdf1) = (drawn.light_uv, drawn.bsdf_uv);
                 }
             }
@@ -211,18 +352,18 @@ impl PathTracer<'_> {
     /// Position and normal of the hit, if it is the path's second. The normal is the interpolated
     /// one: what bends it further is not looked up where a path ends.
     #[inline]
-    fn record_second_hit(&self, path: &Path, point: &SurfacePoint, record: &mut Record) {
+    fn record_second_hit<S>(&self, path: &mut Path<S>, point: &SurfacePoint) {
         if path.depth == 1 {
-            record.position2 = point.position * self.inverse_diameter;
-            record.normal2 = turned(point.shading_normal, -path.ray.direction);
+            path.record.position2 = point.position * self.inverse_diameter;
+            path.record.normal2 = turned(point.shading_normal, -path.ray.direction);
         }
     }
 }
 
-impl Path {
+impl<S> Path<S> {
     #[inline]
-    fn add(&self, radiance: Vec3, record: &mut Record) {
-        let sum = if self.seen_directly { &mut record.visible } else { &mut record.colour };
+    fn add(&mut self, radiance: Vec3) {
+        let sum = if self.seen_directly { &mut self.record.visible } else { &mut self.record.colour };
         *sum += self.throughput * radiance;
     }
 }

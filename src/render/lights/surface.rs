@@ -5,7 +5,7 @@ use glam::{Vec2, Vec3};
 use super::bounds::LightBounds;
 use super::extent::Extent;
 use super::{LightSample, brightness};
-use crate::geometry::{SurfacePoint, area, pdf_shape, sample_shape};
+use crate::geometry::{SurfacePoint, TriangleSampler, area, pdf_shape, sample_shape};
 use crate::scene::texture::TexturePoint;
 use crate::scene::{AreaLight, FloatTextureId, Scene, Shape};
 
@@ -15,11 +15,19 @@ pub struct SurfaceLights<'s> {
     surfaces: Vec<Surface>,
     /// For each primitive the index into `surfaces`, or [`NO_LIGHT`].
     of_primitive: Vec<u32>,
-    /// For each light the index into `surfaces`, and the element.
-    lights: Vec<[u32; 2]>,
+    lights: Vec<SurfaceLight>,
 }
 
 const NO_LIGHT: u32 = u32::MAX;
+
+/// An element of an emissive primitive.
+struct SurfaceLight {
+    /// Index into [`SurfaceLights::surfaces`].
+    surface: u32,
+    element: u32,
+    /// For elements of meshes.
+    triangle: Option<TriangleSampler>,
+}
 
 /// An emissive primitive.
 struct Surface {
@@ -53,11 +61,15 @@ impl<'s> SurfaceLights<'s> {
                 alpha: primitive.alpha.filter(|_| !hidden),
                 found_by_rays: !hidden,
             });
-            let elements = match &primitive.shape {
-                Shape::Mesh(mesh) => mesh.indices.len() as u32,
-                Shape::Sphere(_) | Shape::Disk(_) => 1,
-            };
-            lights.lights.extend((0..elements).map(|element| [surface, element]));
+            match &primitive.shape {
+                Shape::Mesh(mesh) => lights.lights.extend((0..mesh.indices.len() as u32).map(|element| {
+                    let triangle = TriangleSampler::new(mesh, element, primitive.flip_normal);
+                    SurfaceLight { surface, element, triangle: Some(triangle) }
+                })),
+                Shape::Sphere(_) | Shape::Disk(_) => {
+                    lights.lights.push(SurfaceLight { surface, element: 0, triangle: None });
+                }
+            }
         }
         lights
     }
@@ -69,7 +81,7 @@ impl<'s> SurfaceLights<'s> {
 
     /// What the choice among lights goes by, for each light.
     pub fn bounds(&self) -> impl Iterator<Item = LightBounds> {
-        self.lights.iter().map(|&[surface, element]| {
+        self.lights.iter().map(|&SurfaceLight { surface, element, .. }| {
             let Surface { primitive, emission, .. } = self.surfaces[surface as usize];
             let Extent { centre, radius, normal, seen_share } = Extent::of(self.scene, primitive, element);
             LightBounds {
@@ -87,9 +99,12 @@ impl<'s> SurfaceLights<'s> {
     /// Light from a point of one of the lights.
     #[inline]
     pub fn sample(&self, light: usize, from: Vec3, u: Vec2) -> Option<LightSample> {
-        let [surface, element] = self.lights[light];
-        let surface = &self.surfaces[surface as usize];
-        let point = sample_shape(self.scene, surface.primitive, element, from, u)?;
+        let light = &self.lights[light];
+        let surface = &self.surfaces[light.surface as usize];
+        let point = match &light.triangle {
+            Some(triangle) => triangle.sample(from, u)?,
+            None => sample_shape(self.scene, surface.primitive, light.element, from, u)?,
+        };
         let wi = (point.position - from).try_normalize()?;
         let radiance = surface.radiance(point.normal.dot(-wi))?;
         // On average over the rays that meet a half-transparent surface.
@@ -117,8 +132,12 @@ impl<'s> SurfaceLights<'s> {
     #[inline]
     pub fn pdf(&self, from: Vec3, point: &SurfacePoint) -> Option<(usize, f32)> {
         let surface = self.at(point)?;
-        let pdf = pdf_shape(self.scene, point.primitive, point.element, from, point);
-        Some((surface.first + point.element as usize, pdf))
+        let light = surface.first + point.element as usize;
+        let pdf = match &self.lights[light].triangle {
+            Some(triangle) => triangle.pdf(from, point.position),
+            None => pdf_shape(self.scene, point.primitive, point.element, from, point),
+        };
+        Some((light, pdf))
     }
 
     #[inline]

@@ -168,7 +168,7 @@ mod tests {
         };
         let dimensions = Dimensions::new(&all);
         let source = Sobol::for_pixel(0, 0, 0);
-        let mut stream = Stream::new(&source, 0);
+        let mut stream = Stream::new(source, 0);
         let camera = dimensions.camera(&mut stream);
         let mut values = vec![camera.film.x, camera.film.y, camera.lens.x, camera.lens.y, camera.time];
         for bounce in 0..8 {
@@ -187,7 +187,7 @@ mod tests {
         let dimensions = Dimensions::new(&NOTHING);
         assert_eq!((dimensions.first_bounce, dimensions.bounce_size), (2, 0));
         let source = Sobol::for_pixel(0, 0, 0);
-        let mut stream = Stream::new(&source, 0);
+        let mut stream = Stream::new(source, 0);
         let b = dimensions.bounce(&mut stream, 3);
         assert_eq!((b.light_uv, b.lobe, b.roulette), (Vec2::ZERO, 0.0, 0.0));
     }

@@ -7,6 +7,7 @@ use rand_pcg::Pcg32;
 use super::{SET, Source, hash, pixel_key};
 
 /// See the module.
+#[derive(Clone, Copy)]
 pub struct Independent {
     key: u64,
 }

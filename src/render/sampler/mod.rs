@@ -15,7 +15,7 @@ pub use sobol::Sobol;
 const SET: u32 = 4;
 
 /// The numbers of all samples of one pixel.
-pub trait Source {
+pub trait Source: Copy {
     /// The source of the pixel at (`x`, `y`) of the whole image.
     fn for_pixel(seed: u64, x: u32, y: u32) -> Self;
 
@@ -24,18 +24,18 @@ pub trait Source {
 }
 
 /// The numbers of one sample.
-pub struct Stream<'p, S> {
-    source: &'p S,
+pub struct Stream<S> {
+    source: S,
     index: u32,
     /// The last set that was made, as neighbouring dimensions are asked for one after the other.
     set: u32,
     numbers: [f32; SET as usize],
 }
 
-impl<'p, S: Source> Stream<'p, S> {
+impl<S: Source> Stream<S> {
     #[inline]
-    pub fn new(source: &'p S, index: u32) -> Self {
-        Self { source, index, set: 0, numbers: source.numbers(index, 0) }
+    pub fn new(source: S, index: u32) -> Self {
+        Self { numbers: source.numbers(index, 0), source, index, set: 0 }
     }
 
     /// One number.
@@ -78,14 +78,14 @@ mod tests {
 
     fn all<S: Source>(seed: u64, index: u32) -> Vec<f32> {
         let source = S::for_pixel(seed, 3, 5);
-        let mut stream = Stream::new(&source, index);
+        let mut stream = Stream::new(source, index);
         (0..40).map(|d| stream.one(d)).collect()
     }
 
     #[test]
     fn the_same_address_gives_the_same_number_in_any_order() {
         let source = Sobol::for_pixel(1, 3, 5);
-        let (mut forward, mut backward) = (Stream::new(&source, 9), Stream::new(&source, 9));
+        let (mut forward, mut backward) = (Stream::new(source, 9), Stream::new(source, 9));
         let a: Vec<f32> = (0..40).map(|d| forward.one(d)).collect();
         let mut b: Vec<f32> = (0..40).rev().map(|d| backward.one(d)).collect();
         b.reverse();
@@ -106,7 +106,7 @@ mod tests {
             let n = 4096;
             for dimension in [0, 1, 17, 1000] {
                 let values: Vec<f64> =
-                    (0..n).map(|i| f64::from(Stream::new(&source, i).one(dimension))).collect();
+                    (0..n).map(|i| f64::from(Stream::new(source, i).one(dimension))).collect();
                 assert!(values.iter().all(|v| (0.0..1.0).contains(v)));
                 let mean = values.iter().sum::<f64>() / f64::from(n);
                 let square = values.iter().map(|v| v * v).sum::<f64>() / f64::from(n);

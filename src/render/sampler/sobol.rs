@@ -32,6 +32,7 @@ static BYTE_POINTS: LazyLock<Box<BytePoints>> = LazyLock::new(|| {
 });
 
 /// See the module.
+#[derive(Clone, Copy)]
 pub struct Sobol {
     points: &'static BytePoints,
     halves: [u64; 2],

@@ -160,11 +160,13 @@ pub struct Textures {
 
 impl Textures {
     /// Value of a scalar texture.
+    #[inline]
     pub fn float(&self, id: FloatTextureId, at: TexturePoint) -> f32 {
         self.value::<f32>(id, at)
     }
 
     /// Value of a colour texture, linear RGB.
+    #[inline]
     pub fn rgb(&self, id: RgbTextureId, at: TexturePoint) -> Vec3 {
         self.value::<Vec3>(id, at)
     }
@@ -227,8 +229,17 @@ impl Textures {
         value.map_or(texture, Texture::Constant)
     }
 
+    #[inline]
     fn value<V: TextureValue>(&self, id: V::Id, at: TexturePoint) -> V {
         match V::texture(self, id) {
+            Texture::Constant(value) => *value,
+            varied => self.varied_value(varied, at),
+        }
+    }
+
+    /// The value of a texture that is not everywhere the same.
+    fn varied_value<V: TextureValue>(&self, texture: &Texture<V>, at: TexturePoint) -> V {
+        match texture {
             Texture::Constant(value) => *value,
             Texture::Image(texture) => self.image_value(texture, at),
             Texture::Checkerboard { mapping, even, odd } => {
