@@ -8,9 +8,9 @@
 //! d_ij = mean over 3 channels and the patch of (Δ² − v_i − min(v_i, v_j)) / (ε + k²(v_i + v_j)),
 //! w_ij = exp(−max(0, d_ij) − Σ_f s (f_i − f_j)²).
 //!
-//! With e = k²v + ε/2 and r = 1/(e_i + e_j) the patch sums P = Σ(k²Δ² + ε − min e)·r and Q = Σ e_i·r
-//! give both directions, k²d_ij ∝ P − Q and k²d_ji ∝ P + Q − (number of terms), so each pair of
-//! pixels is looked at once.
+//! With ε as the unit of what is squared, e = k²v + ½ and r = 1/(e_i + e_j), the patch sums
+//! P = Σ(k²Δ² + 1 − min e)·r and Q = Σ e_i·r give both directions, k²d_ij ∝ P − Q and
+//! k²d_ji ∝ P + Q − (number of terms), so each pair of pixels is looked at once.
 
 use multiversion::multiversion;
 
@@ -20,10 +20,17 @@ use super::margin::{Margin, Padded};
 /// Bound of one pixel's contribution to a patch sum. Larger ones mean weight zero anyway, and
 /// would cost the running sums their digits.
 const LARGEST_TERM: f32 = 3000.0;
+/// Bound of e: no product of three sums of two of them overflows.
+const LARGEST_E: f32 = 1e12;
+/// e of what has no noise.
+const NOISELESS: f32 = 0.5;
 /// In the margin of the feature planes: so far from any feature that the weight vanishes.
 const OUTSIDE: f32 = 1e3;
 /// The least that a squared difference of features is multiplied by: it keeps the margin out.
 const LEAST_GAIN: f32 = 1e-3;
+
+/// Rows of scratch are whole vectors of this many pixels: a rest would be worked off one by one.
+const LANES: usize = 16;
 
 /// What decides the weights: three channels of one half, and features.
 #[derive(Clone, Copy)]
@@ -80,8 +87,9 @@ pub(super) struct Neighbours<'a> {
 
 /// A guide prepared for distances between patches of (2·PATCH + 1)² pixels.
 pub(super) struct Distance<const PATCH: usize> {
+    /// In units of √ε.
     value: Padded,
-    /// e = k²v + ε/2.
+    /// e = k²v + ½.
     e: Padded,
     features: Padded,
     feature_gain: f32,
@@ -95,13 +103,17 @@ impl<const PATCH: usize> Distance<PATCH> {
     pub fn new(width: usize, height: usize, guide: Guide, settings: DistanceSettings) -> Self {
         let margin = settings.radius + PATCH;
         let k2 = settings.k * settings.k;
-        let e = guide.variance.map(|v| v.iter().map(|v| k2 * v + 0.5 * settings.epsilon).collect::<Vec<_>>());
+        let per_epsilon = 1.0 / settings.epsilon;
+        let scaled = |plane: &[f32], scale: f32| plane.iter().map(|v| scale * v).collect::<Vec<_>>();
+        let [r, g, b] = guide.value.map(|plane| scaled(plane, per_epsilon.sqrt()));
+        let e = |v: &f32| (k2 * per_epsilon * v + NOISELESS).min(LARGEST_E);
+        let [e_r, e_g, e_b] = guide.variance.map(|plane| plane.iter().map(e).collect::<Vec<_>>());
         // Without features there is still one plane: it keeps the margin out.
         let inside = vec![0.0; width * height];
         let features = if guide.features.is_empty() { &[inside.as_slice()] } else { guide.features };
         Self {
-            value: Padded::new(width, height, &guide.value, margin, Margin::Nearest),
-            e: Padded::new(width, height, &[&e[0], &e[1], &e[2]], margin, Margin::Nearest),
+            value: Padded::new(width, height, &[&r, &g, &b], margin, Margin::Nearest),
+            e: Padded::new(width, height, &[&e_r, &e_g, &e_b], margin, Margin::Nearest),
             features: Padded::new(width, height, features, margin, Margin::Value(OUTSIDE)),
             feature_gain: guide.feature_gain.max(LEAST_GAIN),
             settings,
@@ -111,15 +123,15 @@ impl<const PATCH: usize> Distance<PATCH> {
     /// Whether any pixel of the tile has a variance; where none has, the guide says that all is exact
     /// as it is.
     pub fn is_noisy(&self, tile: Tile) -> bool {
-        let noiseless = 0.5 * self.settings.epsilon;
         let row = |c, y: usize| self.e.span(c, tile.x as isize, (tile.y + y) as isize, tile.width);
-        (0..3).any(|c| (0..tile.height).any(|y| row(c, y).iter().any(|&e| e > noiseless)))
+        (0..3).any(|c| (0..tile.height).any(|y| row(c, y).iter().any(|&e| e > NOISELESS)))
     }
 
     /// Hands on the weights of all neighbours in the disc of all pixels of the tile, the pixels
     /// themselves excepted.
     pub fn for_each_neighbour(&self, tile: Tile, mut add: impl FnMut(Neighbours)) {
-        let mut scratch = Scratch::new(tile.width + self.settings.radius + 2 * PATCH, Self::SIDE);
+        let longest = (tile.width + self.settings.radius).next_multiple_of(LANES) + 2 * PATCH;
+        let mut scratch = Scratch::new(longest.next_multiple_of(LANES), Self::SIDE);
         for offset in half_disc(self.settings.radius) {
             self.for_each_row(tile, offset, &mut scratch, &mut add);
         }
@@ -138,23 +150,29 @@ impl<const PATCH: usize> Distance<PATCH> {
         let (x1, y1) = (x0 + tile.width as isize, y0 + tile.height as isize);
         // The pixels i for which i or j lies in the tile.
         let (left, right) = (x0.min(x0 - dx), x1.max(x1 - dx));
-        let length = (right - left) as usize;
+        let length = ((right - left) as usize).next_multiple_of(LANES);
         let patch = PATCH as isize;
-        let wide = length + 2 * PATCH;
+        let wide = (length + 2 * PATCH).next_multiple_of(LANES);
         let k2 = self.settings.k * self.settings.k;
         scratch.clear();
         for y in y0 - dy - patch..y1 + patch {
             let x = left - patch;
             let slot = (y - (y0 - dy - patch)) as usize % Self::SIDE;
-            add_terms(
-                Constants { k2, epsilon: self.settings.epsilon },
+            let [p, q] = &mut scratch.terms;
+            compute_terms(
+                k2,
                 std::array::from_fn(|c| self.value.span(c, x, y, wide)),
                 std::array::from_fn(|c| self.value.span(c, x + dx, y + dy, wide)),
                 std::array::from_fn(|c| self.e.span(c, x, y, wide)),
                 std::array::from_fn(|c| self.e.span(c, x + dx, y + dy, wide)),
-                &mut scratch.ring[slot],
-                &mut scratch.columns,
+                &mut p[..wide],
+                &mut q[..wide],
             );
+            for ((new, old), sum) in
+                scratch.terms.iter().zip(&mut scratch.ring[slot]).zip(&mut scratch.columns)
+            {
+                replace(&new[..wide], &mut old[..wide], &mut sum[..wide]);
+            }
             // The patch around row `y - PATCH` is complete once its last row is in.
             let y = y - patch;
             if y < y0 - dy {
@@ -198,6 +216,8 @@ fn half_disc(radius: usize) -> impl Iterator<Item = (isize, isize)> {
 
 /// Rows of scratch for one offset, each wide enough for a tile, an offset and a patch.
 struct Scratch {
+    /// P and Q of one row.
+    terms: [Vec<f32>; 2],
     /// P and Q of the last rows, as many as a patch has.
     ring: Vec<[Vec<f32>; 2]>,
     /// Their sums over these rows.
@@ -209,7 +229,7 @@ struct Scratch {
 impl Scratch {
     fn new(length: usize, rows: usize) -> Self {
         let pair = || [vec![0.0; length], vec![0.0; length]];
-        Self { ring: (0..rows).map(|_| pair()).collect(), columns: pair(), weights: pair() }
+        Self { terms: pair(), ring: (0..rows).map(|_| pair()).collect(), columns: pair(), weights: pair() }
     }
 
     fn clear(&mut self) {
@@ -217,48 +237,58 @@ impl Scratch {
     }
 }
 
-#[derive(Clone, Copy)]
-struct Constants {
-    k2: f32,
-    epsilon: f32,
-}
-
-/// Puts a row's P and Q into the ring's oldest slot, and keeps the column sums current.
+/// P and Q of single pixels of a row, not yet summed over patches.
 #[multiversion(targets(
     "x86_64+avx512f+avx512bw+avx512dq+avx512vl+bmi1+bmi2+fma+avx2+popcnt+lzcnt",
     "x86_64+avx2+fma+bmi1+bmi2+popcnt+lzcnt"
 ))]
-fn add_terms(
-    constants: Constants,
+fn compute_terms(
+    k2: f32,
     value_i: [&[f32]; 3],
     value_j: [&[f32]; 3],
     e_i: [&[f32]; 3],
     e_j: [&[f32]; 3],
-    ring: &mut [Vec<f32>; 2],
-    columns: &mut [Vec<f32>; 2],
+    p: &mut [f32],
+    q: &mut [f32],
 ) {
-    let n = value_i[0].len();
-    let Constants { k2, epsilon } = constants;
-    let (a, b, e, f) =
-        (value_i.map(|r| &r[..n]), value_j.map(|r| &r[..n]), e_i.map(|r| &r[..n]), e_j.map(|r| &r[..n]));
-    let [ring_p, ring_q] = ring;
-    let (ring_p, ring_q) = (&mut ring_p[..n], &mut ring_q[..n]);
-    let [column_p, column_q] = columns;
-    let (column_p, column_q) = (&mut column_p[..n], &mut column_q[..n]);
+    let n = p.len();
+    let q = &mut q[..n];
+    // One name for each row, all as long as the results: only so do the bounds checks go.
+    let ([a0, a1, a2], [b0, b1, b2]) = (value_i, value_j);
+    let ([e0, e1, e2], [f0, f1, f2]) = (e_i, e_j);
+    let (a0, a1, a2, b0, b1, b2) = (&a0[..n], &a1[..n], &a2[..n], &b0[..n], &b1[..n], &b2[..n]);
+    let (e0, e1, e2, f0, f1, f2) = (&e0[..n], &e1[..n], &e2[..n], &f0[..n], &f1[..n], &f2[..n]);
     for x in 0..n {
-        let (mut p, mut q) = (0.0, 0.0);
-        for c in 0..3 {
-            let d = a[c][x] - b[c][x];
-            let (e, f) = (e[c][x], f[c][x]);
-            let r = 1.0 / (e + f);
-            p += (k2 * d * d + (epsilon - e.min(f))) * r;
-            q += e * r;
-        }
-        let p = p.min(LARGEST_TERM);
-        column_p[x] += p - ring_p[x];
-        column_q[x] += q - ring_q[x];
-        ring_p[x] = p;
-        ring_q[x] = q;
+        let (s0, s1, s2) = (e0[x] + f0[x], e1[x] + f1[x], e2[x] + f2[x]);
+        // One division, which is slow, in place of three.
+        let inverse = 1.0 / (s0 * s1 * s2);
+        let (r0, r1, r2) = (inverse * (s1 * s2), inverse * (s0 * s2), inverse * (s0 * s1));
+        let (d0, d1, d2) = (a0[x] - b0[x], a1[x] - b1[x], a2[x] - b2[x]);
+        let sum = (k2 * d0 * d0 + (1.0 - smaller(e0[x], f0[x]))) * r0
+            + (k2 * d1 * d1 + (1.0 - smaller(e1[x], f1[x]))) * r1
+            + (k2 * d2 * d2 + (1.0 - smaller(e2[x], f2[x]))) * r2;
+        p[x] = smaller(sum, LARGEST_TERM);
+        q[x] = e0[x] * r0 + e1[x] * r1 + e2[x] * r2;
+    }
+}
+
+/// The smaller of two numbers in one instruction: `f32::min` spends more on values that are none.
+#[inline(always)]
+fn smaller(a: f32, b: f32) -> f32 {
+    if a < b { a } else { b }
+}
+
+/// Replaces a row in a sum of rows.
+#[multiversion(targets(
+    "x86_64+avx512f+avx512bw+avx512dq+avx512vl+bmi1+bmi2+fma+avx2+popcnt+lzcnt",
+    "x86_64+avx2+fma+bmi1+bmi2+popcnt+lzcnt"
+))]
+fn replace(new: &[f32], old: &mut [f32], sum: &mut [f32]) {
+    let n = new.len();
+    let (old, sum) = (&mut old[..n], &mut sum[..n]);
+    for x in 0..n {
+        sum[x] += new[x] - old[x];
+        old[x] = new[x];
     }
 }
 

@@ -2,6 +2,9 @@
 
 use rayon::prelude::*;
 
+/// Values behind the last row, so that rows can be read in whole vectors.
+pub(super) const SLACK: usize = 32;
+
 /// Planes of one size with `margin` extra pixels on every side.
 #[derive(Clone, Debug)]
 pub(super) struct Padded {
@@ -30,7 +33,8 @@ impl Padded {
         self.planes.len()
     }
 
-    /// `length` values of a row from column `x` on; both may reach into the margin.
+    /// `length` values of a row from column `x` on; both may reach into the margin, and the length
+    /// beyond it by up to [`SLACK`] values that mean nothing.
     #[inline]
     pub fn span(&self, plane: usize, x: isize, y: isize, length: usize) -> &[f32] {
         let margin = self.margin as isize;
@@ -41,8 +45,9 @@ impl Padded {
 
 fn pad(width: usize, height: usize, plane: &[f32], margin: usize, fill: Margin) -> Vec<f32> {
     let stride = width + 2 * margin;
-    let mut padded = vec![0.0; stride * (height + 2 * margin)];
-    for (y, row) in padded.chunks_exact_mut(stride).enumerate() {
+    let rows = height + 2 * margin;
+    let mut padded = vec![0.0; stride * rows + SLACK];
+    for (y, row) in padded.chunks_exact_mut(stride).take(rows).enumerate() {
         let inside = (margin..margin + height).contains(&y);
         if let (Margin::Value(value), false) = (fill, inside) {
             row.fill(value);

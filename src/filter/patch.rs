@@ -86,7 +86,8 @@ impl Sums {
                 let (dx, dy) = neighbours.offset;
                 let y = y + neighbours.row as isize + dy;
                 let from = std::array::from_fn(|c| values.span(c, x + dx, y, width));
-                accumulate(neighbours.weights, from, sums.rows_mut(neighbours.row));
+                let [r, g, b, sum] = sums.rows_mut(neighbours.row);
+                accumulate(neighbours.weights, from, r, g, b, sum);
             });
         }
         sums
@@ -108,10 +109,18 @@ impl Sums {
     "x86_64+avx512f+avx512bw+avx512dq+avx512vl+bmi1+bmi2+fma+avx2+popcnt+lzcnt",
     "x86_64+avx2+fma+bmi1+bmi2+popcnt+lzcnt"
 ))]
-fn accumulate(weights: &[f32], values: [&[f32]; 3], sums: [&mut [f32]; 4]) {
+fn accumulate(
+    weights: &[f32],
+    values: [&[f32]; 3],
+    sum_r: &mut [f32],
+    sum_g: &mut [f32],
+    sum_b: &mut [f32],
+    sum: &mut [f32],
+) {
     let n = weights.len();
-    let [r, g, b] = values.map(|v| &v[..n]);
-    let [sum_r, sum_g, sum_b, sum] = sums.map(|s| &mut s[..n]);
+    let [r, g, b] = values;
+    let (r, g, b) = (&r[..n], &g[..n], &b[..n]);
+    let (sum_r, sum_g, sum_b, sum) = (&mut sum_r[..n], &mut sum_g[..n], &mut sum_b[..n], &mut sum[..n]);
     for x in 0..n {
         let w = weights[x];
         sum_r[x] += w * r[x];

@@ -24,6 +24,8 @@ const PATCH: usize = 1;
 /// Tile in pixels: its sums fit the second-level cache, those of a row the first.
 const TILE: (usize, usize) = (64, 32);
 const WIDTH: usize = TILE.0;
+/// Offsets that are worked off together.
+const AT_ONCE: usize = 8;
 /// Neighbouring pixels that are solved at once.
 const LANES: usize = 16;
 /// What the diagonal of the normal equations gains, relative to itself …
@@ -46,8 +48,15 @@ const fn starts() -> [usize; K] {
     starts
 }
 
-/// Sums of a row of a tile, one plane after the other.
-type Row = [[f32; WIDTH]; SUMS];
+/// Values of a row of a tile, from the start of a cache line on: what straddles two costs twice.
+#[derive(Clone, Copy)]
+#[repr(align(64))]
+struct Line([f32; WIDTH]);
+
+const EMPTY: Line = Line([0.0; WIDTH]);
+
+/// Sums of a row of a tile.
+type Row = [Line; SUMS];
 
 /// What decides the fit: the other half.
 #[derive(Clone, Copy)]
@@ -113,21 +122,32 @@ fn fit_tile(
     }
     let (x, y) = (tile.x as isize, tile.y as isize);
     let scale = 1.0 / radius.max(1) as f32;
-    let mut sums = vec![[[0.0; WIDTH]; SUMS]; tile.height];
+    let mut sums = vec![[EMPTY; SUMS]; tile.height];
     // A pixel's own value has weight one; it differs in nothing from itself.
-    sums.iter_mut().for_each(|row| row[STARTS[K - 1]].fill(1.0));
-    let mut differences = [[0.0; WIDTH]; FEATURES + 3];
-    let mut weights = [0.0; WIDTH];
-    distance.for_each_neighbour(tile, |Neighbours { row, offset: (dx, dy), weights: of_row }| {
+    sums.iter_mut().for_each(|row| row[STARTS[K - 1]].0.fill(1.0));
+    // Some offsets of a row are worked off together, while its sums are in the first-level cache.
+    let mut waiting = vec![Vec::new(); tile.height];
+    let mut differences = [EMPTY; FEATURES + 3];
+    let mut work_off = |row: usize, waiting: &mut Vec<((isize, isize), Line)>| {
         let y = y + row as isize;
-        weights[..tile.width].copy_from_slice(of_row);
-        for (c, difference) in differences.iter_mut().enumerate() {
-            let i = columns.span(c, x, y, tile.width);
-            let j = columns.span(c, x + dx, y + dy, tile.width);
-            subtract(j, i, difference);
+        for ((dx, dy), weights) in waiting.drain(..) {
+            for (c, difference) in differences.iter_mut().enumerate() {
+                let i = columns.span(c, x, y, tile.width);
+                let j = columns.span(c, x + dx, y + dy, tile.width);
+                subtract(j, i, difference);
+            }
+            accumulate(&weights, [dx as f32 * scale, dy as f32 * scale], &differences, &mut sums[row]);
         }
-        accumulate(&weights, [dx as f32 * scale, dy as f32 * scale], &differences, &mut sums[row]);
+    };
+    distance.for_each_neighbour(tile, |Neighbours { row, offset, weights }| {
+        let mut line = EMPTY;
+        line.0[..tile.width].copy_from_slice(weights);
+        waiting[row].push((offset, line));
+        if waiting[row].len() == AT_ONCE {
+            work_off(row, &mut waiting[row]);
+        }
     });
+    waiting.iter_mut().enumerate().for_each(|(row, waiting)| work_off(row, waiting));
     Some(sums.iter().map(solve).collect())
 }
 
@@ -135,8 +155,8 @@ fn fit_tile(
     "x86_64+avx512f+avx512bw+avx512dq+avx512vl+bmi1+bmi2+fma+avx2+popcnt+lzcnt",
     "x86_64+avx2+fma+bmi1+bmi2+popcnt+lzcnt"
 ))]
-fn subtract(a: &[f32], b: &[f32], difference: &mut [f32; WIDTH]) {
-    difference.iter_mut().zip(a.iter().zip(b)).for_each(|(d, (a, b))| *d = a - b);
+fn subtract(a: &[f32], b: &[f32], difference: &mut Line) {
+    difference.0.iter_mut().zip(a.iter().zip(b)).for_each(|(d, (a, b))| *d = a - b);
 }
 
 /// Adds a row's neighbours at one offset to the normal equations. `differences` from the pixels:
@@ -145,16 +165,11 @@ fn subtract(a: &[f32], b: &[f32], difference: &mut [f32; WIDTH]) {
     "x86_64+avx512f+avx512bw+avx512dq+avx512vl+bmi1+bmi2+fma+avx2+popcnt+lzcnt",
     "x86_64+avx2+fma+bmi1+bmi2+popcnt+lzcnt"
 ))]
-fn accumulate(
-    weights: &[f32; WIDTH],
-    offset: [f32; 2],
-    differences: &[[f32; WIDTH]; FEATURES + 3],
-    sums: &mut Row,
-) {
+fn accumulate(weights: &Line, offset: [f32; 2], differences: &[Line; FEATURES + 3], sums: &mut Row) {
     let (features, values) = differences.split_at(FEATURES);
-    let mut weighted = [0.0; WIDTH];
+    let mut weighted = EMPTY;
     for (r, feature) in features.iter().enumerate() {
-        weighted.iter_mut().zip(weights.iter().zip(feature)).for_each(|(out, (w, f))| *out = w * f);
+        weighted.0.iter_mut().zip(weights.0.iter().zip(&feature.0)).for_each(|(out, (w, f))| *out = w * f);
         let (of_features, rest) = sums[STARTS[r]..].split_at_mut(FEATURES - r);
         let ([of_x, of_y, of_one], rest) = rest.split_first_chunk_mut().expect("three constants");
         features[r..].iter().zip(of_features).for_each(|(f, sum)| add_product(&weighted, f, sum));
@@ -165,7 +180,7 @@ fn accumulate(
     }
     let constants = [offset[0], offset[1], 1.0];
     for (r, factor) in constants.into_iter().enumerate() {
-        weighted.iter_mut().zip(weights).for_each(|(out, w)| *out = w * factor);
+        weighted.0.iter_mut().zip(&weights.0).for_each(|(out, w)| *out = w * factor);
         let (of_constants, rest) = sums[STARTS[FEATURES + r]..].split_at_mut(3 - r);
         constants[r..].iter().zip(of_constants).for_each(|(&c, sum)| add_scaled(&weighted, c, sum));
         values.iter().zip(rest).for_each(|(v, sum)| add_product(&weighted, v, sum));
@@ -173,16 +188,16 @@ fn accumulate(
 }
 
 #[inline(always)]
-fn add_product(a: &[f32; WIDTH], b: &[f32; WIDTH], sum: &mut [f32; WIDTH]) {
+fn add_product(a: &Line, b: &Line, sum: &mut Line) {
     for x in 0..WIDTH {
-        sum[x] += a[x] * b[x];
+        sum.0[x] += a.0[x] * b.0[x];
     }
 }
 
 #[inline(always)]
-fn add_scaled(a: &[f32; WIDTH], factor: f32, sum: &mut [f32; WIDTH]) {
+fn add_scaled(a: &Line, factor: f32, sum: &mut Line) {
     for x in 0..WIDTH {
-        sum[x] += a[x] * factor;
+        sum.0[x] += a.0[x] * factor;
     }
 }
 
@@ -191,7 +206,7 @@ fn add_scaled(a: &[f32; WIDTH], factor: f32, sum: &mut [f32; WIDTH]) {
 fn solve(sums: &Row) -> [[f32; WIDTH]; 4] {
     let mut solved = [[0.0; WIDTH]; 4];
     for start in (0..WIDTH).step_by(LANES) {
-        let block = std::array::from_fn(|s| std::array::from_fn(|l| sums[s][start + l]));
+        let block = std::array::from_fn(|s| std::array::from_fn(|l| sums[s].0[start + l]));
         for (out, of_block) in solved.iter_mut().zip(solve_block(block)) {
             out[start..][..LANES].copy_from_slice(&of_block);
         }
