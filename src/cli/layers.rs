@@ -1,11 +1,10 @@
 //! The layers of the EXR, in pbrt's spellings where pbrt has one.
 
-use crate::filter;
+use crate::filter::{self, Filtered};
 use crate::image::Planes;
 use crate::image::exr_file::{Channel, Precision};
-use crate::progressive::Outcome;
 use crate::scene::Scene;
-use crate::stats::{Block, Part};
+use crate::stats::{Block, Part, Store};
 
 /// A named layer: its channels' suffixes, one plane each.
 struct Layer {
@@ -20,14 +19,13 @@ const RGB: &[&str] = &["R", "G", "B"];
 const XYZ: &[&str] = &["X", "Y", "Z"];
 const X: &[&str] = &["X"];
 
-/// All layers of a finished render.
+/// All layers of an image.
 pub(super) struct Layers(Vec<Layer>);
 
 impl Layers {
     /// `diameter` is what positions in the store were divided by.
-    pub fn of(outcome: &Outcome, scene: &Scene, diameter: f32) -> Self {
+    pub fn of(store: &Store, filtered: &Filtered, scene: &Scene, diameter: f32) -> Self {
         use Precision::{Float, Half};
-        let (store, filtered) = (&outcome.store, &outcome.filtered);
         let layout = store.layout();
         let mut layers = Vec::new();
         let mut add =

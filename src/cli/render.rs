@@ -8,26 +8,36 @@ use std::time::Instant;
 use anyhow::Context;
 use indicatif::{ProgressBar, ProgressStyle};
 
-use super::Failure;
 use super::layers::Layers;
 use super::options::RenderOptions;
 use super::report::{Report, Spread, Times};
+use super::{Failure, preview};
 use crate::geometry::Accel;
 use crate::image::exr_file::{self, Attribute, Windows, names};
 use crate::image::formats::OutputFormat;
 use crate::image::metrics::Pair;
 use crate::image::{self, Planes, atomic, png_file};
-use crate::progressive::{Loop, Outcome, Progress, Settings, StoppedBy, store_bytes_per_pixel};
+use crate::preview::{Director, Hub, Picture, Stage};
+use crate::progressive::{Batch, Loop, Outcome, Progress, Settings, StoppedBy, store_bytes_per_pixel};
 use crate::render::Renderer;
 use crate::scene::{Scene, pbrt};
-use crate::stats::Layout;
+use crate::stats::{Layout, Store};
 
 /// Exit status after a person's interruption: 128 + SIGINT.
 const INTERRUPTED: u8 = 130;
 /// Steps of the progress bar.
 const BAR_STEPS: u64 = 1000;
 
-pub(super) fn run(options: &RenderOptions, start: Instant) -> Result<u8, Failure> {
+/// Which command it is.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum Mode {
+    /// Ends with a budget, and writes.
+    Render,
+    /// Stays until interrupted, and writes when asked to.
+    Preview,
+}
+
+pub(super) fn run(options: &RenderOptions, mode: Mode, start: Instant) -> Result<u8, Failure> {
     // What is wrong with the command line should be known before minutes of rendering.
     for path in &options.outfile {
         OutputFormat::of(path).map_err(|error| Failure::Input(error.into()))?;
@@ -37,10 +47,10 @@ pub(super) fn run(options: &RenderOptions, start: Instant) -> Result<u8, Failure
         pool = pool.num_threads(threads.get());
     }
     let pool = pool.build().context("starting the worker threads").map_err(Failure::Run)?;
-    pool.install(|| run_in_pool(options, start))
+    pool.install(|| run_in_pool(options, mode, start))
 }
 
-fn run_in_pool(options: &RenderOptions, start: Instant) -> Result<u8, Failure> {
+fn run_in_pool(options: &RenderOptions, mode: Mode, start: Instant) -> Result<u8, Failure> {
     let mut scene = pbrt::read(&options.scene).map_err(|error| Failure::Input(error.into()))?;
     options.apply(&mut scene).map_err(Failure::Input)?;
     let outfiles = outfiles(options, &scene).map_err(Failure::Input)?;
@@ -66,15 +76,38 @@ fn run_in_pool(options: &RenderOptions, start: Instant) -> Result<u8, Failure> {
     fits_in_memory(renderer.layout(), &settings, renderer.resolution()).map_err(Failure::Input)?;
     let interrupt = Arc::new(AtomicBool::new(false));
     listen_to_signals(&interrupt).map_err(Failure::Run)?;
-    let bar = bar(options);
-    let outcome = Loop::new(&renderer, &settings, start, &interrupt, reference.as_ref())
-        .run(&mut |progress| show(&bar, progress));
-    bar.finish_and_clear();
+    let outcome = if mode == Mode::Preview || options.preview.is_some() {
+        let hub = Arc::new(Hub::default());
+        preview::serve(&hub, options.preview.flatten())?;
+        let save = |picture: &Picture| save(picture, &outfiles[0], &scene, start);
+        let stage = Stage {
+            scene: &scene,
+            accel: &accel,
+            settings: settings.clone(),
+            reference: reference.as_ref(),
+            start,
+            interrupt: &interrupt,
+            stays: mode == Mode::Preview,
+            save: Box::new(save),
+        };
+        Director::new(hub, stage).run()
+    } else {
+        let bar = bar(options);
+        let outcome = Loop::new(&renderer, &settings, start, &interrupt, reference.as_ref())
+            .run(&mut |progress: Progress| show(&bar, progress));
+        bar.finish_and_clear();
+        Some(outcome)
+    };
+    // A preview that was closed.
+    let Some(outcome) = outcome else { return Ok(0) };
 
     let writing = Instant::now();
-    let layers = Layers::of(&outcome, &scene, renderer.diameter());
+    let layers = Layers::of(&outcome.store, &outcome.filtered, &scene, renderer.diameter());
+    let written =
+        Written { store: &outcome.store, image: &outcome.filtered.image, batches: &outcome.batches };
     for path in &outfiles {
-        write(path, &layers, &outcome, &scene, &settings, reference.as_ref(), start)
+        let attributes = || attributes(&written, &scene, &settings, reference.as_ref(), start);
+        write(path, &layers, &outcome.filtered.image, &scene, attributes)
             .map_err(|error| Failure::Run(error.into()))?;
     }
     let seconds = Times {
@@ -208,33 +241,50 @@ fn show(bar: &ProgressBar, progress: Progress) {
 fn write(
     path: &Path,
     layers: &Layers,
-    outcome: &Outcome,
+    image: &Planes,
     scene: &Scene,
-    settings: &Settings,
-    reference: Option<&Planes>,
-    start: Instant,
+    attributes: impl FnOnce() -> Vec<(String, Attribute)>,
 ) -> Result<(), image::ImageError> {
     match OutputFormat::of(path)? {
-        OutputFormat::Png => png_file::write(path, &outcome.filtered.image, 0.0),
+        OutputFormat::Png => png_file::write(path, image, 0.0),
         OutputFormat::Exr => {
             let windows =
                 Windows { data: scene.film.pixel_bounds, display: [scene.film.width, scene.film.height] };
-            let attributes = attributes(outcome, scene, settings, reference, start);
-            exr_file::write(path, windows, &layers.channels(), &attributes)
+            exr_file::write(path, windows, &layers.channels(), &attributes())
         }
     }
 }
 
+/// Writes the image of a render that goes on.
+fn save(picture: &Picture, outfile: &Path, scene: &Scene, start: Instant) -> Result<Vec<PathBuf>, String> {
+    let names = preview::next_names(outfile).ok_or("all numbers are taken")?;
+    let layers = Layers::of(picture.store, picture.filtered, scene, picture.diameter);
+    let written = Written { store: picture.store, image: &picture.filtered.image, batches: &[] };
+    for name in &names {
+        let attributes = || attributes(&written, scene, picture.settings, None, start);
+        write(name, &layers, &picture.filtered.image, scene, attributes)
+            .map_err(|error| error.to_string())?;
+    }
+    Ok(names.into())
+}
+
+/// What a written image's attributes tell of.
+struct Written<'a> {
+    store: &'a Store,
+    image: &'a Planes,
+    batches: &'a [Batch],
+}
+
 fn attributes(
-    outcome: &Outcome,
+    written: &Written,
     scene: &Scene,
     settings: &Settings,
     reference: Option<&Planes>,
     start: Instant,
 ) -> Vec<(String, Attribute)> {
-    let spread = Spread::of(&outcome.store);
+    let spread = Spread::of(written.store);
     let own = |name: &str| format!("prpf.{name}");
-    let schedule = outcome.batches.iter().map(|b| b.samples_total as i64).collect();
+    let schedule = written.batches.iter().map(|b| b.samples_total as i64).collect();
     let mut attributes = vec![
         (names::SAMPLES_PER_PIXEL.to_owned(), Attribute::Int(spread.mean.round() as i32)),
         (names::RENDER_TIME_SECONDS.to_owned(), Attribute::Float(start.elapsed().as_secs_f32())),
@@ -247,7 +297,7 @@ fn attributes(
         (own("samplesMax"), Attribute::Int(spread.max as i32)),
         (own("batches"), Attribute::Ints(schedule)),
     ];
-    if let Some(mse) = reference.and_then(|r| Some(Pair::new(&outcome.filtered.image, r).ok()?.mse())) {
+    if let Some(mse) = reference.and_then(|r| Some(Pair::new(written.image, r).ok()?.mse())) {
         attributes.push((names::MSE.to_owned(), Attribute::Float(mse as f32)));
     }
     attributes

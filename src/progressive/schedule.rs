@@ -89,9 +89,14 @@ impl Schedule {
         }
     }
 
-    /// Steps that a batch is rendered in.
-    pub fn steps(&self, batch: u64) -> u64 {
-        batch.div_ceil((STEP_SPP * self.pixels).max(1)).max(1)
+    /// Follows another budget from now on.
+    pub fn change(&mut self, budget: &Budget) {
+        self.budget = *budget;
+    }
+
+    /// Samples of a step of a batch, at most.
+    pub fn step_samples(&self) -> u64 {
+        STEP_SPP * self.pixels
     }
 
     /// Whether what is left must go to the last filter pass and the writing.
