@@ -84,10 +84,11 @@ fn a_person_can_look_and_steer() {
     let mut page = Page::open(program, &address, [1600, 1000]);
 
     // The page loads, and an image is on it, raw first, then filtered.
-    page.wait("window.prpf && window.prpf.picture.frames.has('raw')");
+    page.wait("window.prpf && window.prpf.picture.frames.size > 0");
     page.wait("window.prpf.picture.frames.has('filtered')");
     page.wait("window.prpf.picture.shown.right === 'filtered'");
     page.wait("window.prpf.picture.drawn > 0");
+    page.value("window.prpf.picture.redraw()");
     assert!(brightness(&mut page) > 1.0, "the graphics card shows something");
 
     // The image changes as samples come.
@@ -203,13 +204,14 @@ fn another_scene_can_be_looked_at() {
         line.strip_prefix("preview at ").map(str::to_owned)
     });
     let mut page = Page::open(program, &address.unwrap(), [1600, 1000]);
-    page.wait("window.prpf && window.prpf.picture.frames.has('raw')");
+    page.wait("window.prpf && window.prpf.picture.frames.size > 0");
+    page.screenshot(&Path::new(&folder).join("preview-wide-first.png"));
     page.wait("window.prpf.picture.frames.has('filtered')");
     page.key("w");
-    page.wait("window.prpf.state.status.curve.length > 2");
+    page.wait("window.prpf.state.status.curve.length > 0");
     let at = on_image(&mut page, [0.1, 0.1]);
     page.hover(at);
-    std::thread::sleep(std::time::Duration::from_millis(700));
+    page.wait("window.prpf.state.values");
     let shot = |page: &mut Page, name: &str| page.screenshot(&Path::new(&folder).join(name));
     shot(&mut page, "preview-wide-wipe.png");
     page.key("w");

@@ -80,6 +80,9 @@ pub(super) struct RenderOptions {
     /// machine only]
     #[arg(long, visible_alias = "listen", value_name = "ADDR:PORT", num_args = 0..=1, value_parser = parse_address)]
     pub preview: Option<Option<SocketAddr>>,
+    /// Also send the image to a running tev viewer as it converges
+    #[arg(long, visible_alias = "tev", value_name = "HOST:PORT", value_parser = parse_host)]
+    pub display_server: Option<String>,
     /// No progress bar, no summary
     #[arg(long)]
     pub quiet: bool,
@@ -217,6 +220,13 @@ fn parse_address(text: &str) -> Result<SocketAddr, String> {
     text.parse().map_err(|_| {
         format!("found `{text}`; accepted is ADDR:PORT, e.g. 0.0.0.0:8080 (the scene goes before --preview)")
     })
+}
+
+fn parse_host(text: &str) -> Result<String, String> {
+    match text.rsplit_once(':') {
+        Some((host, port)) if !host.is_empty() && port.parse::<u16>().is_ok() => Ok(text.to_owned()),
+        _ => Err(format!("found `{text}`; accepted is HOST:PORT, e.g. localhost:14158")),
+    }
 }
 
 fn parse_drive(text: &str) -> Result<PrioritySettings, String> {

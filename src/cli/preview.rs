@@ -10,7 +10,8 @@ use clap::Args;
 use super::Failure;
 use super::options::RenderOptions;
 use super::render;
-use crate::preview::{Hub, Server};
+use crate::preview::{Display, Hub, Server};
+use crate::scene::Scene;
 
 /// Images saved under one name are numbered up to this.
 const LAST_NUMBER: u32 = 9999;
@@ -40,6 +41,17 @@ pub(super) fn serve(hub: &Arc<Hub>, address: Option<SocketAddr>) -> Result<(), F
     let server = Server::start(hub.clone(), address).map_err(|error| Failure::Input(error.into()))?;
     super::say(&format!("preview at {}\n", server.address));
     Ok(())
+}
+
+/// Starts to send images to a display server, if one is asked for.
+pub(super) fn display(
+    hub: &Arc<Hub>,
+    address: Option<&str>,
+    scene: &Scene,
+) -> Result<Option<Display>, Failure> {
+    let name = Path::new(&scene.source).file_name().unwrap_or_default().to_string_lossy().into_owned();
+    let start = |address: &str| Display::start(hub.clone(), address.to_owned(), name);
+    address.map(start).transpose().map_err(|error| Failure::Run(error.into()))
 }
 
 /// Names for the next saved image that no file has yet: `NAME-0001.exr` and `.png` beside it.

@@ -72,13 +72,22 @@ fn run_in_pool(options: &RenderOptions, mode: Mode, start: Instant) -> Result<u8
     let renderer = Renderer::new(&scene, &accel, options.seed);
     let build = start.elapsed().as_secs_f64() - load;
 
-    let settings = options.settings(&scene);
+    let mut settings = options.settings(&scene);
+    if mode == Mode::Preview && options.spp == Some(0) {
+        // A person watches; nothing has to end it.
+        settings.budget.spp = None;
+    }
     fits_in_memory(renderer.layout(), &settings, renderer.resolution()).map_err(Failure::Input)?;
     let interrupt = Arc::new(AtomicBool::new(false));
     listen_to_signals(&interrupt).map_err(Failure::Run)?;
-    let outcome = if mode == Mode::Preview || options.preview.is_some() {
+    let serves = mode == Mode::Preview || options.preview.is_some();
+    let bar = bar(options);
+    let outcome = if serves || options.display_server.is_some() {
         let hub = Arc::new(Hub::default());
-        preview::serve(&hub, options.preview.flatten())?;
+        if serves {
+            preview::serve(&hub, options.preview.flatten())?;
+        }
+        let _display = preview::display(&hub, options.display_server.as_deref(), &scene)?;
         let save = |picture: &Picture| save(picture, &outfiles[0], &scene, start);
         let stage = Stage {
             scene: &scene,
@@ -89,15 +98,15 @@ fn run_in_pool(options: &RenderOptions, mode: Mode, start: Instant) -> Result<u8
             interrupt: &interrupt,
             stays: mode == Mode::Preview,
             save: Box::new(save),
+            listen: Box::new(|progress| show(&bar, progress)),
         };
         Director::new(hub, stage).run()
     } else {
-        let bar = bar(options);
         let outcome = Loop::new(&renderer, &settings, start, &interrupt, reference.as_ref())
             .run(&mut |progress: Progress| show(&bar, progress));
-        bar.finish_and_clear();
         Some(outcome)
     };
+    bar.finish_and_clear();
     // A preview that was closed.
     let Some(outcome) = outcome else { return Ok(0) };
 

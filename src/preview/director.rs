@@ -71,6 +71,8 @@ pub struct Stage<'a> {
     /// Stay when a budget is spent, until interrupted; else end there.
     pub stays: bool,
     pub save: Save<'a>,
+    /// Hears of every step.
+    pub listen: Box<dyn FnMut(Progress) + 'a>,
 }
 
 /// See the module.
@@ -385,6 +387,7 @@ impl<'a> Director<'a> {
     }
 
     fn note(&mut self, progress: Progress) {
+        (self.stage.listen)(progress);
         self.progress = Some(progress);
         self.pace.push_back((progress.elapsed, progress.samples));
         while self.pace.len() > 2 && progress.elapsed - self.pace[0].0 > RATE_WINDOW {

@@ -75,11 +75,17 @@ impl Frame {
     }
 }
 
-/// The pixel that stands for (x, y): itself if it has samples, else the corner of its block of 2×2, else
-/// of 4×4.
+/// The pixel that stands for (x, y): itself if it has samples, else one of its block of 2×2, else of
+/// 4×4 or 8×8 pixels that has.
 fn sampled(counts: &[u32], width: usize, x: usize, y: usize) -> usize {
-    let at = |mask: usize| (y & !mask) * width + (x & !mask);
-    [at(0), at(1)].into_iter().find(|&i| counts[i] > 0).unwrap_or(at(3))
+    let height = counts.len() / width.max(1);
+    let in_block = |side: usize| {
+        let (x0, y0) = (x / side * side, y / side * side);
+        let rows = y0..(y0 + side).min(height);
+        rows.flat_map(move |y| (x0..(x0 + side).min(width)).map(move |x| y * width + x))
+    };
+    let mut blocks = [1, 2, 4, 8].into_iter().flat_map(in_block);
+    blocks.find(|&i| counts[i] > 0).unwrap_or(y * width + x)
 }
 
 #[cfg(test)]
@@ -112,6 +118,7 @@ mod tests {
         counts[10] = 1;
         let shown = halves(&Frame::new(View::Raw, &planes, Some(&counts), STAMP));
         let mut expected = [0.0; 16];
+        // The block of 2×2 that pixel 10 is in.
         [10, 11, 14, 15].map(|i| expected[i] = 10.0);
         assert_eq!(shown, expected);
     }

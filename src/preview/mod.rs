@@ -22,9 +22,11 @@ mod protocol;
 mod publish;
 mod server;
 mod status;
+mod tev;
 mod values;
 mod view;
 
 pub use director::{Director, Picture, Save, Stage};
 pub use hub::Hub;
 pub use server::{ServeError, Server};
+pub use tev::Display;

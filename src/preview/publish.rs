@@ -53,7 +53,7 @@ impl Publisher {
         self.generation += 1;
         (self.steps, self.passes) = (0, 0);
         self.published = Default::default();
-        let described = |view: View| Described { view, index: view.index(), scale: view.scale(settings) };
+        let described = |view: View| Described { view, scale: view.scale(settings) };
         self.views = View::ALL.into_iter().filter(|view| view.exists(layout)).map(described).collect();
     }
 

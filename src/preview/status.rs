@@ -44,8 +44,6 @@ pub struct Status<'a> {
 #[derive(Clone, Copy, Serialize)]
 pub struct Described {
     pub view: super::view::View,
-    /// Its code in frames' headers.
-    pub index: usize,
     pub scale: Option<Scale>,
 }
 

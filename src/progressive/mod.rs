@@ -406,12 +406,12 @@ impl<'a> Loop<'a> {
 
     /// Samples of the next step.
     fn step_samples(&self, pixels: u64, observer: &dyn Observer) -> u64 {
-        let most = self.schedule.step_samples();
+        let (least, most) = (pixels.div_ceil(steps::BLOCK), self.schedule.step_samples());
         match (observer.step_seconds(), self.rate) {
             (None, _) => most,
             // Nothing is known of the scene's speed: as little as makes an image.
-            (Some(_), None) => pixels.div_ceil(steps::BLOCK),
-            (Some(seconds), Some(rate)) => most.min((seconds * rate) as u64),
+            (Some(_), None) => least,
+            (Some(seconds), Some(rate)) => ((seconds * rate) as u64).min(most).max(least),
         }
     }
 

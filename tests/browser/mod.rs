@@ -50,7 +50,12 @@ impl Page {
         let profile = tempfile::tempdir().expect("a temporary folder");
         let mut browser = Command::new(program)
             .args(["--headless=new", "--no-sandbox", "--disable-dev-shm-usage", "--remote-debugging-port=0"])
-            .args(["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-first-run", "--hide-scrollbars"])
+            .args([
+                "--use-angle=swiftshader",
+                "--enable-unsafe-swiftshader",
+                "--no-first-run",
+                "--hide-scrollbars",
+            ])
             .arg(format!("--user-data-dir={}", profile.path().display()))
             .arg("about:blank")
             .stderr(Stdio::piped())
@@ -66,11 +71,10 @@ impl Page {
         if let MaybeTlsStream::Plain(stream) = socket.get_ref() {
             stream.set_read_timeout(Some(PATIENCE)).expect("a time-out");
         }
-        let mut page =
-            Self { socket, session: String::new(), next: 0, _browser: browser, _profile: profile };
+        let mut page = Self { socket, session: String::new(), next: 0, _browser: browser, _profile: profile };
         let target = page.call("Target.createTarget", json!({ "url": "about:blank" }));
-        let attached = page
-            .call("Target.attachToTarget", json!({ "targetId": target["targetId"], "flatten": true }));
+        let attached =
+            page.call("Target.attachToTarget", json!({ "targetId": target["targetId"], "flatten": true }));
         page.session = attached["sessionId"].as_str().expect("a session").to_owned();
         page.resize([width, height]);
         page.call("Page.enable", json!({}));
@@ -115,7 +119,10 @@ impl Page {
     pub fn wait(&mut self, expression: &str) {
         let started = Instant::now();
         while self.value(&format!("Boolean({expression})")) != Value::Bool(true) {
-            assert!(started.elapsed() < PATIENCE, "waited in vain for {expression}");
+            if started.elapsed() > PATIENCE {
+                let seen = self.value("document.body.innerText + JSON.stringify(window.prpf?.state)");
+                panic!("waited in vain for {expression}; the page says {seen}");
+            }
             std::thread::sleep(Duration::from_millis(30));
         }
     }

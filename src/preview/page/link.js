@@ -2,6 +2,8 @@
 
 export const HEADER = 24;
 const VERSION = 1;
+// Views by their code in a frame's header.
+const VIEWS = ["filtered", "raw", "samples", "error", "variance", "residual", "failure", "albedo", "normal"];
 const RETRY_MILLISECONDS = 1000;
 
 export class Link {
@@ -40,7 +42,7 @@ export class Link {
     const head = new DataView(data);
     if (head.byteLength < HEADER || head.getUint8(0) !== VERSION) return this.ready();
     this.on.frame({
-      index: head.getUint8(1),
+      view: VIEWS[head.getUint8(1)],
       channels: head.getUint8(2),
       final: head.getUint8(3) === 1,
       width: head.getUint16(4, true),

@@ -21,8 +21,7 @@ const link = new Link({
     $("phase").className = "lost";
   },
   frame: (frame) => {
-    const view = state.status?.views.find(({ index }) => index === frame.index)?.view;
-    if (view) picture.take(view, frame);
+    if (frame.view) picture.take(frame.view, frame);
     arrange();
     inspect();
     picture.redraw().then(() => link.ready());
