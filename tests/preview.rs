@@ -93,7 +93,7 @@ fn a_person_can_look_and_steer() {
 
     // The image changes as samples come.
     page.key("2");
-    page.wait("window.prpf.picture.shown.right === 'raw'");
+    page.wait("window.prpf.picture.shown.right === 'raw' && window.prpf.picture.frames.has('raw')");
     let before = page.value("window.prpf.picture.frames.get('raw').sequence");
     let samples = page.value(SAMPLES);
     page.wait(&format!("window.prpf.picture.frames.get('raw').sequence > {before}"));

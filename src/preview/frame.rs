@@ -119,7 +119,7 @@ mod tests {
         let shown = halves(&Frame::new(View::Raw, &planes, Some(&counts), STAMP));
         let mut expected = [0.0; 16];
         // The block of 2×2 that pixel 10 is in.
-        [10, 11, 14, 15].map(|i| expected[i] = 10.0);
+        [10, 11, 14, 15].into_iter().for_each(|i| expected[i] = 10.0);
         assert_eq!(shown, expected);
     }
 }
