@@ -56,6 +56,7 @@ fn million_triangles() -> TriangleMesh {
 fn scene_of(mesh: TriangleMesh) -> Scene {
     Scene {
         source: String::new(),
+        hash: String::new(),
         origin: DVec3::ZERO,
         camera: Camera {
             to_render: AnimatedTransform::fixed(DAffine3::IDENTITY),

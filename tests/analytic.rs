@@ -31,6 +31,7 @@ const ROUNDING: f64 = 2e-5;
 fn scene(max_depth: u32) -> Scene {
     Scene {
         source: String::new(),
+        hash: String::new(),
         origin: DVec3::ZERO,
         camera: Camera {
             to_render: AnimatedTransform::fixed(DAffine3::IDENTITY),

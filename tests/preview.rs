@@ -65,9 +65,9 @@ fn on_image(page: &mut Page, [x, y]: [f64; 2]) -> [f64; 2] {
 }
 
 fn brightness(page: &mut Page) -> f64 {
-    let sum = "(() => { const p = window.prpf.picture, gl = p.gl, w = gl.drawingBufferWidth, h = gl.drawingBufferHeight; \
+    let sum = "window.prpf.picture.redraw().then(() => { const p = window.prpf.picture, gl = p.gl, w = gl.drawingBufferWidth, h = gl.drawingBufferHeight; \
          const data = new Uint8Array(4 * w * h); gl.readPixels(0, 0, w, h, gl.RGBA, gl.UNSIGNED_BYTE, data); \
-         return data.reduce((a, b, i) => i % 4 < 3 ? a + b : a, 0) / (w * h); })()";
+         return data.reduce((a, b, i) => i % 4 < 3 ? a + b : a, 0) / (w * h); })";
     page.value(sum).as_f64().expect("a number")
 }
 
@@ -88,7 +88,6 @@ fn a_person_can_look_and_steer() {
     page.wait("window.prpf.picture.frames.has('filtered')");
     page.wait("window.prpf.picture.shown.right === 'filtered'");
     page.wait("window.prpf.picture.drawn > 0");
-    page.value("window.prpf.picture.redraw()");
     assert!(brightness(&mut page) > 1.0, "the graphics card shows something");
 
     // The image changes as samples come.
@@ -119,7 +118,6 @@ fn a_person_can_look_and_steer() {
     page.wait("window.prpf.picture.shown.right === 'raw'");
     let dark = brightness(&mut page);
     page.key("e");
-    page.value("window.prpf.picture.redraw()");
     assert!(brightness(&mut page) > dark * 1.02);
 
     // A pause: no more samples. Then it goes on.

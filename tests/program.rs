@@ -107,7 +107,13 @@ fn a_wrong_scene_gets_one_line_with_its_place() {
 #[test]
 fn wrong_command_lines_exit_with_2_and_say_what_is_accepted() {
     let folder = folder_with(SCENE);
-    let cases: [(&[&str], &str); 8] = [
+    let cases: [(&[&str], &str); 14] = [
+        (&["render", "scene.pbrt", "--foo"], "found `--foo`"),
+        (&["render", "scene.pbrt", "--qualty", "draft"], "`--quality`"),
+        (&["render", "scene.pbrt", "--spp", "many"], "whole number"),
+        (&["render"], "<SCENE>"),
+        (&["rendr", "scene.pbrt"], "`render`"),
+        (&["render", "scene.pbrt", "--spp"], "no value"),
         (&["render", "missing.pbrt"], "missing.pbrt"),
         (&["render", "scene.pbrt", "-o", "a.bmp"], ".png"),
         (&["render", "scene.pbrt", "--quality", "best"], "standard"),
@@ -121,7 +127,112 @@ fn wrong_command_lines_exit_with_2_and_say_what_is_accepted() {
         let output = prpf(folder.path(), arguments);
         assert_eq!(output.status.code(), Some(2), "{arguments:?}: {}", stderr(&output));
         assert!(stderr(&output).contains(expected), "{arguments:?}: {}", stderr(&output));
+        assert_eq!(stderr(&output).lines().count(), 1, "{arguments:?}: {}", stderr(&output));
     }
+}
+
+#[test]
+fn a_file_that_is_no_text_gets_one_printable_line() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let noise: Vec<u8> = (0..5000u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 13) as u8).collect();
+    for (name, bytes) in
+        [("noise", noise), ("long", vec![b'a'; 100_000]), ("escape", b"\x1b[2J\x07".to_vec())]
+    {
+        std::fs::write(folder.path().join(name), bytes).expect("a file");
+        let output = prpf(folder.path(), &["info", name]);
+        assert_eq!(output.status.code(), Some(2));
+        let said = stderr(&output);
+        assert!(said.lines().count() == 1 && said.len() < 1500, "{name}: {}", said.len());
+        assert!(!said.trim_end().chars().any(char::is_control), "{name}: {said:?}");
+    }
+}
+
+#[test]
+fn a_film_name_that_cannot_be_written_is_said_to_be_replaced() {
+    let folder = folder_with(&SCENE.replace("named.exr", "named.tga"));
+    let output = prpf(folder.path(), &["render", "scene.pbrt", "--spp", "1"]);
+    assert!(output.status.success(), "{}", stderr(&output));
+    assert!(
+        stderr(&output).contains("named.tga") && stderr(&output).contains("scene.exr"),
+        "{}",
+        stderr(&output)
+    );
+    assert!(folder.path().join("scene.exr").exists());
+    let asked = prpf(folder.path(), &["render", "scene.pbrt", "--spp", "1", "-o", "a.png"]);
+    assert!(!stderr(&asked).contains("named.tga"), "nothing was replaced: {}", stderr(&asked));
+}
+
+#[test]
+fn nobody_listening_is_no_failure() {
+    let folder = folder_with(SCENE);
+    assert!(
+        prpf(folder.path(), &["render", "scene.pbrt", "--spp", "1", "-o", "a.png", "--quiet"])
+            .status
+            .success()
+    );
+    for arguments in [&["info", "scene.pbrt"] as &[&str], &["compare", "a.png", "a.png"]] {
+        let mut child = Command::new(env!("CARGO_BIN_EXE_prpf"))
+            .current_dir(folder.path())
+            .args(arguments)
+            .stdout(std::process::Stdio::piped())
+            .stderr(std::process::Stdio::piped())
+            .spawn()
+            .expect("the program starts");
+        drop(child.stdout.take());
+        let output = child.wait_with_output().expect("the program ends");
+        assert_eq!((output.status.code(), stderr(&output).as_str()), (Some(0), ""), "{arguments:?}");
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn an_interrupted_render_finishes_its_batch_and_writes_the_image() {
+    for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
+        let folder = folder_with(SCENE);
+        let child = Command::new(env!("CARGO_BIN_EXE_prpf"))
+            .current_dir(folder.path())
+            .args(["render", "scene.pbrt", "--spp", "2000000", "-o", "a.exr", "--report", "a.json"])
+            .stdout(std::process::Stdio::piped())
+            .stderr(std::process::Stdio::piped())
+            .spawn()
+            .expect("the program starts");
+        // Long enough to have begun: an earlier signal would end the program at once.
+        std::thread::sleep(std::time::Duration::from_secs(2));
+        let sent = Command::new("kill").arg(format!("-{signal}")).arg(child.id().to_string()).status();
+        assert!(sent.expect("kill is there").success());
+        let output = child.wait_with_output().expect("the program ends");
+        assert_eq!(output.status.code(), Some(130), "{}", stderr(&output));
+        assert!(folder.path().join("a.exr").exists());
+        let report = std::fs::read(folder.path().join("a.json")).expect("a report");
+        let report: serde_json::Value = serde_json::from_slice(&report).expect("JSON");
+        assert_eq!(report["stopped_by"], "interrupt");
+        // Whole batches of whole samples per pixel.
+        assert_eq!(report["samples_total"].as_u64().expect("a number") % (24 * 16), 0);
+    }
+}
+
+#[test]
+fn a_budget_too_small_for_a_sample_per_pixel_ends_in_an_image_and_says_so() {
+    let folder = folder_with(SCENE);
+    let large = ["render", "scene.pbrt", "--resolution", "512x512", "--time", "1ms", "-o", "a.png"];
+    let output = prpf(folder.path(), &large);
+    assert!(output.status.success(), "{}", stderr(&output));
+    let said = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert!(said.contains("too short for one sample per pixel"), "{said}");
+    assert!(folder.path().join("a.png").exists());
+}
+
+#[test]
+fn the_hash_of_the_scene_is_in_the_image_and_follows_its_text() {
+    let hash = |scene: &str| {
+        let folder = folder_with(scene);
+        assert!(prpf(folder.path(), &["render", "scene.pbrt", "--spp", "1", "-o", "a.exr"]).status.success());
+        let info = prpf::image::exr_file::read_info(&folder.path().join("a.exr")).unwrap();
+        let (_, value) = info.attributes.iter().find(|(name, _)| name == "prpf.sceneHash").expect("a hash");
+        format!("{value:?}")
+    };
+    let (one, other) = (hash(SCENE), hash(&SCENE.replace("fov\" 40", "fov\" 41")));
+    assert!(one.contains("sha256:") && one == hash(SCENE) && one != other, "{one} {other}");
 }
 
 #[test]

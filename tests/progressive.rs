@@ -107,6 +107,17 @@ fn a_ceiling_ends_the_render_when_every_pixel_has_reached_it() {
 }
 
 #[test]
+fn the_last_estimate_is_of_an_image_with_three_quarters_of_the_samples() {
+    for spp in [16, 32, 100] {
+        let outcome = run(&settings(spp, Sampling::Adaptive, 0));
+        let estimate = outcome.estimate.expect("batches after the first");
+        let share = estimate.samples as f64 / outcome.store.samples() as f64;
+        assert!((0.7..0.8).contains(&share), "{spp}: {share}");
+        assert!(estimate.image < 0.2 && estimate.standard_error < 0.1, "{estimate:?}");
+    }
+}
+
+#[test]
 fn a_time_budget_ends_in_an_image() {
     let mut settings = settings(1, Sampling::Adaptive, 0);
     settings.budget = Budget { seconds: Some(1.0), ..Budget::default() };

@@ -1,7 +1,6 @@
 //! `prpf compare`: how far an image is from its reference.
 
 use std::fmt::Write as _;
-use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, ensure};
@@ -100,10 +99,10 @@ pub fn run(args: &CompareArgs) -> anyhow::Result<u8> {
     } else {
         table(&comparison, &pair)?
     };
-    std::io::stdout().write_all(output.as_bytes()).context("cannot print")?;
+    super::say(&output)?;
     match args.max_relmse {
         Some(limit) if comparison.relmse > limit => {
-            eprintln!("relMSE {:.6} is above the limit of {limit}", comparison.relmse);
+            super::complain(&format!("relMSE {:.6} is above the limit of {limit}", comparison.relmse));
             Ok(ABOVE)
         }
         _ => Ok(WITHIN),

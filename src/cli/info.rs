@@ -21,7 +21,7 @@ pub(super) struct InfoOptions {
 pub(super) fn run(options: &InfoOptions) -> Result<u8, Failure> {
     let scene = pbrt::read(&options.scene).map_err(|error| Failure::Input(error.into()))?;
     let warnings: String = scene.warnings.iter().map(|warning| format!("warning: {warning}\n")).collect();
-    super::say(&(describe(&scene) + &warnings));
+    super::say(&(describe(&scene) + &warnings)).map_err(Failure::Run)?;
     Ok(0)
 }
 

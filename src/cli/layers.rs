@@ -3,6 +3,7 @@
 use crate::filter::{self, Filtered};
 use crate::image::Planes;
 use crate::image::exr_file::{Channel, Precision};
+use crate::progressive::ErrorEstimate;
 use crate::scene::Scene;
 use crate::stats::{Block, Part, Store};
 
@@ -19,12 +20,18 @@ const RGB: &[&str] = &["R", "G", "B"];
 const XYZ: &[&str] = &["X", "Y", "Z"];
 const X: &[&str] = &["X"];
 
-/// All layers of an image.
+/// All layers of a finished render.
 pub(super) struct Layers(Vec<Layer>);
 
 impl Layers {
     /// `diameter` is what positions in the store were divided by.
-    pub fn of(store: &Store, filtered: &Filtered, scene: &Scene, diameter: f32) -> Self {
+    pub fn of(
+        filtered: &Filtered,
+        store: &Store,
+        estimate: Option<&ErrorEstimate>,
+        scene: &Scene,
+        diameter: f32,
+    ) -> Self {
         use Precision::{Float, Half};
         let layout = store.layout();
         let mut layers = Vec::new();
@@ -54,6 +61,9 @@ impl Layers {
             add("InterpolationFailure", X, failure.clone(), Half);
         }
         add("FilterResidual", X, filtered.residual.clone(), Half);
+        if let Some(estimate) = estimate {
+            add("TileError", X, estimate.of_pixels(store.width(), store.height()), Float);
+        }
         Self(layers)
     }
 

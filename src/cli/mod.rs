@@ -10,12 +10,15 @@ mod options;
 mod preview;
 mod render;
 mod report;
+mod usage;
 
 use std::ffi::OsString;
 use std::io::Write;
 use std::process::ExitCode;
 use std::time::Instant;
 
+use anyhow::Context;
+use clap::error::ErrorKind;
 use clap::{Parser, Subcommand};
 
 #[derive(Parser)]
@@ -45,8 +48,31 @@ enum Command {
 }
 
 /// Prints to standard output. Nobody listening any more, as after `| head`, is no failure.
-fn say(text: &str) {
-    let _ = std::io::stdout().write_all(text.as_bytes());
+fn say(text: &str) -> anyhow::Result<()> {
+    let mut out = std::io::stdout();
+    match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
+        Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => Err(error).context("cannot print"),
+        _ => Ok(()),
+    }
+}
+
+/// Prints a line to standard error, if that goes anywhere.
+fn complain(line: &str) {
+    let _ = writeln!(std::io::stderr(), "{line}");
+}
+
+/// One line that a terminal can show: what is no printable character is escaped, and the middle of
+/// what is too long left out.
+fn escaped(text: &str) -> String {
+    /// Characters shown of a message; of the longest file names there is enough to recognise them.
+    const LONGEST: usize = 1000;
+    let printable = |c: char| if c.is_control() { c.escape_default().to_string() } else { c.to_string() };
+    let line: Vec<char> = text.chars().flat_map(|c| printable(c).chars().collect::<Vec<_>>()).collect();
+    if line.len() <= LONGEST {
+        return line.into_iter().collect();
+    }
+    let (start, end) = (&line[..LONGEST / 2], &line[line.len() - LONGEST / 2..]);
+    start.iter().chain(&['.', '.', '.']).chain(end).collect()
 }
 
 /// Something that went wrong, and the exit status it ends in.
@@ -62,6 +88,12 @@ pub(crate) enum Failure {
 pub fn run(arguments: impl IntoIterator<Item = OsString>, start: Instant) -> ExitCode {
     let arguments = match Arguments::try_parse_from(arguments) {
         Ok(arguments) => arguments,
+        Err(error)
+            if error.use_stderr() && error.kind() != ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand =>
+        {
+            complain(&format!("prpf: {}", usage::one_line(&error)));
+            return ExitCode::from(2);
+        }
         Err(error) => {
             let _ = error.print();
             return ExitCode::from(if error.use_stderr() { 2 } else { 0 });
@@ -80,8 +112,20 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>, start: Instant) -> Exi
                 Failure::Input(error) => (error, 2),
                 Failure::Run(error) => (error, 1),
             };
-            eprintln!("prpf: {error:#}");
+            complain(&format!("prpf: {}", escaped(&format!("{error:#}"))));
             ExitCode::from(status)
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn messages_are_one_printable_line_of_bounded_length() {
+        assert_eq!(escaped("a\u{1b}[2Jb\nc é"), "a\\u{1b}[2Jb\\nc é");
+        let long = escaped(&"x".repeat(5000));
+        assert!(long.len() < 1010 && long.contains("..."));
     }
 }

@@ -19,8 +19,8 @@ Examples:
   prpf render scene.pbrt --sampling uniform --denoiser none --spp 1024 -o reference.exr
 
 Several budgets may be given: the first one reached ends the render; 0 means off. The clock of --time
-counts everything: loading, building, the last filter pass and writing. Ctrl-C finishes the step being
-rendered, writes the image and exits 130.")]
+counts everything: loading, building, the last filter pass and writing. Ctrl-C (or SIGTERM) finishes the
+batch being rendered, writes the image and exits 130; a second one quits at once.")]
 pub(super) struct RenderOptions {
     /// Scene in pbrt's format
     pub scene: PathBuf,

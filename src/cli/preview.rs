@@ -39,8 +39,7 @@ pub(super) fn run(options: &PreviewOptions, start: Instant) -> Result<u8, Failur
 /// Starts to serve a page, if one is asked for, and says where it is.
 pub(super) fn serve(hub: &Arc<Hub>, address: Option<SocketAddr>) -> Result<(), Failure> {
     let server = Server::start(hub.clone(), address).map_err(|error| Failure::Input(error.into()))?;
-    super::say(&format!("preview at {}\n", server.address));
-    Ok(())
+    super::say(&format!("preview at {}\n", server.address)).map_err(Failure::Run)
 }
 
 /// Starts to send images to a display server, if one is asked for.

@@ -2,26 +2,31 @@
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 use anyhow::Context;
 use indicatif::{ProgressBar, ProgressStyle};
+use rayon::prelude::*;
 
 use super::layers::Layers;
 use super::options::RenderOptions;
 use super::report::{Report, Spread, Times};
-use super::{Failure, preview};
+use super::{Failure, escaped, preview};
+use crate::filter::Filtered;
 use crate::geometry::Accel;
 use crate::image::exr_file::{self, Attribute, Windows, names};
 use crate::image::formats::OutputFormat;
 use crate::image::metrics::Pair;
+use crate::image::tone::to_srgb8;
 use crate::image::{self, Planes, atomic, png_file};
 use crate::preview::{Director, Hub, Picture, Stage};
-use crate::progressive::{Batch, Loop, Outcome, Progress, Settings, StoppedBy, store_bytes_per_pixel};
+use crate::progressive::{
+    Batch, ErrorEstimate, Loop, Outcome, Progress, Settings, StoppedBy, store_bytes_per_pixel,
+};
 use crate::render::Renderer;
 use crate::scene::{Scene, pbrt};
-use crate::stats::{Layout, Store};
+use crate::stats::{Layout, Part, Store};
 
 /// Exit status after a person's interruption: 128 + SIGINT.
 const INTERRUPTED: u8 = 130;
@@ -53,7 +58,7 @@ pub(super) fn run(options: &RenderOptions, mode: Mode, start: Instant) -> Result
 fn run_in_pool(options: &RenderOptions, mode: Mode, start: Instant) -> Result<u8, Failure> {
     let mut scene = pbrt::read(&options.scene).map_err(|error| Failure::Input(error.into()))?;
     options.apply(&mut scene).map_err(Failure::Input)?;
-    let outfiles = outfiles(options, &scene).map_err(Failure::Input)?;
+    let outfiles = outfiles(options, &mut scene);
     outfiles
         .iter()
         .chain(&options.report)
@@ -80,45 +85,48 @@ fn run_in_pool(options: &RenderOptions, mode: Mode, start: Instant) -> Result<u8
     fits_in_memory(renderer.layout(), &settings, renderer.resolution()).map_err(Failure::Input)?;
     let interrupt = Arc::new(AtomicBool::new(false));
     listen_to_signals(&interrupt).map_err(Failure::Run)?;
-    let serves = mode == Mode::Preview || options.preview.is_some();
     let bar = bar(options);
+    let rehearse = |filtered: &Filtered, store: &Store| {
+        let layers = Layers::of(filtered, store, None, &scene, renderer.diameter());
+        outfiles.par_iter().for_each(|path| encode(path, &layers, filtered));
+    };
+    let mut listen = |progress| show(&bar, progress, interrupt.load(Ordering::Relaxed));
+    let serves = mode == Mode::Preview || options.preview.is_some();
     let outcome = if serves || options.display_server.is_some() {
         let hub = Arc::new(Hub::default());
         if serves {
             preview::serve(&hub, options.preview.flatten())?;
         }
         let _display = preview::display(&hub, options.display_server.as_deref(), &scene)?;
-        let save = |picture: &Picture| save(picture, &outfiles[0], &scene, start);
         let stage = Stage {
             scene: &scene,
             accel: &accel,
             settings: settings.clone(),
             reference: reference.as_ref(),
+            closing: Some(&rehearse),
             start,
             interrupt: &interrupt,
             stays: mode == Mode::Preview,
-            save: Box::new(save),
-            listen: Box::new(|progress| show(&bar, progress)),
+            save: Box::new(|picture| save(picture, &outfiles[0], &scene, start)),
+            listen: Box::new(listen),
         };
         Director::new(hub, stage).run()
     } else {
-        let outcome = Loop::new(&renderer, &settings, start, &interrupt, reference.as_ref())
-            .run(&mut |progress: Progress| show(&bar, progress));
-        Some(outcome)
+        let circle = Loop::new(&renderer, &settings, start, &interrupt, reference.as_ref());
+        Some(circle.closing_with(&rehearse).run(&mut listen))
     };
     bar.finish_and_clear();
     // A preview that was closed.
     let Some(outcome) = outcome else { return Ok(0) };
 
     let writing = Instant::now();
-    let layers = Layers::of(&outcome.store, &outcome.filtered, &scene, renderer.diameter());
-    let written =
-        Written { store: &outcome.store, image: &outcome.filtered.image, batches: &outcome.batches };
-    for path in &outfiles {
-        let attributes = || attributes(&written, &scene, &settings, reference.as_ref(), start);
-        write(path, &layers, &outcome.filtered.image, &scene, attributes)
-            .map_err(|error| Failure::Run(error.into()))?;
-    }
+    let Outcome { filtered, store, estimate, .. } = &outcome;
+    let layers = Layers::of(filtered, store, estimate.as_ref(), &scene, renderer.diameter());
+    let written = Written { store, image: &filtered.image, batches: &outcome.batches };
+    outfiles
+        .par_iter()
+        .try_for_each(|path| write(path, &layers, &written, &scene, &settings, reference.as_ref(), start))
+        .map_err(|error| Failure::Run(error.into()))?;
     let seconds = Times {
         load,
         build,
@@ -135,19 +143,29 @@ fn run_in_pool(options: &RenderOptions, mode: Mode, start: Instant) -> Result<u8
             .map_err(Failure::Run)?;
     }
     if !options.quiet {
-        super::say(&summary(&outcome, seconds, &outfiles, options.verbose));
+        super::say(&summary(&outcome, seconds, &outfiles, options.verbose)).map_err(Failure::Run)?;
     }
     Ok(if outcome.stopped_by == StoppedBy::Interrupt { INTERRUPTED } else { 0 })
 }
 
 /// What was asked for, else what the scene's film says, else the scene's name with `.exr`.
-fn outfiles(options: &RenderOptions, scene: &Scene) -> anyhow::Result<Vec<PathBuf>> {
+fn outfiles(options: &RenderOptions, scene: &mut Scene) -> Vec<PathBuf> {
     if !options.outfile.is_empty() {
-        return Ok(options.outfile.clone());
+        return options.outfile.clone();
     }
-    let named = scene.film.filename.as_ref().map(PathBuf::from).filter(|path| OutputFormat::of(path).is_ok());
-    let fallback = || Path::new(options.scene.file_stem().unwrap_or_default()).with_extension("exr");
-    Ok(vec![named.unwrap_or_else(fallback)])
+    let fallback = Path::new(options.scene.file_stem().unwrap_or_default()).with_extension("exr");
+    let Some(named) = scene.film.filename.as_ref().map(PathBuf::from) else {
+        return vec![fallback];
+    };
+    if OutputFormat::of(&named).is_ok() {
+        return vec![named];
+    }
+    scene.warnings.push(format!(
+        "the film's file name {} has an extension other than .exr and .png; {} is written",
+        escaped(&named.to_string_lossy()),
+        fallback.display()
+    ));
+    vec![fallback]
 }
 
 /// What can be known of an output before minutes of rendering.
@@ -214,14 +232,14 @@ fn warn(options: &RenderOptions, scene: &Scene) {
     }
     let shown = if options.verbose { scene.warnings.len() } else { SHOWN };
     for warning in scene.warnings.iter().take(shown) {
-        eprintln!("warning: {warning}");
+        super::complain(&format!("warning: {}", escaped(warning)));
     }
     if let Some(more) = scene.warnings.len().checked_sub(shown).filter(|&n| n > 0) {
-        eprintln!("warning: {more} more, see `prpf info`");
+        super::complain(&format!("warning: {more} more, see `prpf info`"));
     }
 }
 
-/// A first SIGINT or SIGTERM ends the loop after its current step, a second one the program at once.
+/// A first SIGINT or SIGTERM ends the loop after its current batch, a second one the program at once.
 fn listen_to_signals(interrupt: &Arc<AtomicBool>) -> anyhow::Result<()> {
     for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
         signal_hook::flag::register_conditional_shutdown(signal, i32::from(INTERRUPTED), interrupt.clone())
@@ -241,37 +259,54 @@ fn bar(options: &RenderOptions) -> ProgressBar {
     ProgressBar::new(BAR_STEPS).with_style(style)
 }
 
-fn show(bar: &ProgressBar, progress: Progress) {
+fn show(bar: &ProgressBar, progress: Progress, stopping: bool) {
     let error = progress.estimated_error.map(|e| format!("  relMSE ~{:.2e}", e.max(0.0))).unwrap_or_default();
-    bar.set_message(format!("{:.1} spp{error}", progress.spp));
+    let stopping = if stopping { "  ending with this batch, Ctrl-C quits at once" } else { "" };
+    bar.set_message(format!("{:.1} spp{error}{stopping}", progress.spp));
     bar.set_position((progress.fraction * BAR_STEPS as f64) as u64);
+}
+
+/// Writes to nowhere, to see how long it takes. What fails here will fail, and be said, at the end.
+fn encode(path: &Path, layers: &Layers, filtered: &Filtered) {
+    let (width, height) = (filtered.image.width(), filtered.image.height());
+    match OutputFormat::of(path) {
+        Ok(OutputFormat::Exr) => {
+            let _ = exr_file::encode(Windows::whole(width, height), &layers.channels(), &[]);
+        }
+        Ok(OutputFormat::Png) => {
+            let _ = png_file::encode(width, height, &to_srgb8(&filtered.image, 0.0));
+        }
+        Err(_) => {}
+    }
 }
 
 fn write(
     path: &Path,
     layers: &Layers,
-    image: &Planes,
+    written: &Written,
     scene: &Scene,
-    attributes: impl FnOnce() -> Vec<(String, Attribute)>,
+    settings: &Settings,
+    reference: Option<&Planes>,
+    start: Instant,
 ) -> Result<(), image::ImageError> {
     match OutputFormat::of(path)? {
-        OutputFormat::Png => png_file::write(path, image, 0.0),
+        OutputFormat::Png => png_file::write(path, written.image, 0.0),
         OutputFormat::Exr => {
             let windows =
                 Windows { data: scene.film.pixel_bounds, display: [scene.film.width, scene.film.height] };
-            exr_file::write(path, windows, &layers.channels(), &attributes())
+            let attributes = attributes(written, scene, settings, reference, start);
+            exr_file::write(path, windows, &layers.channels(), &attributes)
         }
     }
 }
 
-/// Writes the image of a render that goes on.
+/// Writes the image of a render that goes on, as EXR and PNG.
 fn save(picture: &Picture, outfile: &Path, scene: &Scene, start: Instant) -> Result<Vec<PathBuf>, String> {
     let names = preview::next_names(outfile).ok_or("all numbers are taken")?;
-    let layers = Layers::of(picture.store, picture.filtered, scene, picture.diameter);
+    let layers = Layers::of(picture.filtered, picture.store, None, scene, picture.diameter);
     let written = Written { store: picture.store, image: &picture.filtered.image, batches: &[] };
     for name in &names {
-        let attributes = || attributes(&written, scene, picture.settings, None, start);
-        write(name, &layers, &picture.filtered.image, scene, attributes)
+        write(name, &layers, &written, scene, picture.settings, None, start)
             .map_err(|error| error.to_string())?;
     }
     Ok(names.into())
@@ -301,6 +336,7 @@ fn attributes(
         (own("version"), Attribute::Text(env!("CARGO_PKG_VERSION").to_owned())),
         (own("commandLine"), Attribute::Text(command_line())),
         (own("scene"), Attribute::Text(scene.source.clone())),
+        (own("sceneHash"), Attribute::Text(format!("sha256:{}", scene.hash))),
         (own("samplesMin"), Attribute::Int(spread.min as i32)),
         (own("samplesMean"), Attribute::Float(spread.mean as f32)),
         (own("samplesMax"), Attribute::Int(spread.max as i32)),
@@ -358,16 +394,33 @@ fn summary(outcome: &Outcome, seconds: Times, outfiles: &[PathBuf], verbose: boo
         spread.max,
         outcome.store.samples() as f64 / seconds.render.max(1e-9) / 1e6,
     ));
+    if outcome.store.drawn() < outcome.store.pixels() as u64 {
+        let without = outcome.store.counts(Part::Whole).iter().filter(|&&n| n == 0).count();
+        lines.push(format!(
+            "the time was too short for one sample per pixel: {:.0} % of the pixels have none, and show what is \
+             beside them",
+            100.0 * without as f64 / outcome.store.pixels().max(1) as f64
+        ));
+    }
     let rejected = outcome.store.rejected();
     if rejected > 0 {
         lines.push(format!("{rejected} samples were rejected: their radiance was not finite, or negative"));
     }
-    let error =
-        outcome.estimated_error.map(|e| format!("estimated relMSE {:.2e}, ", e.max(0.0))).unwrap_or_default();
+    let error = outcome.estimate.as_ref().map(|e| said(e, &outcome.store)).unwrap_or_default();
     lines.push(format!("{error}stopped by {}", stopped_by.unwrap_or_default()));
     for path in outfiles {
         lines.push(format!("{}", path.display()));
     }
     lines.push(String::new());
     lines.join("\n")
+}
+
+/// The estimate, and the image that it is of.
+fn said(estimate: &ErrorEstimate, store: &Store) -> String {
+    format!(
+        "estimated relMSE {:.1e} ± {:.0e} at {:.1} samples per pixel, ",
+        estimate.image.max(0.0),
+        estimate.standard_error,
+        estimate.samples as f64 / store.pixels().max(1) as f64
+    )
 }

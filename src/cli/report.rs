@@ -56,6 +56,7 @@ pub(super) struct Report<'a> {
     rejected_samples: u64,
     peak_memory_bytes: Option<u64>,
     estimated_error: Option<f64>,
+    estimated_error_samples: Option<u64>,
     batches: &'a [Batch],
 }
 
@@ -79,7 +80,8 @@ impl<'a> Report<'a> {
             samples_max: spread.max,
             rejected_samples: store.rejected(),
             peak_memory_bytes: peak_memory_bytes(),
-            estimated_error: outcome.estimated_error,
+            estimated_error: outcome.estimate.as_ref().map(|e| e.image),
+            estimated_error_samples: outcome.estimate.as_ref().map(|e| e.samples),
             batches: &outcome.batches,
         }
     }

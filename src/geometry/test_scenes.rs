@@ -50,6 +50,7 @@ pub fn scene_of(shapes: Vec<Shape>) -> Scene {
     let primitives: Vec<_> = shapes.into_iter().map(primitive).collect();
     Scene {
         source: String::new(),
+        hash: String::new(),
         origin: DVec3::ZERO,
         camera: Camera {
             to_render: AnimatedTransform::fixed(DAffine3::IDENTITY),

@@ -11,7 +11,7 @@ mod write;
 
 pub use attribute::Attribute;
 pub use read::{ExrInfo, read_channels, read_info, read_layer};
-pub use write::write;
+pub use write::{encode, write};
 
 /// The first bytes of every EXR file.
 pub const MAGIC: [u8; 4] = [0x76, 0x2f, 0x31, 0x01];

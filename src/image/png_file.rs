@@ -26,7 +26,11 @@ pub fn write_srgb8(path: &Path, width: usize, height: usize, rgb: &[u8]) -> Resu
         .map_err(|problem: Problem| problem.at(path))
 }
 
-fn encode(width: usize, height: usize, rgb: &[u8]) -> Result<Vec<u8>, Problem> {
+/// The bytes of a PNG of interleaved 8-bit sRGB values.
+///
+/// # Errors
+/// An image without pixels, or of another size than the values.
+pub fn encode(width: usize, height: usize, rgb: &[u8]) -> Result<Vec<u8>, Problem> {
     if width == 0 || height == 0 {
         return Err(Problem::Empty);
     }

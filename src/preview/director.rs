@@ -25,7 +25,7 @@ use crate::filter::{Filtered, Quality};
 use crate::geometry::Accel;
 use crate::image::Planes;
 use crate::progressive::{
-    Batch, Denoiser, Ended, FilterJob, Flow, Loop, Observer, Outcome, Progress, Region, Settings, Shown,
+    Closing, Denoiser, Ended, FilterJob, Flow, Loop, Observer, Outcome, Progress, Region, Settings, Shown,
     StoppedBy,
 };
 use crate::render::Renderer;
@@ -38,8 +38,8 @@ const STEP_SECONDS: f64 = 0.08;
 const IDLE_POLL: Duration = Duration::from_millis(200);
 /// Time between two reports, at least.
 const STATUS_INTERVAL: Duration = Duration::from_millis(250);
-/// Samples per pixel from which on there is something to filter.
-const FIRST_FILTER_SPP: f64 = 2.0;
+/// Samples per pixel from which on every pixel has some: they come in pairs.
+const COVERED_SPP: f64 = 2.0;
 /// Share of the time that filter passes for the eye alone may take.
 const EXTRA_FILTER_SHARE: f64 = 0.04;
 /// Such a pass waits until there are so many times the samples of the last one.
@@ -65,6 +65,8 @@ pub struct Stage<'a> {
     pub accel: &'a Accel<'a>,
     pub settings: Settings,
     pub reference: Option<&'a Planes>,
+    /// What is done with the image at the end, for the loop to rehearse.
+    pub closing: Option<Closing<'a>>,
     /// When the program started.
     pub start: Instant,
     pub interrupt: &'a AtomicBool,
@@ -166,6 +168,9 @@ impl<'a> Director<'a> {
             self.rig = Some(rig);
             let mut circle =
                 Loop::new(&renderer, &self.stage.settings, start, self.stage.interrupt, self.stage.reference);
+            if let Some(closing) = self.stage.closing {
+                circle = circle.closing_with(closing);
+            }
             self.begin(&renderer);
             circle.favour(self.region_of(renderer.resolution()));
             loop {
@@ -406,7 +411,7 @@ impl<'a> Director<'a> {
         let grown = progress.samples as f64 > EXTRA_FILTER_GROWTH * self.shown_samples as f64;
         let affordable = self.extra_filter_seconds < EXTRA_FILTER_SHARE * progress.elapsed;
         let due = self.shown.is_none() || affordable && (grown || self.region.is_some());
-        wanted && due && progress.spp >= FIRST_FILTER_SPP && !self.passes.is_busy()
+        wanted && due && progress.spp >= COVERED_SPP && !self.passes.is_busy()
     }
 
     /// Runs a filter pass and shows it; `None` if it was given up.
@@ -496,7 +501,7 @@ impl Observer for Director<'_> {
             }
         }
         // After a movement a paused image is still rendered once, or there would be none.
-        if self.paused && progress.spp >= 1.0 {
+        if self.paused && progress.spp >= COVERED_SPP {
             let since = Instant::now();
             self.phase = Phase::Paused;
             self.tell(store, true);
@@ -515,7 +520,7 @@ impl Observer for Director<'_> {
         self.pass(job)
     }
 
-    fn filtered(&mut self, shown: &Shown, _: &Batch) {
+    fn filtered(&mut self, shown: &Shown) {
         // With the maps that the loop has added.
         self.shown = Some(shown.clone());
     }

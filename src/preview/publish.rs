@@ -14,6 +14,8 @@ use crate::stats::{Layout, Part, Store};
 const INTERVAL: Duration = Duration::from_millis(100);
 /// Share of the time that making frames may take.
 const SHARE: f64 = 0.04;
+/// Samples per pixel from which on every pixel has some: they come in pairs.
+const COVERED_SPP: f64 = 2.0;
 /// Steps of a generation whose images are all shown: the coarse ones.
 const EAGER_STEPS: u64 = 4;
 
@@ -112,7 +114,7 @@ impl Publisher {
         }
         let started = Instant::now();
         let spp = progress.map_or(0.0, |p| p.spp);
-        let counts = (spp < 1.0).then(|| store.counts(Part::Whole));
+        let counts = (spp < COVERED_SPP).then(|| store.counts(Part::Whole));
         for view in wanted {
             let Some(planes) = view.planes(store, shown) else { continue };
             self.published[view.index()] = Some(if view.is_filtered() { self.passes } else { self.steps });

@@ -99,9 +99,14 @@ impl View {
             View::Variance => {
                 scale("variance of the mean ÷ (value² + 0.01)", Curve::Log10, LOWEST_ERROR, 1.0)
             }
-            View::Residual => {
-                scale("change by the filter ÷ what noise explains", Curve::Log2, 1.0 / 16.0, 16.0)
-            }
+            View::Residual => Some(Scale {
+                unit: "change by the filter ÷ what noise explains",
+                curve: Curve::Log2,
+                low: 1.0 / 16.0,
+                high: 16.0,
+                // Where the filter changes just what noise explains.
+                mark: Some(1.0),
+            }),
             View::Failure => scale("share of the windows where it failed", Curve::Linear, 0.0, 1.0),
             View::Filtered | View::Raw | View::Albedo | View::Normal => None,
         }

@@ -1,12 +1,13 @@
-//! An estimate of the image's error that cannot flatter: each new batch against the image that was
-//! shown before the batch was merged.
+//! An estimate of the image's error that cannot flatter: new samples against the image that was
+//! shown before they were merged, all that came since, until another image is shown.
 //!
 //! The new samples' halves A and B are independent of each other, so with F the image shown,
 //! E[(F − c_A)(F − c_B)] = (F − truth)²: no variance has to be estimated. With independent samples
 //! that is exact; with points of low discrepancy, whose new ones fill the gaps that the old ones
 //! behind F left, it comes out up to 1.6 times too high (measured). Only pixels that were chosen
 //! regardless of their priority count, so the mean over them is one over the image. The relative
-//! error's denominator has F in place of the unknown truth.
+//! error's denominator has F in place of the unknown truth. The image at the end has all samples, so
+//! nothing is left to measure it with: the estimate belongs to the last image before, and says so.
 
 use crate::image::Planes;
 use crate::stats::{Part, Store};
@@ -16,7 +17,11 @@ const TILE: usize = 16;
 /// The denominator's floor in relMSE.
 const RELATIVE_FLOOR: f32 = 0.01;
 
-/// What the store knew before a batch.
+/// An estimate of a newer image may be this many times less certain than that of the older one; it is
+/// told with its standard error.
+const LARGEST_LOSS: f64 = 4.0;
+
+/// What the store knew when an image was made of it.
 pub(super) struct Snapshot {
     mean: [Planes; 2],
     count: [Vec<u32>; 2],
@@ -38,6 +43,8 @@ pub struct ErrorEstimate {
     pub image: f64,
     /// Standard error of `image`.
     pub standard_error: f64,
+    /// Samples that the image was made of.
+    pub samples: u64,
     /// relMSE by tile of 16×16 pixels, 1 plane; the image's where a tile has no new samples.
     pub tiles: Planes,
 }
@@ -48,10 +55,26 @@ impl ErrorEstimate {
         self.image.max(0.0) + self.standard_error
     }
 
-    /// The newer of two estimates, unless it rests on too little, as after a batch that was cut short.
+    /// The tiles' estimates at every pixel of an image of the size that they were made for: 1 plane.
+    pub fn of_pixels(&self, width: usize, height: usize) -> Planes {
+        let mut pixels = Planes::new(width, height, 1);
+        for (y, row) in pixels.data_mut().chunks_mut(width.max(1)).enumerate() {
+            for (x, value) in row.iter_mut().enumerate() {
+                *value = self.tiles.at(0, x / TILE, y / TILE);
+            }
+        }
+        pixels
+    }
+
+    /// The newer of two estimates, unless it is of another image and rests on too little as yet.
     pub(super) fn or_keep(self, older: Option<Self>) -> Self {
         match older {
-            Some(older) if self.standard_error > 2.0 * older.standard_error => older,
+            Some(older)
+                if self.samples != older.samples
+                    && self.standard_error > LARGEST_LOSS * older.standard_error =>
+            {
+                older
+            }
             _ => self,
         }
     }
@@ -94,7 +117,8 @@ impl ErrorEstimate {
         for (tile, &n) in tiles.plane_mut(0).iter_mut().zip(&tile_counts) {
             *tile = if n > 0 { *tile / n as f32 } else { image as f32 };
         }
-        Some(Self { image, standard_error, tiles })
+        let samples = before.count.iter().flatten().map(|&n| u64::from(n)).sum();
+        Some(Self { image, standard_error, samples, tiles })
     }
 }
 
@@ -129,6 +153,22 @@ mod tests {
         // Standard error: pixels have (σ²/2 + …)/0.37 ≈ 0.15, over 4096 of them.
         assert!((estimate.image - expected).abs() < 4.0 * 0.15 / 64.0, "{} {expected}", estimate.image);
         assert_eq!(estimate.tiles.pixels(), 16);
+        assert_eq!(estimate.samples, 4 * (width * height) as u64);
+        let pixels = estimate.of_pixels(width, height);
+        assert_eq!(pixels.at(0, 17, 40), estimate.tiles.at(0, 1, 2));
+    }
+
+    #[test]
+    fn a_newer_image_is_not_judged_by_too_few_samples() {
+        let of = |samples, image, standard_error| ErrorEstimate {
+            image,
+            standard_error,
+            samples,
+            tiles: Planes::new(1, 1, 1),
+        };
+        assert_eq!(of(20, 1.0, 0.5).or_keep(Some(of(10, 2.0, 0.1))).samples, 10);
+        assert_eq!(of(20, 1.0, 0.2).or_keep(Some(of(10, 2.0, 0.1))).samples, 20);
+        assert_eq!(of(10, 1.0, 0.5).or_keep(Some(of(10, 2.0, 0.1))).image, 1.0, "more samples, same image");
     }
 
     #[test]

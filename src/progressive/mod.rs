@@ -3,6 +3,8 @@
 
 mod estimate;
 mod observer;
+mod region;
+mod rehearsal;
 mod schedule;
 mod steps;
 
@@ -20,9 +22,10 @@ use crate::stats::{Part, Store};
 pub use estimate::ErrorEstimate;
 use estimate::Snapshot;
 pub use observer::{FilterJob, Flow, Observer, Shown};
+pub use region::Region;
+use rehearsal::Rehearsal;
 pub use schedule::Budget;
-use schedule::Schedule;
-use steps::Steps;
+use schedule::{Plan, Schedule};
 
 /// The reconstruction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
@@ -58,8 +61,10 @@ pub struct Batch {
     pub samples_total: u64,
     pub filter_seconds: f64,
     pub interpolation_success: Option<f32>,
-    /// Relative MSE of the image shown *before* this batch, measured with the batch.
+    /// Latest estimate of the relative MSE, of an image shown *before* this batch.
     pub estimated_error: Option<f64>,
+    /// Samples that that image was made of.
+    pub estimated_error_samples: Option<u64>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub mse: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -90,15 +95,15 @@ pub struct Seconds {
 
 /// A finished render.
 pub struct Outcome {
+    /// The image. Its interpolation failures are those of the last rerun where the filter itself does
+    /// not interpolate.
     pub filtered: Filtered,
     pub store: Store,
     pub batches: Vec<Batch>,
     pub stopped_by: StoppedBy,
     pub seconds: Seconds,
     /// The latest estimate of the image's relMSE; of an image with fewer samples than the final one.
-    pub estimated_error: Option<f64>,
-    /// Squared relative error by 16×16 tile, likewise.
-    pub tile_error: Option<Planes>,
+    pub estimate: Option<ErrorEstimate>,
 }
 
 /// A sign of life, after every step of a batch.
@@ -121,12 +126,17 @@ pub enum Ended {
     Left,
 }
 
-/// How rendering a batch ended.
-enum Rendered {
-    Whole,
-    Interrupted,
-    Left,
+/// What a batch's maps are made from.
+struct Rerun {
+    shown: Shown,
+    /// What the image was made of.
+    made_of: Snapshot,
+    /// Pixels that got samples regardless of their priority since.
+    probes: Vec<bool>,
 }
+
+/// What the caller does with the image at the end.
+pub type Closing<'a> = &'a dyn Fn(&Filtered, &Store);
 
 /// The loop's own state.
 pub struct Loop<'a> {
@@ -134,36 +144,36 @@ pub struct Loop<'a> {
     settings: Settings,
     /// When the program started: what budgets of time count from.
     start: Instant,
-    /// Set from outside to end the render after the current step.
+    /// Set from outside to end the render after the current batch.
     interrupt: &'a AtomicBool,
     /// What the filtered image is compared with after every batch: 3 planes.
     reference: Option<&'a Planes>,
+    closing: Option<Closing<'a>>,
     /// Shared only with a filter pass, and not for longer unless its observer gave it up.
     store: Arc<Store>,
     schedule: Schedule,
+    rehearsal: Rehearsal,
     batches: Vec<Batch>,
     seconds: Seconds,
+    /// Seconds of all reruns of the filter, and of the latest one of interim quality.
+    reruns: f64,
+    interim_seconds: Option<f64>,
     estimate: Option<ErrorEstimate>,
-    /// What the next batch's maps are made from.
-    shown: Option<Shown>,
+    rerun: Option<Rerun>,
     /// Pixels that get all samples, see [`Self::favour`].
     favoured: Option<Region>,
-    /// Samples per second, of the latest step.
-    rate: Option<f64>,
-}
-
-/// Columns x0 to x1 and rows y0 to y1 of the store, half open.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Region {
-    pub x: [usize; 2],
-    pub y: [usize; 2],
 }
 
 /// Sample vectors kept per pixel where mutual information is estimated: enough for the smallest of
 /// its windows.
 pub const RESERVOIR: usize = 8;
-/// Share of the time so far that reruns of the filter may have taken.
+/// Share of the time that reruns of the filter may take under a budget of time.
 const RERUN_SHARE: f64 = 0.1;
+/// The one before the last batch may take this share by itself, however short the budget: without it
+/// nothing is known of the error of an image like the last one.
+const LAST_RERUN_SHARE: f64 = 0.08;
+/// A rerun must be followed by at least this many times its time for the samples that it directs.
+const LEAST_USE_OF_RERUN: f64 = 3.0;
 /// Window of the grid stage whose failures drive samples; the paper's third.
 const FAILURE_WINDOW: usize = 17;
 
@@ -202,6 +212,7 @@ impl<'a> Loop<'a> {
             start,
             interrupt,
             reference,
+            closing: None,
             schedule: Schedule::new(
                 &settings.budget,
                 (width * height) as u64,
@@ -209,13 +220,22 @@ impl<'a> Loop<'a> {
                 settings.max_spp,
             ),
             store: Arc::new(store),
+            rehearsal: Rehearsal::default(),
             batches: Vec::new(),
             seconds: Seconds::default(),
+            reruns: 0.0,
+            interim_seconds: None,
             estimate: None,
-            shown: None,
+            rerun: None,
             favoured: None,
-            rate: None,
         }
+    }
+
+    /// What the caller will do with the image counts as part of a budget of time: it is rehearsed on
+    /// some rows of the image, so that the loop knows how long it takes.
+    pub fn closing_with(mut self, closing: Closing<'a>) -> Self {
+        self.closing = Some(closing);
+        self
     }
 
     /// Follows other settings from now on. The seed and what the reservoir keeps stay as they are.
@@ -258,51 +278,41 @@ impl<'a> Loop<'a> {
     /// changes or not, and goes on where it was.
     pub fn advance(&mut self, observer: &mut dyn Observer) -> Ended {
         let stopped_by = loop {
-            let elapsed = self.start.elapsed().as_secs_f64();
-            let error = self.estimate.as_ref().map(ErrorEstimate::at_most);
-            let total = match self.schedule.next(elapsed, self.store.drawn(), error) {
-                Ok(total) => total,
+            let plan = match self.plan() {
+                Ok(plan) => plan,
                 Err(stopped_by) => break stopped_by,
             };
-            let before = Snapshot::of(&self.store);
-            let allocation = self.allocate(total);
-            let rendered = self.render(&allocation, observer);
-            if let Some(shown) = &self.shown {
-                let new = ErrorEstimate::of(&shown.filtered.image, &before, &self.store, &allocation.probes);
-                let old = self.estimate.take();
-                self.estimate = match new {
-                    Some(new) => Some(new.or_keep(old)),
-                    None => old,
-                };
+            let allocation = self.allocate(plan.samples);
+            let left = self.render(&allocation, observer);
+            self.check(&allocation.probes);
+            if left {
+                return Ended::Left;
             }
-            match rendered {
-                Rendered::Whole => {}
-                Rendered::Interrupted => break StoppedBy::Interrupt,
-                Rendered::Left => return Ended::Left,
+            if self.interrupt.load(Ordering::Relaxed) {
+                break StoppedBy::Interrupt;
             }
-            let elapsed = self.start.elapsed().as_secs_f64();
-            let error = self.estimate.as_ref().map(ErrorEstimate::at_most);
-            if let Err(stopped_by) = self.schedule.next(elapsed, self.store.drawn(), error) {
-                break stopped_by;
-            }
-            // With a budget of time the filter waits until there is something to decide and its share is
-            // small again; with one of samples the clock has no say, so that the image is the same on
-            // any machine.
-            let timed = self.settings.budget.seconds.is_some() || self.favoured.is_some();
-            let pixels = self.store.pixels() as u64;
-            let decides = self.store.drawn() >= u64::from(self.settings.min_spp) * pixels;
-            let affordable = self.shown.is_none() || self.seconds.filter < RERUN_SHARE * elapsed;
-            if !timed || decides && affordable {
-                let Some((shown, seconds)) = self.filter(Quality::Draft, true, observer) else {
-                    return Ended::Left;
-                };
-                self.schedule.filtered(seconds);
-                self.shown = Some(shown);
+            match self.plan() {
+                Err(stopped_by) => break stopped_by,
+                Ok(next) => {
+                    if let Some(quality) = self.rerun_due(self.rerun.is_some(), next.last)
+                        && !self.rerun(quality, observer)
+                    {
+                        return Ended::Left;
+                    }
+                }
             }
         };
-        let Some((shown, _)) = self.filter(self.settings.quality, false, observer) else {
+        let Some((mut shown, seconds)) = self.filter(self.final_quality(), false, observer) else {
             return Ended::Left;
         };
+        if let Some(Rerun { shown: last, .. }) = &self.rerun {
+            let filtered = &mut shown.filtered;
+            filtered.interpolation_failure =
+                filtered.interpolation_failure.take().or_else(|| last.failure.clone());
+            filtered.interpolation_success = filtered.interpolation_success.or(last.success);
+        }
+        self.report(&shown.filtered, seconds, shown.filtered.interpolation_success);
+        observer.filtered(&shown);
         Ended::Finished(Box::new(shown.filtered), stopped_by)
     }
 
@@ -314,9 +324,93 @@ impl<'a> Loop<'a> {
             batches: self.batches,
             stopped_by,
             seconds: self.seconds,
-            estimated_error: self.estimate.as_ref().map(|e| e.image),
-            tile_error: self.estimate.map(|e| e.tiles),
+            estimate: self.estimate,
         }
+    }
+
+    fn elapsed(&self) -> f64 {
+        self.start.elapsed().as_secs_f64()
+    }
+
+    fn plan(&self) -> Result<Plan, StoppedBy> {
+        let error = self.estimate.as_ref().map(ErrorEstimate::at_most);
+        self.schedule.next(self.elapsed(), self.store.drawn(), error)
+    }
+
+    /// Holds the samples since an image was shown against it.
+    fn check(&mut self, probes: &[bool]) {
+        let Some(Rerun { shown, made_of, probes: all }) = &mut self.rerun else { return };
+        all.iter_mut().zip(probes).for_each(|(all, &new)| *all |= new);
+        let new = ErrorEstimate::of(&shown.filtered.image, made_of, &self.store, all);
+        if let Some(new) = new {
+            self.estimate = Some(new.or_keep(self.estimate.take()));
+        }
+    }
+
+    /// Quality of the last filter pass: a filter that takes pixels without samples for black ones is
+    /// of no use where the time was too short for one sample per pixel.
+    fn final_quality(&self) -> Quality {
+        match self.settings.quality {
+            Quality::Paper if self.store.drawn() < self.store.pixels() as u64 => Quality::Standard,
+            quality => quality,
+        }
+    }
+
+    /// The effort of the filter between batches.
+    fn interim_quality(&self) -> Quality {
+        match self.settings.quality {
+            // The draft's error is not the paper's, and it is the paper's that has to reach the target.
+            Quality::Paper if self.settings.budget.target_error.is_some() => Quality::Paper,
+            _ => Quality::Draft,
+        }
+    }
+
+    /// Whether the filter runs again before the next batch, and with what effort. Before the last
+    /// batch it is that of the end, so that the error which the batch measures is that of such an image.
+    fn rerun_due(&self, again: bool, last: bool) -> Option<Quality> {
+        let (interim, ending) = (self.interim_quality(), self.settings.quality);
+        if self.favoured.is_some() && again && self.reruns > RERUN_SHARE * self.elapsed() {
+            // A region's batches are small.
+            return None;
+        }
+        let Some(left) = self.schedule.seconds_left(self.elapsed()) else {
+            // The clock has no say, so that the image is the same on any machine.
+            return Some(if last { ending } else { interim });
+        };
+        let budget = self.settings.budget.seconds.unwrap_or(0.0);
+        let ending_seconds = self.rehearsal.filter_seconds;
+        let interim_seconds = self.interim_seconds.unwrap_or(ending_seconds).min(ending_seconds);
+        let of_use = |seconds: f64| LEAST_USE_OF_RERUN * seconds <= left;
+        if !again {
+            // There has to be something to decide; then the first comes whatever its share.
+            let decides = self.store.drawn() >= u64::from(self.settings.min_spp) * self.store.pixels() as u64;
+            return (decides && of_use(interim_seconds)).then_some(interim);
+        }
+        if last {
+            let fits = |seconds: f64| of_use(seconds) && seconds <= LAST_RERUN_SHARE * budget;
+            let choices = [(ending, ending_seconds), (interim, interim_seconds)];
+            return choices.into_iter().find_map(|(quality, seconds)| fits(seconds).then_some(quality));
+        }
+        // What the one before the last batch will take is kept for it.
+        let spent = self.reruns + interim_seconds;
+        let fits = spent <= RERUN_SHARE * self.elapsed() && spent + ending_seconds <= RERUN_SHARE * budget;
+        (fits && of_use(interim_seconds)).then_some(interim)
+    }
+
+    /// Under a budget of time, measures on some rows what comes after the last batch, now and then.
+    fn rehearse(&mut self) {
+        let elapsed = self.elapsed();
+        let Some(left) = self.schedule.seconds_left(elapsed) else { return };
+        // Pixels without samples have to be filled first, which the last pass will not have to.
+        let filled = self.store.drawn() >= self.store.pixels() as u64;
+        if !filled || !self.rehearsal.is_due(elapsed, left) {
+            return;
+        }
+        let (quality, seed) = (self.final_quality(), self.settings.seed);
+        let filter = |store: &Store| observer::filtered(store, self.settings.denoiser, quality, seed);
+        self.rehearsal.run(&self.store, left, filter, self.closing);
+        self.schedule.rehearsed(self.rehearsal.closing_seconds);
+        self.seconds.filter += self.elapsed() - elapsed;
     }
 
     /// Decides where the next samples go.
@@ -324,8 +418,8 @@ impl<'a> Loop<'a> {
         let started = Instant::now();
         let counts = self.store.counts(Part::Whole);
         let floor = self.settings.min_spp.min(self.settings.max_spp);
-        let priority = match (self.settings.sampling, &self.shown) {
-            (Sampling::Adaptive, Some(shown)) if counts.iter().all(|&n| n >= floor) => {
+        let priority = match (self.settings.sampling, &self.rerun) {
+            (Sampling::Adaptive, Some(Rerun { shown, .. })) if counts.iter().all(|&n| n >= floor) => {
                 let maps = Maps {
                     counts: &counts,
                     image: &shown.filtered.image,
@@ -338,46 +432,42 @@ impl<'a> Loop<'a> {
             }
             _ => None,
         };
-        let (width, max_spp) = (self.store.width(), self.settings.max_spp);
+        let max_spp = self.settings.max_spp;
         let key = self.settings.seed.rotate_left(32) ^ self.batches.len() as u64;
         let spread = |priority: Option<&[f32]>, have: &[u32], width: usize, total: u64| match priority {
             Some(priority) => adaptive::allocate(priority, have, width, total, max_spp, key),
             None => adaptive::uniform(total, have, max_spp),
         };
-        let favoured = self.favoured.and_then(|region| region.share(&counts, width, total, &self.settings));
-        let allocation = match favoured {
-            Some((pixels, columns, total)) => {
-                let of = |i: &usize| priority.as_ref().map_or(0.0, |priority| priority[*i]);
-                let have: Vec<u32> = pixels.iter().map(|&i| counts[i]).collect();
-                let inside: Option<Vec<f32>> = priority.is_some().then(|| pixels.iter().map(of).collect());
-                let part = spread(inside.as_deref(), &have, columns, total);
-                let mut whole =
-                    Allocation { counts: vec![0; counts.len()], probes: vec![false; counts.len()] };
-                pixels.iter().zip(part.counts).for_each(|(&i, n)| whole.counts[i] = n);
-                whole
-            }
-            None => spread(priority.as_deref(), &counts, width, total),
-        };
+        let width = self.store.width();
+        let favoured = self.favoured.and_then(|region| {
+            let part = region.part(&counts, width, total, &self.settings)?;
+            Some(part.allocate(&counts, priority.as_deref(), spread))
+        });
+        let allocation = favoured.unwrap_or_else(|| spread(priority.as_deref(), &counts, width, total));
         self.seconds.allocate += started.elapsed().as_secs_f64();
         allocation
     }
 
-    /// Renders a batch in steps short enough to be interrupted between.
-    fn render(&mut self, allocation: &Allocation, observer: &mut dyn Observer) -> Rendered {
-        let started = Instant::now();
-        let mut held = Duration::ZERO;
-        let pixels = self.store.pixels() as u64;
-        let mut steps = Steps::new(&allocation.counts, self.store.width(), self.store.drawn() == 0);
-        let mut ended = Rendered::Whole;
-        let mut rendered = 0;
-        while let Some(counts) = steps.next(self.step_samples(pixels, observer)) {
-            let step_started = Instant::now();
+    /// Renders a batch in steps, between which the clock or the observer may end it; true if it was
+    /// the observer.
+    fn render(&mut self, allocation: &Allocation, observer: &mut dyn Observer) -> bool {
+        let total: u64 = allocation.counts.iter().map(|&n| u64::from(n)).sum();
+        let mut done = 0.0;
+        while done < 1.0 {
+            let started = Instant::now();
+            let before = self.store.drawn();
+            let Some(share) = self.schedule.step(self.elapsed(), before, total) else { break };
+            let short = observer.step_seconds().map(|seconds| self.schedule.short_step(seconds, total));
+            let next = (done + short.map_or(share, |short| short.min(share))).min(1.0);
+            let counts = steps::between(&allocation.counts, &self.store, done, next);
             // Copies only if a filter pass that was given up still reads the store.
             self.renderer.render_batch(&counts, Arc::make_mut(&mut self.store));
-            let new = counts.iter().map(|&n| u64::from(n)).sum::<u64>();
-            self.rate = Some(new as f64 / step_started.elapsed().as_secs_f64().max(1e-6));
-            rendered += new;
-            let (samples, elapsed) = (self.store.samples(), self.start.elapsed().as_secs_f64());
+            done = next;
+            let seconds = started.elapsed().as_secs_f64();
+            self.seconds.render += seconds;
+            self.schedule.rendered(self.store.drawn() - before, seconds);
+            self.rehearse();
+            let (samples, elapsed) = (self.store.samples(), self.elapsed());
             let progress = Progress {
                 fraction: self.schedule.fraction(elapsed, samples),
                 elapsed,
@@ -387,61 +477,48 @@ impl<'a> Loop<'a> {
             };
             match observer.stepped(progress, &self.store) {
                 Flow::GoOn => {}
-                Flow::Held(duration) => held += duration,
-                Flow::Leave => ended = Rendered::Left,
-            }
-            if self.interrupt.load(Ordering::Relaxed) {
-                ended = Rendered::Interrupted;
-            }
-            if !matches!(ended, Rendered::Whole) || self.schedule.is_late(elapsed) {
-                break;
+                Flow::Held(duration) => self.start += duration,
+                Flow::Leave => return true,
             }
         }
-        self.start += held;
-        let seconds = started.elapsed().saturating_sub(held).as_secs_f64();
-        self.seconds.render += seconds;
-        self.schedule.rendered(rendered, seconds);
-        ended
+        false
     }
 
-    /// Samples of the next step.
-    fn step_samples(&self, pixels: u64, observer: &dyn Observer) -> u64 {
-        let (least, most) = (pixels.div_ceil(steps::BLOCK), self.schedule.step_samples());
-        match (observer.step_seconds(), self.rate) {
-            (None, _) => most,
-            // Nothing is known of the scene's speed: as little as makes an image.
-            (Some(_), None) => least,
-            (Some(seconds), Some(rate)) => ((seconds * rate) as u64).min(most).max(least),
-        }
-    }
-
-    /// Filters and reports; between batches (`rerun`) with a look at interpolation where that drives
-    /// samples. `None`: the observer gave it up.
-    fn filter(&mut self, quality: Quality, rerun: bool, observer: &mut dyn Observer) -> Option<(Shown, f64)> {
-        let started = Instant::now();
-        let job = FilterJob {
-            store: self.store.clone(),
-            denoiser: self.settings.denoiser,
-            quality,
-            seed: self.settings.seed,
-            interpolation: rerun && drives_interpolation(&self.settings),
+    /// Filters between batches; false if the observer gave it up.
+    fn rerun(&mut self, quality: Quality, observer: &mut dyn Observer) -> bool {
+        let interpolation = drives_interpolation(&self.settings);
+        let Some((shown, filter_seconds)) = self.filter(quality, interpolation, observer) else {
+            return false;
         };
+        let started = Instant::now();
+        let made_of = Snapshot::of(&self.store);
+        let snapshot_seconds = started.elapsed().as_secs_f64();
+        self.seconds.filter += snapshot_seconds;
+        let seconds = filter_seconds + snapshot_seconds;
+        self.reruns += seconds;
+        if quality == self.interim_quality() {
+            self.interim_seconds = Some(seconds);
+        }
+        self.report(&shown.filtered, filter_seconds, shown.success);
+        observer.filtered(&shown);
+        self.rerun = Some(Rerun { shown, made_of, probes: vec![false; self.store.pixels()] });
+        true
+    }
+
+    /// What a filter pass makes of the store, and its seconds; `None` if the observer gave it up.
+    fn filter(
+        &mut self,
+        quality: Quality,
+        interpolation: bool,
+        observer: &mut dyn Observer,
+    ) -> Option<(Shown, f64)> {
+        let started = Instant::now();
+        let Settings { denoiser, seed, .. } = self.settings;
+        let job = FilterJob { store: self.store.clone(), denoiser, quality, seed, interpolation };
         let shown = observer.run_filter(job);
         let seconds = started.elapsed().as_secs_f64();
         self.seconds.filter += seconds;
-        let mut shown = shown?;
-        if !rerun && let Some(last) = &self.shown {
-            let filtered = &mut shown.filtered;
-            filtered.interpolation_failure =
-                filtered.interpolation_failure.take().or_else(|| last.failure.clone());
-            filtered.interpolation_success = filtered.interpolation_success.or(last.success);
-        }
-        let success = if rerun { shown.success } else { shown.filtered.interpolation_success };
-        self.report(&shown.filtered, seconds, success);
-        if let Some(batch) = self.batches.last() {
-            observer.filtered(&shown, batch);
-        }
-        Some((shown, seconds))
+        Some((shown?, seconds))
     }
 
     fn report(&mut self, filtered: &Filtered, filter_seconds: f64, interpolation_success: Option<f32>) {
@@ -458,34 +535,12 @@ impl<'a> Loop<'a> {
             filter_seconds,
             interpolation_success,
             estimated_error: self.estimate.as_ref().map(|e| e.image),
+            estimated_error_samples: self.estimate.as_ref().map(|e| e.samples),
             mse: against(Some(&filtered.image), |pair| pair.mse()),
             relmse: against(Some(&filtered.image), |pair| pair.relmse()),
             noisy_mse: against(noisy.as_ref(), |pair| pair.mse()),
             noisy_relmse: against(noisy.as_ref(), |pair| pair.relmse()),
         };
         self.batches.push(batch);
-    }
-}
-
-impl Region {
-    /// The region's pixels, its columns, and how many of `total` samples it gets now; `None` if it is
-    /// empty or has had its budget.
-    fn share(
-        &self,
-        counts: &[u32],
-        width: usize,
-        total: u64,
-        settings: &Settings,
-    ) -> Option<(Vec<usize>, usize, u64)> {
-        let height = counts.len() / width.max(1);
-        let [x0, x1] = self.x.map(|x| x.min(width));
-        let [y0, y1] = self.y.map(|y| y.min(height));
-        let pixels: Vec<usize> = (y0..y1).flat_map(|y| (x0..x1).map(move |x| y * width + x)).collect();
-        let have: u64 = pixels.iter().map(|&i| u64::from(counts[i])).sum();
-        let spp = settings.budget.spp.map_or(settings.max_spp, |spp| spp.min(settings.max_spp));
-        let left = (u64::from(spp) * pixels.len() as u64).saturating_sub(have);
-        // As batches of the whole image: the total doubles.
-        let share = have.max(u64::from(settings.min_spp.max(1)) * pixels.len() as u64).min(left).min(total);
-        (share > 0).then_some((pixels, x1 - x0, share))
     }
 }

@@ -4,7 +4,7 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use super::{Batch, Denoiser, FAILURE_WINDOW, Progress};
+use super::{Denoiser, FAILURE_WINDOW, Progress};
 use crate::filter::{self, Filtered, PrpfSettings, Quality};
 use crate::image::Planes;
 use crate::stats::Store;
@@ -22,7 +22,7 @@ pub trait Observer {
     }
 
     /// A filter pass of the loop is done.
-    fn filtered(&mut self, _shown: &Shown, _batch: &Batch) {}
+    fn filtered(&mut self, _shown: &Shown) {}
 
     /// How long a step should take, in seconds; `None` leaves it to the loop.
     fn step_seconds(&self) -> Option<f64> {
@@ -68,14 +68,19 @@ pub struct Shown {
 
 impl FilterJob {
     pub fn run(&self) -> Shown {
-        let filtered = match self.denoiser {
-            Denoiser::None => filter::unfiltered(&self.store),
-            Denoiser::Prpf => filter::filter(&self.store, self.quality, self.seed),
-        };
+        let filtered = filtered(&self.store, self.denoiser, self.quality, self.seed);
         let grid = self.interpolation.then(|| {
             filter::prpf::interpolation_failure(&self.store, &PrpfSettings::paper(), FAILURE_WINDOW)
         });
         let (failure, success) = grid.unzip();
         Shown { filtered, failure, success }
+    }
+}
+
+/// The image that a store holds.
+pub(super) fn filtered(store: &Store, denoiser: Denoiser, quality: Quality, seed: u64) -> Filtered {
+    match denoiser {
+        Denoiser::None => filter::unfiltered(store),
+        Denoiser::Prpf => filter::filter(store, quality, seed),
     }
 }

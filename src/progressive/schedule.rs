@@ -1,8 +1,10 @@
 //! How many samples the next batch has, and when to stop. Pure arithmetic: times are told.
 //!
-//! With a budget of samples alone the schedule depends on counts alone, so that the image is the same
-//! on any machine. Batches double the total up to a largest size, so the filter's share of the time
-//! falls and stays small.
+//! Batches double the total up to a largest size, so the filter's share of the time falls and stays
+//! small. The last one is a quarter of the whole: what it says of the image's error is said of an
+//! image with three quarters of the samples. With a budget of samples alone the schedule depends on
+//! counts alone, so that the image is the same on any machine; with one of time, batches are rendered
+//! in steps that get shorter towards the end, and what comes after the last of them is predicted.
 
 use super::StoppedBy;
 
@@ -17,21 +19,47 @@ pub struct Budget {
     pub target_error: Option<f64>,
 }
 
+/// A batch to come.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Plan {
+    pub samples: u64,
+    /// Whether it spends the budget.
+    pub last: bool,
+}
+
 /// The first batch is at most this many samples per pixel unless the floor is higher; more would be
 /// spread blindly.
 const PILOT_SPP: u64 = 8;
 /// No batch is larger than this many samples per pixel, so that there is news now and then.
 const LARGEST_BATCH_SPP: u64 = 64;
-/// A step of a batch has at most this many samples per pixel; between steps it can be interrupted.
+/// The last batch is this part of all samples.
+const LAST_PART: u64 = 4;
+/// With fewer samples per pixel in all, a part of them says too little of the error to be kept for it.
+const LEAST_SPP_WITH_LAST_PART: u64 = 16;
+/// A step of a batch has at most this many samples per pixel.
 const STEP_SPP: u64 = 4;
-/// With a budget of time, this much of the time that is left is planned for; the rest is for what
-/// was predicted wrongly.
-const PLANNED_SHARE: f64 = 0.9;
-/// A batch that would take less time than this share of the budget is not worth starting.
-const SHORTEST_SHARE: f64 = 0.01;
-/// What the final filter pass and the writing may take, in reruns and seconds.
-const FINAL_FILTER_RERUNS: f64 = 4.0;
-const WRITE_SECONDS_PER_PIXEL: f64 = 6e-7;
+/// Share of the pixels that the first step under a budget of time renders, whatever it costs: there
+/// has to be an image.
+const FIRST_STEP: f64 = 1.0 / 16.0;
+/// Samples per pixel that make the coarsest image.
+const LEAST_IMAGE: f64 = 1.0 / 8.0;
+/// Under a budget of time a step takes at most this long, in seconds, and no step is begun that would
+/// have to be shorter than this.
+const STEP_SECONDS: (f64, f64) = (0.01, 0.25);
+/// A step takes at most this share of what is left for samples.
+const STEP_SHARE: f64 = 0.5;
+/// Share of a budget of time that is left over for what was predicted wrongly. A budget that is missed
+/// by a hundredth is broken, and one of which a twentieth is left is wasted: this is between.
+const MARGIN: f64 = 0.02;
+/// The last batch under a budget of time is planned larger than what it should hold, by this factor:
+/// the clock ends it.
+const LAST_EXCESS: f64 = 1.25;
+/// Memory of the sampling rate, in seconds: other programs come and go.
+const RATE_MEMORY: f64 = 0.5;
+/// As many of the latest rehearsals make the prediction of what comes after the last batch.
+const REHEARSALS: f64 = 2.0;
+/// What comes after the last batch takes about this long where it was not rehearsed yet.
+const CLOSING_SECONDS_PER_PIXEL: f64 = 2.5e-6;
 
 /// See the module.
 #[derive(Clone, Debug)]
@@ -40,35 +68,51 @@ pub struct Schedule {
     pixels: u64,
     min_spp: u64,
     max_spp: u64,
-    /// Samples per second, of the latest batch.
-    rate: Option<f64>,
-    /// Seconds of the latest rerun of the filter.
-    rerun: f64,
+    /// Samples and seconds of the latest steps, older ones fading.
+    recent: (f64, f64),
+    /// Predicted seconds of what comes after the last batch.
+    closing: f64,
+    /// Mean deviation of rehearsals from that.
+    deviation: f64,
+    rehearsals: f64,
 }
 
 impl Schedule {
     pub fn new(budget: &Budget, pixels: u64, min_spp: u32, max_spp: u32) -> Self {
         let (min_spp, max_spp) = (u64::from(min_spp), u64::from(max_spp));
-        Self { budget: *budget, pixels, min_spp, max_spp, rate: None, rerun: 0.0 }
+        Self {
+            budget: *budget,
+            pixels,
+            min_spp,
+            max_spp,
+            recent: (0.0, 0.0),
+            closing: 0.0,
+            deviation: 0.0,
+            rehearsals: 0.0,
+        }
     }
 
-    /// A batch of `samples` took so long.
+    /// A step of `samples` took so long.
     pub fn rendered(&mut self, samples: u64, seconds: f64) {
-        self.rate = Some(samples as f64 / seconds.max(1e-6));
+        let fade = (-seconds / RATE_MEMORY).exp();
+        let (old_samples, old_seconds) = self.recent;
+        self.recent = (fade * old_samples + samples as f64, fade * old_seconds + seconds);
     }
 
-    /// A rerun of the filter took so long.
-    pub fn filtered(&mut self, seconds: f64) {
-        self.rerun = seconds;
+    /// What comes after the last batch would take so long now.
+    pub fn rehearsed(&mut self, seconds: f64) {
+        self.rehearsals += 1.0;
+        let weight = 1.0 / self.rehearsals.min(REHEARSALS);
+        if self.rehearsals > 1.0 {
+            self.deviation += weight * ((seconds - self.closing).abs() - self.deviation);
+        }
+        self.closing += weight * (seconds - self.closing);
     }
 
-    /// Samples of the next batch, or what ended the render.
-    pub fn next(&self, elapsed: f64, samples: u64, error: Option<f64>) -> Result<u64, StoppedBy> {
+    /// The next batch, or what ended the render.
+    pub fn next(&self, elapsed: f64, samples: u64, error: Option<f64>) -> Result<Plan, StoppedBy> {
         let most = |spp: u64| spp.saturating_mul(self.pixels).saturating_sub(samples);
-        let left = match self.budget.spp {
-            Some(spp) => most(u64::from(spp).min(self.max_spp)),
-            None => most(self.max_spp),
-        };
+        let left = most(self.budget.spp.map_or(self.max_spp, |spp| u64::from(spp).min(self.max_spp)));
         if left == 0 {
             return Err(StoppedBy::Spp);
         }
@@ -77,16 +121,65 @@ impl Schedule {
         {
             return Err(StoppedBy::TargetError);
         }
-        let batch = if samples == 0 { self.pilot() } else { samples.min(LARGEST_BATCH_SPP * self.pixels) };
-        let batch = batch.min(left);
-        match self.affordable(elapsed) {
-            // The first batch comes whatever it costs: there has to be an image.
-            Some(affordable) if samples > 0 && affordable < batch => {
-                let shortest = SHORTEST_SHARE * self.budget.seconds.unwrap_or(0.0) * self.rate.unwrap_or(0.0);
-                if (affordable as f64) < shortest.max(1.0) { Err(StoppedBy::Time) } else { Ok(affordable) }
-            }
-            _ => Ok(batch),
+        if samples == 0 {
+            let pilot = self.pilot();
+            return Ok(Plan { samples: pilot.min(left), last: pilot >= left });
         }
+        let batch = samples.min(LARGEST_BATCH_SPP * self.pixels).min(left);
+        let Some(seconds) = self.seconds_left(elapsed) else {
+            let plan = self.before_last(samples, left, batch);
+            // Where nothing says how many samples there will be, no batch is known to be the last.
+            return Ok(if self.budget.spp.is_some() { plan } else { Plan { samples: batch, last: false } });
+        };
+        // The first batch comes whatever it costs.
+        if seconds < STEP_SECONDS.0 {
+            return Err(StoppedBy::Time);
+        }
+        let affordable = (seconds * self.rate().unwrap_or(0.0)) as u64;
+        let plan = self.before_last(samples, left.min(affordable.max(1)), batch);
+        let samples =
+            if plan.last { (LAST_EXCESS * plan.samples as f64).ceil() as u64 } else { plan.samples };
+        Ok(Plan { samples: samples.clamp(1, left), ..plan })
+    }
+
+    /// A batch of the size wished for, cut where the last part begins. `left`: samples to the end.
+    fn before_last(&self, samples: u64, left: u64, wished: u64) -> Plan {
+        let spp = (samples + left) / self.pixels;
+        if spp < LEAST_SPP_WITH_LAST_PART {
+            return Plan { samples: wished.min(left), last: wished >= left };
+        }
+        let last = (spp / LAST_PART).min(LARGEST_BATCH_SPP);
+        // Even, so that both halves of a pixel can grow alike.
+        let begins = ((spp - last) & !1) * self.pixels;
+        let to_last = begins.saturating_sub(samples);
+        // What little may be missing is not worth a batch of its own.
+        if to_last < last * self.pixels / LAST_PART {
+            return Plan { samples: left, last: true };
+        }
+        Plan { samples: wished.min(to_last), last: false }
+    }
+
+    /// Share of a batch of `batch` samples that the next step renders; `None` where what is left of the
+    /// time must go to what comes after. `samples` so far.
+    pub fn step(&self, elapsed: f64, samples: u64, batch: u64) -> Option<f64> {
+        let most = (STEP_SPP * self.pixels) as f64;
+        let share = |of: f64| of.min(most) / batch.max(1) as f64;
+        let Some(seconds) = self.seconds_left(elapsed) else {
+            return Some(share(most));
+        };
+        let (shortest, longest) = STEP_SECONDS;
+        match self.rate() {
+            None => Some(FIRST_STEP),
+            Some(_) if samples > 0 && seconds < shortest => None,
+            Some(rate) => Some(share(rate * (STEP_SHARE * seconds).clamp(shortest, longest))),
+        }
+    }
+
+    /// Share of a batch of `batch` samples that takes about so long, and at least what makes an image: a
+    /// pair of samples in every block of 4×4 pixels.
+    pub fn short_step(&self, seconds: f64, batch: u64) -> f64 {
+        let least = LEAST_IMAGE * self.pixels as f64;
+        self.rate().map_or(least, |rate| (rate * seconds).max(least)) / batch.max(1) as f64
     }
 
     /// Follows another budget from now on.
@@ -94,14 +187,14 @@ impl Schedule {
         self.budget = *budget;
     }
 
-    /// Samples of a step of a batch, at most.
-    pub fn step_samples(&self) -> u64 {
-        STEP_SPP * self.pixels
-    }
-
-    /// Whether what is left must go to the last filter pass and the writing.
-    pub fn is_late(&self, elapsed: f64) -> bool {
-        self.budget.seconds.is_some_and(|seconds| elapsed + self.closing_seconds() >= seconds)
+    /// Seconds left for samples, with a budget of time.
+    pub fn seconds_left(&self, elapsed: f64) -> Option<f64> {
+        let closing = if self.rehearsals > 0.0 {
+            self.closing + self.deviation
+        } else {
+            CLOSING_SECONDS_PER_PIXEL * self.pixels as f64
+        };
+        self.budget.seconds.map(|seconds| (1.0 - MARGIN) * seconds - closing - elapsed)
     }
 
     /// Share of the nearest budget that is spent.
@@ -122,16 +215,10 @@ impl Schedule {
         spp * self.pixels
     }
 
-    /// Samples that the time left allows for.
-    fn affordable(&self, elapsed: f64) -> Option<u64> {
-        let (seconds, rate) = (self.budget.seconds?, self.rate?);
-        let left = (seconds - elapsed - self.closing_seconds()).max(0.0);
-        Some((PLANNED_SHARE * left * rate) as u64)
-    }
-
-    /// What comes after the last batch.
-    fn closing_seconds(&self) -> f64 {
-        FINAL_FILTER_RERUNS * self.rerun + WRITE_SECONDS_PER_PIXEL * self.pixels as f64
+    /// Samples per second, lately.
+    fn rate(&self) -> Option<f64> {
+        let (samples, seconds) = self.recent;
+        (samples > 0.0).then(|| samples / seconds.max(1e-6))
     }
 }
 
@@ -144,41 +231,74 @@ mod tests {
         let schedule = Schedule::new(&budget, 100, 4, u32::MAX);
         let mut samples = 0;
         let mut sizes = Vec::new();
-        while let Ok(batch) = schedule.next(0.0, samples, None) {
-            samples += batch;
-            sizes.push(batch / 100);
+        while let Ok(plan) = schedule.next(0.0, samples, None) {
+            samples += plan.samples;
+            sizes.push(plan.samples / 100);
+            assert_eq!(plan.last, samples == u64::from(spp) * 100, "{spp}: {sizes:?}");
         }
         sizes
     }
 
     #[test]
-    fn batches_double_the_total_and_end_exactly() {
+    fn batches_double_the_total_and_the_last_is_a_quarter() {
         assert_eq!(batches(1), [1]);
         assert_eq!(batches(8), [4, 4]);
-        assert_eq!(batches(32), [8, 8, 16]);
-        assert_eq!(batches(128), [8, 8, 16, 32, 64]);
-        assert_eq!(batches(200), [8, 8, 16, 32, 64, 64, 8]);
+        assert_eq!(batches(19), [4, 4, 6, 5]);
+        assert_eq!(batches(32), [8, 8, 8, 8]);
+        assert_eq!(batches(128), [8, 8, 16, 32, 32, 32]);
+        assert_eq!(batches(200), [8, 8, 16, 32, 64, 22, 50]);
     }
 
     #[test]
     fn a_target_error_that_is_reached_ends_the_render() {
         let budget = Budget { target_error: Some(0.01), ..Budget::default() };
         let schedule = Schedule::new(&budget, 100, 4, u32::MAX);
-        assert_eq!(schedule.next(0.0, 800, Some(0.02)), Ok(800));
+        assert_eq!(schedule.next(0.0, 800, Some(0.02)), Ok(Plan { samples: 800, last: false }));
         assert_eq!(schedule.next(0.0, 1600, Some(0.01)), Err(StoppedBy::TargetError));
     }
 
-    #[test]
-    fn with_a_budget_of_time_batches_fit_what_is_left() {
-        let budget = Budget { seconds: Some(10.0), ..Budget::default() };
+    /// A render by a clock that only the schedule's own steps move: when its samples end, and how many
+    /// batches there were.
+    fn simulate(budget: f64, rate: f64, closing: f64) -> (f64, usize) {
+        let budget = Budget { seconds: Some(budget), ..Budget::default() };
         let mut schedule = Schedule::new(&budget, 1000, 4, u32::MAX);
-        assert_eq!(schedule.next(0.5, 0, None), Ok(1000));
-        schedule.rendered(1000, 1.0);
-        schedule.filtered(0.1);
-        assert_eq!(schedule.next(1.6, 1000, None), Ok(1000));
-        let last = schedule.next(8.0, 4000, None).unwrap();
-        assert!(last > 1000 && last < 1600, "{last}");
-        assert_eq!(schedule.next(9.7, 6000, None), Err(StoppedBy::Time));
-        assert!(schedule.is_late(9.7) && !schedule.is_late(9.0));
+        let (mut elapsed, mut samples, mut batches) = (0.1, 0, 0);
+        while let Ok(plan) = schedule.next(elapsed, samples, None) {
+            let mut done = 0.0;
+            while done < 1.0 {
+                let Some(share) = schedule.step(elapsed, samples, plan.samples) else { break };
+                let n = (share.min(1.0 - done) * plan.samples as f64).ceil();
+                done += share;
+                samples += n as u64;
+                elapsed += n / rate;
+                schedule.rendered(n as u64, n / rate);
+            }
+            batches += 1;
+            schedule.rehearsed(closing);
+        }
+        (elapsed, batches)
+    }
+
+    #[test]
+    fn time_is_spent_to_the_last_step_and_not_beyond() {
+        for (budget, rate, closing) in [(3.0, 1e4, 0.5), (10.0, 1e3, 2.0), (10.0, 1e6, 0.1), (60.0, 1e5, 3.0)]
+        {
+            let (end, batches) = simulate(budget, rate, closing);
+            let aim = 0.98 * budget - closing;
+            assert!(end <= aim + 0.011 && end >= aim - 0.011, "{budget} {rate} {closing}: {end}");
+            assert!((3..200).contains(&batches), "{batches}");
+        }
+    }
+
+    #[test]
+    fn a_budget_that_is_spent_before_the_first_sample_still_gets_a_sixteenth_of_them() {
+        let budget = Budget { seconds: Some(0.1), ..Budget::default() };
+        let mut schedule = Schedule::new(&budget, 1600, 4, u32::MAX);
+        let plan = schedule.next(5.0, 0, None).unwrap();
+        assert_eq!(plan.samples, 1600);
+        assert_eq!(schedule.step(5.0, 0, plan.samples), Some(1.0 / 16.0));
+        schedule.rendered(100, 0.1);
+        assert_eq!(schedule.step(5.1, 100, plan.samples), None);
+        assert_eq!(schedule.next(5.1, 100, None), Err(StoppedBy::Time));
     }
 }

@@ -1,98 +1,74 @@
-//! A batch is rendered in steps, between which the loop can be looked at, steered and interrupted.
+//! A batch in steps: any share of it is spread over the image as the whole is.
 //!
-//! After each step every pixel has about the same share of its batch. Shares below a whole sample are
-//! spread over blocks of 4×4 pixels in the order of a Bayer matrix, so that the first sixteenth of
-//! the first sample is already an image, a coarse one. What a pixel's statistics are in the end does
-//! not depend on the steps, because its samples come in the order of their indices.
+//! A pixel's turn comes by ordered dithering (Bayer 1973), so that a batch that the clock cuts short
+//! leaves no visible border between what it reached and what it did not.
 
-/// Rank of a pixel within its block of 4×4: 0 is rendered first, then the corners of blocks of 2×2.
-const RANKS: [[u8; 4]; 4] = [[0, 8, 2, 10], [12, 4, 14, 6], [3, 11, 1, 9], [15, 7, 13, 5]];
-/// Pixels of a block, and so steps that a single sample per pixel can be cut into.
-pub(super) const BLOCK: u64 = 16;
+use crate::stats::Store;
 
-/// A batch on its way.
-pub(super) struct Steps<'a> {
-    counts: &'a [u32],
-    width: usize,
-    /// Samples that a pixel gets at once: pairs, so that the halves grow alike; single ones while
-    /// there is no image yet.
-    unit: u32,
-    total: u64,
-    /// Share of the batch that is done, in [0, 1].
-    share: f64,
+/// Side of the dither matrix.
+const SIDE: usize = 8;
+/// Spreads the turns of pixels with the same entry of the matrix.
+const GOLDEN_RATIO: f64 = 0.618_033_988_749_894_9;
+
+/// Samples to add per pixel to come from share `from` of a batch to share `to`; from 0 to 1 it is
+/// `counts`. Even counts grow by pairs, so that both halves of a pixel grow alike.
+pub(super) fn between(counts: &[u32], store: &Store, from: f64, to: f64) -> Vec<u32> {
+    let width = store.width().max(1);
+    let part = |i: usize, n: u32, share: f64| {
+        let unit = 2 - n % 2;
+        let units = n / unit;
+        unit * ((f64::from(units) * share + turn(i % width, i / width)) as u32).min(units)
+    };
+    counts.iter().enumerate().map(|(i, &n)| part(i, n, to) - part(i, n, from)).collect()
 }
 
-impl<'a> Steps<'a> {
-    /// `counts`: samples of the batch per pixel; `first`: there is no sample yet.
-    pub fn new(counts: &'a [u32], width: usize, first: bool) -> Self {
-        let total = counts.iter().map(|&n| u64::from(n)).sum();
-        Self { counts, width: width.max(1), unit: if first { 1 } else { 2 }, total, share: 0.0 }
-    }
-
-    /// The next step of about `most` samples, per pixel; `None` when the batch is done.
-    pub fn next(&mut self, most: u64) -> Option<Vec<u32>> {
-        if self.share >= 1.0 || self.total == 0 {
-            return None;
-        }
-        let before = self.share;
-        self.share = (before + most.max(1) as f64 / self.total as f64).min(1.0);
-        let step = |(i, &n)| self.given(i, n, self.share) - self.given(i, n, before);
-        Some(self.counts.iter().enumerate().map(step).collect())
-    }
-
-    /// Samples of pixel `i` after a share of the batch.
-    fn given(&self, i: usize, count: u32, share: f64) -> u32 {
-        if share <= 0.0 || share >= 1.0 {
-            return if share <= 0.0 { 0 } else { count };
-        }
-        let rank = RANKS[i / self.width % 4][i % self.width % 4];
-        let ahead = (BLOCK as f64 - 0.5 - f64::from(rank)) / BLOCK as f64;
-        let units = f64::from(count) * share / f64::from(self.unit) + ahead;
-        (units as u32 * self.unit).min(count)
-    }
+/// When a pixel's turn comes: uniform in [0, 1), the larger the earlier.
+fn turn(x: usize, y: usize) -> f64 {
+    // Bits of x ⊕ y and y, interleaved, the lowest first.
+    let (a, b) = ((x ^ y) % SIDE, y % SIDE);
+    let matrix = (0..3).fold(0, |matrix, bit| matrix << 2 | (a >> bit & 1) << 1 | (b >> bit & 1));
+    let within = ((x / SIDE + 61 * (y / SIDE)) as f64 * GOLDEN_RATIO).fract();
+    (matrix as f64 + within) / (SIDE * SIDE) as f64
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::stats::Layout;
 
-    fn all(counts: &[u32], width: usize, first: bool, most: u64) -> Vec<Vec<u32>> {
-        let mut steps = Steps::new(counts, width, first);
-        std::iter::from_fn(|| steps.next(most)).collect()
+    fn store(side: usize) -> Store {
+        Store::new(side, side, Layout::with_blocks(|_| false), 0, 0)
     }
 
     #[test]
     fn steps_add_up_to_the_batch_whatever_their_size() {
-        let counts: Vec<u32> = (0..64).map(|i| i % 7).collect();
-        for most in [1, 3, 16, 100, 10_000] {
-            for first in [false, true] {
-                let mut sum = vec![0; counts.len()];
-                for step in all(&counts, 8, first, most) {
-                    sum.iter_mut().zip(step).for_each(|(sum, n)| *sum += n);
-                }
-                assert_eq!(sum, counts, "{most}");
-            }
+        let store = store(16);
+        let counts: Vec<u32> = (0..256).map(|i| i % 23).collect();
+        let mut sum = vec![0; 256];
+        for pair in [0.0, 0.01, 0.013, 0.2, 0.9, 1.0].windows(2) {
+            let step = between(&counts, &store, pair[0], pair[1]);
+            sum.iter_mut().zip(&step).for_each(|(sum, n)| *sum += n);
+        }
+        assert_eq!(sum, counts);
+    }
+
+    #[test]
+    fn a_sixteenth_of_a_batch_reaches_every_block_of_eight_by_eight_alike() {
+        let step = between(&[1; 64 * 64], &store(64), 0.0, 1.0 / 16.0);
+        for block in 0..64 {
+            let (x0, y0) = (block % 8 * 8, block / 8 * 8);
+            let n: u32 = (0..64).map(|i| step[(y0 + i / 8) * 64 + x0 + i % 8]).sum();
+            assert_eq!(n, 4);
+            let rows = (0..8).filter(|y| (0..8).any(|x| step[(y0 + y) * 64 + x0 + x] > 0)).count();
+            assert!(rows >= 2, "not all in one row");
         }
     }
 
     #[test]
-    fn the_first_sixteenth_has_one_pixel_of_each_block() {
-        let counts = vec![4; 8 * 8];
-        let step = &all(&counts, 8, true, 4)[0];
-        let expected: Vec<u32> = (0..64).map(|i| u32::from(i % 4 == 0 && i / 8 % 4 == 0)).collect();
-        assert_eq!(*step, expected);
-    }
-
-    #[test]
-    fn later_batches_come_in_pairs() {
-        let steps = all(&[8; 16], 4, false, 10);
-        assert!(steps.iter().flatten().all(|n| n % 2 == 0));
-        let largest = steps.iter().map(|step| step.iter().sum::<u32>()).max();
-        assert!(largest <= Some(12), "{largest:?}");
-    }
-
-    #[test]
-    fn an_empty_batch_has_no_steps() {
-        assert!(all(&[0; 4], 2, true, 10).is_empty() && all(&[], 0, true, 10).is_empty());
+    fn even_counts_grow_by_pairs() {
+        let step = between(&[6; 256], &store(16), 0.0, 0.4);
+        assert!(step.iter().all(|n| n % 2 == 0));
+        let sum: u32 = step.iter().sum();
+        assert!((sum as f64 / (256.0 * 6.0) - 0.4).abs() < 0.02, "{sum}");
     }
 }

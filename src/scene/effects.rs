@@ -29,8 +29,10 @@ pub struct Effects {
     pub second_hit: bool,
     /// Light is gathered beyond the first scattering event.
     pub indirect: bool,
-    /// Some reflectance varies over a surface or between surfaces, so that the albedo is a feature.
+    /// Some reflectance varies over a surface.
     pub textures: bool,
+    /// Some reflectance varies over a surface or between surfaces, so that the albedo is a feature.
+    pub varied_albedo: bool,
     /// Some surface is cut out by an alpha texture.
     pub alpha: bool,
 }
@@ -58,7 +60,8 @@ impl Effects {
             specular: looks.specular,
             second_hit: indirect || (looks.specular && scene.integrator.max_depth() >= 2),
             indirect,
-            textures: looks.varied,
+            textures: looks.textured,
+            varied_albedo: looks.textured || looks.varied,
             alpha: scene.primitives.iter().any(|primitive| primitive.alpha.is_some()),
         }
     }
@@ -76,6 +79,7 @@ impl Effects {
             (self.second_hit, "second-hit"),
             (self.indirect, "indirect"),
             (self.textures, "textures"),
+            (self.varied_albedo, "varied-albedo"),
             (self.alpha, "alpha"),
         ]
         .into_iter()
@@ -90,6 +94,9 @@ struct Looks<'s> {
     seen: Vec<bool>,
     glossy: bool,
     specular: bool,
+    /// Some reflectance is no constant.
+    textured: bool,
+    /// Two reflectances differ.
     varied: bool,
     /// The reflectance of the first material, to compare the others with.
     reflectance: Option<Vec3>,
@@ -102,6 +109,7 @@ impl<'s> Looks<'s> {
             seen: vec![false; scene.materials.len()],
             glossy: false,
             specular: false,
+            textured: false,
             varied: false,
             reflectance: None,
         }
@@ -165,7 +173,7 @@ impl<'s> Looks<'s> {
                     let (minus, plus, k2) = (eta - 1.0, eta + 1.0, k * k);
                     self.reflects_constant((minus * minus + k2) / (plus * plus + k2));
                 }
-                None => self.varied = true,
+                None => self.textured = true,
             },
         }
     }
@@ -177,7 +185,7 @@ impl<'s> Looks<'s> {
     fn reflects(&mut self, reflectance: RgbTextureId) {
         match self.scene.textures.constant_rgb(reflectance) {
             Some(reflectance) => self.reflects_constant(reflectance),
-            None => self.varied = true,
+            None => self.textured = true,
         }
     }
 
@@ -208,7 +216,7 @@ mod tests {
     #[test]
     fn each_effect_is_called_for_by_what_makes_it() {
         let light = "AreaLightSource \"diffuse\" Shape \"sphere\"";
-        let cases: [(&str, &str, &[&str]); 8] = [
+        let cases: [(&str, &str, &[&str]); 9] = [
             ("Camera \"perspective\" \"float lensradius\" 1", SPHERE, &["depth-of-field"]),
             ("", "ActiveTransform EndTime Translate 1 0 0 Shape \"sphere\"", &["motion-blur"]),
             ("", light, &["area-lights", "visible-emission"]),
@@ -218,7 +226,13 @@ mod tests {
             (
                 "",
                 "Shape \"sphere\" Material \"diffuse\" \"rgb reflectance\" [1 0 0] Shape \"sphere\"",
-                &["textures"],
+                &["varied-albedo"],
+            ),
+            (
+                "",
+                "Texture \"t\" \"spectrum\" \"checkerboard\" Material \"diffuse\" \"texture reflectance\" \"t\" \
+                 Shape \"sphere\"",
+                &["textures", "varied-albedo"],
             ),
             ("", "Shape \"sphere\" \"float alpha\" .5", &["alpha"]),
         ];

@@ -135,7 +135,7 @@ impl Layout {
     pub fn for_effects(effects: &Effects) -> Self {
         Self::with_blocks(|block| match block {
             Block::Film | Block::Colour | Block::Position1 | Block::Normal1 | Block::Hit => true,
-            Block::Albedo => effects.textures,
+            Block::Albedo => effects.varied_albedo,
             Block::Position2 | Block::Normal2 => effects.second_hit,
             Block::Lens => effects.lens,
             Block::Time => effects.motion,

@@ -94,6 +94,15 @@ impl Store {
         &self.rows
     }
 
+    /// A store of some of the rows, in the order given.
+    ///
+    /// # Panics
+    /// If there is no such row.
+    pub fn of_rows(&self, rows: impl IntoIterator<Item = usize>) -> Self {
+        let rows = rows.into_iter().map(|y| self.rows[y].clone()).collect();
+        Self { width: self.width, layout: self.layout.clone(), capacity: self.capacity, rows }
+    }
+
     /// The rows, to be filled in parallel.
     pub fn rows_mut(&mut self) -> &mut [Row] {
         &mut self.rows

@@ -38,7 +38,10 @@ pub fn write(
 
 /// The bytes of the file. They are made in memory (an image's worth is small beside the render's
 /// own store), so that nothing but plain writing can fail once the disk is touched.
-pub(super) fn encode(
+///
+/// # Errors
+/// As [`write`], but for the disk's.
+pub fn encode(
     windows: Windows,
     channels: &[Channel],
     attributes: &[(String, Attribute)],

@@ -1,7 +1,7 @@
 // The estimated error against time, both axes logarithmic, and how it is expected to go on.
 
 const INK = { axis: "#4a4a4a", text: "#8e8e8e", line: "#e0e0e0", ahead: "#a0a0a0" };
-const MARGIN = { left: 38, right: 10, top: 8, bottom: 18 };
+const MARGIN = { left: 46, right: 10, top: 8, bottom: 18 };
 
 const power = (v) => `10${[...String(v)].map((c) => "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"["-0123456789".indexOf(c)]).join("")}`;
 
@@ -41,16 +41,16 @@ export function drawCurve(canvas, points, forecast, target) {
   c.lineWidth = 1;
   c.textBaseline = "middle";
   c.textAlign = "right";
-  for (let e = Math.ceil(ys[0]); e <= ys[1]; e++) {
-    rule(c, MARGIN.left, y(10 ** e), width - MARGIN.right, y(10 ** e), INK.axis);
+  for (const { factor, e, value } of marks(ys)) {
+    rule(c, MARGIN.left, y(value), width - MARGIN.right, y(value), INK.axis);
     c.fillStyle = INK.text;
-    c.fillText(power(e), MARGIN.left - 6, y(10 ** e));
+    c.fillText((factor > 1 ? `${factor}·` : "") + power(e), MARGIN.left - 6, y(value));
   }
   c.textAlign = "center";
-  for (let e = Math.ceil(xs[0]); e <= xs[1]; e++) {
-    rule(c, x(10 ** e), MARGIN.top, x(10 ** e), height - MARGIN.bottom, INK.axis);
+  for (const { value } of marks(xs)) {
+    rule(c, x(value), MARGIN.top, x(value), height - MARGIN.bottom, INK.axis);
     c.fillStyle = INK.text;
-    c.fillText(`${e < 0 ? (10 ** e).toFixed(-e) : 10 ** e} s`, Math.min(x(10 ** e), width - 14), height - 7);
+    c.fillText(`${Number(value.toPrecision(1))} s`, Math.min(x(value), width - 14), height - 7);
   }
   if (target) {
     c.setLineDash([2, 3]);
@@ -75,6 +75,18 @@ export function drawCurve(canvas, points, forecast, target) {
     c.arc(x(halved.seconds), y(halved.error), 3, 0, 7);
     c.stroke();
   }
+}
+
+// Round values within a span of powers of ten: decades, and their 2nd and 5th where there are few.
+function marks([low, high]) {
+  const found = [];
+  for (let e = Math.floor(low); e <= high; e++) {
+    for (const factor of high - low > 2 ? [1] : [1, 2, 5]) {
+      const at = e + Math.log10(factor);
+      if (at >= low && at <= high) found.push({ factor, e, value: factor * 10 ** e });
+    }
+  }
+  return found;
 }
 
 function rule(c, x0, y0, x1, y1, ink) {

@@ -2,6 +2,8 @@
 
 use std::borrow::Cow;
 
+use sha2::Digest;
+
 use super::lexer::{Lexer, TokenKind};
 use super::params::Params;
 use super::state::{Block, Reader};
@@ -127,6 +129,9 @@ const TABLE: &[Directive] = {
 impl Reader {
     /// Carries out the directives of a file.
     pub fn read_text(&mut self, text: &[u8], file: u32) -> Result<()> {
+        // With its length, so that what stands in one file differs from the same in two.
+        self.digest.update((text.len() as u64).to_le_bytes());
+        self.digest.update(text);
         let mut lexer = Lexer::new(text, file);
         while let Some(token) = lexer.next()? {
             let found = match &token.kind {

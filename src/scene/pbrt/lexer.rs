@@ -20,13 +20,21 @@ impl TokenKind<'_> {
     /// For messages: what was found.
     pub fn describe(&self) -> String {
         match self {
-            TokenKind::Word(word) => format!("`{word}`"),
-            TokenKind::Quoted(text) => format!("\"{text}\""),
+            TokenKind::Word(word) => format!("`{}`", excerpt(word)),
+            TokenKind::Quoted(text) => format!("\"{}\"", excerpt(text)),
             TokenKind::Number(number) => format!("the number {number}"),
             TokenKind::Open => "`[`".into(),
             TokenKind::Close => "`]`".into(),
         }
     }
+}
+
+/// The start of a token, printable: a file that is no text has tokens that are none.
+fn excerpt(text: &str) -> String {
+    const LONGEST: usize = 40;
+    let printable = |c: char| if c.is_control() { c.escape_default().to_string() } else { c.to_string() };
+    let start: String = text.chars().take(LONGEST).map(printable).collect();
+    if text.chars().nth(LONGEST).is_some() { start + "..." } else { start }
 }
 
 #[derive(Clone, Debug, PartialEq)]

@@ -86,6 +86,7 @@ impl Reader {
         statement: &Statement,
     ) -> Result<MaterialId> {
         let kind = self.material_kind(kind, params, statement.place)?;
+        self.warn_of_clamped(name, &kind, statement.place);
         let displacement = match (params.get("displacement"), params.get("bumpmap")) {
             (None, None) => None,
             (Some(_), _) => Some(self.float_texture_or(params, "displacement", 0.0)?),
@@ -103,6 +104,33 @@ impl Reader {
         };
         statement.params.mark_used_in(params);
         Ok(self.add_material(Material { name: name.into(), kind, displacement, normal_map }))
+    }
+
+    /// What reflects more light than it gets is taken to reflect all.
+    fn warn_of_clamped(&mut self, name: &str, kind: &MaterialKind, place: Place) {
+        /// White that was rounded on its way through a colour space.
+        const ROUNDING: f32 = 1e-3;
+        let reflectances = match kind {
+            MaterialKind::Diffuse { reflectance } | MaterialKind::CoatedDiffuse { reflectance, .. } => {
+                vec![*reflectance]
+            }
+            MaterialKind::DiffuseTransmission { reflectance, transmittance } => {
+                vec![*reflectance, *transmittance]
+            }
+            MaterialKind::Conductor { metal: Metal::Reflectance(reflectance), .. }
+            | MaterialKind::CoatedConductor { metal: Metal::Reflectance(reflectance), .. } => {
+                vec![*reflectance]
+            }
+            _ => Vec::new(),
+        };
+        for id in reflectances {
+            if let Some(value) = self.textures.constant_rgb(id).filter(|v| v.max_element() > 1.0 + ROUNDING) {
+                let of = if name.is_empty() { String::new() } else { format!(" of material \"{name}\"") };
+                let [r, g, b] = value.to_array();
+                let message = format!("reflectance {r} {g} {b}{of}: what is above 1 is taken for 1");
+                self.warnings.add(place, message);
+            }
+        }
     }
 
     fn material_kind(&mut self, kind: &str, params: &Params, place: Place) -> Result<MaterialKind> {

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use std::rc::Rc;
 
 use glam::{DAffine3, DVec3};
+use sha2::{Digest, Sha256};
 
 use super::dialect::Dialect;
 use super::directives::Statement;
@@ -73,6 +74,8 @@ pub struct Reader {
     /// The files that are being read now, outermost first.
     pub open: Vec<PathBuf>,
     pub warnings: Warnings,
+    /// Of the texts read so far.
+    pub digest: Sha256,
 
     pub state: GraphicsState,
     stack: Vec<Frame>,
@@ -107,6 +110,7 @@ impl Reader {
             files: vec![name],
             open: path.and_then(|path| path.canonicalize().ok()).into_iter().collect(),
             warnings: Warnings::default(),
+            digest: Sha256::new(),
             state: GraphicsState {
                 ctm: [DAffine3::IDENTITY; 2],
                 active: [true; 2],
@@ -257,6 +261,7 @@ impl Reader {
         }
         Scene {
             source: String::new(),
+            hash: self.digest.finalize().iter().map(|byte| format!("{byte:02x}")).collect(),
             origin: view.origin,
             camera: view.camera,
             film: view.film,

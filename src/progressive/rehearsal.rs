@@ -1,0 +1,110 @@
+//! How long what comes after the last batch will take: measured, by doing it on some rows of the
+//! image.
+//!
+//! The cost of a filter and of an encoder follows from the machine, from what else runs on it, and
+//! from the layout, all of which the rows share with the image.
+
+use std::time::Instant;
+
+use super::Closing;
+use crate::filter::Filtered;
+use crate::stats::Store;
+
+/// Bands of rows, evenly spread over the image.
+const BANDS: usize = 4;
+/// Share of the image's rows that is taken.
+const SHARE_OF_ROWS: usize = 8;
+/// Rows of a band at least: fewer are mostly borders.
+const LEAST_ROWS: usize = 12;
+/// Share of the time that rehearsals may take.
+const SHARE_OF_TIME: f64 = 0.06;
+/// A rehearsal must be followed by more than this many times its time for samples.
+const LEAST_USE: f64 = 2.0;
+/// When no more than this many times what is rehearsed is left for samples, one more is due: the
+/// machine may be busier than it was.
+const LAST_LOOK: f64 = 1.0;
+
+/// The latest rehearsal, scaled to the whole image.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Rehearsal {
+    /// Seconds of a filter pass of the final quality.
+    pub filter_seconds: f64,
+    /// Seconds of that and of what the caller does.
+    pub closing_seconds: f64,
+    /// Seconds of all rehearsals so far.
+    spent: f64,
+    count: usize,
+    /// Whether the last look was taken.
+    looked: bool,
+}
+
+impl Rehearsal {
+    /// Whether it is time for another one, with so many seconds `left` for samples.
+    pub fn is_due(&self, elapsed: f64, left: f64) -> bool {
+        let next = self.spent / self.count.max(1) as f64;
+        let affordable = self.count == 0 || self.spent + next <= SHARE_OF_TIME * elapsed;
+        let last_look = !self.looked && left <= LAST_LOOK * self.closing_seconds;
+        left > LEAST_USE * next && (affordable || last_look)
+    }
+
+    /// `left`: as in [`Self::is_due`].
+    pub fn run(
+        &mut self,
+        store: &Store,
+        left: f64,
+        filter: impl Fn(&Store) -> Filtered,
+        closing: Option<Closing>,
+    ) {
+        let started = Instant::now();
+        let rows = store.of_rows(rows(store.height()));
+        let scale = store.pixels() as f64 / rows.pixels().max(1) as f64;
+        self.looked |= left <= LAST_LOOK * self.closing_seconds;
+        let filtering = Instant::now();
+        let filtered = filter(&rows);
+        self.filter_seconds = scale * filtering.elapsed().as_secs_f64();
+        if let Some(closing) = closing {
+            closing(&filtered, &rows);
+        }
+        self.closing_seconds = scale * filtering.elapsed().as_secs_f64();
+        self.spent += started.elapsed().as_secs_f64();
+        self.count += 1;
+    }
+}
+
+/// The rows that stand for an image of so many.
+fn rows(height: usize) -> Vec<usize> {
+    let rows = (height / (SHARE_OF_ROWS * BANDS)).max(LEAST_ROWS);
+    if rows * BANDS >= height {
+        return (0..height).collect();
+    }
+    let band = height / BANDS;
+    (0..BANDS).flat_map(|i| (0..rows).map(move |y| i * band + (band - rows) / 2 + y)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_eighth_of_a_large_image_and_all_of_a_small_one_are_rehearsed() {
+        let of_large = rows(512);
+        assert_eq!(of_large.len(), 64);
+        assert!(of_large.is_sorted() && of_large[0] > 0 && of_large[63] < 511);
+        assert_eq!(rows(40), (0..40).collect::<Vec<_>>());
+        assert!(rows(0).is_empty());
+    }
+
+    #[test]
+    fn rehearsals_take_their_share_of_the_time_and_no_more() {
+        let once = Rehearsal { spent: 0.1, count: 1, ..Rehearsal::default() };
+        assert!(Rehearsal::default().is_due(0.0, 0.1));
+        assert!(!once.is_due(3.0, 9.0) && once.is_due(4.0, 9.0) && !once.is_due(4.0, 0.1));
+    }
+
+    #[test]
+    fn one_more_rehearsal_comes_before_the_end() {
+        let once = Rehearsal { spent: 0.1, count: 1, closing_seconds: 0.8, ..Rehearsal::default() };
+        assert!(!once.is_due(2.5, 1.0) && once.is_due(2.6, 0.7));
+        assert!(!Rehearsal { looked: true, ..once }.is_due(2.6, 0.7));
+    }
+}
