@@ -185,6 +185,64 @@ fn a_person_can_look_and_steer() {
     keep(&mut page, "narrow.png");
 }
 
+/// The status of the answer to a request for the socket with these headers.
+fn socket_status(address: &str, path: &str, origin: Option<&str>, host: Option<&str>) -> u16 {
+    use tungstenite::client::IntoClientRequest;
+    let authority = address.trim_start_matches("http://").split('/').next().unwrap();
+    let mut request = format!("ws://{authority}{path}").into_client_request().unwrap();
+    if let Some(origin) = origin {
+        request.headers_mut().insert("Origin", origin.parse().unwrap());
+    }
+    if let Some(host) = host {
+        request.headers_mut().insert("Host", host.parse().unwrap());
+    }
+    match tungstenite::connect(request) {
+        Ok((_, response)) => response.status().as_u16(),
+        Err(tungstenite::Error::Http(response)) => response.status().as_u16(),
+        Err(error) => panic!("{error}"),
+    }
+}
+
+#[test]
+fn no_other_page_can_open_the_socket() {
+    let (_render, address, _folder) = preview(&["--spp", "1"]);
+    let own = address.trim_end_matches('/');
+    assert_eq!(socket_status(&address, "/live", Some(own), None), 101);
+    assert_eq!(socket_status(&address, "/live", None, None), 403);
+    assert_eq!(socket_status(&address, "/live", Some("http://evil.example"), None), 403);
+    let rebound = Some("evil.example:80");
+    assert_eq!(socket_status(&address, "/live", Some("http://evil.example:80"), rebound), 403);
+}
+
+#[test]
+fn an_address_that_is_given_needs_the_printed_token() {
+    let (_render, address, _folder) = preview(&["--spp", "1", "--preview", "127.0.0.1:0"]);
+    let (own, query) = address.split_once("/?").expect("a token in the address");
+    assert_eq!(socket_status(&address, &format!("/live?{query}"), Some(own), None), 101);
+    assert_eq!(socket_status(&address, "/live", Some(own), None), 403);
+    assert_eq!(socket_status(&address, "/live?token=0", Some(own), None), 403);
+}
+
+#[test]
+fn a_message_that_is_too_long_or_wrong_stops_neither_the_server_nor_the_render() {
+    use tungstenite::{Message, client::IntoClientRequest};
+    let (_render, address, _folder) = preview(&["--spp", "1"]);
+    let own = address.trim_end_matches('/');
+    let connect = || {
+        let mut request = own.replace("http", "ws").into_client_request().unwrap();
+        *request.uri_mut() = format!("{}/live", own.replace("http", "ws")).parse().unwrap();
+        request.headers_mut().insert("Origin", own.parse().unwrap());
+        tungstenite::connect(request).expect("a socket").0
+    };
+    let mut socket = connect();
+    let _ = socket.send(Message::text("x".repeat(1 << 20)));
+    while socket.read().is_ok() {}
+    let mut socket = connect();
+    socket.send(Message::text("{\"type\":\"launch\"}")).unwrap();
+    let refused = |message: &Message| message.to_text().is_ok_and(|text| text.contains("refused"));
+    while !refused(&socket.read().expect("an answer")) {}
+}
+
 #[test]
 fn another_scene_can_be_looked_at() {
     let (Some(program), Some(folder), Some(scene)) =

@@ -33,7 +33,11 @@ use crate::scene::Scene;
 use crate::stats::{Part, Store};
 
 /// How long a step of a batch takes: how soon a person is heard.
-const STEP_SECONDS: f64 = 0.08;
+const STEP_SECONDS: f64 = 0.15;
+/// The same while an image is young and a person may still be moving the camera.
+const YOUNG_STEP_SECONDS: f64 = 0.05;
+/// Until when an image is young, in seconds.
+const YOUNG: f64 = 0.5;
 /// How often an idle render looks whether it is interrupted.
 const IDLE_POLL: Duration = Duration::from_millis(200);
 /// Time between two reports, at least.
@@ -526,6 +530,7 @@ impl Observer for Director<'_> {
     }
 
     fn step_seconds(&self) -> Option<f64> {
-        Some(STEP_SECONDS)
+        let young = self.progress.is_none_or(|progress| progress.elapsed < YOUNG);
+        Some(if young { YOUNG_STEP_SECONDS } else { STEP_SECONDS })
     }
 }

@@ -26,6 +26,7 @@ pub use region::Region;
 use rehearsal::Rehearsal;
 pub use schedule::Budget;
 use schedule::{Plan, Schedule};
+use steps::Grain;
 
 /// The reconstruction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
@@ -452,6 +453,7 @@ impl<'a> Loop<'a> {
     /// the observer.
     fn render(&mut self, allocation: &Allocation, observer: &mut dyn Observer) -> bool {
         let total: u64 = allocation.counts.iter().map(|&n| u64::from(n)).sum();
+        let grain = if self.store.drawn() == 0 { Grain::Pixel } else { Grain::Line };
         let mut done = 0.0;
         while done < 1.0 {
             let started = Instant::now();
@@ -459,7 +461,7 @@ impl<'a> Loop<'a> {
             let Some(share) = self.schedule.step(self.elapsed(), before, total) else { break };
             let short = observer.step_seconds().map(|seconds| self.schedule.short_step(seconds, total));
             let next = (done + short.map_or(share, |short| short.min(share))).min(1.0);
-            let counts = steps::between(&allocation.counts, &self.store, done, next);
+            let counts = steps::between(&allocation.counts, &self.store, grain, done, next);
             // Copies only if a filter pass that was given up still reads the store.
             self.renderer.render_batch(&counts, Arc::make_mut(&mut self.store));
             done = next;
