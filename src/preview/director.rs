@@ -422,7 +422,7 @@ impl<'a> Director<'a> {
     fn pass(&mut self, job: FilterJob) -> Option<Shown> {
         let (started, store) = (Instant::now(), job.store.clone());
         let before = std::mem::replace(&mut self.phase, Phase::Filtering);
-        self.tell(&store, false);
+        self.tell(&store, true);
         let (commands, passes) = (self.hub.commands().clone(), self.passes.clone());
         let shown = passes.run(job, &commands, |given| {
             match given {

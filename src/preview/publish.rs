@@ -12,7 +12,9 @@ use crate::stats::{Layout, Part, Store};
 
 /// Time between two images, at least: more often is not seen.
 const INTERVAL: Duration = Duration::from_millis(100);
-/// Share of the time that making frames may take.
+/// The same at most, however long they take to make.
+const LONGEST_INTERVAL: Duration = Duration::from_millis(200);
+/// Share of the time that making frames should take.
 const SHARE: f64 = 0.04;
 /// Samples per pixel from which on every pixel has some: they come in pairs.
 const COVERED_SPP: f64 = 2.0;
@@ -85,7 +87,7 @@ impl Publisher {
 
     /// Whether it is time for another image.
     pub fn is_due(&self) -> bool {
-        let rest = self.cost.div_f64(SHARE).max(INTERVAL);
+        let rest = self.cost.div_f64(SHARE).clamp(INTERVAL, LONGEST_INTERVAL);
         self.steps <= EAGER_STEPS || self.latest.elapsed() >= rest
     }
 
