@@ -90,14 +90,14 @@ impl View {
                 Some(Scale { unit: "samples per pixel", curve: Curve::Log2, low: 1.0, high, mark })
             }
             View::Error => Some(Scale {
-                unit: "squared error ÷ (value² + 0.01), as --target-error",
+                unit: "relative squared error, as the target",
                 curve: Curve::Log10,
                 low: LOWEST_ERROR,
                 high: 1.0,
                 mark: settings.budget.target_error.map(|e| e as f32),
             }),
             View::Variance => {
-                scale("variance of the mean ÷ (value² + 0.01)", Curve::Log10, LOWEST_ERROR, 1.0)
+                scale("variance of the mean, relative as the error", Curve::Log10, LOWEST_ERROR, 1.0)
             }
             View::Residual => Some(Scale {
                 unit: "change by the filter ÷ what noise explains",

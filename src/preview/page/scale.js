@@ -70,7 +70,7 @@ function ticks(scale) {
 export function short(value) {
   if (value === null || value === undefined || Number.isNaN(value)) return "–";
   const size = Math.abs(value);
-  if (size !== 0 && (size < 1e-3 || size >= 1e6)) return value.toExponential(1).replace("e-", "e−").replace("e+", "e");
+  if (size !== 0 && (size < 1e-3 || size >= 1e6)) return value.toExponential(1).replace(".0e", "e").replace("e-", "e−").replace("e+", "e");
   if (size > 0 && size < 1 && Number.isInteger(Math.log2(size)) && size >= 1 / 64) return `1/${1 / size}`;
   return String(Number(value.toPrecision(4)));
 }
