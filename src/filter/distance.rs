@@ -288,8 +288,8 @@ fn replace(new: &[f32], old: &mut [f32], sum: &mut [f32]) {
     let (old, sum) = (&mut old[..n], &mut sum[..n]);
     for x in 0..n {
         sum[x] += new[x] - old[x];
-        old[x] = new[x];
     }
+    old.copy_from_slice(new);
 }
 
 #[multiversion(targets(

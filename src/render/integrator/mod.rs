@@ -9,7 +9,7 @@ mod path;
 
 use crate::geometry::{Accel, SurfacePoint};
 use crate::scene::material::{Metal, Roughness};
-use crate::scene::{Integrator, Material, MaterialKind, Scene};
+use crate::scene::{Effects, Integrator, Material, MaterialKind, Scene};
 use crate::stats::{Block, Layout};
 
 use super::lights::Lights;
@@ -40,8 +40,8 @@ pub struct PathTracer<'s> {
 }
 
 impl<'s> PathTracer<'s> {
-    pub fn new(scene: &'s Scene, accel: &'s Accel<'s>, layout: &Layout) -> Self {
-        let effects = scene.effects();
+    /// `effects`: what `layout` was made for.
+    pub fn new(scene: &'s Scene, accel: &'s Accel<'s>, effects: &Effects, layout: &Layout) -> Self {
         let diameter = diameter(accel);
         let lights = Lights::new(scene);
         let (max_depth, direct_only) = match scene.integrator {
