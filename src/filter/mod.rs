@@ -18,6 +18,7 @@ mod padded;
 mod patch;
 pub mod prpf;
 mod regression;
+pub mod rpf;
 mod stack;
 pub mod standard;
 #[cfg(test)]
@@ -27,6 +28,7 @@ mod weights;
 
 pub use outliers::OutlierSettings;
 pub use prpf::{Gain, PrpfSettings};
+pub use rpf::RpfSettings;
 pub use standard::StandardSettings;
 
 use crate::image::Planes;

@@ -10,11 +10,11 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 use crate::adaptive::{self, Allocation, Maps, PrioritySettings, Sampling};
-use crate::filter::{self, Filtered, PrpfSettings, Quality};
+use crate::filter::{self, Filtered, PrpfSettings, Quality, RpfSettings, rpf};
 use crate::image::Planes;
 use crate::image::metrics::Pair;
 use crate::render::Renderer;
-use crate::stats::{Part, Store};
+use crate::stats::{Layout, Part, Store};
 
 pub use estimate::ErrorEstimate;
 use estimate::Snapshot;
@@ -30,6 +30,9 @@ pub enum Denoiser {
     None,
     /// P-RPF, or what its quality stands for.
     Prpf,
+    /// Random parameter filtering, on whole samples; it has no qualities. Between batches, where no error is
+    /// to be reached, P-RPF's draft stands in.
+    Rpf,
 }
 
 /// Everything the loop follows.
@@ -160,22 +163,52 @@ const LEAST_USE_OF_RERUN: f64 = 3.0;
 /// Window of the grid stage whose failures drive samples; the paper's third.
 const FAILURE_WINDOW: usize = 17;
 
+/// Sample vectors that a store keeps of each pixel, at most.
 fn reservoir_capacity(settings: &Settings) -> usize {
     match (settings.denoiser, settings.quality) {
+        (Denoiser::Rpf, _) => most_samples(settings),
         (Denoiser::Prpf, Quality::Paper) => RESERVOIR,
         _ => 0,
     }
 }
 
+/// Samples that a pixel can get, as far as budgets limit it.
+fn most_samples(settings: &Settings) -> usize {
+    let of_mean = match settings.sampling {
+        Sampling::Uniform => 1.0,
+        Sampling::Adaptive => adaptive::CEILING,
+    };
+    let budget = settings.budget.spp.map_or(u32::MAX, |spp| (f64::from(spp) * of_mean) as u32);
+    budget.min(settings.max_spp) as usize
+}
+
 fn drives_interpolation(settings: &Settings) -> bool {
-    settings.denoiser == Denoiser::Prpf
+    settings.denoiser != Denoiser::None
         && settings.sampling == Sampling::Adaptive
         && settings.priority.interpolation_failure > 0.0
 }
 
-/// Bytes per pixel that a render with these settings keeps in its store.
-pub fn store_bytes_per_pixel(layout: &crate::stats::Layout, settings: &Settings) -> usize {
-    Store::bytes_per_pixel(layout, reservoir_capacity(settings))
+/// Memory that a render with these settings takes, per pixel.
+#[derive(Clone, Copy, Debug)]
+pub struct PixelMemory {
+    /// Bytes of statistics.
+    pub statistics: usize,
+    /// Samples that are kept whole, at most.
+    pub samples: usize,
+    /// Bytes of each of them, with what the filter needs beside it.
+    pub per_sample: usize,
+}
+
+impl PixelMemory {
+    pub fn of(layout: &Layout, settings: &Settings) -> Self {
+        let statistics = Store::bytes_per_pixel(layout, 0);
+        let beside = if settings.denoiser == Denoiser::Rpf { rpf::BYTES_PER_SAMPLE } else { 0 };
+        Self {
+            statistics,
+            samples: reservoir_capacity(settings),
+            per_sample: Store::bytes_per_pixel(layout, 1) - statistics + beside,
+        }
+    }
 }
 
 impl<'a> Loop<'a> {
@@ -244,7 +277,8 @@ impl<'a> Loop<'a> {
                 }
             }
         };
-        let (mut filtered, seconds) = self.filter(self.final_quality());
+        let (denoiser, quality) = self.last_filter();
+        let (mut filtered, seconds) = self.filter(denoiser, quality);
         if let Some(shown) = shown {
             filtered.interpolation_failure = filtered.interpolation_failure.or(shown.failure);
             filtered.interpolation_success = filtered.interpolation_success.or(shown.success);
@@ -271,6 +305,10 @@ impl<'a> Loop<'a> {
 
     /// Holds the samples since an image was shown against it.
     fn check(&mut self, shown: &mut Shown, probes: &[bool]) {
+        if self.interim_denoiser() != self.settings.denoiser {
+            // The error of another filter's image says nothing on that of the last.
+            return;
+        }
         shown.probes.iter_mut().zip(probes).for_each(|(all, &new)| *all |= new);
         let new = ErrorEstimate::of(&shown.filtered.image, &shown.made_of, &self.store, &shown.probes);
         if let Some(new) = new {
@@ -278,16 +316,27 @@ impl<'a> Loop<'a> {
         }
     }
 
-    /// Quality of the last filter pass: a filter that takes pixels without samples for black ones is
-    /// of no use where the time was too short for one sample per pixel.
-    fn final_quality(&self) -> Quality {
-        match self.settings.quality {
-            Quality::Paper if self.store.drawn() < self.store.pixels() as u64 => Quality::Standard,
-            quality => quality,
+    /// The last filter pass: a filter that takes pixels without samples for black ones is of no use
+    /// where the time was too short for one sample per pixel.
+    fn last_filter(&self) -> (Denoiser, Quality) {
+        let sparse = self.store.drawn() < self.store.pixels() as u64;
+        match (self.settings.denoiser, self.settings.quality) {
+            (Denoiser::Rpf, _) | (Denoiser::Prpf, Quality::Paper) if sparse => {
+                (Denoiser::Prpf, Quality::Standard)
+            }
+            chosen => chosen,
         }
     }
 
-    /// The effort of the filter between batches.
+    /// The filter between batches.
+    fn interim_denoiser(&self) -> Denoiser {
+        match self.settings.denoiser {
+            Denoiser::Rpf if self.settings.budget.target_error.is_none() => Denoiser::Prpf,
+            denoiser => denoiser,
+        }
+    }
+
+    /// Its effort.
     fn interim_quality(&self) -> Quality {
         match self.settings.quality {
             // The draft's error is not the paper's, and it is the paper's that has to reach the target.
@@ -299,7 +348,11 @@ impl<'a> Loop<'a> {
     /// Whether the filter runs again before the next batch, and with what effort. Before the last
     /// batch it is that of the end, so that the error which the batch measures is that of such an image.
     fn rerun_due(&self, again: bool, last: bool) -> Option<Quality> {
-        let (interim, ending) = (self.interim_quality(), self.settings.quality);
+        let interim = self.interim_quality();
+        let ending = match self.settings.denoiser {
+            Denoiser::Rpf => interim,
+            _ => self.settings.quality,
+        };
         let Some(left) = self.schedule.seconds_left(self.elapsed()) else {
             // The clock has no say, so that the image is the same on any machine.
             return Some(if last { ending } else { interim });
@@ -333,8 +386,8 @@ impl<'a> Loop<'a> {
         if !filled || !self.rehearsal.is_due(elapsed, left) {
             return;
         }
-        let (quality, seed) = (self.final_quality(), self.settings.seed);
-        let filter = |store: &Store| filtered(store, self.settings.denoiser, quality, seed);
+        let ((denoiser, quality), seed) = (self.last_filter(), self.settings.seed);
+        let filter = |store: &Store| filtered(store, denoiser, quality, seed);
         self.rehearsal.run(&self.store, left, filter, self.closing);
         self.schedule.rehearsed(self.rehearsal.closing_seconds);
         self.seconds.filter += self.elapsed() - elapsed;
@@ -393,7 +446,7 @@ impl<'a> Loop<'a> {
 
     /// Filters between batches.
     fn rerun(&mut self, quality: Quality) -> Shown {
-        let (filtered, mut seconds) = self.filter(quality);
+        let (filtered, mut seconds) = self.filter(self.interim_denoiser(), quality);
         let started = Instant::now();
         let grid = drives_interpolation(self.settings).then(|| {
             filter::prpf::interpolation_failure(&self.store, &PrpfSettings::paper(), FAILURE_WINDOW)
@@ -411,9 +464,9 @@ impl<'a> Loop<'a> {
         Shown { filtered, failure, success, made_of, probes: vec![false; self.store.pixels()] }
     }
 
-    fn filter(&mut self, quality: Quality) -> (Filtered, f64) {
+    fn filter(&mut self, denoiser: Denoiser, quality: Quality) -> (Filtered, f64) {
         let started = Instant::now();
-        let filtered = filtered(&self.store, self.settings.denoiser, quality, self.settings.seed);
+        let filtered = filtered(&self.store, denoiser, quality, self.settings.seed);
         let seconds = started.elapsed().as_secs_f64();
         self.seconds.filter += seconds;
         (filtered, seconds)
@@ -448,5 +501,6 @@ fn filtered(store: &Store, denoiser: Denoiser, quality: Quality, seed: u64) -> F
     match denoiser {
         Denoiser::None => filter::unfiltered(store),
         Denoiser::Prpf => filter::filter(store, quality, seed),
+        Denoiser::Rpf => rpf::filter(store, &RpfSettings::report(), seed),
     }
 }

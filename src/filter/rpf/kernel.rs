@@ -1,0 +1,152 @@
+//! Filters each sample of a pixel over the pixel's neighbourhood (paper, Eq. 3): the inner loop.
+//!
+//! Vectors hold several of the pixel's own samples, and each neighbour is held against all of them.
+
+use multiversion::multiversion;
+use multiversion::target::match_target;
+
+use super::neighbourhood::Neighbourhood;
+use super::samples::Value;
+use crate::filter::bilateral::add_product;
+use crate::filter::fast_exp::exp_negative;
+use crate::filter::mutual_information::{LANES, WORD};
+
+/// Own samples of a vector where the pixel has few, and where it has many.
+const FEW: usize = 8;
+const MANY: usize = 16;
+
+/// Neighbours held against a vector at once, so that additions need not wait for each other.
+const AT_ONCE: usize = 4;
+
+/// Memory that pixels share one after the other.
+#[derive(Default)]
+pub(super) struct Kernel {
+    /// Dimensions that count.
+    dims: Vec<usize>,
+    few: Groups<FEW>,
+    many: Groups<MANY>,
+}
+
+/// A pixel's own samples, `N` a group.
+#[derive(Default)]
+struct Groups<const N: usize> {
+    /// `[group][dimension][sample]`.
+    own: Vec<[f32; N]>,
+    sums: Vec<Sums<N>>,
+}
+
+/// Of weights, and of weighted values.
+#[derive(Clone, Copy)]
+struct Sums<const N: usize> {
+    weights: [f32; N],
+    values: [[f32; N]; CHANNELS],
+}
+
+const CHANNELS: usize = 7;
+
+impl Kernel {
+    /// Writes the filtered values of the pixel's own samples, the first in its neighbourhood, whose vectors were
+    /// multiplied by `scale`.
+    pub fn filter(&mut self, neighbourhood: &Neighbourhood, scale: &[f32; LANES], own: &mut [Value]) {
+        self.dims.clear();
+        self.dims.extend((0..LANES).filter(|&dim| scale[dim] > 0.0));
+        if own.len() <= FEW {
+            run(&mut self.few, &self.dims, neighbourhood, own);
+        } else {
+            run(&mut self.many, &self.dims, neighbourhood, own);
+        }
+    }
+}
+
+#[multiversion(targets(
+    "x86_64+avx512f+avx512bw+avx512dq+avx512vl+bmi1+bmi2+fma+avx2+popcnt+lzcnt",
+    "x86_64+avx2+fma+bmi1+bmi2+popcnt+lzcnt"
+))]
+fn run<const N: usize>(
+    groups: &mut Groups<N>,
+    dims: &[usize],
+    neighbourhood: &Neighbourhood,
+    own: &mut [Value],
+) {
+    match_target! {
+        "x86_64+fma" => groups.filter::<true>(dims, neighbourhood, own),
+        "aarch64" => groups.filter::<true>(dims, neighbourhood, own),
+        _ => groups.filter::<false>(dims, neighbourhood, own),
+    }
+}
+
+impl<const N: usize> Groups<N> {
+    #[inline(always)]
+    fn filter<const FMA: bool>(&mut self, dims: &[usize], neighbourhood: &Neighbourhood, own: &mut [Value]) {
+        let (rows, values) = (neighbourhood.rows(), neighbourhood.values());
+        // Sums are of differences from it: what is constant stays so exactly.
+        let shift = values[0];
+        let groups = own.len().div_ceil(N);
+        self.sums.clear();
+        self.sums.resize(groups, Sums { weights: [0.0; N], values: [[0.0; N]; CHANNELS] });
+        self.own.clear();
+        for group in 0..groups {
+            // Where a group is not full, its last sample is in it several times.
+            let sample = |l: usize| (group * N + l).min(own.len() - 1);
+            self.own.extend(dims.iter().map(|&dim| std::array::from_fn(|l| rows[sample(l)][dim])));
+        }
+
+        for (rows, values) in rows.chunks(WORD).zip(values.chunks(WORD)) {
+            for (group, sums) in self.sums.iter_mut().enumerate() {
+                let own = &self.own[group * dims.len()..][..dims.len()];
+                let (fours, rest) = rows.as_chunks::<AT_ONCE>();
+                let (four_values, rest_values) = values.as_chunks::<AT_ONCE>();
+                let mut kept = *sums;
+                for (rows, values) in fours.iter().zip(four_values) {
+                    add::<N, AT_ONCE, FMA>(&mut kept, own, dims, rows, values, &shift);
+                }
+                for (row, value) in rest.iter().zip(rest_values) {
+                    add::<N, 1, FMA>(&mut kept, own, dims, &[*row], &[*value], &shift);
+                }
+                *sums = kept;
+            }
+        }
+
+        for (i, own) in own.iter_mut().enumerate() {
+            let (sums, l) = (&self.sums[i / N], i % N);
+            for c in 0..CHANNELS {
+                own[c] = shift[c] + sums.values[c][l] / sums.weights[l];
+            }
+        }
+    }
+}
+
+/// Adds some neighbours to the sums of a group.
+#[inline(always)]
+fn add<const N: usize, const ROWS: usize, const FMA: bool>(
+    sums: &mut Sums<N>,
+    own: &[[f32; N]],
+    dims: &[usize],
+    rows: &[[f32; LANES]; ROWS],
+    values: &[Value; ROWS],
+    shift: &Value,
+) {
+    let mut exponents = [[0.0; N]; ROWS];
+    for (own, &dim) in own.iter().zip(dims) {
+        for (exponents, row) in exponents.iter_mut().zip(rows) {
+            // No dimension is beyond; the compiler would test it.
+            let other = row[dim % LANES];
+            for l in 0..N {
+                let d = own[l] - other;
+                exponents[l] = add_product::<FMA>(d, d, exponents[l]);
+            }
+        }
+    }
+    for (exponents, value) in exponents.iter().zip(values) {
+        let weights: [f32; N] = std::array::from_fn(|l| exp_negative(exponents[l]));
+        for l in 0..N {
+            sums.weights[l] += weights[l];
+        }
+        for c in 0..CHANNELS {
+            let d = value[c] - shift[c];
+            for l in 0..N {
+                sums.values[c][l] = add_product::<FMA>(weights[l], d, sums.values[c][l]);
+            }
+        }
+    }
+}
