@@ -150,3 +150,68 @@ fn add<const N: usize, const ROWS: usize, const FMA: bool>(
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use rand::{RngExt, SeedableRng};
+    use rand_pcg::Pcg32;
+
+    use super::super::samples::Samples;
+    use super::super::settings::RpfSettings;
+    use super::super::tests::{draws, one_pixel};
+    use super::*;
+    use crate::stats::{Block, Layout};
+
+    /// Filters a pixel with these colours and albedos (of one channel); the scale is 1.
+    fn filtered(samples: &[[f32; 2]]) -> Vec<f32> {
+        let layout = Layout::with_blocks(|block| block == Block::Albedo);
+        let vectors: Vec<Vec<f32>> = samples
+            .iter()
+            .map(|&[colour, albedo]| {
+                let mut vector = vec![0.0; layout.len()];
+                layout.write(&mut vector, Block::Colour, &[colour, 0.0, 0.0]);
+                layout.write(&mut vector, Block::Albedo, &[albedo, 0.0, 0.0]);
+                vector
+            })
+            .collect();
+        let store = one_pixel(&layout, &vectors);
+        let samples = Samples::of(&store);
+        let draws = draws(&samples, &layout);
+        let mut neighbourhood = Neighbourhood::new(&draws);
+        neighbourhood.gather(&samples, &draws, &RpfSettings::report(), (0, 0), (1, 0));
+        let mut scale = [0.0; LANES];
+        scale[layout.block(Block::Albedo).unwrap().start] = 1.0;
+        let values = samples.values();
+        neighbourhood.take_values(&values, &scale);
+        let mut own = values.clone();
+        Kernel::default().filter(&neighbourhood, &scale, &mut own);
+        own.iter().map(|value| value[0]).collect()
+    }
+
+    #[test]
+    fn two_samples_are_weighed_by_the_exponential_of_their_squared_distance() {
+        // w = e⁻¹ beside the own weight of 1.
+        let share = (-1f32).exp() / (1.0 + (-1f32).exp());
+        let [a, b] = filtered(&[[0.0, 3.0], [1.0, 4.0]])[..] else { panic!("two samples") };
+        assert!((a - share).abs() < 1e-4 && (b - (1.0 - share)).abs() < 1e-4, "{a} {b}");
+    }
+
+    #[test]
+    fn few_and_many_samples_agree_with_the_definition() {
+        let mut rng = Pcg32::seed_from_u64(4);
+        for count in [1, 5, 8, 9, 16, 17, 70] {
+            let samples: Vec<[f32; 2]> =
+                (0..count).map(|_| [rng.random(), 3.0 * rng.random::<f32>()]).collect();
+            for ([_, own], found) in samples.iter().zip(filtered(&samples)) {
+                let weight = |other: f32| (-f64::from(own - other).powi(2)).exp();
+                let total: f64 = samples.iter().map(|s| weight(s[1])).sum();
+                let sum: f64 = samples.iter().map(|s| weight(s[1]) * f64::from(s[0])).sum();
+                assert!(
+                    (f64::from(found) - sum / total).abs() < 1e-4,
+                    "{count}: {found} for {}",
+                    sum / total
+                );
+            }
+        }
+    }
+}

@@ -326,3 +326,115 @@ fn rescale(rows: &mut [[f32; LANES]], centre: &[f32; LANES], scale: &[f32; LANES
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests::draws;
+    use super::*;
+    use crate::filter::synthetic::{store, wall};
+    use crate::stats::Store;
+
+    /// A wall, its right half turned away.
+    fn corner(side: usize, count: u32) -> (Layout, Store) {
+        let layout = Layout::with_blocks(|block| matches!(block, Block::Normal1 | Block::Lens));
+        let store = store(
+            side,
+            side,
+            layout.clone(),
+            |_, _| count,
+            |x, y, _, rng| {
+                let mut sample = wall(&layout, x, y, [x as f32, y as f32, 0.0], rng);
+                if x >= side / 2 {
+                    layout.write(&mut sample, Block::Normal1, &[1.0, 0.0, 0.0]);
+                }
+                sample
+            },
+        );
+        (layout, store)
+    }
+
+    /// Pixels that the neighbours of a pixel lie in, by their colour.
+    fn gathered(
+        store: &Store,
+        layout: &Layout,
+        pass: &RpfPass,
+        settings: &RpfSettings,
+        at: (usize, usize),
+    ) -> Vec<[f32; 2]> {
+        let samples = Samples::of(store);
+        let draws = Draws::new(pass, settings, &samples, layout);
+        let mut neighbourhood = Neighbourhood::new(&draws);
+        neighbourhood.gather(&samples, &draws, settings, at, (1, 0));
+        let colour = layout.radiance().start;
+        neighbourhood.rows().iter().map(|row| [row[colour], row[colour + 1]]).collect()
+    }
+
+    #[test]
+    fn neighbours_resemble_the_pixel_lie_in_its_window_and_are_as_many_as_wanted() {
+        let (layout, store) = corner(40, 4);
+        let pass = RpfPass { window: 15, share: 0.5 };
+        let settings = RpfSettings::report();
+        // Far from the edge all that are drawn: b² n ∕ 2.
+        let inside = gathered(&store, &layout, &pass, &settings, (9, 20));
+        assert_eq!(inside.len(), 450);
+        assert!(inside.iter().all(|[x, y]| (2.0..=16.0).contains(x) && (13.0..=27.0).contains(y)));
+        assert_eq!(inside.iter().filter(|&&pixel| pixel == [9.0, 20.0]).count(), 4, "its own and no more");
+        // At the edge, the half that faces the same way.
+        let beside = gathered(&store, &layout, &pass, &settings, (19, 0));
+        assert!((200..300).contains(&beside.len()), "{}", beside.len());
+        assert!(beside.iter().all(|&[x, y]| x < 20.0 && y <= 7.0));
+    }
+
+    #[test]
+    fn draws_have_the_deviation_of_a_quarter_of_the_window_as_far_as_it_reaches() {
+        let (layout, store) = corner(80, 4);
+        let pass = RpfPass { window: 35, share: 0.5 };
+        let offsets: Vec<f32> = gathered(&store, &layout, &pass, &RpfSettings::report(), (20, 40))
+            .iter()
+            .map(|&[_, y]| y - 40.0)
+            .collect();
+        let n = offsets.len() as f32;
+        let mean = offsets.iter().sum::<f32>() / n;
+        let deviation = (offsets.iter().map(|d| d * d).sum::<f32>() / n).sqrt();
+        // Of a Gaussian of 35 ∕ 4 cut off at two deviations: 0.88 of it.
+        assert!(mean.abs() < 0.6, "{mean}");
+        assert!((deviation - 0.88 * 8.75).abs() < 0.4, "{deviation}");
+    }
+
+    #[test]
+    fn capped_draws_take_from_a_pixel_no_more_than_it_has() {
+        let (layout, store) = corner(40, 2);
+        let pass = RpfPass { window: 5, share: 4.0 };
+        let settings = RpfSettings { draws_capped: true, ..RpfSettings::report() };
+        let pixels = gathered(&store, &layout, &pass, &settings, (9, 20));
+        assert!(pixels.iter().all(|a| pixels.iter().filter(|&b| a == b).count() <= 2), "{pixels:?}");
+        assert!(pixels.len() > 40, "{}", pixels.len());
+    }
+
+    #[test]
+    fn a_feature_that_varies_within_the_pixel_tolerates_its_deviations_and_a_constant_one_a_little() {
+        let layout = Layout::with_blocks(|block| block == Block::Albedo);
+        let store = store(
+            1,
+            1,
+            layout.clone(),
+            |_, _| 2,
+            |_, _, index, rng| {
+                let mut sample = wall(&layout, 0, 0, [0.0; 3], rng);
+                layout.write(&mut sample, Block::Albedo, &[index as f32, 0.5, 0.5 + 0.01 * index as f32]);
+                sample
+            },
+        );
+        let samples = Samples::of(&store);
+        let draws = draws(&samples, &layout);
+        let mut rows = [[0.0; LANES]; 2];
+        (0..2).for_each(|slot| copy(samples.sample(0, 0, slot), &mut rows[slot]));
+        let (centre, thresholds) = tolerated(&rows, &draws);
+        let albedo = layout.block(Block::Albedo).unwrap().start;
+        assert_eq!(centre[albedo], 0.5);
+        // 3 σ, σ² = 2 (½)²; below the tolerance of 0.1 that counts.
+        assert!((thresholds[albedo] - 3.0 * 0.5f32.sqrt()).abs() < 1e-5);
+        assert_eq!(thresholds[albedo + 1..albedo + 3], [0.1; 2]);
+        assert_eq!(thresholds[layout.film().start], f32::INFINITY);
+    }
+}

@@ -35,3 +35,54 @@ pub(super) fn remove(samples: &mut [Value], settings: &SpikeSettings) {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::settings::RpfSettings;
+    use super::*;
+
+    fn pixel(reds: [f32; 4]) -> [Value; 4] {
+        reds.map(|red| [red, 0.5, 0.5, red, 0.5, 0.5, 1.0, 0.0])
+    }
+
+    fn reds(samples: [Value; 4]) -> [f32; 4] {
+        samples.map(|sample| sample[0])
+    }
+
+    #[test]
+    fn what_stands_out_to_either_side_is_brought_to_the_mean() {
+        // Mean 3, deviation √(68 ∕ 3) = 4.8.
+        let mut samples = pixel([0.0, 0.0, 2.0, 10.0]);
+        remove(&mut samples, &RpfSettings::report().spikes);
+        assert_eq!(reds(samples), [0.0, 0.0, 2.0, 3.0]);
+        let mut samples = pixel([10.0, 10.0, 8.0, 0.0]);
+        remove(&mut samples, &RpfSettings::report().spikes);
+        assert_eq!(reds(samples), [10.0, 10.0, 8.0, 7.0]);
+    }
+
+    #[test]
+    fn energy_is_kept_where_that_is_asked_for() {
+        let mut samples = pixel([0.0, 0.0, 2.0, 10.0]);
+        remove(&mut samples, &RpfSettings::lehtinen().spikes);
+        assert_eq!(reds(samples), [1.75, 1.75, 3.75, 4.75]);
+    }
+
+    #[test]
+    fn the_released_rule_lowers_bright_channels_to_the_limit() {
+        let mut samples = pixel([0.0, 0.0, 2.0, 10.0]);
+        remove(&mut samples, &RpfSettings::release().spikes);
+        let limit = 3.0 + 0.5 * (68f32 / 3.0).sqrt();
+        let [a, b, c, d] = reds(samples);
+        assert_eq!([a, b, c], [0.0, 0.0, 2.0]);
+        assert!((d - limit).abs() < 1e-5 && (samples[3][3] - limit).abs() < 1e-5);
+    }
+
+    #[test]
+    fn equal_samples_and_single_ones_stay() {
+        let mut samples = pixel([0.1; 4]);
+        remove(&mut samples, &RpfSettings::report().spikes);
+        assert_eq!(reds(samples), [0.1; 4]);
+        remove(&mut samples[..1], &RpfSettings::report().spikes);
+        assert_eq!(reds(samples), [0.1; 4]);
+    }
+}
