@@ -44,16 +44,40 @@ struct Sums<const N: usize> {
 
 const CHANNELS: usize = 7;
 
+/// What the samples of one pixel are filtered from.
+struct Input<'a> {
+    neighbourhood: &'a Neighbourhood,
+    values: &'a [Value],
+    scale: &'a [f32; LANES],
+    dims: &'a [usize],
+}
+
+impl Input<'_> {
+    /// The sample vector relative to the pixel's own, multiplied by the scale.
+    #[inline(always)]
+    fn scaled(&self, row: &[f32; LANES]) -> [f32; LANES] {
+        let centre = self.neighbourhood.centre();
+        std::array::from_fn(|l| (row[l] - centre[l]) * self.scale[l])
+    }
+}
+
 impl Kernel {
-    /// Writes the filtered values of the pixel's own samples, the first in its neighbourhood, whose vectors were
-    /// multiplied by `scale`.
-    pub fn filter(&mut self, neighbourhood: &Neighbourhood, scale: &[f32; LANES], own: &mut [Value]) {
+    /// Writes the filtered values of the pixel's own samples, the first in its neighbourhood. A pair's exponent is
+    /// the squared distance of the sample vectors multiplied by `scale`; `values` are those of all samples.
+    pub fn filter(
+        &mut self,
+        neighbourhood: &Neighbourhood,
+        values: &[Value],
+        scale: &[f32; LANES],
+        own: &mut [Value],
+    ) {
         self.dims.clear();
         self.dims.extend((0..LANES).filter(|&dim| scale[dim] > 0.0));
+        let input = Input { neighbourhood, values, scale, dims: &self.dims };
         if own.len() <= FEW {
-            run(&mut self.few, &self.dims, neighbourhood, own);
+            run(&mut self.few, &input, own);
         } else {
-            run(&mut self.many, &self.dims, neighbourhood, own);
+            run(&mut self.many, &input, own);
         }
     }
 }
@@ -62,25 +86,20 @@ impl Kernel {
     "x86_64+avx512f+avx512bw+avx512dq+avx512vl+bmi1+bmi2+fma+avx2+popcnt+lzcnt",
     "x86_64+avx2+fma+bmi1+bmi2+popcnt+lzcnt"
 ))]
-fn run<const N: usize>(
-    groups: &mut Groups<N>,
-    dims: &[usize],
-    neighbourhood: &Neighbourhood,
-    own: &mut [Value],
-) {
+fn run<const N: usize>(groups: &mut Groups<N>, input: &Input, own: &mut [Value]) {
     match_target! {
-        "x86_64+fma" => groups.filter::<true>(dims, neighbourhood, own),
-        "aarch64" => groups.filter::<true>(dims, neighbourhood, own),
-        _ => groups.filter::<false>(dims, neighbourhood, own),
+        "x86_64+fma" => groups.filter::<true>(input, own),
+        "aarch64" => groups.filter::<true>(input, own),
+        _ => groups.filter::<false>(input, own),
     }
 }
 
 impl<const N: usize> Groups<N> {
     #[inline(always)]
-    fn filter<const FMA: bool>(&mut self, dims: &[usize], neighbourhood: &Neighbourhood, own: &mut [Value]) {
-        let (rows, values) = (neighbourhood.rows(), neighbourhood.values());
+    fn filter<const FMA: bool>(&mut self, input: &Input, own: &mut [Value]) {
+        let (rows, ids, dims) = (input.neighbourhood.rows(), input.neighbourhood.ids(), input.dims);
         // Sums are of differences from it: what is constant stays so exactly.
-        let shift = values[0];
+        let shift = input.values[ids[0] as usize];
         let groups = own.len().div_ceil(N);
         self.sums.clear();
         self.sums.resize(groups, Sums { weights: [0.0; N], values: [[0.0; N]; CHANNELS] });
@@ -88,20 +107,31 @@ impl<const N: usize> Groups<N> {
         for group in 0..groups {
             // Where a group is not full, its last sample is in it several times.
             let sample = |l: usize| (group * N + l).min(own.len() - 1);
-            self.own.extend(dims.iter().map(|&dim| std::array::from_fn(|l| rows[sample(l)][dim])));
+            let scaled: [_; N] = std::array::from_fn(|l| input.scaled(&rows[sample(l)]));
+            self.own.extend(dims.iter().map(|&dim| std::array::from_fn(|l| scaled[l][dim])));
         }
 
-        for (rows, values) in rows.chunks(WORD).zip(values.chunks(WORD)) {
+        // Some neighbours stay in the nearest cache until all groups have met them.
+        let mut near = [[0.0; LANES]; WORD];
+        let mut near_values = [shift; WORD];
+        for (rows, ids) in rows.chunks(WORD).zip(ids.chunks(WORD)) {
+            for ((near, value), (row, &id)) in near.iter_mut().zip(&mut near_values).zip(rows.iter().zip(ids))
+            {
+                *near = input.scaled(row);
+                let next = &input.values[id as usize];
+                *value = std::array::from_fn(|c| next[c] - shift[c]);
+            }
+            let (rows, values) = (&near[..rows.len()], &near_values[..rows.len()]);
             for (group, sums) in self.sums.iter_mut().enumerate() {
                 let own = &self.own[group * dims.len()..][..dims.len()];
                 let (fours, rest) = rows.as_chunks::<AT_ONCE>();
                 let (four_values, rest_values) = values.as_chunks::<AT_ONCE>();
                 let mut kept = *sums;
                 for (rows, values) in fours.iter().zip(four_values) {
-                    add::<N, AT_ONCE, FMA>(&mut kept, own, dims, rows, values, &shift);
+                    add::<N, AT_ONCE, FMA>(&mut kept, own, dims, rows, values);
                 }
                 for (row, value) in rest.iter().zip(rest_values) {
-                    add::<N, 1, FMA>(&mut kept, own, dims, &[*row], &[*value], &shift);
+                    add::<N, 1, FMA>(&mut kept, own, dims, &[*row], &[*value]);
                 }
                 *sums = kept;
             }
@@ -124,7 +154,6 @@ fn add<const N: usize, const ROWS: usize, const FMA: bool>(
     dims: &[usize],
     rows: &[[f32; LANES]; ROWS],
     values: &[Value; ROWS],
-    shift: &Value,
 ) {
     let mut exponents = [[0.0; N]; ROWS];
     for (own, &dim) in own.iter().zip(dims) {
@@ -137,17 +166,20 @@ fn add<const N: usize, const ROWS: usize, const FMA: bool>(
             }
         }
     }
-    for (exponents, value) in exponents.iter().zip(values) {
-        let weights: [f32; N] = std::array::from_fn(|l| exp_negative(exponents[l]));
+    let weights: [[f32; N]; ROWS] =
+        std::array::from_fn(|row| std::array::from_fn(|l| exp_negative(exponents[row][l])));
+    for weights in &weights {
         for l in 0..N {
             sums.weights[l] += weights[l];
         }
-        for c in 0..CHANNELS {
-            let d = value[c] - shift[c];
-            for l in 0..N {
-                sums.values[c][l] = add_product::<FMA>(weights[l], d, sums.values[c][l]);
-            }
+    }
+    // One channel after the other, or the compiler would put channels into vectors.
+    for (c, sums) in sums.values.iter_mut().enumerate() {
+        let mut sum = *sums;
+        for (weights, value) in weights.iter().zip(values) {
+            sum = std::array::from_fn(|l| add_product::<FMA>(weights[l], value[c], sum[l]));
         }
+        *sums = sum;
     }
 }
 
@@ -182,9 +214,8 @@ mod tests {
         let mut scale = [0.0; LANES];
         scale[layout.block(Block::Albedo).unwrap().start] = 1.0;
         let values = samples.values();
-        neighbourhood.take_values(&values, &scale);
         let mut own = values.clone();
-        Kernel::default().filter(&neighbourhood, &scale, &mut own);
+        Kernel::default().filter(&neighbourhood, &values, &scale, &mut own);
         own.iter().map(|value| value[0]).collect()
     }
 

@@ -84,8 +84,7 @@ fn filter_once(
                 }
                 neighbourhood.gather(samples, &draws, settings, (x, y), (seed, t));
                 let scale = weights.evaluate(neighbourhood, settings, t, own.len());
-                neighbourhood.take_values(values, scale);
-                kernel.filter(neighbourhood, scale, own);
+                kernel.filter(neighbourhood, values, scale, own);
                 spikes::remove(own, &settings.spikes);
             }
         },

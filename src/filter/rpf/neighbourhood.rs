@@ -5,7 +5,7 @@ use multiversion::multiversion;
 use rand::Rng;
 use rand_pcg::Pcg32;
 
-use super::samples::{Samples, Value};
+use super::samples::Samples;
 use super::settings::{RpfPass, RpfSettings};
 use crate::filter::mutual_information::{LANES, NO_SAMPLE, WORD};
 use crate::filter::weights::copy;
@@ -101,8 +101,6 @@ pub(super) struct Neighbourhood {
     blocks: Vec<[[f32; LANES]; WORD]>,
     /// Numbers of the samples.
     ids: Vec<u32>,
-    /// c′ of each.
-    values: Vec<Value>,
     len: usize,
     /// Means of the pixel's own samples.
     centre: [f32; LANES],
@@ -114,9 +112,10 @@ pub(super) struct Neighbourhood {
 /// A sample of a pixel.
 #[derive(Clone, Copy)]
 struct Draw {
-    x: u32,
-    y: u32,
+    pixel: u32,
     slot: u32,
+    /// Number of the sample.
+    id: u32,
 }
 
 impl Neighbourhood {
@@ -127,7 +126,6 @@ impl Neighbourhood {
         Self {
             blocks: vec![[[NO_SAMPLE; LANES]; WORD]; places.div_ceil(WORD)],
             ids: vec![0; places],
-            values: Vec::with_capacity(places),
             len: 0,
             centre: [0.0; LANES],
             drawn: Vec::with_capacity(draws.samples),
@@ -149,8 +147,14 @@ impl Neighbourhood {
         &self.blocks.as_flattened()[..self.len]
     }
 
-    pub fn values(&self) -> &[Value] {
-        &self.values
+    /// Numbers of the samples.
+    pub fn ids(&self) -> &[u32] {
+        &self.ids[..self.len]
+    }
+
+    /// Means of the pixel's own samples.
+    pub fn centre(&self) -> &[f32; LANES] {
+        &self.centre
     }
 
     /// Collects the neighbourhood of a pixel that has samples. What is drawn follows from the seed and the
@@ -167,7 +171,7 @@ impl Neighbourhood {
         let own = samples.of_pixel(x, y);
         let rows = self.blocks.as_flattened_mut();
         for (slot, id) in own.clone().enumerate() {
-            copy(samples.sample(x, y, slot), &mut rows[slot]);
+            copy(samples.sample(y * samples.width() + x, slot), &mut rows[slot]);
             self.ids[slot] = id as u32;
         }
         let (centre, thresholds) = tolerated(&rows[..own.len()], draws);
@@ -209,7 +213,8 @@ impl Neighbourhood {
                 }
             };
             let (xj, yj) = (x.wrapping_add_signed(dx), y.wrapping_add_signed(dy));
-            let count = samples.count(xj, yj);
+            let of_pixel = samples.of_pixel(xj, yj);
+            let count = of_pixel.len();
             if capped {
                 let radius = (draws.window / 2) as isize;
                 let place = (dy + radius) as usize * (draws.window + 1) + (dx + radius) as usize;
@@ -220,7 +225,8 @@ impl Neighbourhood {
             }
             if count > 0 {
                 let slot = (bits * count as u64) >> SLOT_BITS;
-                self.drawn.push(Draw { x: xj as u32, y: yj as u32, slot: slot as u32 });
+                let id = (of_pixel.start as u64 + slot) as u32;
+                self.drawn.push(Draw { pixel: (yj * width + xj) as u32, slot: slot as u32, id });
             }
         }
     }
@@ -228,13 +234,6 @@ impl Neighbourhood {
     /// Mean and variance of each dimension.
     pub fn moments(&self) -> ([f32; LANES], [f32; LANES]) {
         moments(self.rows(), &self.centre)
-    }
-
-    /// Takes the samples' values, and multiplies the differences of their vectors from the centre by `scale`.
-    pub fn take_values(&mut self, values: &[Value], scale: &[f32; LANES]) {
-        self.values.clear();
-        self.values.extend(self.ids[..self.len].iter().map(|&id| values[id as usize]));
-        rescale(&mut self.blocks.as_flattened_mut()[..self.len], &self.centre, scale);
     }
 }
 
@@ -274,10 +273,9 @@ fn accept(
     ids: &mut [u32],
 ) -> usize {
     for draw in drawn {
-        let (x, y, slot) = (draw.x as usize, draw.y as usize, draw.slot as usize);
         let row = &mut rows[len];
-        copy(samples.sample(x, y, slot), row);
-        ids[len] = (samples.of_pixel(x, y).start + slot) as u32;
+        copy(samples.sample(draw.pixel as usize, draw.slot as usize), row);
+        ids[len] = draw.id;
         let mut apart = 0;
         for l in 0..LANES {
             apart += u32::from((row[l] - centre[l]).abs() > thresholds[l]);
@@ -313,18 +311,6 @@ fn moments(rows: &[[f32; LANES]], shift: &[f32; LANES]) -> ([f32; LANES], [f32; 
     let mean = std::array::from_fn(|l| shift[l] + sums[l] / n);
     let variance = std::array::from_fn(|l| (squares[l] / n - (sums[l] / n).powi(2)).max(0.0));
     (mean, variance)
-}
-
-#[multiversion(targets(
-    "x86_64+avx512f+avx512bw+avx512dq+avx512vl+bmi1+bmi2+fma+avx2+popcnt+lzcnt",
-    "x86_64+avx2+fma+bmi1+bmi2+popcnt+lzcnt"
-))]
-fn rescale(rows: &mut [[f32; LANES]], centre: &[f32; LANES], scale: &[f32; LANES]) {
-    for row in rows {
-        for l in 0..LANES {
-            row[l] = (row[l] - centre[l]) * scale[l];
-        }
-    }
 }
 
 #[cfg(test)]
@@ -428,7 +414,7 @@ mod tests {
         let samples = Samples::of(&store);
         let draws = draws(&samples, &layout);
         let mut rows = [[0.0; LANES]; 2];
-        (0..2).for_each(|slot| copy(samples.sample(0, 0, slot), &mut rows[slot]));
+        (0..2).for_each(|slot| copy(samples.sample(0, slot), &mut rows[slot]));
         let (centre, thresholds) = tolerated(&rows, &draws);
         let albedo = layout.block(Block::Albedo).unwrap().start;
         assert_eq!(centre[albedo], 0.5);

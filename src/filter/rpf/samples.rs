@@ -68,10 +68,10 @@ impl<'a> Samples<'a> {
         self.starts[pixel]..self.starts[pixel + 1]
     }
 
-    /// One sample vector of a pixel.
+    /// One sample vector of a pixel, which is counted row by row.
     #[inline]
-    pub fn sample(&self, x: usize, y: usize, slot: usize) -> &'a [f32] {
-        &self.pixels[y * self.width + x][slot * self.dims..][..self.dims]
+    pub fn sample(&self, pixel: usize, slot: usize) -> &'a [f32] {
+        &self.pixels[pixel][slot * self.dims..][..self.dims]
     }
 
     /// The samples' colours as rendered.
