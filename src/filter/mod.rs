@@ -1,5 +1,5 @@
 //! From a pixel-statistics store to an image and maps: P-RPF, a file for each step of the paper,
-//! and the patch-distance filter of `standard` and `draft`.
+//! the patch-distance filter of `standard` and `draft`, and random parameter filtering for comparison.
 //!
 //! Knows nothing of where samples come from.
 

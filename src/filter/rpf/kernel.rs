@@ -169,9 +169,7 @@ fn add<const N: usize, const ROWS: usize, const FMA: bool>(
     let weights: [[f32; N]; ROWS] =
         std::array::from_fn(|row| std::array::from_fn(|l| exp_negative(exponents[row][l])));
     for weights in &weights {
-        for l in 0..N {
-            sums.weights[l] += weights[l];
-        }
+        sums.weights = std::array::from_fn(|l| sums.weights[l] + weights[l]);
     }
     // One channel after the other, or the compiler would put channels into vectors.
     for (c, sums) in sums.values.iter_mut().enumerate() {

@@ -21,7 +21,9 @@
 //! report leaves open is read as follows. A cluster's tolerance for world positions is that of
 //! P-RPF here: the report's 0.1 is in units of the scene. Where samples are so few that they say nothing
 //! on dependence, weights are P-RPF's default. Where sample counts differ, P's own counts in its
-//! bandwidth and the mean of the image in the size of N.
+//! bandwidth and the mean of the image in the size of N. Deviations of a pixel's samples are unbiased.
+//! Spikes are sought to both sides and replaced in all channels. Nothing is clamped beforehand, so that
+//! one sample of rare light shows as a spot of the window's size, as it does in the published method.
 
 mod kernel;
 mod neighbourhood;
