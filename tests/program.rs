@@ -94,6 +94,58 @@ fn the_same_command_gives_the_same_bytes() {
 }
 
 #[test]
+fn random_parameter_filtering_keeps_its_samples_and_says_how_many_bytes_they_are() {
+    let folder = folder_with(SCENE);
+    let render = |name: &str, threads: &str| {
+        let report = format!("{name}.json");
+        let output = prpf(
+            folder.path(),
+            &[
+                "render",
+                "scene.pbrt",
+                "--spp",
+                "6",
+                "--denoiser",
+                "rpf",
+                "--threads",
+                threads,
+                "--quiet",
+                "-o",
+                name,
+            ]
+            .into_iter()
+            .chain(["--report", &report])
+            .collect::<Vec<_>>(),
+        );
+        assert!(output.status.success(), "{}", stderr(&output));
+        let report: serde_json::Value =
+            serde_json::from_slice(&std::fs::read(folder.path().join(report)).unwrap()).unwrap();
+        (std::fs::read(folder.path().join(name)).unwrap(), report)
+    };
+    let (image, report) = render("a.png", "1");
+    assert_eq!(report["settings"]["denoiser"], "rpf");
+    // Film, colour, position, normal and hit at least, 6 samples of 24×16 pixels.
+    assert!(report["kept_samples_bytes"].as_u64().unwrap() >= 6 * 24 * 16 * 12 * 4, "{report}");
+    assert!(report["estimated_error"].is_null(), "what was shown before is another filter's");
+    assert!(image == render("b.png", "3").0, "the image depends on the threads");
+}
+
+#[test]
+fn random_parameter_filtering_is_refused_where_its_samples_do_not_fit() {
+    let folder = folder_with(SCENE);
+    let refused = |arguments: &[&str]| {
+        let output =
+            prpf(folder.path(), &[&["render", "scene.pbrt", "--denoiser", "rpf"], arguments].concat());
+        assert_eq!(output.status.code(), Some(2), "{}", stderr(&output));
+        stderr(&output)
+    };
+    let unbounded = refused(&["--time", "5s"]);
+    assert!(unbounded.contains("--spp") && unbounded.contains("--max-spp"), "{unbounded}");
+    let large = refused(&["--spp", "100000", "--resolution", "8192x8192"]);
+    assert!(large.contains("kept whole") && large.contains("would fit"), "{large}");
+}
+
+#[test]
 fn a_wrong_scene_gets_one_line_with_its_place() {
     let folder = folder_with(&SCENE.replace("\"sphere\"", "\"spere\" \"float radius\" [ x ]"));
     let output = prpf(folder.path(), &["render", "scene.pbrt", "-o", "a.png"]);

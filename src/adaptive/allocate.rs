@@ -3,8 +3,8 @@
 /// Share of an adaptive batch that is spread regardless of priority: no pixel is ever given up, and
 /// the pixels it falls on are an unbiased choice for measuring error.
 const UNIFORM_SHARE: f64 = 0.15;
-/// A pixel gets at most this many times the batch's mean.
-const CEILING: f64 = 8.0;
+/// A pixel gets at most this many times the batch's mean (and two samples more by chance).
+pub const CEILING: f64 = 8.0;
 
 /// The plan of a batch.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -42,7 +42,7 @@ pub(super) struct RenderOptions {
     /// The reconstruction
     #[arg(long, value_enum, default_value_t = DenoiserOption::Prpf)]
     pub denoiser: DenoiserOption,
-    /// Filter effort; `paper` is the published method, nothing tuned
+    /// Filter effort; `paper` is the published method, nothing tuned. Of no effect with `--denoiser rpf`
     #[arg(long, value_enum, default_value_t = Quality::Standard)]
     pub quality: Quality,
     /// Everything random follows from it
@@ -103,10 +103,12 @@ pub(super) enum DenoiserOption {
     None,
     /// Pixel-based random parameter filtering
     Prpf,
+    /// Random parameter filtering, its slow predecessor: for comparison
+    Rpf,
 }
 
 /// Without a ceiling a pixel still cannot count beyond what indices hold.
-const NO_CEILING: u32 = u32::MAX / 4;
+pub(super) const NO_CEILING: u32 = u32::MAX / 4;
 
 impl RenderOptions {
     /// What the loop follows.
@@ -126,6 +128,7 @@ impl RenderOptions {
             denoiser: match self.denoiser {
                 DenoiserOption::None => Denoiser::None,
                 DenoiserOption::Prpf => Denoiser::Prpf,
+                DenoiserOption::Rpf => Denoiser::Rpf,
             },
             quality: self.quality,
             seed: self.seed,

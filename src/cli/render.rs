@@ -10,7 +10,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use rayon::prelude::*;
 
 use super::layers::Layers;
-use super::options::RenderOptions;
+use super::options::{NO_CEILING, RenderOptions};
 use super::report::{Report, Spread, Times};
 use super::{Failure, escaped, preview};
 use crate::filter::Filtered;
@@ -22,7 +22,7 @@ use crate::image::tone::to_srgb8;
 use crate::image::{self, Planes, atomic, png_file};
 use crate::preview::{Director, Hub, Picture, Stage};
 use crate::progressive::{
-    Batch, ErrorEstimate, Loop, Outcome, Progress, Settings, StoppedBy, store_bytes_per_pixel,
+    Batch, Denoiser, ErrorEstimate, Loop, Outcome, PixelMemory, Progress, Settings, StoppedBy,
 };
 use crate::render::Renderer;
 use crate::scene::{Scene, pbrt};
@@ -189,18 +189,38 @@ fn fits_in_memory(
 ) -> anyhow::Result<()> {
     /// The filters hold planes of their own beside the store.
     const BESIDE_STORE: f64 = 1.5;
-    let per_pixel = store_bytes_per_pixel(layout, settings) as f64 * BESIDE_STORE;
-    let needed = per_pixel * width as f64 * height as f64;
-    match available_bytes() {
-        Some(available) if needed > available => anyhow::bail!(
-            "{width}x{height} pixels need about {:.1} GB of memory, {:.1} GB are available; \
-             up to {:.0} pixels would fit",
-            needed / 1e9,
-            available / 1e9,
-            available / per_pixel
-        ),
-        _ => Ok(()),
+    let memory = PixelMemory::of(layout, settings);
+    if settings.denoiser == Denoiser::Rpf && memory.samples >= NO_CEILING as usize {
+        anyhow::bail!(
+            "--denoiser rpf keeps all samples of a pixel whole, and has to know how many these can be: \
+             add --spp N or --max-spp N"
+        );
     }
+    let pixels = width as f64 * height as f64;
+    let statistics = memory.statistics as f64 * BESIDE_STORE;
+    let samples = memory.samples as f64 * memory.per_sample as f64;
+    let needed = (statistics + samples) * pixels;
+    let Some(available) = available_bytes().filter(|&available| needed > available) else {
+        return Ok(());
+    };
+    let fewer = (available / pixels - statistics) / memory.per_sample as f64;
+    let fewer = if settings.denoiser == Denoiser::Rpf && fewer >= 1.0 {
+        format!(", or these with --max-spp {fewer:.0}", fewer = fewer.floor())
+    } else {
+        String::new()
+    };
+    anyhow::bail!(
+        "{width}x{height} pixels{} need about {:.1} GB of memory, {:.1} GB are available; up to {:.0} pixels would \
+         fit{fewer}",
+        if memory.samples > 0 {
+            format!(" with {} samples each kept whole", memory.samples)
+        } else {
+            String::new()
+        },
+        needed / 1e9,
+        available / 1e9,
+        available / (statistics + samples)
+    )
 }
 
 fn available_bytes() -> Option<f64> {

@@ -55,6 +55,8 @@ pub(super) struct Report<'a> {
     samples_max: u32,
     rejected_samples: u64,
     peak_memory_bytes: Option<u64>,
+    /// Of samples that were kept whole.
+    kept_samples_bytes: u64,
     estimated_error: Option<f64>,
     estimated_error_samples: Option<u64>,
     batches: &'a [Batch],
@@ -80,6 +82,7 @@ impl<'a> Report<'a> {
             samples_max: spread.max,
             rejected_samples: store.rejected(),
             peak_memory_bytes: peak_memory_bytes(),
+            kept_samples_bytes: store.reservoir_bytes(),
             estimated_error: outcome.estimate.as_ref().map(|e| e.image),
             estimated_error_samples: outcome.estimate.as_ref().map(|e| e.samples),
             batches: &outcome.batches,

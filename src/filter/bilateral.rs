@@ -79,7 +79,7 @@ fn gains(guide: &Guide, hood: &Neighbourhood, weights: &Padded, gain: Gain) -> P
                 }
                 let factor = match gain {
                     Gain::RpfSigma { sigma8_squared } => {
-                        (1.0 - colour_randomness[x]).powi(2) / (16.0 * sigma8_squared * variances[x])
+                        rpf_factor(colour_randomness[x], sigma8_squared) / variances[x]
                     }
                     Gain::OwnVariance { kappa, rho } => 1.0 / (2.0 * kappa * (own[x] + rho * variances[x])),
                 };
@@ -88,6 +88,11 @@ fn gains(guide: &Guide, hood: &Neighbourhood, weights: &Padded, gain: Gain) -> P
         }
     });
     gains
+}
+
+/// One over 2σ_c² for one sample (Sen and Darabi 2012): σ_c² = 8 σ₈² ∕ (n (1 − W_c^r)²).
+pub(super) fn rpf_factor(colour_randomness: f32, sigma8_squared: f32) -> f32 {
+    (1.0 - colour_randomness).powi(2) / (16.0 * sigma8_squared)
 }
 
 /// The Gaussian of the film distance, as exponents by offset along one axis.
@@ -302,7 +307,7 @@ fn lanes(values: &[f32]) -> &Lanes {
 }
 
 #[inline(always)]
-fn add_product<const FMA: bool>(a: f32, b: f32, sum: f32) -> f32 {
+pub(super) fn add_product<const FMA: bool>(a: f32, b: f32, sum: f32) -> f32 {
     if FMA { a.mul_add(b, sum) } else { a * b + sum }
 }
 

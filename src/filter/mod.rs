@@ -1,5 +1,5 @@
 //! From a pixel-statistics store to an image and maps: P-RPF, a file for each step of the paper,
-//! and the patch-distance filter of `standard` and `draft`.
+//! the patch-distance filter of `standard` and `draft`, and random parameter filtering for comparison.
 //!
 //! Knows nothing of where samples come from.
 
@@ -18,6 +18,7 @@ mod padded;
 mod patch;
 pub mod prpf;
 mod regression;
+pub mod rpf;
 mod stack;
 pub mod standard;
 #[cfg(test)]
@@ -27,6 +28,7 @@ mod weights;
 
 pub use outliers::OutlierSettings;
 pub use prpf::{Gain, PrpfSettings};
+pub use rpf::RpfSettings;
 pub use standard::StandardSettings;
 
 use crate::image::Planes;

@@ -46,6 +46,13 @@ impl Default for OutlierSettings {
     }
 }
 
+impl OutlierSettings {
+    /// Takes nothing for an outlier.
+    pub fn off() -> Self {
+        Self { medians: f32::INFINITY, spread_window: 0, ..Self::default() }
+    }
+}
+
 /// Colours without outliers.
 #[derive(Clone, Debug)]
 pub struct Clamped {

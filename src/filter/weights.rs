@@ -40,16 +40,24 @@ pub(super) struct Evidence<'a> {
 
 /// The sample vector's dimensions in the order in which information is measured: each group depends
 /// on those before it.
-struct Variables {
-    dims: Vec<usize>,
-    randoms: Range<usize>,
-    positions: Range<usize>,
-    features: Range<usize>,
-    colours: Range<usize>,
+pub(super) struct Variables {
+    /// Layout indices.
+    pub dims: Vec<usize>,
+    pub randoms: Range<usize>,
+    pub positions: Range<usize>,
+    pub features: Range<usize>,
+    pub colours: Range<usize>,
+}
+
+/// How strongly randomness counts against a dimension in one pass.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Damping {
+    pub colours: f32,
+    pub features: f32,
 }
 
 impl Variables {
-    fn new(layout: &Layout, features: &[usize]) -> Self {
+    pub fn new(layout: &Layout, features: &[usize]) -> Self {
         let mut dims = layout.randoms();
         let randoms = 0..dims.len();
         dims.extend(layout.film());
@@ -69,6 +77,37 @@ impl Variables {
         };
         let random = total(&self.randoms);
         random / (random + total(&self.positions))
+    }
+
+    /// From samples to weights: β of each feature, α of each colour, and W_c^r.
+    pub fn weigh(&self, slices: &BitSlices, samples: usize, damping: Damping, weights: &mut [f32]) {
+        let (beta, rest) = weights.split_at_mut(self.features.len());
+        let (alpha, colour_randomness) = rest.split_at_mut(self.colours.len());
+        if samples < FEWEST_SAMPLES {
+            alpha.fill(0.0);
+            beta.fill(1.0 / self.features.len() as f32);
+            colour_randomness[0] = self.randomness(&[0.0; LANES]);
+            return;
+        }
+
+        // D_c^r + D_c^p + D_c^f, and D_c^{f,l} by feature.
+        let mut on_all = 0.0;
+        let mut on_feature = [0.0; LANES];
+        colour_randomness[0] = 0.0;
+        for (k, alpha) in self.colours.clone().zip(&mut *alpha) {
+            let information = slices.information(k, self.features.end);
+            let randomness = self.randomness(&information);
+            *alpha = (1.0 - damping.colours * randomness).max(0.0);
+            colour_randomness[0] += randomness / self.colours.len() as f32;
+            on_all += information[..self.features.end].iter().sum::<f32>();
+            let on_features = &information[self.features.clone()];
+            on_feature.iter_mut().zip(on_features).for_each(|(sum, bits)| *sum += bits);
+        }
+        for ((k, beta), on_feature) in self.features.clone().zip(beta).zip(on_feature) {
+            let randomness = self.randomness(&slices.information(k, self.positions.end));
+            let share = on_feature / (on_all + f32::MIN_POSITIVE);
+            *beta = share * (1.0 - damping.features * randomness).max(0.0);
+        }
     }
 }
 
@@ -103,7 +142,9 @@ impl Evidence<'_> {
         self.guide.cluster(x, y, self.window, &mut scratch.cluster);
         let standard = self.standard((x, y), scratch);
         let samples = self.gather((x, y), &standard, scratch);
-        self.weigh(samples, scratch, weights);
+        let growth = 1.0 + self.settings.randomness_growth * self.pass as f32;
+        let damping = Damping { colours: self.settings.colour_damping * growth, features: growth };
+        scratch.variables.weigh(&scratch.slices, samples, damping, weights);
     }
 
     /// Mean and deviation of each dimension of the sample vector over the cluster.
@@ -194,45 +235,12 @@ impl Evidence<'_> {
         }
         taken
     }
-
-    /// From samples to weights.
-    fn weigh(&self, samples: usize, scratch: &Scratch, weights: &mut [f32]) {
-        let Scratch { variables, slices, .. } = scratch;
-        let (beta, rest) = weights.split_at_mut(variables.features.len());
-        let (alpha, colour_randomness) = rest.split_at_mut(variables.colours.len());
-        if samples < FEWEST_SAMPLES {
-            alpha.fill(0.0);
-            beta.fill(1.0 / variables.features.len() as f32);
-            colour_randomness[0] = variables.randomness(&[0.0; LANES]);
-            return;
-        }
-
-        let growth = 1.0 + self.settings.randomness_growth * self.pass as f32;
-        // D_c^r + D_c^p + D_c^f, and D_c^{f,l} by feature.
-        let mut on_all = 0.0;
-        let mut on_feature = [0.0; LANES];
-        colour_randomness[0] = 0.0;
-        for (k, alpha) in variables.colours.clone().zip(&mut *alpha) {
-            let information = slices.information(k, variables.features.end);
-            let randomness = variables.randomness(&information);
-            *alpha = (1.0 - self.settings.colour_damping * growth * randomness).max(0.0);
-            colour_randomness[0] += randomness / variables.colours.len() as f32;
-            on_all += information[..variables.features.end].iter().sum::<f32>();
-            let on_features = &information[variables.features.clone()];
-            on_feature.iter_mut().zip(on_features).for_each(|(sum, bits)| *sum += bits);
-        }
-        for ((k, beta), on_feature) in variables.features.clone().zip(beta).zip(on_feature) {
-            let randomness = variables.randomness(&slices.information(k, variables.positions.end));
-            let share = on_feature / (on_all + f32::MIN_POSITIVE);
-            *beta = share * (1.0 - growth * randomness).max(0.0);
-        }
-    }
 }
 
 /// Copies a sample vector to the first places. In pieces of a fixed size, which costs a third of a
 /// copy of any size; the last may overlap.
 #[inline(always)]
-fn copy(sample: &[f32], to: &mut [f32; LANES]) {
+pub(super) fn copy(sample: &[f32], to: &mut [f32; LANES]) {
     const PIECE: usize = 8;
     // What is longer ends in auxiliary dimensions that no weight is made from.
     let n = sample.len().min(LANES);

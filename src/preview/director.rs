@@ -411,7 +411,7 @@ impl<'a> Director<'a> {
 
     /// Whether the image should be filtered for the eye, beside the passes that the loop makes.
     fn should_filter(&self, progress: &Progress) -> bool {
-        let wanted = self.stage.settings.denoiser == Denoiser::Prpf && self.publisher.wants_filtered();
+        let wanted = self.stage.settings.denoiser != Denoiser::None && self.publisher.wants_filtered();
         let grown = progress.samples as f64 > EXTRA_FILTER_GROWTH * self.shown_samples as f64;
         let affordable = self.extra_filter_seconds < EXTRA_FILTER_SHARE * progress.elapsed;
         let due = self.shown.is_none() || affordable && (grown || self.region.is_some());

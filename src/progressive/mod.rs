@@ -13,11 +13,11 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use crate::adaptive::{self, Allocation, Maps, PrioritySettings, Sampling};
-use crate::filter::{self, Filtered, Quality};
+use crate::filter::{self, Filtered, Quality, rpf};
 use crate::image::Planes;
 use crate::image::metrics::Pair;
 use crate::render::Renderer;
-use crate::stats::{Part, Store};
+use crate::stats::{Layout, Part, Store};
 
 pub use estimate::ErrorEstimate;
 use estimate::Snapshot;
@@ -36,6 +36,9 @@ pub enum Denoiser {
     None,
     /// P-RPF, or what its quality stands for.
     Prpf,
+    /// Random parameter filtering, on whole samples; it has no qualities. Between batches, where no error is
+    /// to be reached, P-RPF's draft stands in.
+    Rpf,
 }
 
 /// Everything the loop follows.
@@ -178,22 +181,52 @@ const LEAST_USE_OF_RERUN: f64 = 3.0;
 /// Window of the grid stage whose failures drive samples; the paper's third.
 const FAILURE_WINDOW: usize = 17;
 
+/// Sample vectors that a store keeps of each pixel, at most.
 fn reservoir_capacity(settings: &Settings) -> usize {
     match (settings.denoiser, settings.quality) {
+        (Denoiser::Rpf, _) => most_samples(settings),
         (Denoiser::Prpf, Quality::Paper) => RESERVOIR,
         _ => 0,
     }
 }
 
+/// Samples that a pixel can get, as far as budgets limit it.
+fn most_samples(settings: &Settings) -> usize {
+    let of_mean = match settings.sampling {
+        Sampling::Uniform => 1.0,
+        Sampling::Adaptive => adaptive::CEILING,
+    };
+    let budget = settings.budget.spp.map_or(u32::MAX, |spp| (f64::from(spp) * of_mean) as u32);
+    budget.min(settings.max_spp) as usize
+}
+
 fn drives_interpolation(settings: &Settings) -> bool {
-    settings.denoiser == Denoiser::Prpf
+    settings.denoiser != Denoiser::None
         && settings.sampling == Sampling::Adaptive
         && settings.priority.interpolation_failure > 0.0
 }
 
-/// Bytes per pixel that a render with these settings keeps in its store.
-pub fn store_bytes_per_pixel(layout: &crate::stats::Layout, settings: &Settings) -> usize {
-    Store::bytes_per_pixel(layout, reservoir_capacity(settings))
+/// Memory that a render with these settings takes, per pixel.
+#[derive(Clone, Copy, Debug)]
+pub struct PixelMemory {
+    /// Bytes of statistics.
+    pub statistics: usize,
+    /// Samples that are kept whole, at most.
+    pub samples: usize,
+    /// Bytes of each of them, with what the filter needs beside it.
+    pub per_sample: usize,
+}
+
+impl PixelMemory {
+    pub fn of(layout: &Layout, settings: &Settings) -> Self {
+        let statistics = Store::bytes_per_pixel(layout, 0);
+        let beside = if settings.denoiser == Denoiser::Rpf { rpf::BYTES_PER_SAMPLE } else { 0 };
+        Self {
+            statistics,
+            samples: reservoir_capacity(settings),
+            per_sample: Store::bytes_per_pixel(layout, 1) - statistics + beside,
+        }
+    }
 }
 
 impl<'a> Loop<'a> {
@@ -303,7 +336,8 @@ impl<'a> Loop<'a> {
                 }
             }
         };
-        let Some((mut shown, seconds)) = self.filter(self.final_quality(), false, observer) else {
+        let (denoiser, quality) = self.last_filter();
+        let Some((mut shown, seconds)) = self.filter(denoiser, quality, false, observer) else {
             return Ended::Left;
         };
         if let Some(Rerun { shown: last, .. }) = &self.rerun {
@@ -340,6 +374,10 @@ impl<'a> Loop<'a> {
 
     /// Holds the samples since an image was shown against it.
     fn check(&mut self, probes: &[bool]) {
+        if self.interim_denoiser() != self.settings.denoiser {
+            // The error of another filter's image says nothing on that of the last.
+            return;
+        }
         let Some(Rerun { shown, made_of, probes: all }) = &mut self.rerun else { return };
         all.iter_mut().zip(probes).for_each(|(all, &new)| *all |= new);
         let new = ErrorEstimate::of(&shown.filtered.image, made_of, &self.store, all);
@@ -348,16 +386,27 @@ impl<'a> Loop<'a> {
         }
     }
 
-    /// Quality of the last filter pass: a filter that takes pixels without samples for black ones is
-    /// of no use where the time was too short for one sample per pixel.
-    fn final_quality(&self) -> Quality {
-        match self.settings.quality {
-            Quality::Paper if self.store.drawn() < self.store.pixels() as u64 => Quality::Standard,
-            quality => quality,
+    /// The last filter pass: a filter that takes pixels without samples for black ones is of no use
+    /// where the time was too short for one sample per pixel.
+    fn last_filter(&self) -> (Denoiser, Quality) {
+        let sparse = self.store.drawn() < self.store.pixels() as u64;
+        match (self.settings.denoiser, self.settings.quality) {
+            (Denoiser::Rpf, _) | (Denoiser::Prpf, Quality::Paper) if sparse => {
+                (Denoiser::Prpf, Quality::Standard)
+            }
+            chosen => chosen,
         }
     }
 
-    /// The effort of the filter between batches.
+    /// The filter between batches.
+    fn interim_denoiser(&self) -> Denoiser {
+        match self.settings.denoiser {
+            Denoiser::Rpf if self.settings.budget.target_error.is_none() => Denoiser::Prpf,
+            denoiser => denoiser,
+        }
+    }
+
+    /// Its effort.
     fn interim_quality(&self) -> Quality {
         match self.settings.quality {
             // The draft's error is not the paper's, and it is the paper's that has to reach the target.
@@ -369,7 +418,11 @@ impl<'a> Loop<'a> {
     /// Whether the filter runs again before the next batch, and with what effort. Before the last
     /// batch it is that of the end, so that the error which the batch measures is that of such an image.
     fn rerun_due(&self, again: bool, last: bool) -> Option<Quality> {
-        let (interim, ending) = (self.interim_quality(), self.settings.quality);
+        let interim = self.interim_quality();
+        let ending = match self.settings.denoiser {
+            Denoiser::Rpf => interim,
+            _ => self.settings.quality,
+        };
         if self.favoured.is_some() && again && self.reruns > RERUN_SHARE * self.elapsed() {
             // A region's batches are small.
             return None;
@@ -407,8 +460,8 @@ impl<'a> Loop<'a> {
         if !filled || !self.rehearsal.is_due(elapsed, left) {
             return;
         }
-        let (quality, seed) = (self.final_quality(), self.settings.seed);
-        let filter = |store: &Store| observer::filtered(store, self.settings.denoiser, quality, seed);
+        let ((denoiser, quality), seed) = (self.last_filter(), self.settings.seed);
+        let filter = |store: &Store| observer::filtered(store, denoiser, quality, seed);
         self.rehearsal.run(&self.store, left, filter, self.closing);
         self.schedule.rehearsed(self.rehearsal.closing_seconds);
         self.seconds.filter += self.elapsed() - elapsed;
@@ -489,7 +542,8 @@ impl<'a> Loop<'a> {
     /// Filters between batches; false if the observer gave it up.
     fn rerun(&mut self, quality: Quality, observer: &mut dyn Observer) -> bool {
         let interpolation = drives_interpolation(&self.settings);
-        let Some((shown, filter_seconds)) = self.filter(quality, interpolation, observer) else {
+        let filtered = self.filter(self.interim_denoiser(), quality, interpolation, observer);
+        let Some((shown, filter_seconds)) = filtered else {
             return false;
         };
         let started = Instant::now();
@@ -510,12 +564,13 @@ impl<'a> Loop<'a> {
     /// What a filter pass makes of the store, and its seconds; `None` if the observer gave it up.
     fn filter(
         &mut self,
+        denoiser: Denoiser,
         quality: Quality,
         interpolation: bool,
         observer: &mut dyn Observer,
     ) -> Option<(Shown, f64)> {
         let started = Instant::now();
-        let Settings { denoiser, seed, .. } = self.settings;
+        let seed = self.settings.seed;
         let job = FilterJob { store: self.store.clone(), denoiser, quality, seed, interpolation };
         let shown = observer.run_filter(job);
         let seconds = started.elapsed().as_secs_f64();

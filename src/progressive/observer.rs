@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use super::{Denoiser, FAILURE_WINDOW, Progress};
-use crate::filter::{self, Filtered, PrpfSettings, Quality};
+use crate::filter::{self, Filtered, PrpfSettings, Quality, RpfSettings, rpf};
 use crate::image::Planes;
 use crate::stats::Store;
 
@@ -82,5 +82,6 @@ pub(super) fn filtered(store: &Store, denoiser: Denoiser, quality: Quality, seed
     match denoiser {
         Denoiser::None => filter::unfiltered(store),
         Denoiser::Prpf => filter::filter(store, quality, seed),
+        Denoiser::Rpf => rpf::filter(store, &RpfSettings::report(), seed),
     }
 }

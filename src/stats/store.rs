@@ -117,6 +117,12 @@ impl Store {
         self.capacity
     }
 
+    /// Bytes of the sample vectors that are kept whole.
+    pub fn reservoir_bytes(&self) -> u64 {
+        let kept = |row: &Row| (0..self.width).map(|x| size_of_val(row.reservoir(x)) as u64).sum::<u64>();
+        self.rows.iter().map(kept).sum()
+    }
+
     pub fn rows(&self) -> &[Row] {
         &self.rows
     }
