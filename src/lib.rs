@@ -9,7 +9,7 @@
 //!    │          ▲         │          │
 //!  effects      │         ▼          ▼
 //!    │          └──── adaptive ◄── maps          progressive: owns the circle and the clock
-//!    └─► which dimensions live                   cli and experiments: listen and steer
+//!    └─► which dimensions live                   preview, cli, experiments: listen and steer
 //! ```
 //!
 //! # Rooms, from the ground up
@@ -26,6 +26,7 @@
 //! | [`filter`] | P-RPF, a file for each step of the paper, and the patch-distance filter of `standard` |
 //! | [`adaptive`] | maps → priority per pixel → sample counts of the next batch |
 //! | [`progressive`] | the loop: batches, budgets, events |
+//! | [`preview`] | the live page and its server: looks at the loop and steers it |
 //! | [`cli`] | arguments → settings → loop → report |
 
 //!
@@ -64,6 +65,7 @@ pub mod cli;
 pub mod filter;
 pub mod geometry;
 pub mod image;
+pub mod preview;
 pub mod progressive;
 pub mod render;
 pub mod scene;

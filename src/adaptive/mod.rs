@@ -9,7 +9,7 @@ pub use allocate::{Allocation, allocate, uniform};
 pub use priority::{Maps, PrioritySettings, priority};
 
 /// How a batch is spread over the pixels.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Sampling {
     /// Every pixel the same.

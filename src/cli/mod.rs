@@ -7,6 +7,7 @@ mod compare;
 mod info;
 mod layers;
 mod options;
+mod preview;
 mod render;
 mod report;
 mod usage;
@@ -38,6 +39,8 @@ struct Arguments {
 enum Command {
     /// Render a scene; write the image and say what was achieved
     Render(Box<options::RenderOptions>),
+    /// Render live: a page to look at the image as it converges, and to steer it
+    Preview(Box<preview::PreviewOptions>),
     /// Show what a scene holds, the effects it calls for, and the dimensions of its sample vector
     Info(info::InfoOptions),
     /// Compare an image with a reference: MSE, relMSE, PSNR, SSIM, FLIP, brightness
@@ -97,7 +100,8 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>, start: Instant) -> Exi
         }
     };
     let outcome = match arguments.command {
-        Command::Render(options) => render::run(&options, start),
+        Command::Render(options) => render::run(&options, render::Mode::Render, start),
+        Command::Preview(options) => preview::run(&options, start),
         Command::Info(options) => info::run(&options),
         Command::Compare(options) => compare::run(&options).map_err(Failure::Input),
     };

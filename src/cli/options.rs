@@ -1,5 +1,6 @@
 //! Options of `render`.
 
+use std::net::SocketAddr;
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
@@ -75,6 +76,13 @@ pub(super) struct RenderOptions {
     /// filtered-variance, raw-variance
     #[arg(long, value_name = "MAP=WEIGHT,...", value_parser = parse_drive, default_value = "")]
     pub drive: PrioritySettings,
+    /// Serve a live page while rendering; at an address, for whoever has its token [default: this
+    /// machine only]
+    #[arg(long, visible_alias = "listen", value_name = "ADDR:PORT", num_args = 0..=1, value_parser = parse_address)]
+    pub preview: Option<Option<SocketAddr>>,
+    /// Also send the image to a running tev viewer as it converges
+    #[arg(long, visible_alias = "tev", value_name = "HOST:PORT", value_parser = parse_host)]
+    pub display_server: Option<String>,
     /// No progress bar, no summary
     #[arg(long)]
     pub quiet: bool,
@@ -206,6 +214,19 @@ fn parse_bounds(text: &str) -> Result<[usize; 4], String> {
     numbers
         .and_then(|n| n.try_into().ok())
         .ok_or_else(|| format!("found `{text}`; accepted are four whole numbers X0,X1,Y0,Y1"))
+}
+
+fn parse_address(text: &str) -> Result<SocketAddr, String> {
+    text.parse().map_err(|_| {
+        format!("found `{text}`; accepted is ADDR:PORT, e.g. 0.0.0.0:8080 (the scene goes before --preview)")
+    })
+}
+
+fn parse_host(text: &str) -> Result<String, String> {
+    match text.rsplit_once(':') {
+        Some((host, port)) if !host.is_empty() && port.parse::<u16>().is_ok() => Ok(text.to_owned()),
+        _ => Err(format!("found `{text}`; accepted is HOST:PORT, e.g. localhost:14158")),
+    }
 }
 
 fn parse_drive(text: &str) -> Result<PrioritySettings, String> {

@@ -12,7 +12,7 @@ use rayon::prelude::*;
 use super::layers::Layers;
 use super::options::RenderOptions;
 use super::report::{Report, Spread, Times};
-use super::{Failure, escaped};
+use super::{Failure, escaped, preview};
 use crate::filter::Filtered;
 use crate::geometry::Accel;
 use crate::image::exr_file::{self, Attribute, Windows, names};
@@ -20,8 +20,9 @@ use crate::image::formats::OutputFormat;
 use crate::image::metrics::Pair;
 use crate::image::tone::to_srgb8;
 use crate::image::{self, Planes, atomic, png_file};
+use crate::preview::{Director, Hub, Picture, Stage};
 use crate::progressive::{
-    ErrorEstimate, Loop, Outcome, Progress, Settings, StoppedBy, store_bytes_per_pixel,
+    Batch, ErrorEstimate, Loop, Outcome, Progress, Settings, StoppedBy, store_bytes_per_pixel,
 };
 use crate::render::Renderer;
 use crate::scene::{Scene, pbrt};
@@ -32,7 +33,16 @@ const INTERRUPTED: u8 = 130;
 /// Steps of the progress bar.
 const BAR_STEPS: u64 = 1000;
 
-pub(super) fn run(options: &RenderOptions, start: Instant) -> Result<u8, Failure> {
+/// Which command it is.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum Mode {
+    /// Ends with a budget, and writes.
+    Render,
+    /// Stays until interrupted, and writes when asked to.
+    Preview,
+}
+
+pub(super) fn run(options: &RenderOptions, mode: Mode, start: Instant) -> Result<u8, Failure> {
     // What is wrong with the command line should be known before minutes of rendering.
     for path in &options.outfile {
         OutputFormat::of(path).map_err(|error| Failure::Input(error.into()))?;
@@ -42,10 +52,10 @@ pub(super) fn run(options: &RenderOptions, start: Instant) -> Result<u8, Failure
         pool = pool.num_threads(threads.get());
     }
     let pool = pool.build().context("starting the worker threads").map_err(Failure::Run)?;
-    pool.install(|| run_in_pool(options, start))
+    pool.install(|| run_in_pool(options, mode, start))
 }
 
-fn run_in_pool(options: &RenderOptions, start: Instant) -> Result<u8, Failure> {
+fn run_in_pool(options: &RenderOptions, mode: Mode, start: Instant) -> Result<u8, Failure> {
     let mut scene = read(options)?;
     options.apply(&mut scene).map_err(Failure::Input)?;
     let outfiles = outfiles(options, &mut scene);
@@ -67,7 +77,11 @@ fn run_in_pool(options: &RenderOptions, start: Instant) -> Result<u8, Failure> {
     let renderer = Renderer::new(&scene, &accel, options.seed);
     let build = start.elapsed().as_secs_f64() - load;
 
-    let settings = options.settings(&scene);
+    let mut settings = options.settings(&scene);
+    if mode == Mode::Preview && options.spp == Some(0) {
+        // A person watches; nothing has to end it.
+        settings.budget.spp = None;
+    }
     fits_in_memory(renderer.layout(), &settings, renderer.resolution()).map_err(Failure::Input)?;
     let interrupt = Arc::new(AtomicBool::new(false));
     listen_to_signals(&interrupt).map_err(Failure::Run)?;
@@ -76,17 +90,42 @@ fn run_in_pool(options: &RenderOptions, start: Instant) -> Result<u8, Failure> {
         let layers = Layers::of(filtered, store, None, &scene, renderer.diameter());
         outfiles.par_iter().for_each(|path| encode(path, &layers, filtered));
     };
-    let outcome = Loop::new(&renderer, &settings, start, &interrupt, reference.as_ref())
-        .closing_with(&rehearse)
-        .run(&mut |progress| show(&bar, progress, interrupt.load(Ordering::Relaxed)));
+    let mut listen = |progress| show(&bar, progress, interrupt.load(Ordering::Relaxed));
+    let serves = mode == Mode::Preview || options.preview.is_some();
+    let outcome = if serves || options.display_server.is_some() {
+        let hub = Arc::new(Hub::default());
+        if serves {
+            preview::serve(&hub, options.preview.flatten())?;
+        }
+        let _display = preview::display(&hub, options.display_server.as_deref(), &scene)?;
+        let stage = Stage {
+            scene: &scene,
+            accel: &accel,
+            settings: settings.clone(),
+            reference: reference.as_ref(),
+            closing: Some(&rehearse),
+            start,
+            interrupt: &interrupt,
+            stays: mode == Mode::Preview,
+            save: Box::new(|picture| save(picture, &outfiles[0], &scene, start)),
+            listen: Box::new(listen),
+        };
+        Director::new(hub, stage).run()
+    } else {
+        let circle = Loop::new(&renderer, &settings, start, &interrupt, reference.as_ref());
+        Some(circle.closing_with(&rehearse).run(&mut listen))
+    };
     bar.finish_and_clear();
+    // A preview that was closed.
+    let Some(outcome) = outcome else { return Ok(0) };
 
     let writing = Instant::now();
     let Outcome { filtered, store, estimate, .. } = &outcome;
     let layers = Layers::of(filtered, store, estimate.as_ref(), &scene, renderer.diameter());
+    let written = Written { store, image: &filtered.image, batches: &outcome.batches };
     outfiles
         .par_iter()
-        .try_for_each(|path| write(path, &layers, &outcome, &scene, &settings, reference.as_ref(), start))
+        .try_for_each(|path| write(path, &layers, &written, &scene, &settings, reference.as_ref(), start))
         .map_err(|error| Failure::Run(error.into()))?;
     let seconds = Times {
         load,
@@ -256,33 +295,52 @@ fn encode(path: &Path, layers: &Layers, filtered: &Filtered) {
 fn write(
     path: &Path,
     layers: &Layers,
-    outcome: &Outcome,
+    written: &Written,
     scene: &Scene,
     settings: &Settings,
     reference: Option<&Planes>,
     start: Instant,
 ) -> Result<(), image::ImageError> {
     match OutputFormat::of(path)? {
-        OutputFormat::Png => png_file::write(path, &outcome.filtered.image, 0.0),
+        OutputFormat::Png => png_file::write(path, written.image, 0.0),
         OutputFormat::Exr => {
             let windows =
                 Windows { data: scene.film.pixel_bounds, display: [scene.film.width, scene.film.height] };
-            let attributes = attributes(outcome, scene, settings, reference, start);
+            let attributes = attributes(written, scene, settings, reference, start);
             exr_file::write(path, windows, &layers.channels(), &attributes)
         }
     }
 }
 
+/// Writes the image of a render that goes on, as EXR and PNG.
+fn save(picture: &Picture, outfile: &Path, scene: &Scene, start: Instant) -> Result<Vec<PathBuf>, String> {
+    let names = preview::next_names(outfile).ok_or("all numbers are taken")?;
+    let layers = Layers::of(picture.filtered, picture.store, None, scene, picture.diameter);
+    let written = Written { store: picture.store, image: &picture.filtered.image, batches: &[] };
+    for name in &names {
+        write(name, &layers, &written, scene, picture.settings, None, start)
+            .map_err(|error| error.to_string())?;
+    }
+    Ok(names.into())
+}
+
+/// What a written image's attributes tell of.
+struct Written<'a> {
+    store: &'a Store,
+    image: &'a Planes,
+    batches: &'a [Batch],
+}
+
 fn attributes(
-    outcome: &Outcome,
+    written: &Written,
     scene: &Scene,
     settings: &Settings,
     reference: Option<&Planes>,
     start: Instant,
 ) -> Vec<(String, Attribute)> {
-    let spread = Spread::of(&outcome.store);
+    let spread = Spread::of(written.store);
     let own = |name: &str| format!("prpf.{name}");
-    let schedule = outcome.batches.iter().map(|b| b.samples_total as i64).collect();
+    let schedule = written.batches.iter().map(|b| b.samples_total as i64).collect();
     let mut attributes = vec![
         (names::SAMPLES_PER_PIXEL.to_owned(), Attribute::Int(spread.mean.round() as i32)),
         (names::RENDER_TIME_SECONDS.to_owned(), Attribute::Float(start.elapsed().as_secs_f32())),
@@ -296,7 +354,7 @@ fn attributes(
         (own("samplesMax"), Attribute::Int(spread.max as i32)),
         (own("batches"), Attribute::Ints(schedule)),
     ];
-    if let Some(mse) = reference.and_then(|r| Some(Pair::new(&outcome.filtered.image, r).ok()?.mse())) {
+    if let Some(mse) = reference.and_then(|r| Some(Pair::new(written.image, r).ok()?.mse())) {
         attributes.push((names::MSE.to_owned(), Attribute::Float(mse as f32)));
     }
     attributes

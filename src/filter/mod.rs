@@ -57,7 +57,7 @@ pub struct Filtered {
 }
 
 /// How much effort the reconstruction makes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, clap::ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "lowercase")]
 pub enum Quality {
     /// `Standard` with smaller discs, for reruns between batches.

@@ -2,15 +2,18 @@
 //! is spent. The only room that reads a clock.
 
 mod estimate;
+mod observer;
+mod region;
 mod rehearsal;
 mod schedule;
 mod steps;
 
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use crate::adaptive::{self, Allocation, Maps, PrioritySettings, Sampling};
-use crate::filter::{self, Filtered, PrpfSettings, Quality};
+use crate::filter::{self, Filtered, Quality};
 use crate::image::Planes;
 use crate::image::metrics::Pair;
 use crate::render::Renderer;
@@ -18,12 +21,15 @@ use crate::stats::{Part, Store};
 
 pub use estimate::ErrorEstimate;
 use estimate::Snapshot;
+pub use observer::{FilterJob, Flow, Observer, Shown};
+pub use region::Region;
 use rehearsal::Rehearsal;
 pub use schedule::Budget;
 use schedule::{Plan, Schedule};
+use steps::Grain;
 
 /// The reconstruction.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Denoiser {
     /// The mean of the samples.
@@ -106,16 +112,24 @@ pub struct Outcome {
 pub struct Progress {
     /// Share of the nearest budget that is spent, in [0, 1].
     pub fraction: f64,
+    /// Seconds since the start, those not counted in which the render was held.
+    pub elapsed: f64,
     pub samples: u64,
     pub spp: f64,
     pub estimated_error: Option<f64>,
 }
 
+/// How [`Loop::advance`] ended.
+pub enum Ended {
+    /// A budget is spent; the last filter pass.
+    Finished(Box<Filtered>, StoppedBy),
+    /// The observer wanted to leave.
+    Left,
+}
+
 /// What a batch's maps are made from.
-struct Shown {
-    filtered: Filtered,
-    failure: Option<Planes>,
-    success: Option<f32>,
+struct Rerun {
+    shown: Shown,
     /// What the image was made of.
     made_of: Snapshot,
     /// Pixels that got samples regardless of their priority since.
@@ -128,7 +142,7 @@ pub type Closing<'a> = &'a dyn Fn(&Filtered, &Store);
 /// The loop's own state.
 pub struct Loop<'a> {
     renderer: &'a Renderer<'a>,
-    settings: &'a Settings,
+    settings: Settings,
     /// When the program started: what budgets of time count from.
     start: Instant,
     /// Set from outside to end the render after the current batch.
@@ -136,7 +150,8 @@ pub struct Loop<'a> {
     /// What the filtered image is compared with after every batch: 3 planes.
     reference: Option<&'a Planes>,
     closing: Option<Closing<'a>>,
-    store: Store,
+    /// Shared only with a filter pass, and not for longer unless its observer gave it up.
+    store: Arc<Store>,
     schedule: Schedule,
     rehearsal: Rehearsal,
     batches: Vec<Batch>,
@@ -145,6 +160,9 @@ pub struct Loop<'a> {
     reruns: f64,
     interim_seconds: Option<f64>,
     estimate: Option<ErrorEstimate>,
+    rerun: Option<Rerun>,
+    /// Pixels that get all samples, see [`Self::favour`].
+    favoured: Option<Region>,
 }
 
 /// Sample vectors kept per pixel where mutual information is estimated: enough for the smallest of
@@ -181,7 +199,7 @@ pub fn store_bytes_per_pixel(layout: &crate::stats::Layout, settings: &Settings)
 impl<'a> Loop<'a> {
     pub fn new(
         renderer: &'a Renderer<'a>,
-        settings: &'a Settings,
+        settings: &Settings,
         start: Instant,
         interrupt: &'a AtomicBool,
         reference: Option<&'a Planes>,
@@ -191,7 +209,7 @@ impl<'a> Loop<'a> {
             Store::new(width, height, renderer.layout().clone(), reservoir_capacity(settings), settings.seed);
         Self {
             renderer,
-            settings,
+            settings: settings.clone(),
             start,
             interrupt,
             reference,
@@ -202,13 +220,15 @@ impl<'a> Loop<'a> {
                 settings.min_spp,
                 settings.max_spp,
             ),
-            store,
+            store: Arc::new(store),
             rehearsal: Rehearsal::default(),
             batches: Vec::new(),
             seconds: Seconds::default(),
             reruns: 0.0,
             interim_seconds: None,
             estimate: None,
+            rerun: None,
+            favoured: None,
         }
     }
 
@@ -219,18 +239,55 @@ impl<'a> Loop<'a> {
         self
     }
 
-    /// Runs until a budget is spent. `listen` hears of every step.
-    pub fn run(mut self, listen: &mut dyn FnMut(Progress)) -> Outcome {
-        let mut shown: Option<Shown> = None;
+    /// Follows other settings from now on. The seed and what the reservoir keeps stay as they are.
+    pub fn change(&mut self, settings: &Settings) {
+        self.schedule.change(&settings.budget);
+        self.settings = Settings { seed: self.settings.seed, ..settings.clone() };
+    }
+
+    /// Whether the samples so far can be filtered as these settings ask for.
+    pub fn can_change_to(&self, settings: &Settings) -> bool {
+        reservoir_capacity(settings) <= self.store.capacity()
+    }
+
+    /// Gives a region all samples until each of its pixels has the budget's on average, or until the
+    /// region is taken back. The estimate of the image's error stands still meanwhile.
+    pub fn favour(&mut self, region: Option<Region>) {
+        self.favoured = region;
+    }
+
+    /// Time in which the render stood still between calls, which no budget counts.
+    pub fn hold(&mut self, duration: Duration) {
+        self.start += duration;
+    }
+
+    /// Everything known of the pixels.
+    pub fn store(&self) -> &Arc<Store> {
+        &self.store
+    }
+
+    /// Runs until a budget is spent. The observer is told of every step.
+    pub fn run(mut self, observer: &mut dyn Observer) -> Outcome {
+        loop {
+            if let Ended::Finished(filtered, stopped_by) = self.advance(observer) {
+                return self.into_outcome(*filtered, stopped_by);
+            }
+        }
+    }
+
+    /// Runs until a budget is spent or the observer wants to leave; may be called again, after
+    /// changes or not, and goes on where it was.
+    pub fn advance(&mut self, observer: &mut dyn Observer) -> Ended {
         let stopped_by = loop {
             let plan = match self.plan() {
                 Ok(plan) => plan,
                 Err(stopped_by) => break stopped_by,
             };
-            let allocation = self.allocate(shown.as_ref(), plan.samples);
-            self.render(&allocation, listen);
-            if let Some(shown) = &mut shown {
-                self.check(shown, &allocation.probes);
+            let allocation = self.allocate(plan.samples);
+            let left = self.render(&allocation, observer);
+            self.check(&allocation.probes);
+            if left {
+                return Ended::Left;
             }
             if self.interrupt.load(Ordering::Relaxed) {
                 break StoppedBy::Interrupt;
@@ -238,21 +295,33 @@ impl<'a> Loop<'a> {
             match self.plan() {
                 Err(stopped_by) => break stopped_by,
                 Ok(next) => {
-                    if let Some(quality) = self.rerun_due(shown.is_some(), next.last) {
-                        shown = Some(self.rerun(quality));
+                    if let Some(quality) = self.rerun_due(self.rerun.is_some(), next.last)
+                        && !self.rerun(quality, observer)
+                    {
+                        return Ended::Left;
                     }
                 }
             }
         };
-        let (mut filtered, seconds) = self.filter(self.final_quality());
-        if let Some(shown) = shown {
-            filtered.interpolation_failure = filtered.interpolation_failure.or(shown.failure);
-            filtered.interpolation_success = filtered.interpolation_success.or(shown.success);
+        let Some((mut shown, seconds)) = self.filter(self.final_quality(), false, observer) else {
+            return Ended::Left;
+        };
+        if let Some(Rerun { shown: last, .. }) = &self.rerun {
+            let filtered = &mut shown.filtered;
+            filtered.interpolation_failure =
+                filtered.interpolation_failure.take().or_else(|| last.failure.clone());
+            filtered.interpolation_success = filtered.interpolation_success.or(last.success);
         }
-        self.report(&filtered, seconds, filtered.interpolation_success);
+        self.report(&shown.filtered, seconds, shown.filtered.interpolation_success);
+        observer.filtered(&shown);
+        Ended::Finished(Box::new(shown.filtered), stopped_by)
+    }
+
+    /// Ends the render with what [`Self::advance`] gave.
+    pub fn into_outcome(self, filtered: Filtered, stopped_by: StoppedBy) -> Outcome {
         Outcome {
             filtered,
-            store: self.store,
+            store: Arc::unwrap_or_clone(self.store),
             batches: self.batches,
             stopped_by,
             seconds: self.seconds,
@@ -270,9 +339,10 @@ impl<'a> Loop<'a> {
     }
 
     /// Holds the samples since an image was shown against it.
-    fn check(&mut self, shown: &mut Shown, probes: &[bool]) {
-        shown.probes.iter_mut().zip(probes).for_each(|(all, &new)| *all |= new);
-        let new = ErrorEstimate::of(&shown.filtered.image, &shown.made_of, &self.store, &shown.probes);
+    fn check(&mut self, probes: &[bool]) {
+        let Some(Rerun { shown, made_of, probes: all }) = &mut self.rerun else { return };
+        all.iter_mut().zip(probes).for_each(|(all, &new)| *all |= new);
+        let new = ErrorEstimate::of(&shown.filtered.image, made_of, &self.store, all);
         if let Some(new) = new {
             self.estimate = Some(new.or_keep(self.estimate.take()));
         }
@@ -300,6 +370,10 @@ impl<'a> Loop<'a> {
     /// batch it is that of the end, so that the error which the batch measures is that of such an image.
     fn rerun_due(&self, again: bool, last: bool) -> Option<Quality> {
         let (interim, ending) = (self.interim_quality(), self.settings.quality);
+        if self.favoured.is_some() && again && self.reruns > RERUN_SHARE * self.elapsed() {
+            // A region's batches are small.
+            return None;
+        }
         let Some(left) = self.schedule.seconds_left(self.elapsed()) else {
             // The clock has no say, so that the image is the same on any machine.
             return Some(if last { ending } else { interim });
@@ -334,19 +408,19 @@ impl<'a> Loop<'a> {
             return;
         }
         let (quality, seed) = (self.final_quality(), self.settings.seed);
-        let filter = |store: &Store| filtered(store, self.settings.denoiser, quality, seed);
+        let filter = |store: &Store| observer::filtered(store, self.settings.denoiser, quality, seed);
         self.rehearsal.run(&self.store, left, filter, self.closing);
         self.schedule.rehearsed(self.rehearsal.closing_seconds);
         self.seconds.filter += self.elapsed() - elapsed;
     }
 
     /// Decides where the next samples go.
-    fn allocate(&mut self, shown: Option<&Shown>, total: u64) -> Allocation {
+    fn allocate(&mut self, total: u64) -> Allocation {
         let started = Instant::now();
         let counts = self.store.counts(Part::Whole);
         let floor = self.settings.min_spp.min(self.settings.max_spp);
-        let allocation = match (self.settings.sampling, shown) {
-            (Sampling::Adaptive, Some(shown)) if counts.iter().all(|&n| n >= floor) => {
+        let priority = match (self.settings.sampling, &self.rerun) {
+            (Sampling::Adaptive, Some(Rerun { shown, .. })) if counts.iter().all(|&n| n >= floor) => {
                 let maps = Maps {
                     counts: &counts,
                     image: &shown.filtered.image,
@@ -355,68 +429,98 @@ impl<'a> Loop<'a> {
                     residual: &shown.filtered.residual,
                     interpolation_failure: shown.failure.as_ref(),
                 };
-                let priority = adaptive::priority(maps, &self.settings.priority);
-                let key = self.settings.seed.rotate_left(32) ^ self.batches.len() as u64;
-                adaptive::allocate(&priority, &counts, self.store.width(), total, self.settings.max_spp, key)
+                Some(adaptive::priority(maps, &self.settings.priority))
             }
-            _ => adaptive::uniform(total, &counts, self.settings.max_spp),
+            _ => None,
         };
+        let max_spp = self.settings.max_spp;
+        let key = self.settings.seed.rotate_left(32) ^ self.batches.len() as u64;
+        let spread = |priority: Option<&[f32]>, have: &[u32], width: usize, total: u64| match priority {
+            Some(priority) => adaptive::allocate(priority, have, width, total, max_spp, key),
+            None => adaptive::uniform(total, have, max_spp),
+        };
+        let width = self.store.width();
+        let favoured = self.favoured.and_then(|region| {
+            let part = region.part(&counts, width, total, &self.settings)?;
+            Some(part.allocate(&counts, priority.as_deref(), spread))
+        });
+        let allocation = favoured.unwrap_or_else(|| spread(priority.as_deref(), &counts, width, total));
         self.seconds.allocate += started.elapsed().as_secs_f64();
         allocation
     }
 
-    /// Renders a batch in steps, between which the clock may end it.
-    fn render(&mut self, allocation: &Allocation, listen: &mut dyn FnMut(Progress)) {
+    /// Renders a batch in steps, between which the clock or the observer may end it; true if it was
+    /// the observer.
+    fn render(&mut self, allocation: &Allocation, observer: &mut dyn Observer) -> bool {
         let total: u64 = allocation.counts.iter().map(|&n| u64::from(n)).sum();
+        let grain = if self.store.drawn() == 0 { Grain::Pixel } else { Grain::Line };
         let mut done = 0.0;
         while done < 1.0 {
             let started = Instant::now();
             let before = self.store.drawn();
             let Some(share) = self.schedule.step(self.elapsed(), before, total) else { break };
-            let next = f64::min(done + share, 1.0);
-            let counts = steps::between(&allocation.counts, &self.store, done, next);
-            self.renderer.render_batch(&counts, &mut self.store);
+            let short = observer.step_seconds().map(|seconds| self.schedule.short_step(seconds, total));
+            let next = (done + short.map_or(share, |short| short.min(share))).min(1.0);
+            let counts = steps::between(&allocation.counts, &self.store, grain, done, next);
+            // Copies only if a filter pass that was given up still reads the store.
+            self.renderer.render_batch(&counts, Arc::make_mut(&mut self.store));
             done = next;
             let seconds = started.elapsed().as_secs_f64();
             self.seconds.render += seconds;
             self.schedule.rendered(self.store.drawn() - before, seconds);
             self.rehearse();
-            let samples = self.store.samples();
-            listen(Progress {
-                fraction: self.schedule.fraction(self.elapsed(), samples),
+            let (samples, elapsed) = (self.store.samples(), self.elapsed());
+            let progress = Progress {
+                fraction: self.schedule.fraction(elapsed, samples),
+                elapsed,
                 samples,
                 spp: samples as f64 / self.store.pixels().max(1) as f64,
                 estimated_error: self.estimate.as_ref().map(|e| e.image),
-            });
+            };
+            match observer.stepped(progress, &self.store) {
+                Flow::GoOn => {}
+                Flow::Held(duration) => self.start += duration,
+                Flow::Leave => return true,
+            }
         }
+        false
     }
 
-    /// Filters between batches.
-    fn rerun(&mut self, quality: Quality) -> Shown {
-        let (filtered, mut seconds) = self.filter(quality);
+    /// Filters between batches; false if the observer gave it up.
+    fn rerun(&mut self, quality: Quality, observer: &mut dyn Observer) -> bool {
+        let interpolation = drives_interpolation(&self.settings);
+        let Some((shown, filter_seconds)) = self.filter(quality, interpolation, observer) else {
+            return false;
+        };
         let started = Instant::now();
-        let grid = drives_interpolation(self.settings).then(|| {
-            filter::prpf::interpolation_failure(&self.store, &PrpfSettings::paper(), FAILURE_WINDOW)
-        });
         let made_of = Snapshot::of(&self.store);
-        let grid_seconds = started.elapsed().as_secs_f64();
-        self.seconds.filter += grid_seconds;
-        seconds += grid_seconds;
-        let (failure, success) = grid.unzip();
+        let snapshot_seconds = started.elapsed().as_secs_f64();
+        self.seconds.filter += snapshot_seconds;
+        let seconds = filter_seconds + snapshot_seconds;
         self.reruns += seconds;
         if quality == self.interim_quality() {
             self.interim_seconds = Some(seconds);
         }
-        self.report(&filtered, seconds, success);
-        Shown { filtered, failure, success, made_of, probes: vec![false; self.store.pixels()] }
+        self.report(&shown.filtered, filter_seconds, shown.success);
+        observer.filtered(&shown);
+        self.rerun = Some(Rerun { shown, made_of, probes: vec![false; self.store.pixels()] });
+        true
     }
 
-    fn filter(&mut self, quality: Quality) -> (Filtered, f64) {
+    /// What a filter pass makes of the store, and its seconds; `None` if the observer gave it up.
+    fn filter(
+        &mut self,
+        quality: Quality,
+        interpolation: bool,
+        observer: &mut dyn Observer,
+    ) -> Option<(Shown, f64)> {
         let started = Instant::now();
-        let filtered = filtered(&self.store, self.settings.denoiser, quality, self.settings.seed);
+        let Settings { denoiser, seed, .. } = self.settings;
+        let job = FilterJob { store: self.store.clone(), denoiser, quality, seed, interpolation };
+        let shown = observer.run_filter(job);
         let seconds = started.elapsed().as_secs_f64();
         self.seconds.filter += seconds;
-        (filtered, seconds)
+        Some((shown?, seconds))
     }
 
     fn report(&mut self, filtered: &Filtered, filter_seconds: f64, interpolation_success: Option<f32>) {
@@ -440,13 +544,5 @@ impl<'a> Loop<'a> {
             noisy_relmse: against(noisy.as_ref(), |pair| pair.relmse()),
         };
         self.batches.push(batch);
-    }
-}
-
-/// The image that a store holds.
-fn filtered(store: &Store, denoiser: Denoiser, quality: Quality, seed: u64) -> Filtered {
-    match denoiser {
-        Denoiser::None => filter::unfiltered(store),
-        Denoiser::Prpf => filter::filter(store, quality, seed),
     }
 }

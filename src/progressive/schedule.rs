@@ -41,6 +41,8 @@ const STEP_SPP: u64 = 4;
 /// Share of the pixels that the first step under a budget of time renders, whatever it costs: there
 /// has to be an image.
 const FIRST_STEP: f64 = 1.0 / 16.0;
+/// Samples per pixel that make the coarsest image.
+const LEAST_IMAGE: f64 = 1.0 / 8.0;
 /// Under a budget of time a step takes at most this long, in seconds, and no step is begun that would
 /// have to be shorter than this.
 const STEP_SECONDS: (f64, f64) = (0.01, 0.25);
@@ -171,6 +173,18 @@ impl Schedule {
             Some(_) if samples > 0 && seconds < shortest => None,
             Some(rate) => Some(share(rate * (STEP_SHARE * seconds).clamp(shortest, longest))),
         }
+    }
+
+    /// Share of a batch of `batch` samples that takes about so long, and at least what makes an image: a
+    /// pair of samples in every block of 4×4 pixels.
+    pub fn short_step(&self, seconds: f64, batch: u64) -> f64 {
+        let least = LEAST_IMAGE * self.pixels as f64;
+        self.rate().map_or(least, |rate| (rate * seconds).max(least)) / batch.max(1) as f64
+    }
+
+    /// Follows another budget from now on.
+    pub fn change(&mut self, budget: &Budget) {
+        self.budget = *budget;
     }
 
     /// Seconds left for samples, with a budget of time.

@@ -3,6 +3,8 @@
 //! A pixel's turn comes by ordered dithering (Bayer 1973), so that a batch that the clock cuts short
 //! leaves no visible border between what it reached and what it did not.
 
+use rayon::prelude::*;
+
 use crate::stats::Store;
 
 /// Side of the dither matrix.
@@ -10,16 +12,40 @@ const SIDE: usize = 8;
 /// Spreads the turns of pixels with the same entry of the matrix.
 const GOLDEN_RATIO: f64 = 0.618_033_988_749_894_9;
 
+/// Neighbours in a row whose statistics share cache lines: together they cost little more memory traffic
+/// than one alone.
+const LINE: usize = 8;
+
+/// How fine the dithering is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Grain {
+    /// Single pixels: the first samples of all are an image as soon as can be.
+    Pixel,
+    /// Pixels that share cache lines: with small steps the store takes samples half as fast else.
+    Line,
+}
+
 /// Samples to add per pixel to come from share `from` of a batch to share `to`; from 0 to 1 it is
 /// `counts`. Even counts grow by pairs, so that both halves of a pixel grow alike.
-pub(super) fn between(counts: &[u32], store: &Store, from: f64, to: f64) -> Vec<u32> {
+pub(super) fn between(counts: &[u32], store: &Store, grain: Grain, from: f64, to: f64) -> Vec<u32> {
     let width = store.width().max(1);
-    let part = |i: usize, n: u32, share: f64| {
+    let side = if grain == Grain::Line { LINE } else { 1 };
+    let part = |n: u32, turn: f64, share: f64| {
         let unit = 2 - n % 2;
         let units = n / unit;
-        unit * ((f64::from(units) * share + turn(i % width, i / width)) as u32).min(units)
+        unit * ((f64::from(units) * share + turn) as u32).min(units)
     };
-    counts.iter().enumerate().map(|(i, &n)| part(i, n, to) - part(i, n, from)).collect()
+    let mut step = vec![0; counts.len()];
+    step.par_chunks_mut(width).zip(counts.par_chunks(width)).enumerate().for_each(|(y, (step, counts))| {
+        let groups = step.chunks_mut(side).zip(counts.chunks(side)).enumerate();
+        for (x, (step, counts)) in groups {
+            let turn = turn(x, y);
+            for (step, &n) in step.iter_mut().zip(counts) {
+                *step = part(n, turn, to) - part(n, turn, from);
+            }
+        }
+    });
+    step
 }
 
 /// When a pixel's turn comes: uniform in [0, 1), the larger the earlier.
@@ -46,7 +72,7 @@ mod tests {
         let counts: Vec<u32> = (0..256).map(|i| i % 23).collect();
         let mut sum = vec![0; 256];
         for pair in [0.0, 0.01, 0.013, 0.2, 0.9, 1.0].windows(2) {
-            let step = between(&counts, &store, pair[0], pair[1]);
+            let step = between(&counts, &store, Grain::Line, pair[0], pair[1]);
             sum.iter_mut().zip(&step).for_each(|(sum, n)| *sum += n);
         }
         assert_eq!(sum, counts);
@@ -54,7 +80,7 @@ mod tests {
 
     #[test]
     fn a_sixteenth_of_a_batch_reaches_every_block_of_eight_by_eight_alike() {
-        let step = between(&[1; 64 * 64], &store(64), 0.0, 1.0 / 16.0);
+        let step = between(&[1; 64 * 64], &store(64), Grain::Pixel, 0.0, 1.0 / 16.0);
         for block in 0..64 {
             let (x0, y0) = (block % 8 * 8, block / 8 * 8);
             let n: u32 = (0..64).map(|i| step[(y0 + i / 8) * 64 + x0 + i % 8]).sum();
@@ -66,7 +92,7 @@ mod tests {
 
     #[test]
     fn even_counts_grow_by_pairs() {
-        let step = between(&[6; 256], &store(16), 0.0, 0.4);
+        let step = between(&[6; 256], &store(16), Grain::Pixel, 0.0, 0.4);
         assert!(step.iter().all(|n| n % 2 == 0));
         let sum: u32 = step.iter().sum();
         assert!((sum as f64 / (256.0 * 6.0) - 0.4).abs() < 0.02, "{sum}");

@@ -22,7 +22,7 @@ use self::pixel_filter::FilterSampler;
 use self::record::Record;
 use self::sampler::{Independent, Sobol, Source, Stream};
 use crate::geometry::Accel;
-use crate::scene::{SamplerKind, Scene};
+use crate::scene::{Camera, Effects, SamplerKind, Scene};
 use crate::stats::{Layout, Row, Store};
 
 /// Renders samples of one scene.
@@ -46,7 +46,14 @@ impl<'s> Renderer<'s> {
     /// Prepares what all batches share: light tables, and the layout that the scene's effects call
     /// for. Everything random follows from `seed`.
     pub fn new(scene: &'s Scene, accel: &'s Accel<'s>, seed: u64) -> Self {
-        let layout = Layout::for_effects(&scene.effects());
+        Self::with_camera(scene, &scene.camera, accel, seed)
+    }
+
+    /// The same, seen through another camera; its lens may bring the effect of depth of field or take
+    /// it away.
+    pub fn with_camera(scene: &'s Scene, camera: &Camera, accel: &'s Accel<'s>, seed: u64) -> Self {
+        let effects = Effects { lens: camera.lens_radius > 0.0, ..scene.effects() };
+        let layout = Layout::for_effects(&effects);
         let [x0, x1, y0, y1] = scene.film.pixel_bounds;
         Self {
             seed,
@@ -55,8 +62,8 @@ impl<'s> Renderer<'s> {
             resolution: (x1 - x0, y1 - y0),
             exposure: scene.film.scale,
             filter: FilterSampler::new(&scene.film.filter),
-            camera: CameraRays::new(&scene.camera, &scene.film),
-            tracer: PathTracer::new(scene, accel, &layout),
+            camera: CameraRays::new(camera, &scene.film),
+            tracer: PathTracer::new(scene, accel, &effects, &layout),
             alive: Record::alive(&layout),
             layout,
         }
@@ -75,6 +82,14 @@ impl<'s> Renderer<'s> {
     /// What positions in sample vectors are divided by, in scene units.
     pub fn diameter(&self) -> f32 {
         self.tracer.diameter()
+    }
+
+    /// The nearest surface seen through the middle of a pixel of [`Self::resolution`], from the middle
+    /// of the lens when the shutter opens: where it is in render space.
+    pub fn seen_at(&self, accel: &Accel, x: usize, y: usize) -> Option<glam::Vec3> {
+        let film = glam::Vec2::new((x + self.corner[0]) as f32 + 0.5, (y + self.corner[1]) as f32 + 0.5);
+        let ray = self.camera.ray(film, glam::Vec2::splat(0.5), 0.0);
+        accel.intersect(&ray).map(|hit| ray.origin + hit.t * ray.direction)
     }
 
     /// Renders `counts[pixel]` more samples into every pixel, row by row over the film's pixel

@@ -68,6 +68,19 @@ impl AnimatedTransform {
         self
     }
 
+    /// The same motion moved as a whole: the result is `rigid · self.at(t)` at every time. `rigid` turns
+    /// and shifts only.
+    pub fn moved(mut self, rigid: DAffine3) -> Self {
+        let turn = DQuat::from_mat3(&rigid.matrix3);
+        self.start = rigid * self.start;
+        if let Some(motion) = &mut self.motion {
+            motion.end = rigid * motion.end;
+            motion.translation = motion.translation.map(|t| rigid.transform_point3(t));
+            motion.rotation = motion.rotation.map(|rotation| turn * rotation);
+        }
+        self
+    }
+
     /// Whether the two keys differ.
     pub fn is_animated(&self) -> bool {
         self.motion.is_some()
@@ -201,6 +214,17 @@ mod tests {
         for time in [0.0, 0.5, 1.0] {
             let expected = turned(90.0 * f64::from(time)) * DAffine3::from_translation(offset);
             assert_close(motion.at_f64(time), expected);
+        }
+    }
+
+    #[test]
+    fn a_motion_is_moved_as_a_whole() {
+        let offset = DVec3::new(2.0, 0.0, 0.0);
+        let motion = AnimatedTransform::new(turned(0.0), turned(90.0), 0.0, 1.0).after_translation(offset);
+        let rigid = DAffine3::from_axis_angle(DVec3::X, 0.7) * DAffine3::from_translation(DVec3::ONE);
+        let moved = motion.clone().moved(rigid);
+        for time in [0.0, 0.3, 1.0] {
+            assert_close(moved.at_f64(time), rigid * motion.at_f64(time));
         }
     }
 

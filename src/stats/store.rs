@@ -135,12 +135,16 @@ impl Store {
 
     /// Accepted samples of the whole image.
     pub fn samples(&self) -> u64 {
-        self.rows.iter().flat_map(|row| &row.halves).flat_map(|half| &half.count).map(|&n| u64::from(n)).sum()
+        self.sum(|row| row.halves.iter().flat_map(|half| &half.count).map(|&n| u64::from(n)).sum())
     }
 
     /// Samples of the whole image, rejected ones included.
     pub fn drawn(&self) -> u64 {
-        self.rows.iter().flat_map(|row| &row.drawn).map(|&n| u64::from(n)).sum()
+        self.sum(|row| row.drawn.iter().map(|&n| u64::from(n)).sum())
+    }
+
+    fn sum(&self, of_row: impl Fn(&Row) -> u64 + Send + Sync) -> u64 {
+        self.rows.par_iter().map(of_row).sum()
     }
 
     /// Samples rejected because a value was not finite or a radiance negative.

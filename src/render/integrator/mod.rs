@@ -8,7 +8,7 @@ mod direct;
 mod path;
 
 use crate::geometry::{Accel, SurfacePoint};
-use crate::scene::{Integrator, MaterialKind, Scene};
+use crate::scene::{Effects, Integrator, MaterialKind, Scene};
 use crate::stats::{Block, Layout};
 
 use super::lights::Lights;
@@ -35,8 +35,8 @@ pub struct PathTracer<'s> {
 }
 
 impl<'s> PathTracer<'s> {
-    pub fn new(scene: &'s Scene, accel: &'s Accel<'s>, layout: &Layout) -> Self {
-        let effects = scene.effects();
+    /// `effects`: what `layout` was made for.
+    pub fn new(scene: &'s Scene, accel: &'s Accel<'s>, effects: &Effects, layout: &Layout) -> Self {
         let diameter = diameter(accel);
         let lights = Lights::new(scene);
         let (max_depth, direct_only) = match scene.integrator {

@@ -1,0 +1,123 @@
+//! Who may look and steer. A page anywhere on the web can make a browser connect to a local port, so
+//! every request is checked for whom it comes from, not only the port for whom it listens to.
+
+use std::net::{IpAddr, SocketAddr};
+
+/// Bytes of a token: 128 bits cannot be guessed.
+const TOKEN_BYTES: usize = 16;
+
+/// What a request has to show.
+#[derive(Clone, Debug)]
+pub struct Access {
+    token: Option<String>,
+}
+
+impl Access {
+    /// For the default address, which only this machine reaches: no token.
+    pub fn local() -> Self {
+        Self { token: None }
+    }
+
+    /// For an address that was given: a new token.
+    ///
+    /// # Errors
+    /// The system has no random numbers.
+    pub fn with_token() -> std::io::Result<Self> {
+        let mut bytes = [0; TOKEN_BYTES];
+        getrandom::fill(&mut bytes).map_err(std::io::Error::other)?;
+        Ok(Self { token: Some(bytes.iter().map(|byte| format!("{byte:02x}")).collect()) })
+    }
+
+    /// The address to open.
+    pub fn address(&self, socket: SocketAddr) -> String {
+        match &self.token {
+            Some(token) => format!("http://{socket}/?token={token}"),
+            None => format!("http://{socket}/"),
+        }
+    }
+
+    /// Whether a request may be answered, by its `Host` header and the query of its address.
+    ///
+    /// Without a token the host has to be this machine: a name that somebody made resolve to it
+    /// (DNS rebinding) is refused.
+    pub fn admits(&self, host: Option<&str>, query: Option<&str>) -> bool {
+        match &self.token {
+            Some(token) => query
+                .unwrap_or_default()
+                .split('&')
+                .filter_map(|pair| pair.strip_prefix("token="))
+                .any(|given| same(given, token)),
+            None => host.is_some_and(is_this_machine),
+        }
+    }
+
+    /// Whether a file that holds no secret may be fetched: the page's own scripts.
+    pub fn admits_files(&self, host: Option<&str>) -> bool {
+        self.token.is_some() || self.admits(host, None)
+    }
+
+    /// Whether a socket may be opened: only by a page that came from here, which a browser tells by
+    /// the `Origin` header.
+    pub fn admits_socket(&self, origin: Option<&str>, host: Option<&str>, query: Option<&str>) -> bool {
+        let from = origin.and_then(|origin| origin.split_once("://")).map(|(_, authority)| authority);
+        self.admits(host, query) && from.is_some() && from == host
+    }
+}
+
+/// `localhost` or a loopback address, with or without a port.
+fn is_this_machine(host: &str) -> bool {
+    if host == "localhost" || host.starts_with("localhost:") {
+        return true;
+    }
+    let address = host.parse::<SocketAddr>().map(|socket| socket.ip());
+    let address = address.or_else(|_| host.trim_matches(['[', ']']).parse::<IpAddr>());
+    address.is_ok_and(|address| address.is_loopback())
+}
+
+/// Compares in a time that does not tell how much of it was right.
+fn same(given: &str, token: &str) -> bool {
+    given.len() == token.len() && given.bytes().zip(token.bytes()).fold(0, |all, (a, b)| all | (a ^ b)) == 0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn without_a_token_only_this_machine_is_a_host() {
+        let access = Access::local();
+        for host in ["127.0.0.1:8080", "localhost:8080", "localhost", "[::1]:80", "127.0.0.1"] {
+            assert!(access.admits(Some(host), None), "{host}");
+        }
+        for host in
+            ["evil.example:8080", "localhost.evil.example", "192.168.0.7:80", "", "127.0.0.1.evil.example:1"]
+        {
+            assert!(!access.admits(Some(host), None), "{host}");
+        }
+        assert!(!access.admits(None, None));
+    }
+
+    #[test]
+    fn another_page_cannot_open_the_socket() {
+        let access = Access::local();
+        let host = Some("127.0.0.1:8080");
+        assert!(access.admits_socket(Some("http://127.0.0.1:8080"), host, None));
+        for origin in [None, Some("http://evil.example"), Some("http://127.0.0.1:9999"), Some("null")] {
+            assert!(!access.admits_socket(origin, host, None), "{origin:?}");
+        }
+    }
+
+    #[test]
+    fn a_given_address_needs_its_token() {
+        let access = Access::with_token().unwrap();
+        let socket = "192.168.0.7:8080".parse().unwrap();
+        let address = access.address(socket);
+        let query = address.split_once('?').map(|(_, query)| query);
+        assert!(access.admits(Some("workstation:8080"), query));
+        assert!(query.unwrap().len() == "token=".len() + 32);
+        for wrong in [None, Some(""), Some("token="), Some("token=00000000000000000000000000000000")] {
+            assert!(!access.admits(Some("192.168.0.7:8080"), wrong), "{wrong:?}");
+        }
+        assert_ne!(Access::with_token().unwrap().token, access.token);
+    }
+}

@@ -1,0 +1,32 @@
+//! The live page: what a render looks like while it runs, and the handles to steer it.
+//!
+//! ```text
+//! progressive loop ──► director ──► hub ──► server ──► page
+//!        ▲                │  ▲       └────► display (tev)
+//!        └── flow ────────┘  └───── commands ◄── page
+//! ```
+//!
+//! The [`director`] observes the loop on the loop's own thread. It publishes images to the [`hub`],
+//! which keeps the newest of each view, and obeys commands from a bounded channel. Whoever looks takes
+//! the newest image when ready for one; nothing here ever waits for them.
+
+mod access;
+mod camera;
+mod curve;
+mod director;
+mod frame;
+mod hub;
+mod page;
+mod pass;
+mod protocol;
+mod publish;
+mod server;
+mod status;
+mod tev;
+mod values;
+mod view;
+
+pub use director::{Director, Picture, Save, Stage};
+pub use hub::Hub;
+pub use server::{ServeError, Server};
+pub use tev::Display;

@@ -1,0 +1,54 @@
+//! The page's files, part of the program: plain HTML, CSS and modules, served as they are.
+
+macro_rules! files {
+    ($($path:literal: $kind:literal = $name:literal),* $(,)?) => {
+        &[$(($path, $kind, include_bytes!(concat!("page/", $name)).as_slice())),*]
+    };
+}
+
+const FILES: &[(&str, &str, &[u8])] = files![
+    "/": "text/html; charset=utf-8" = "index.html",
+    "/style.css": "text/css; charset=utf-8" = "style.css",
+    "/main.js": "text/javascript; charset=utf-8" = "main.js",
+    "/link.js": "text/javascript; charset=utf-8" = "link.js",
+    "/picture.js": "text/javascript; charset=utf-8" = "picture.js",
+    "/scale.js": "text/javascript; charset=utf-8" = "scale.js",
+    "/hand.js": "text/javascript; charset=utf-8" = "hand.js",
+    "/panel.js": "text/javascript; charset=utf-8" = "panel.js",
+    "/curve.js": "text/javascript; charset=utf-8" = "curve.js",
+    "/icon.svg": "image/svg+xml" = "icon.svg",
+];
+
+/// Content type and content of the file at a path.
+pub fn file(path: &str) -> Option<(&'static str, &'static [u8])> {
+    FILES.iter().find(|(at, ..)| *at == path).map(|&(_, kind, body)| (kind, body))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn nothing_is_fetched_from_elsewhere() {
+        for (path, _, body) in FILES {
+            let text = std::str::from_utf8(body).unwrap();
+            let elsewhere = text.match_indices("://").filter(|(at, _)| {
+                // A namespace is a name; the socket's address is made from the page's own.
+                !text[..*at].ends_with("http") || !text[*at..].starts_with("://www.w3.org/")
+            });
+            let own = elsewhere.filter(|(at, _)| !text[*at..].starts_with("://${location.host}"));
+            assert_eq!(own.count(), 0, "{path}");
+        }
+    }
+
+    #[test]
+    fn every_module_that_is_imported_is_served() {
+        for (path, _, body) in FILES {
+            let text = std::str::from_utf8(body).unwrap();
+            for (at, _) in text.match_indices("from \"./") {
+                let name = text[at + 7..].split('"').next().unwrap();
+                assert!(file(name).is_some(), "{path} imports {name}");
+            }
+        }
+    }
+}

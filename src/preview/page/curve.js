@@ -1,0 +1,104 @@
+// The estimated error against time, both axes logarithmic, and how it is expected to go on.
+
+const INK = { axis: "#4a4a4a", text: "#8e8e8e", line: "#e0e0e0", ahead: "#a0a0a0" };
+const MARGIN = { left: 46, right: 10, top: 8, bottom: 18 };
+
+const power = (v) => `10${[...String(v)].map((c) => "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"["-0123456789".indexOf(c)]).join("")}`;
+
+export function duration(seconds) {
+  if (seconds < 10) return `${seconds.toFixed(1)} s`;
+  if (seconds < 120) return `${Math.round(seconds)} s`;
+  if (seconds < 7200) return `${Math.floor(seconds / 60)} min ${Math.round(seconds % 60)} s`;
+  return `${(seconds / 3600).toFixed(1)} h`;
+}
+
+// `points`: [{ seconds, error }]; `forecast`: { power, halving_seconds } or null; `target` or null.
+export function drawCurve(canvas, points, forecast, target) {
+  const ratio = window.devicePixelRatio || 1;
+  const { clientWidth: width, clientHeight: height } = canvas;
+  canvas.width = Math.round(width * ratio);
+  canvas.height = Math.round(height * ratio);
+  const c = canvas.getContext("2d");
+  c.scale(ratio, ratio);
+  c.font = `11px ${getComputedStyle(document.body).fontFamily}`;
+
+  const known = points.filter((p) => p.error > 0 && p.seconds > 0);
+  const last = known.at(-1);
+  const halved = last && forecast
+    ? { seconds: last.seconds + forecast.halving_seconds, error: last.error / 2 } : null;
+  const all = [...known, ...(halved ? [halved] : [])];
+  const span = (values, least) => {
+    let low = Math.min(...values), high = Math.max(...values);
+    const spare = Math.max(0, least - (high - low)) / 2;
+    return [low - spare - 0.05, high + spare + 0.05];
+  };
+  const xs = all.length ? span(all.map((p) => Math.log10(p.seconds)), 1) : [-1, 1];
+  const ys = all.length
+    ? span([...all.map((p) => Math.log10(p.error)), ...(target ? [Math.log10(target)] : [])], 1) : [-4, 0];
+  const x = (seconds) => MARGIN.left + ((Math.log10(seconds) - xs[0]) / (xs[1] - xs[0])) * (width - MARGIN.left - MARGIN.right);
+  const y = (error) => height - MARGIN.bottom - ((Math.log10(error) - ys[0]) / (ys[1] - ys[0])) * (height - MARGIN.top - MARGIN.bottom);
+
+  c.lineWidth = 1;
+  c.textBaseline = "middle";
+  c.textAlign = "right";
+  for (const { factor, e, value } of marks(ys)) {
+    rule(c, MARGIN.left, y(value), width - MARGIN.right, y(value), INK.axis);
+    c.fillStyle = INK.text;
+    c.fillText((factor > 1 ? `${factor}·` : "") + power(e), MARGIN.left - 6, y(value));
+  }
+  c.textAlign = "center";
+  for (const { value } of marks(xs)) {
+    rule(c, x(value), MARGIN.top, x(value), height - MARGIN.bottom, INK.axis);
+    c.fillStyle = INK.text;
+    c.fillText(`${Number(value.toPrecision(1))} s`, Math.min(x(value), width - 14), height - 7);
+  }
+  if (target) {
+    c.setLineDash([2, 3]);
+    rule(c, MARGIN.left, y(target), width - MARGIN.right, y(target), INK.line);
+    c.setLineDash([]);
+  }
+  if (!last) return;
+  c.strokeStyle = c.fillStyle = INK.line;
+  c.beginPath();
+  known.forEach((p) => c.lineTo(x(p.seconds), y(p.error)));
+  c.stroke();
+  for (const p of known) dot(c, x(p.seconds), y(p.error), 2);
+  if (halved) {
+    c.strokeStyle = INK.ahead;
+    c.setLineDash([4, 3]);
+    c.beginPath();
+    c.moveTo(x(last.seconds), y(last.error));
+    c.lineTo(x(halved.seconds), y(halved.error));
+    c.stroke();
+    c.setLineDash([]);
+    c.beginPath();
+    c.arc(x(halved.seconds), y(halved.error), 3, 0, 7);
+    c.stroke();
+  }
+}
+
+// Round values within a span of powers of ten: decades, and their 2nd and 5th where there are few.
+function marks([low, high]) {
+  const found = [];
+  for (let e = Math.floor(low); e <= high; e++) {
+    for (const factor of high - low > 2 ? [1] : [1, 2, 5]) {
+      const at = e + Math.log10(factor);
+      if (at >= low && at <= high) found.push({ factor, e, value: factor * 10 ** e });
+    }
+  }
+  return found;
+}
+
+function rule(c, x0, y0, x1, y1, ink) {
+  c.strokeStyle = ink;
+  c.beginPath();
+  c.moveTo(Math.round(x0) + 0.5, Math.round(y0) + 0.5);
+  c.lineTo(Math.round(x1) + 0.5, Math.round(y1) + 0.5);
+  c.stroke();
+}
+
+function dot(c, x, y, radius) {
+  c.beginPath();
+  c.arc(x, y, radius, 0, 7);
+  c.fill();
+}

@@ -1,0 +1,95 @@
+//! What everyone who looks is told: where the render stands, what it follows, what it costs.
+
+use serde::Serialize;
+
+use super::curve::{Forecast, Point};
+use super::view::Scale;
+use crate::progressive::Settings;
+
+/// Where the render is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Phase {
+    Rendering,
+    Filtering,
+    Paused,
+    Finished,
+}
+
+/// Sent as JSON whenever something of it changes, a few times a second at most.
+#[derive(Serialize)]
+pub struct Status<'a> {
+    /// Tells it from answers.
+    pub r#type: &'static str,
+    pub scene: &'a str,
+    pub width: usize,
+    pub height: usize,
+    pub generation: u32,
+    pub phase: Phase,
+    /// What ended a finished render.
+    pub stopped_by: Option<crate::progressive::StoppedBy>,
+    pub settings: &'a Settings,
+    pub views: &'a [Described],
+    pub statistics: Statistics,
+    /// Estimated error against time.
+    pub curve: &'a [Point],
+    pub forecast: Option<Forecast>,
+    pub camera: Lens,
+    /// Shares of width and height that get samples first.
+    pub region: Option<[[f32; 2]; 2]>,
+    pub notice: &'a Notice,
+}
+
+/// A view that this render has.
+#[derive(Clone, Copy, Serialize)]
+pub struct Described {
+    pub view: super::view::View,
+    pub scale: Option<Scale>,
+}
+
+#[derive(Clone, Copy, Debug, Default, Serialize)]
+pub struct Statistics {
+    pub seconds: f64,
+    /// Share of the nearest budget that is spent.
+    pub fraction: f64,
+    pub samples: u64,
+    pub mean: f64,
+    pub min: u32,
+    pub max: u32,
+    pub samples_per_second: f64,
+    pub filter_share: f64,
+    pub memory_bytes: Option<u64>,
+    pub error: Option<f64>,
+}
+
+/// What can be steered of the camera beside its place, in scene units.
+#[derive(Clone, Copy, Debug, Default, Serialize)]
+pub struct Lens {
+    pub aperture: f32,
+    pub focus: f32,
+    /// To the point looked at.
+    pub distance: f64,
+}
+
+/// The latest thing that a person should know, such as where an image was saved.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct Notice {
+    /// Counts notices.
+    pub number: u32,
+    pub text: String,
+    pub is_problem: bool,
+}
+
+impl Notice {
+    pub fn next(&mut self, text: String, is_problem: bool) {
+        *self = Self { number: self.number + 1, text, is_problem };
+    }
+}
+
+/// Memory that the program holds now, where the system tells.
+pub fn memory_bytes() -> Option<u64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:"))?;
+    let kibibytes: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
+    Some(kibibytes * 1024)
+}

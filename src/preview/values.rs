@@ -1,0 +1,57 @@
+//! The values at one pixel, exact, for the inspector.
+
+use serde::Serialize;
+
+use crate::image::Planes;
+use crate::progressive::Shown;
+use crate::stats::{Block, Part, Store};
+
+#[derive(Serialize)]
+struct Values {
+    r#type: &'static str,
+    x: u32,
+    y: u32,
+    samples: u32,
+    /// Linear light.
+    raw: [f64; 3],
+    filtered: Option<[f32; 3]>,
+    albedo: Option<[f64; 3]>,
+    normal: Option<[f64; 3]>,
+    /// Of the unfiltered mean, mean of channels, in squared linear light.
+    variance: f64,
+    /// Of the filtered pixel, likewise.
+    error: Option<f32>,
+    residual: Option<f32>,
+    failure: Option<f32>,
+}
+
+/// A message with all values at a pixel, or with nothing if it is outside the image.
+pub fn at([x, y]: [u32; 2], store: &Store, shown: Option<&Shown>) -> String {
+    let (column, line) = (x as usize, y as usize);
+    let Some(row) = store.rows().get(line).filter(|_| column < store.width()) else {
+        return r#"{"type":"values"}"#.to_owned();
+    };
+    let three = |first: usize| [0, 1, 2].map(|k| row.moments(column, first + k, Part::Whole));
+    let means = |block: Block| store.layout().block(block).map(|dims| three(dims.start).map(|m| m.mean));
+    let radiance = three(store.layout().radiance().start);
+    let samples = row.count(column, Part::Whole);
+    let of = |planes: &Planes, plane| planes.at(plane, column, line);
+    let filtered = shown.map(|shown| &shown.filtered);
+    let failure =
+        shown.and_then(|shown| shown.filtered.interpolation_failure.as_ref().or(shown.failure.as_ref()));
+    let values = Values {
+        r#type: "values",
+        x,
+        y,
+        samples,
+        raw: radiance.map(|m| m.mean),
+        filtered: filtered.map(|f| [0, 1, 2].map(|k| of(&f.image, k))),
+        albedo: means(Block::Albedo),
+        normal: means(Block::Normal1),
+        variance: radiance.iter().map(|&m| m.variance()).sum::<f64>() / 3.0 / f64::from(samples.max(1)),
+        error: filtered.map(|f| of(&f.error, 0)),
+        residual: filtered.map(|f| of(&f.residual, 0)),
+        failure: failure.map(|map| of(map, 0)),
+    };
+    serde_json::to_string(&values).unwrap_or_default()
+}

@@ -1,0 +1,176 @@
+//! What can be looked at, where it comes from, and the scale it is shown on.
+
+use serde::{Deserialize, Serialize};
+
+use crate::filter;
+use crate::image::Planes;
+use crate::progressive::{Settings, Shown};
+use crate::stats::{Block, Layout, Part, Store};
+
+/// One of the page's images.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum View {
+    Filtered,
+    Raw,
+    Samples,
+    Error,
+    Variance,
+    Residual,
+    Failure,
+    Albedo,
+    Normal,
+}
+
+impl View {
+    pub const ALL: [View; 9] = [
+        View::Filtered,
+        View::Raw,
+        View::Samples,
+        View::Error,
+        View::Variance,
+        View::Residual,
+        View::Failure,
+        View::Albedo,
+        View::Normal,
+    ];
+
+    /// Its place in [`Self::ALL`] and in frames' headers.
+    pub fn index(self) -> usize {
+        self as usize
+    }
+
+    /// Whether it comes from a filter pass, else from the store alone.
+    pub fn is_filtered(self) -> bool {
+        matches!(self, View::Filtered | View::Error | View::Residual | View::Failure)
+    }
+
+    /// Whether a render with this layout has it.
+    pub fn exists(self, layout: &Layout) -> bool {
+        match self {
+            View::Albedo => layout.block(Block::Albedo).is_some(),
+            View::Normal => layout.block(Block::Normal1).is_some(),
+            _ => true,
+        }
+    }
+
+    /// The view's planes, 3 or 1; `None` if there is nothing to show yet.
+    pub fn planes(self, store: &Store, shown: Option<&Shown>) -> Option<Planes> {
+        let means = |block| Some(store.means(Part::Whole, store.layout().block(block)?));
+        let raw = || store.means(Part::Whole, store.layout().radiance());
+        match self {
+            View::Filtered => shown.map(|shown| shown.filtered.image.clone()),
+            View::Raw => Some(raw()),
+            View::Samples => {
+                let mut counts = Planes::new(store.width(), store.height(), 1);
+                counts.data_mut().iter_mut().zip(store.counts(Part::Whole)).for_each(|(v, n)| *v = n as f32);
+                Some(counts)
+            }
+            View::Error => shown.map(|shown| relative(&shown.filtered.error, &shown.filtered.image)),
+            View::Variance => Some(relative(&filter::variance_of_mean(store), &raw())),
+            View::Residual => shown.map(|shown| shown.filtered.residual.clone()),
+            View::Failure => shown
+                .and_then(|shown| shown.filtered.interpolation_failure.as_ref().or(shown.failure.as_ref()))
+                .cloned(),
+            View::Albedo => means(Block::Albedo),
+            View::Normal => means(Block::Normal1),
+        }
+    }
+
+    /// The scale of a map; `None` for what is shown as colours. It follows from the settings and not
+    /// from the image, so that colours mean the same from moment to moment.
+    pub fn scale(self, settings: &Settings) -> Option<Scale> {
+        let scale = |unit, curve, low, high| Some(Scale { unit, curve, low, high, mark: None });
+        match self {
+            View::Samples => {
+                let budget = settings.budget.spp.unwrap_or(0).max(LEAST_BUDGET);
+                // Twice the budget's spp, at a power of two that the legend can name.
+                let high = budget.saturating_mul(SAMPLES_HEADROOM).next_power_of_two() as f32;
+                let mark = settings.budget.spp.map(|spp| spp as f32);
+                Some(Scale { unit: "samples per pixel", curve: Curve::Log2, low: 1.0, high, mark })
+            }
+            View::Error => Some(Scale {
+                unit: "squared error ÷ (value² + 0.01), as --target-error",
+                curve: Curve::Log10,
+                low: LOWEST_ERROR,
+                high: 1.0,
+                mark: settings.budget.target_error.map(|e| e as f32),
+            }),
+            View::Variance => {
+                scale("variance of the mean ÷ (value² + 0.01)", Curve::Log10, LOWEST_ERROR, 1.0)
+            }
+            View::Residual => Some(Scale {
+                unit: "change by the filter ÷ what noise explains",
+                curve: Curve::Log2,
+                low: 1.0 / 16.0,
+                high: 16.0,
+                // Where the filter changes just what noise explains.
+                mark: Some(1.0),
+            }),
+            View::Failure => scale("share of the windows where it failed", Curve::Linear, 0.0, 1.0),
+            View::Filtered | View::Raw | View::Albedo | View::Normal => None,
+        }
+    }
+}
+
+/// Budget that the scale of sample counts assumes at least, in samples per pixel.
+const LEAST_BUDGET: u32 = 16;
+/// How far that scale goes beyond the budget: adaptive sampling gives some pixels so many times more.
+const SAMPLES_HEADROOM: u32 = 8;
+/// Where the scales of relative errors begin: below, no noise can be seen.
+const LOWEST_ERROR: f32 = 1e-5;
+/// The denominator's floor in relMSE.
+const RELATIVE_FLOOR: f32 = 0.01;
+
+/// Which colour stands for which value.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Scale {
+    pub unit: &'static str,
+    pub curve: Curve,
+    pub low: f32,
+    pub high: f32,
+    /// A setting in the same unit: a budget or a target.
+    pub mark: Option<f32>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Curve {
+    Linear,
+    Log2,
+    Log10,
+}
+
+/// Mean over channels of `squares` (1 or 3 planes), relative to `image` as in relMSE.
+fn relative(squares: &Planes, image: &Planes) -> Planes {
+    let mut map = Planes::new(image.width(), image.height(), 1);
+    for channel in 0..3 {
+        let squares = squares.plane(channel.min(squares.count() - 1));
+        for ((out, square), value) in map.data_mut().iter_mut().zip(squares).zip(image.plane(channel)) {
+            *out += square / (value * value + RELATIVE_FLOOR) / 3.0;
+        }
+    }
+    map
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn views_stand_at_their_index() {
+        for (i, view) in View::ALL.into_iter().enumerate() {
+            assert_eq!(view.index(), i);
+        }
+    }
+
+    #[test]
+    fn errors_are_relative_to_the_image_as_the_target_is() {
+        let mut image = Planes::new(1, 1, 3);
+        image.data_mut().copy_from_slice(&[0.0, 1.0, 2.0]);
+        let mut error = Planes::new(1, 1, 1);
+        error.data_mut()[0] = 0.02;
+        let expected = (0.02 / 0.01 + 0.02 / 1.01 + 0.02 / 4.01) / 3.0;
+        assert!((relative(&error, &image).data()[0] - expected).abs() < 1e-6);
+    }
+}

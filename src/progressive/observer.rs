@@ -1,0 +1,86 @@
+//! Whoever looks at a render while it runs, and steers it: the one way in for the live preview and
+//! the progress bar. Nothing here computes; a render without an observer is the same to the last bit.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use super::{Denoiser, FAILURE_WINDOW, Progress};
+use crate::filter::{self, Filtered, PrpfSettings, Quality};
+use crate::image::Planes;
+use crate::stats::Store;
+
+/// Is told of every step of the loop, on the loop's own thread, and decides how it goes on.
+///
+/// Every closure that takes a [`Progress`] is an observer that only listens.
+pub trait Observer {
+    /// A step of a batch is rendered. Steps are short, see [`Self::step_seconds`].
+    fn stepped(&mut self, progress: Progress, store: &Arc<Store>) -> Flow;
+
+    /// Runs a filter pass, here or elsewhere. `None`: it was given up, and the loop returns.
+    fn run_filter(&mut self, job: FilterJob) -> Option<Shown> {
+        Some(job.run())
+    }
+
+    /// A filter pass of the loop is done.
+    fn filtered(&mut self, _shown: &Shown) {}
+
+    /// How long a step should take, in seconds; `None` leaves it to the loop.
+    fn step_seconds(&self) -> Option<f64> {
+        None
+    }
+}
+
+impl<F: FnMut(Progress)> Observer for F {
+    fn stepped(&mut self, progress: Progress, _: &Arc<Store>) -> Flow {
+        self(progress);
+        Flow::GoOn
+    }
+}
+
+/// What an observer wants to happen after a step.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Flow {
+    GoOn,
+    /// Go on; the render was held for so long, which no budget counts.
+    Held(Duration),
+    /// Return to the caller, who may change settings and go on.
+    Leave,
+}
+
+/// A filter pass that can run on any thread.
+pub struct FilterJob {
+    pub store: Arc<Store>,
+    pub denoiser: Denoiser,
+    pub quality: Quality,
+    pub seed: u64,
+    /// Also find where interpolation of feature weights fails, which drives samples.
+    pub interpolation: bool,
+}
+
+/// What a filter pass makes of the store.
+#[derive(Clone)]
+pub struct Shown {
+    pub filtered: Filtered,
+    /// Where interpolation failed, and the share of pixels where it did not.
+    pub failure: Option<Planes>,
+    pub success: Option<f32>,
+}
+
+impl FilterJob {
+    pub fn run(&self) -> Shown {
+        let filtered = filtered(&self.store, self.denoiser, self.quality, self.seed);
+        let grid = self.interpolation.then(|| {
+            filter::prpf::interpolation_failure(&self.store, &PrpfSettings::paper(), FAILURE_WINDOW)
+        });
+        let (failure, success) = grid.unzip();
+        Shown { filtered, failure, success }
+    }
+}
+
+/// The image that a store holds.
+pub(super) fn filtered(store: &Store, denoiser: Denoiser, quality: Quality, seed: u64) -> Filtered {
+    match denoiser {
+        Denoiser::None => filter::unfiltered(store),
+        Denoiser::Prpf => filter::filter(store, quality, seed),
+    }
+}

@@ -1,0 +1,97 @@
+//! A part of the image that gets the samples first.
+
+use super::Settings;
+use crate::adaptive::Allocation;
+
+/// Columns and rows of the store, half open.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Region {
+    pub x: [usize; 2],
+    pub y: [usize; 2],
+}
+
+/// A region's share of a batch.
+pub(super) struct Part {
+    pixels: Vec<usize>,
+    width: usize,
+    samples: u64,
+}
+
+impl Region {
+    /// The region's share of a batch of `total`; `None` if it is empty or has had its budget.
+    pub(super) fn part(&self, counts: &[u32], width: usize, total: u64, settings: &Settings) -> Option<Part> {
+        let height = counts.len() / width.max(1);
+        let [x0, x1] = self.x.map(|x| x.min(width));
+        let [y0, y1] = self.y.map(|y| y.min(height));
+        let pixels: Vec<usize> = (y0..y1).flat_map(|y| (x0..x1).map(move |x| y * width + x)).collect();
+        let have: u64 = pixels.iter().map(|&i| u64::from(counts[i])).sum();
+        let all = |spp: u32| u64::from(spp) * pixels.len() as u64;
+        let most = settings.budget.spp.map_or(settings.max_spp, |spp| spp.min(settings.max_spp));
+        // As with batches of the whole image: the total doubles.
+        let samples = have.max(all(settings.min_spp.max(1))).min(total).min(all(most).saturating_sub(have));
+        (samples > 0).then_some(Part { pixels, width: x1 - x0, samples })
+    }
+}
+
+impl Part {
+    /// An allocation of the whole image in which only the region gets samples, as `spread` spreads them
+    /// over (priorities, counts, width, total). Its probes are none: they would not stand for the image.
+    pub fn allocate(
+        &self,
+        counts: &[u32],
+        priority: Option<&[f32]>,
+        spread: impl Fn(Option<&[f32]>, &[u32], usize, u64) -> Allocation,
+    ) -> Allocation {
+        let have: Vec<u32> = self.pixels.iter().map(|&i| counts[i]).collect();
+        let inside: Option<Vec<f32>> =
+            priority.map(|priority| self.pixels.iter().map(|&i| priority[i]).collect());
+        let inside = spread(inside.as_deref(), &have, self.width, self.samples);
+        let mut whole = Allocation { counts: vec![0; counts.len()], probes: vec![false; counts.len()] };
+        self.pixels.iter().zip(inside.counts).for_each(|(&i, n)| whole.counts[i] = n);
+        whole
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::adaptive::{self, PrioritySettings, Sampling};
+    use crate::filter::Quality;
+    use crate::progressive::{Budget, Denoiser};
+
+    fn settings(spp: u32) -> Settings {
+        Settings {
+            budget: Budget { spp: Some(spp), ..Budget::default() },
+            sampling: Sampling::Uniform,
+            denoiser: Denoiser::None,
+            quality: Quality::Draft,
+            seed: 0,
+            min_spp: 4,
+            max_spp: 1000,
+            priority: PrioritySettings::default(),
+        }
+    }
+
+    #[test]
+    fn a_region_gets_samples_until_it_has_the_budget() {
+        let region = Region { x: [2, 4], y: [1, 3] };
+        let mut counts = vec![2; 6 * 5];
+        let mut sizes = Vec::new();
+        while let Some(part) = region.part(&counts, 6, 10_000, &settings(20)) {
+            let uniform = |_: Option<&[f32]>, have: &[u32], _, total| adaptive::uniform(total, have, 1000);
+            let allocation = part.allocate(&counts, None, uniform);
+            assert!(!allocation.probes.contains(&true));
+            sizes.push(allocation.counts.iter().sum::<u32>());
+            counts.iter_mut().zip(&allocation.counts).for_each(|(n, new)| *n += new);
+        }
+        assert_eq!(sizes, [16, 24, 32]);
+        let inside = |i: usize| (2..4).contains(&(i % 6)) && (1..3).contains(&(i / 6));
+        assert!((0..30).all(|i| counts[i] == if inside(i) { 20 } else { 2 }));
+    }
+
+    #[test]
+    fn a_region_outside_the_image_is_none() {
+        let region = Region { x: [7, 9], y: [0, 5] };
+        assert!(region.part(&[2; 30], 6, 100, &settings(20)).is_none());
+    }
+}

@@ -1,0 +1,187 @@
+//! A headless Chromium, driven through its DevTools protocol: just enough to see a page and use it.
+
+use std::io::{BufRead, BufReader};
+use std::net::TcpStream;
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+use serde_json::{Value, json};
+use tungstenite::stream::MaybeTlsStream;
+use tungstenite::{Message, WebSocket};
+
+/// How long anything may take before a test fails.
+const PATIENCE: Duration = Duration::from_secs(30);
+
+/// A process that ends with its owner.
+pub struct Running(pub Child);
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+/// Lines that a process prints, until one that `pick` takes.
+pub fn first_line<T>(output: impl std::io::Read, pick: impl Fn(&str) -> Option<T>) -> Option<T> {
+    BufReader::new(output).lines().map_while(Result::ok).find_map(|line| pick(&line))
+}
+
+/// A page in a browser.
+pub struct Page {
+    socket: WebSocket<MaybeTlsStream<TcpStream>>,
+    session: String,
+    next: u64,
+    _browser: Running,
+    _profile: tempfile::TempDir,
+}
+
+/// The browser's program, if this machine has one.
+pub fn chromium() -> Option<&'static str> {
+    ["chromium", "chromium-browser", "google-chrome"].into_iter().find(|name| {
+        Command::new(name).arg("--version").stdout(Stdio::null()).stderr(Stdio::null()).status().is_ok()
+    })
+}
+
+impl Page {
+    /// Opens an address in a window of a size.
+    pub fn open(program: &str, address: &str, [width, height]: [u32; 2]) -> Self {
+        let profile = tempfile::tempdir().expect("a temporary folder");
+        let mut browser = Command::new(program)
+            .args(["--headless=new", "--no-sandbox", "--disable-dev-shm-usage", "--remote-debugging-port=0"])
+            .args([
+                "--use-angle=swiftshader",
+                "--enable-unsafe-swiftshader",
+                "--no-first-run",
+                "--hide-scrollbars",
+            ])
+            .arg(format!("--user-data-dir={}", profile.path().display()))
+            .arg("about:blank")
+            .stderr(Stdio::piped())
+            .stdout(Stdio::null())
+            .spawn()
+            .map(Running)
+            .expect("the browser starts");
+        let errors = browser.0.stderr.take().expect("it was asked for");
+        let devtools =
+            first_line(errors, |line| line.strip_prefix("DevTools listening on ").map(str::to_owned));
+        let (socket, _) =
+            tungstenite::connect(devtools.expect("the browser says where it listens")).expect("it answers");
+        if let MaybeTlsStream::Plain(stream) = socket.get_ref() {
+            stream.set_read_timeout(Some(PATIENCE)).expect("a time-out");
+        }
+        let mut page = Self { socket, session: String::new(), next: 0, _browser: browser, _profile: profile };
+        let target = page.call("Target.createTarget", json!({ "url": "about:blank" }));
+        let attached =
+            page.call("Target.attachToTarget", json!({ "targetId": target["targetId"], "flatten": true }));
+        page.session = attached["sessionId"].as_str().expect("a session").to_owned();
+        page.resize([width, height]);
+        page.call("Page.enable", json!({}));
+        page.call("Page.navigate", json!({ "url": address }));
+        page
+    }
+
+    pub fn resize(&mut self, [width, height]: [u32; 2]) {
+        let size = json!({ "width": width, "height": height, "deviceScaleFactor": 1, "mobile": false });
+        self.call("Emulation.setDeviceMetricsOverride", size);
+    }
+
+    fn call(&mut self, method: &str, parameters: Value) -> Value {
+        self.next += 1;
+        let id = self.next;
+        let mut call = json!({ "id": id, "method": method, "params": parameters });
+        if !self.session.is_empty() {
+            call["sessionId"] = self.session.clone().into();
+        }
+        self.socket.send(Message::text(call.to_string())).expect("the browser listens");
+        loop {
+            let message = self.socket.read().expect("the browser answers");
+            let Ok(answer) = serde_json::from_str::<Value>(message.to_text().unwrap_or_default()) else {
+                continue;
+            };
+            if answer["id"] == id {
+                assert!(answer["error"].is_null(), "{method}: {}", answer["error"]);
+                return answer["result"].clone();
+            }
+        }
+    }
+
+    /// The value of an expression in the page.
+    pub fn value(&mut self, expression: &str) -> Value {
+        let asked = json!({ "expression": expression, "returnByValue": true, "awaitPromise": true });
+        let answer = self.call("Runtime.evaluate", asked);
+        assert!(answer["exceptionDetails"].is_null(), "{expression}: {}", answer["exceptionDetails"]);
+        answer["result"]["value"].clone()
+    }
+
+    /// Waits until an expression is true.
+    pub fn wait(&mut self, expression: &str) {
+        let started = Instant::now();
+        while self.value(&format!("Boolean({expression})")) != Value::Bool(true) {
+            if started.elapsed() > PATIENCE {
+                let seen = self.value("document.body.innerText + JSON.stringify(window.prpf?.state)");
+                panic!("waited in vain for {expression}; the page says {seen}");
+            }
+            std::thread::sleep(Duration::from_millis(30));
+        }
+    }
+
+    /// Types a key, as DOM names it.
+    pub fn key(&mut self, key: &str) {
+        let text = if key.chars().count() == 1 { key } else { "" };
+        for kind in ["keyDown", "keyUp"] {
+            self.call("Input.dispatchKeyEvent", json!({ "type": kind, "key": key, "text": text }));
+        }
+    }
+
+    /// Presses the mouse at the first point, moves it over the others and lets go at the last.
+    pub fn drag(&mut self, points: &[[f64; 2]]) {
+        let mut mouse = |kind: &str, [x, y]: [f64; 2], buttons: u32| {
+            let event = json!({
+                "type": kind, "x": x, "y": y, "button": "left", "buttons": buttons, "clickCount": 1
+            });
+            self.call("Input.dispatchMouseEvent", event);
+        };
+        mouse("mouseMoved", points[0], 0);
+        mouse("mousePressed", points[0], 1);
+        points[1..].iter().for_each(|&point| mouse("mouseMoved", point, 1));
+        mouse("mouseReleased", points[points.len() - 1], 0);
+    }
+
+    pub fn hover(&mut self, [x, y]: [f64; 2]) {
+        self.call("Input.dispatchMouseEvent", json!({ "type": "mouseMoved", "x": x, "y": y }));
+    }
+
+    /// Clicks the middle of an element.
+    pub fn click(&mut self, selector: &str) {
+        let middle = self.value(&format!(
+            "(() => {{ const e = document.querySelector({selector:?}); e.scrollIntoView({{ block: 'center' }}); \
+             const b = e.getBoundingClientRect(); return [b.x + b.width / 2, b.y + b.height / 2]; }})()"
+        ));
+        let at = |k: usize| middle[k].as_f64().expect("an element that is there");
+        self.drag(&[[at(0), at(1)]]);
+    }
+
+    /// Writes what is seen to a PNG.
+    pub fn screenshot(&mut self, path: &Path) {
+        let shot = self.call("Page.captureScreenshot", json!({ "format": "png" }));
+        let text = shot["data"].as_str().expect("an image");
+        std::fs::write(path, from_base64(text)).expect("a file that can be written");
+    }
+}
+
+fn from_base64(text: &str) -> Vec<u8> {
+    const DIGITS: &[u8] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+    let mut bytes = Vec::with_capacity(text.len() / 4 * 3);
+    let (mut bits, mut held) = (0u32, 0);
+    for digit in text.bytes().filter_map(|c| DIGITS.iter().position(|d| *d == c)) {
+        bits = bits << 6 | digit as u32;
+        held += 6;
+        if held >= 8 {
+            held -= 8;
+            bytes.push((bits >> held) as u8);
+        }
+    }
+    bytes
+}

@@ -1,0 +1,286 @@
+//! The live page in a real browser: it loads, shows the image as it converges, and steers the render.
+//!
+//! Without a Chromium these tests say so and pass. `PRPF_SCREENSHOTS=FOLDER` keeps what was seen.
+
+mod browser;
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+use browser::{Page, Running, chromium, first_line};
+
+const SCENE: &str = r#"
+LookAt 0 1.5 -4  0 0 0  0 1 0
+Camera "perspective" "float fov" 40
+Integrator "path" "integer maxdepth" 3
+Film "rgb" "integer xresolution" 96 "integer yresolution" 64 "string filename" "named.exr"
+WorldBegin
+LightSource "infinite" "rgb L" [ 0.2 0.25 0.3 ]
+AttributeBegin
+AreaLightSource "diffuse" "rgb L" [ 6 5 4 ]
+Translate 2 3 -1
+Shape "sphere" "float radius" 0.5
+AttributeEnd
+Material "diffuse" "rgb reflectance" [ 0.7 0.2 0.2 ]
+Shape "sphere" "float radius" 1
+Material "diffuse" "rgb reflectance" [ 0.5 0.5 0.5 ]
+Shape "trianglemesh" "point3 P" [ -9 -1 -9  9 -1 -9  9 -1 9  -9 -1 9 ] "integer indices" [ 0 1 2 0 2 3 ]
+"#;
+
+/// A preview in a folder of its own, and its address.
+fn preview(arguments: &[&str]) -> (Running, String, tempfile::TempDir) {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    std::fs::write(folder.path().join("scene.pbrt"), SCENE).expect("a file in it");
+    let mut program = Command::new(env!("CARGO_BIN_EXE_prpf"))
+        .current_dir(folder.path())
+        .args(["preview", "scene.pbrt"])
+        .args(arguments)
+        .stdout(Stdio::piped())
+        .spawn()
+        .map(Running)
+        .expect("the program starts");
+    let output = program.0.stdout.take().expect("it was asked for");
+    let address = first_line(output, |line| line.strip_prefix("preview at ").map(str::to_owned));
+    (program, address.expect("the program says where the page is"), folder)
+}
+
+fn screenshots() -> Option<PathBuf> {
+    std::env::var_os("PRPF_SCREENSHOTS").map(PathBuf::from)
+}
+
+fn keep(page: &mut Page, name: &str) {
+    if let Some(folder) = screenshots() {
+        page.screenshot(&folder.join(name));
+    }
+}
+
+/// Where the middle of the image is, shifted by shares of the image's size.
+fn on_image(page: &mut Page, [x, y]: [f64; 2]) -> [f64; 2] {
+    let place = page.value(&format!(
+        "(() => {{ const p = window.prpf.picture, b = p.canvas.getBoundingClientRect(); \
+         const at = p.placeOf(p.size[0] * (0.5 + {x}), p.size[1] * (0.5 + {y})); \
+         return [b.x + at[0], b.y + at[1]]; }})()"
+    ));
+    [0, 1].map(|k| place[k].as_f64().expect("a number"))
+}
+
+fn brightness(page: &mut Page) -> f64 {
+    let sum = "window.prpf.picture.redraw().then(() => { const p = window.prpf.picture, gl = p.gl, w = gl.drawingBufferWidth, h = gl.drawingBufferHeight; \
+         const data = new Uint8Array(4 * w * h); gl.readPixels(0, 0, w, h, gl.RGBA, gl.UNSIGNED_BYTE, data); \
+         return data.reduce((a, b, i) => i % 4 < 3 ? a + b : a, 0) / (w * h); })";
+    page.value(sum).as_f64().expect("a number")
+}
+
+const SAMPLES: &str = "window.prpf.state.status.statistics.samples";
+const PHASE: &str = "window.prpf.state.status.phase";
+
+#[test]
+fn a_person_can_look_and_steer() {
+    let Some(program) = chromium() else {
+        println!("skipped: no chromium on this machine");
+        return;
+    };
+    let (_render, address, folder) = preview(&["--spp", "0", "--max-spp", "100000"]);
+    let mut page = Page::open(program, &address, [1600, 1000]);
+
+    // The page loads, and an image is on it, raw first, then filtered.
+    page.wait("window.prpf && window.prpf.picture.frames.size > 0");
+    page.wait("window.prpf.picture.frames.has('filtered')");
+    page.wait("window.prpf.picture.shown.right === 'filtered'");
+    page.wait("window.prpf.picture.drawn > 0");
+    assert!(brightness(&mut page) > 1.0, "the graphics card shows something");
+
+    // The image changes as samples come.
+    page.key("2");
+    page.wait("window.prpf.picture.shown.right === 'raw' && window.prpf.picture.frames.has('raw')");
+    let before = page.value("window.prpf.picture.frames.get('raw').sequence");
+    let samples = page.value(SAMPLES);
+    page.wait(&format!("window.prpf.picture.frames.get('raw').sequence > {before}"));
+    page.wait(&format!("{SAMPLES} > {samples}"));
+
+    // Another view: sample counts, with a legend in their unit.
+    page.click("input[value=samples]");
+    page.wait("window.prpf.picture.frames.has('samples')");
+    page.wait("!document.getElementById('legend').hidden");
+    let unit = page.value("document.querySelector('#legend p').textContent");
+    assert_eq!(unit, "samples per pixel");
+
+    // Values under the cursor.
+    let middle = on_image(&mut page, [0.0, 0.0]);
+    page.hover(middle);
+    page.wait("window.prpf.state.values && window.prpf.state.values.samples > 0");
+    page.wait("document.getElementById('values').textContent.includes('unfiltered')");
+
+    // The exposure brightens what is shown without a new image.
+    page.key("2");
+    page.key(" ");
+    page.wait(&format!("{PHASE} === 'paused'"));
+    page.wait("window.prpf.picture.shown.right === 'raw'");
+    let dark = brightness(&mut page);
+    page.key("e");
+    assert!(brightness(&mut page) > dark * 1.02);
+
+    // A pause: no more samples. Then it goes on.
+    let samples = page.value(SAMPLES);
+    std::thread::sleep(std::time::Duration::from_millis(600));
+    assert_eq!(page.value(SAMPLES), samples);
+    page.key(" ");
+    page.wait(&format!("{SAMPLES} > {samples}"));
+
+    // The camera follows the hand, and shows a new image.
+    let generation = page.value("window.prpf.state.status.generation");
+    page.key("c");
+    let (from, to) = (on_image(&mut page, [0.0, 0.0]), on_image(&mut page, [0.2, 0.1]));
+    page.drag(&[from, [(from[0] + to[0]) / 2.0, from[1]], to]);
+    page.wait(&format!("window.prpf.picture.frames.get('raw').generation > {generation}"));
+
+    // A click sets the focus: the sphere is nearer than the floor behind it.
+    page.key("f");
+    page.click("#aperture");
+    page.value("document.getElementById('aperture').value = '0.1'; document.getElementById('aperture').dispatchEvent(new Event('change'))");
+    page.wait("window.prpf.state.status.camera.aperture > 0.09");
+    let at = on_image(&mut page, [0.0, 0.0]);
+    page.drag(&[at]);
+    page.wait("window.prpf.state.status.camera.focus < 3.6");
+    let near = page.value("window.prpf.state.status.camera.focus").as_f64().unwrap();
+    let behind = on_image(&mut page, [0.45, -0.05]);
+    page.drag(&[behind]);
+    page.wait(&format!("window.prpf.state.status.camera.focus > {}", near + 0.5));
+
+    // A region gets the samples first.
+    page.key("r");
+    let (from, to) = (on_image(&mut page, [-0.2, -0.2]), on_image(&mut page, [0.0, 0.0]));
+    page.drag(&[from, to]);
+    page.wait("window.prpf.state.status.region");
+    page.wait("window.prpf.state.status.statistics.max > 4 * window.prpf.state.status.statistics.min");
+    page.key("Escape");
+    page.wait("!window.prpf.state.status.region");
+
+    // Settings: denoiser off and on again.
+    page.click("input[value=none]");
+    page.wait("window.prpf.state.status.settings.denoiser === 'none'");
+    page.click("input[value=uniform]");
+    page.wait("window.prpf.state.status.settings.sampling === 'uniform'");
+
+    // A save.
+    page.click("#save");
+    page.wait("window.prpf.state.status.notice.text.startsWith('saved')");
+    for name in ["named-0001.exr", "named-0001.png"] {
+        assert!(folder.path().join(name).metadata().unwrap().len() > 100, "{name}");
+    }
+
+    // A restart forgets all samples.
+    let generation = page.value("window.prpf.state.status.generation");
+    page.click("#restart");
+    page.wait(&format!("window.prpf.state.status.generation > {generation}"));
+
+    // A budget that is spent ends it.
+    page.value("document.getElementById('spp').value = '4'; document.getElementById('spp').dispatchEvent(new Event('change'))");
+    page.wait(&format!("{PHASE} === 'finished'"));
+    keep(&mut page, "wide.png");
+    page.resize([420, 900]);
+    page.wait("window.prpf.picture.canvas.clientWidth <= 420");
+    let overflow = page.value("document.documentElement.scrollWidth");
+    assert!(overflow.as_f64().unwrap() <= 420.0, "{overflow}");
+    keep(&mut page, "narrow.png");
+}
+
+/// The status of the answer to a request for the socket with these headers.
+fn socket_status(address: &str, path: &str, origin: Option<&str>, host: Option<&str>) -> u16 {
+    use tungstenite::client::IntoClientRequest;
+    let authority = address.trim_start_matches("http://").split('/').next().unwrap();
+    let mut request = format!("ws://{authority}{path}").into_client_request().unwrap();
+    if let Some(origin) = origin {
+        request.headers_mut().insert("Origin", origin.parse().unwrap());
+    }
+    if let Some(host) = host {
+        request.headers_mut().insert("Host", host.parse().unwrap());
+    }
+    match tungstenite::connect(request) {
+        Ok((_, response)) => response.status().as_u16(),
+        Err(tungstenite::Error::Http(response)) => response.status().as_u16(),
+        Err(error) => panic!("{error}"),
+    }
+}
+
+#[test]
+fn no_other_page_can_open_the_socket() {
+    let (_render, address, _folder) = preview(&["--spp", "1"]);
+    let own = address.trim_end_matches('/');
+    assert_eq!(socket_status(&address, "/live", Some(own), None), 101);
+    assert_eq!(socket_status(&address, "/live", None, None), 403);
+    assert_eq!(socket_status(&address, "/live", Some("http://evil.example"), None), 403);
+    let rebound = Some("evil.example:80");
+    assert_eq!(socket_status(&address, "/live", Some("http://evil.example:80"), rebound), 403);
+}
+
+#[test]
+fn an_address_that_is_given_needs_the_printed_token() {
+    let (_render, address, _folder) = preview(&["--spp", "1", "--preview", "127.0.0.1:0"]);
+    let (own, query) = address.split_once("/?").expect("a token in the address");
+    assert_eq!(socket_status(&address, &format!("/live?{query}"), Some(own), None), 101);
+    assert_eq!(socket_status(&address, "/live", Some(own), None), 403);
+    assert_eq!(socket_status(&address, "/live?token=0", Some(own), None), 403);
+}
+
+#[test]
+fn a_message_that_is_too_long_or_wrong_stops_neither_the_server_nor_the_render() {
+    use tungstenite::{Message, client::IntoClientRequest};
+    let (_render, address, _folder) = preview(&["--spp", "1"]);
+    let own = address.trim_end_matches('/');
+    let connect = || {
+        let mut request = own.replace("http", "ws").into_client_request().unwrap();
+        *request.uri_mut() = format!("{}/live", own.replace("http", "ws")).parse().unwrap();
+        request.headers_mut().insert("Origin", own.parse().unwrap());
+        tungstenite::connect(request).expect("a socket").0
+    };
+    let mut socket = connect();
+    let _ = socket.send(Message::text("x".repeat(1 << 20)));
+    while socket.read().is_ok() {}
+    let mut socket = connect();
+    socket.send(Message::text("{\"type\":\"launch\"}")).unwrap();
+    let refused = |message: &Message| message.to_text().is_ok_and(|text| text.contains("refused"));
+    while !refused(&socket.read().expect("an answer")) {}
+}
+
+#[test]
+fn another_scene_can_be_looked_at() {
+    let (Some(program), Some(folder), Some(scene)) =
+        (chromium(), screenshots(), std::env::var_os("PRPF_SCENE"))
+    else {
+        return;
+    };
+    let mut render = Command::new(env!("CARGO_BIN_EXE_prpf"))
+        .args(["preview", &scene.to_string_lossy(), "--spp", "64"])
+        .stdout(Stdio::piped())
+        .spawn()
+        .map(Running)
+        .unwrap();
+    let address = first_line(render.0.stdout.take().unwrap(), |line| {
+        line.strip_prefix("preview at ").map(str::to_owned)
+    });
+    let mut page = Page::open(program, &address.unwrap(), [1600, 1000]);
+    page.wait("window.prpf && window.prpf.picture.frames.size > 0");
+    page.screenshot(&Path::new(&folder).join("preview-wide-first.png"));
+    page.wait("window.prpf.picture.frames.has('filtered')");
+    page.key("w");
+    page.wait("window.prpf.state.status.curve.length > 0");
+    let at = on_image(&mut page, [0.1, 0.1]);
+    page.hover(at);
+    page.wait("window.prpf.state.values");
+    let shot = |page: &mut Page, name: &str| page.screenshot(&Path::new(&folder).join(name));
+    shot(&mut page, "preview-wide-wipe.png");
+    page.key("w");
+    page.key("3");
+    page.wait("window.prpf.picture.shown.right === 'samples' && window.prpf.picture.frames.has('samples')");
+    std::thread::sleep(std::time::Duration::from_millis(500));
+    shot(&mut page, "preview-wide-samples.png");
+    page.key("4");
+    page.wait("window.prpf.picture.frames.has('error')");
+    std::thread::sleep(std::time::Duration::from_millis(500));
+    shot(&mut page, "preview-wide-error.png");
+    page.resize([420, 900]);
+    page.key("1");
+    std::thread::sleep(std::time::Duration::from_millis(700));
+    shot(&mut page, "preview-narrow.png");
+}
