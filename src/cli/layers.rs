@@ -4,7 +4,7 @@ use crate::filter::{self, Filtered};
 use crate::image::Planes;
 use crate::image::exr_file::{Channel, Precision};
 use crate::progressive::ErrorEstimate;
-use crate::scene::Scene;
+use crate::state::Frame;
 use crate::stats::{Block, Part, Store};
 
 /// A named layer: its channels' suffixes, one plane each.
@@ -24,14 +24,7 @@ const X: &[&str] = &["X"];
 pub(super) struct Layers(Vec<Layer>);
 
 impl Layers {
-    /// `diameter` is what positions in the store were divided by.
-    pub fn of(
-        filtered: &Filtered,
-        store: &Store,
-        estimate: Option<&ErrorEstimate>,
-        scene: &Scene,
-        diameter: f32,
-    ) -> Self {
+    pub fn of(filtered: &Filtered, store: &Store, estimate: Option<&ErrorEstimate>, frame: &Frame) -> Self {
         use Precision::{Float, Half};
         let layout = store.layout();
         let mut layers = Vec::new();
@@ -47,8 +40,8 @@ impl Layers {
         }
         if let Some(dims) = layout.block(Block::Position1) {
             let mut position = store.means(Part::Whole, dims);
-            for (plane, origin) in position.planes_mut().zip(scene.origin.to_array()) {
-                plane.iter_mut().for_each(|v| *v = (f64::from(*v * diameter) + origin) as f32);
+            for (plane, origin) in position.planes_mut().zip(frame.origin) {
+                plane.iter_mut().for_each(|v| *v = (f64::from(*v * frame.diameter) + origin) as f32);
             }
             add("P", XYZ, position, Float);
         }

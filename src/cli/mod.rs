@@ -7,9 +7,11 @@ mod compare;
 mod info;
 mod layers;
 mod options;
+mod output;
 mod preview;
 mod render;
 mod report;
+mod state;
 mod usage;
 
 use std::ffi::OsString;

@@ -13,6 +13,7 @@ mod lights;
 mod pixel_filter;
 mod record;
 mod sampler;
+mod share;
 
 use rayon::prelude::*;
 
@@ -25,9 +26,12 @@ use crate::geometry::Accel;
 use crate::scene::{Camera, Effects, SamplerKind, Scene};
 use crate::stats::{Layout, Row, Store};
 
+pub use share::Share;
+
 /// Renders samples of one scene.
 pub struct Renderer<'s> {
     seed: u64,
+    share: Share,
     layout: Layout,
     sampler: SamplerKind,
     /// First column and row of the film that are rendered.
@@ -57,6 +61,7 @@ impl<'s> Renderer<'s> {
         let [x0, x1, y0, y1] = scene.film.pixel_bounds;
         Self {
             seed,
+            share: Share::WHOLE,
             sampler: scene.sampler,
             corner: [x0, y0],
             resolution: (x1 - x0, y1 - y0),
@@ -67,6 +72,11 @@ impl<'s> Renderer<'s> {
             alive: Record::alive(&layout),
             layout,
         }
+    }
+
+    /// Renders only a share of every pixel's samples.
+    pub fn of_share(self, share: Share) -> Self {
+        Self { share, ..self }
     }
 
     /// The sample vector's layout: that of the stores to render into.
@@ -121,7 +131,7 @@ impl<'s> Renderer<'s> {
             let x = column + self.corner[0];
             let source = S::for_pixel(self.seed, x as u32, y as u32);
             for _ in 0..count {
-                let mut numbers = Stream::new(&source, row.next_index(column));
+                let mut numbers = Stream::new(&source, self.share.in_sequence(row.next_index(column)));
                 let values = self.sample(x, y, &mut numbers).values();
                 for (out, &i) in sample.iter_mut().zip(&self.alive) {
                     *out = values[i];
