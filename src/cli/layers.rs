@@ -60,6 +60,20 @@ impl Layers {
         Self(layers)
     }
 
+    /// Leaves out all but the image and the layers of these names.
+    ///
+    /// # Errors
+    /// A name that no layer has.
+    pub fn keep_only(&mut self, names: &[String]) -> anyhow::Result<()> {
+        let known: Vec<&str> =
+            self.0.iter().map(|layer| layer.name).filter(|name| !name.is_empty()).collect();
+        if let Some(unknown) = names.iter().find(|name| !known.contains(&name.as_str())) {
+            anyhow::bail!("--layers: found `{unknown}`; accepted are {}", known.join(", "));
+        }
+        self.0.retain(|layer| layer.name.is_empty() || names.iter().any(|name| name == layer.name));
+        Ok(())
+    }
+
     /// The channels to write.
     pub fn channels(&self) -> Vec<Channel<'_>> {
         let of_layer = |layer: &'_ Layer| -> Vec<(String, usize)> {

@@ -109,6 +109,15 @@ pub(super) enum DenoiserOption {
     Prpf,
 }
 
+impl From<DenoiserOption> for Denoiser {
+    fn from(option: DenoiserOption) -> Self {
+        match option {
+            DenoiserOption::None => Self::None,
+            DenoiserOption::Prpf => Self::Prpf,
+        }
+    }
+}
+
 /// Without a ceiling a pixel still cannot count beyond what indices hold.
 const NO_CEILING: u32 = u32::MAX / 4;
 
@@ -127,10 +136,7 @@ impl RenderOptions {
                 SamplingOption::Uniform => Sampling::Uniform,
                 SamplingOption::Adaptive => Sampling::Adaptive,
             },
-            denoiser: match self.denoiser {
-                DenoiserOption::None => Denoiser::None,
-                DenoiserOption::Prpf => Denoiser::Prpf,
-            },
+            denoiser: self.denoiser.into(),
             quality: self.quality,
             seed: self.seed,
             min_spp: self.min_spp,

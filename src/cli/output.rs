@@ -41,8 +41,7 @@ pub(super) fn write(
     match OutputFormat::of(path)? {
         OutputFormat::Png => png_file::write(path, written.image, 0.0),
         OutputFormat::Exr => {
-            let windows =
-                Windows { data: frame.pixel_bounds, display: frame.film };
+            let windows = Windows { data: frame.pixel_bounds, display: frame.film };
             let attributes = attributes(written, frame, settings, reference, start);
             exr_file::write(path, windows, &layers.channels(), &attributes)
         }

@@ -14,7 +14,7 @@ use super::options::RenderOptions;
 use super::output::{Written, encode, write, write_report};
 use super::report::{Report, Spread, Times};
 use super::state::Kept;
-use super::{Failure, escaped, preview};
+use super::{Failure, escaped, in_pool, preview};
 use crate::filter::Filtered;
 use crate::geometry::Accel;
 use crate::image::formats::OutputFormat;
@@ -47,12 +47,7 @@ pub(super) fn run(options: &RenderOptions, mode: Mode, start: Instant) -> Result
     for path in &options.outfile {
         OutputFormat::of(path).map_err(|error| Failure::Input(error.into()))?;
     }
-    let mut pool = rayon::ThreadPoolBuilder::new();
-    if let Some(threads) = options.threads {
-        pool = pool.num_threads(threads.get());
-    }
-    let pool = pool.build().context("starting the worker threads").map_err(Failure::Run)?;
-    pool.install(|| run_in_pool(options, mode, start))
+    in_pool(options.threads, || run_in_pool(options, mode, start))
 }
 
 fn run_in_pool(options: &RenderOptions, mode: Mode, start: Instant) -> Result<u8, Failure> {
@@ -89,6 +84,7 @@ fn run_in_pool(options: &RenderOptions, mode: Mode, start: Instant) -> Result<u8
     options.state.budget(&mut settings.budget).map_err(Failure::Input)?;
     fits_in_memory(renderer.layout(), &settings, renderer.resolution()).map_err(Failure::Input)?;
     let resumed = options.state.resumed(&frame, stream, &renderer, &settings).map_err(Failure::Input)?;
+    let earlier = resumed.as_ref().map_or(0, |memory| memory.store.samples());
     let kept = options.state.keeper(&frame, stream, &renderer, &settings).map_err(Failure::Input)?;
     let interrupt = Arc::new(AtomicBool::new(false));
     listen_to_signals(&interrupt).map_err(Failure::Run)?;
@@ -159,7 +155,7 @@ fn run_in_pool(options: &RenderOptions, mode: Mode, start: Instant) -> Result<u8
             .map_err(Failure::Run)?;
     }
     if !options.quiet {
-        super::say(&summary(&outcome, seconds, &outfiles, options.verbose)).map_err(Failure::Run)?;
+        super::say(&summary(&outcome, earlier, seconds, &outfiles, options.verbose)).map_err(Failure::Run)?;
     }
     kept?;
     Ok(if outcome.stopped_by == StoppedBy::Interrupt { INTERRUPTED } else { 0 })
@@ -307,7 +303,8 @@ fn save(picture: &Picture, outfile: &Path, frame: &Frame, start: Instant) -> Res
     Ok(names.into())
 }
 
-fn summary(outcome: &Outcome, seconds: Times, outfiles: &[PathBuf], verbose: bool) -> String {
+/// `resumed`: samples that an earlier run made.
+fn summary(outcome: &Outcome, resumed: u64, seconds: Times, outfiles: &[PathBuf], verbose: bool) -> String {
     let mut lines = Vec::new();
     let spread = Spread::of(&outcome.store);
     if verbose {
@@ -337,7 +334,7 @@ fn summary(outcome: &Outcome, seconds: Times, outfiles: &[PathBuf], verbose: boo
         spread.mean,
         spread.min,
         spread.max,
-        outcome.store.samples() as f64 / seconds.render.max(1e-9) / 1e6,
+        (outcome.store.samples() - resumed) as f64 / seconds.render.max(1e-9) / 1e6,
     ));
     if outcome.store.drawn() < outcome.store.pixels() as u64 {
         let without = outcome.store.counts(Part::Whole).iter().filter(|&&n| n == 0).count();

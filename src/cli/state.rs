@@ -6,8 +6,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use anyhow::{Context, bail, ensure};
 use clap::Args;
 
-use super::options::parse_duration;
 use super::Failure;
+use super::options::parse_duration;
 use crate::progressive::{Budget, Memory, Settings, reservoir_capacity};
 use crate::render::{Renderer, Share};
 use crate::state::{self, Frame, Keeper, State, Stream};

@@ -74,15 +74,21 @@ mod tests {
             all.sort_unstable();
             assert_eq!(all, (0..samples).collect::<Vec<_>>(), "{n} {samples}");
         }
-        assert_eq!((0..9).map(|i| Share::WHOLE.in_sequence(i)).collect::<Vec<_>>(), (0..9).collect::<Vec<_>>());
+        assert_eq!(
+            (0..9).map(|i| Share::WHOLE.in_sequence(i)).collect::<Vec<_>>(),
+            (0..9).collect::<Vec<_>>()
+        );
         assert!(Share::new(0, 2).is_none() && Share::new(3, 2).is_none());
     }
 
     #[test]
     fn overlaps_are_those_of_the_samples() {
-        let shares: Vec<Share> = (1..=6).flat_map(|n| (1..=n).filter_map(move |k| Share::new(k, n))).collect();
+        let shares: Vec<Share> =
+            (1..=6).flat_map(|n| (1..=n).filter_map(move |k| Share::new(k, n))).collect();
         for (&a, &b) in shares.iter().flat_map(|a| shares.iter().map(move |b| (a, b))) {
-            let samples = |share: Share| (0..120).map(|i| share.in_sequence(i)).filter(|&i| i < 120).collect::<Vec<_>>();
+            let samples = |share: Share| {
+                (0..120).map(|i| share.in_sequence(i)).filter(|&i| i < 120).collect::<Vec<_>>()
+            };
             let (in_a, in_b) = (samples(a), samples(b));
             assert_eq!(a.overlaps(b), in_a.iter().any(|i| in_b.contains(i)), "{a} {b}");
         }

@@ -17,7 +17,10 @@ impl Writer<'_> {
 
     pub fn planes(&mut self, planes: &Planes) {
         let space = self.space(size_of_val(planes.data()));
-        space.chunks_exact_mut(4).zip(planes.data()).for_each(|(out, v)| out.copy_from_slice(&v.to_le_bytes()));
+        space
+            .chunks_exact_mut(4)
+            .zip(planes.data())
+            .for_each(|(out, v)| out.copy_from_slice(&v.to_le_bytes()));
     }
 
     pub fn counts(&mut self, counts: &[u32]) {

@@ -98,7 +98,7 @@ impl Shape {
     }
 }
 
-fn header(state: &State) -> Header {
+pub(super) fn header(state: &State) -> Header {
     let Memory { store, batches, estimate, rerun, under_way, recent } = &state.memory;
     Header {
         program: env!("CARGO_PKG_VERSION").to_owned(),
@@ -231,8 +231,14 @@ fn memory(header: &Header, layout: Layout, shape: &Shape, mut arrays: Reader) ->
         done: u.done,
         grain: u.grain,
     });
-    let memory =
-        Memory { store: Arc::new(store), batches: header.batches.clone(), estimate, rerun, under_way, recent: header.recent };
+    let memory = Memory {
+        store: Arc::new(store),
+        batches: header.batches.clone(),
+        estimate,
+        rerun,
+        under_way,
+        recent: header.recent,
+    };
     check(&memory)?;
     Ok(memory)
 }
@@ -251,7 +257,8 @@ fn check(memory: &Memory) -> Result<(), Problem> {
         let room = |(x, row): (usize, &Row), n: u32| row.next_index(x).checked_add(n).is_some();
         let width = memory.store.width().max(1);
         let rows = memory.store.rows().iter().zip(batch.allocation.counts.chunks(width));
-        let fits = rows.flat_map(|(row, counts)| counts.iter().enumerate().map(move |(x, &n)| room((x, row), n)));
+        let fits =
+            rows.flat_map(|(row, counts)| counts.iter().enumerate().map(move |(x, &n)| room((x, row), n)));
         if !(0.0..=1.0).contains(&batch.done) || !fits.into_iter().all(|fits| fits) {
             return wrong("a batch that cannot be");
         }

@@ -63,9 +63,19 @@ impl Frame {
             ("scene", self.hash == other.hash, scene(other), scene(self)),
             ("resolution", self.film == other.film, film(other), film(self)),
             ("pixelbounds", self.pixel_bounds == other.pixel_bounds, bounds(other), bounds(self)),
-            ("integrator", self.integrator == other.integrator, other.integrator.clone(), self.integrator.clone()),
+            (
+                "integrator",
+                self.integrator == other.integrator,
+                other.integrator.clone(),
+                self.integrator.clone(),
+            ),
             ("effects", self.effects == other.effects, other.effects.join(", "), self.effects.join(", ")),
-            ("diameter", self.diameter == other.diameter, other.diameter.to_string(), self.diameter.to_string()),
+            (
+                "diameter",
+                self.diameter == other.diameter,
+                other.diameter.to_string(),
+                self.diameter.to_string(),
+            ),
         ];
         fields.into_iter().find(|(_, same, ..)| !same).map(|(name, _, theirs, ours)| (name, theirs, ours))
     }

@@ -5,14 +5,17 @@
 //! [`Stream`]s say which samples a state holds and so what it may be merged with.
 
 mod arrays;
-mod format;
+pub mod export;
+pub mod format;
 mod header;
 mod keeper;
 mod merge;
+mod npz;
 mod stream;
 
 use std::path::Path;
 
+pub use export::export;
 pub use format::{Problem, VERSION, bytes, read_bytes, size};
 pub use header::Frame;
 pub use keeper::Keeper;
