@@ -63,3 +63,6 @@ impl State {
             .map_err(|error| StateError { path: path.to_path_buf(), problem: error.into() })
     }
 }
+
+#[cfg(test)]
+mod tests;
