@@ -42,6 +42,17 @@ pub fn export(state: &State, filtered: &Filtered, out: impl Write + Seek) -> io:
     npz.finish()
 }
 
+/// Which of a pixel's moments is written.
+type Value = fn(Moments) -> f64;
+
+fn mean(moments: Moments) -> f64 {
+    moments.mean
+}
+
+fn m2(moments: Moments) -> f64 {
+    moments.m2
+}
+
 const PARTS: [(&str, Part); 3] = [("", Part::Whole), ("_a", Part::Half(0)), ("_b", Part::Half(1))];
 
 fn statistics<W: Write + Seek>(store: &Store, npz: &mut Npz<W>) -> io::Result<()> {
@@ -52,7 +63,7 @@ fn statistics<W: Write + Seek>(store: &Store, npz: &mut Npz<W>) -> io::Result<()
     npz.array("rejected", &[height, width], pixels().map(|(row, x)| row.rejected(x)))?;
     for (suffix, part) in PARTS {
         npz.array(&format!("count{suffix}"), &[height, width], store.counts(part))?;
-        let values: [(&str, fn(Moments) -> f64); 2] = [("mean", |m| m.mean), ("m2", |m| m.m2)];
+        let values = [("mean", mean as Value), ("m2", m2)];
         for (name, value) in values {
             let all =
                 (0..dims).flat_map(|dim| pixels().map(move |(row, x)| value(row.moments(x, dim, part))));

@@ -34,6 +34,8 @@ pub const VERSION: u32 = 1;
 const MAGIC: &[u8; 8] = b"prpfstat";
 /// Magic, version and the two lengths.
 const PREAMBLE: usize = 8 + 4 + 8 + 8;
+/// Bytes by which the headers of later states of a render may be longer than that of the first.
+const ROOM_FOR_HEADERS: usize = 1 << 16;
 /// Length of the checksum.
 const CHECKSUM: usize = 4;
 
@@ -127,6 +129,10 @@ pub fn bytes(state: &State, file: &mut Vec<u8>) {
     let shape = Shape::of(&header, store.layout()).and_then(|shape| Some((shape.bytes()?, shape)));
     let (arrays, shape) = shape.expect("what is in memory has a size");
     let length = PREAMBLE + text.len() + arrays + CHECKSUM;
+    if file.capacity() < length {
+        // Headers grow by little; beyond its capacity a vector would grow to twice its size.
+        *file = Vec::with_capacity(length + ROOM_FOR_HEADERS);
+    }
     file.resize(length, 0);
 
     let (content, checksum) = file.split_at_mut(length - CHECKSUM);
