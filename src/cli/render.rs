@@ -92,6 +92,7 @@ fn run_in_pool(options: &RenderOptions, mode: Mode, start: Instant) -> Result<u8
     let rehearse = |filtered: &Filtered, store: &Store| {
         let layers = Layers::of(filtered, store, None, &frame);
         outfiles.par_iter().for_each(|path| encode(path, &layers, filtered));
+        kept.iter().for_each(|kept| kept.rehearse(store));
     };
     let mut listen = |progress| show(&bar, progress, interrupt.load(Ordering::Relaxed));
     let outcome = if serves || options.display_server.is_some() {

@@ -1,6 +1,7 @@
 //! Options of `render` that have to do with its state, and what they set in motion.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use anyhow::{Context, bail, ensure};
@@ -11,7 +12,7 @@ use super::options::parse_duration;
 use crate::progressive::{Budget, Memory, Settings, reservoir_capacity};
 use crate::render::{Renderer, Share};
 use crate::state::{self, Frame, Keeper, State, Stream};
-use crate::stats::Layout;
+use crate::stats::{Layout, Store};
 
 #[derive(Args)]
 pub(super) struct StateOptions {
@@ -177,6 +178,24 @@ impl Kept {
         {
             super::complain(&format!("warning: {}: {error}; the render goes on", unwritable(&self.path)));
         }
+    }
+
+    /// Does on a part of the image's rows what keeping does, to see how long it takes. What fails here
+    /// will fail, and be said, at the end.
+    pub fn rehearse(&self, rows: &Store) {
+        let (width, height) = (rows.width(), rows.height());
+        let frame =
+            Frame { film: [width, height], pixel_bounds: [0, width, 0, height], ..self.frame.clone() };
+        let memory = Memory {
+            store: Arc::new(rows.clone()),
+            batches: Vec::new(),
+            estimate: None,
+            rerun: None,
+            under_way: None,
+            recent: (0.0, 0.0),
+        };
+        let state = State { frame, settings: self.settings.clone(), streams: vec![self.stream], memory };
+        let _ = state.rehearse(&self.path);
     }
 
     /// Waits until the last one is on the disk.

@@ -50,6 +50,16 @@ pub fn can_be_replaced(path: &Path, bytes: usize) -> io::Result<()> {
     reserve(temporary.as_file(), bytes as u64)
 }
 
+/// All that [`replace_own_file`] does but replacing, to see how long it takes.
+///
+/// # Errors
+/// As for [`replace_own_file`].
+pub fn rehearse_own_file(path: &Path, write: impl FnOnce(&mut File) -> io::Result<()>) -> io::Result<()> {
+    let mut temporary = own_temporary_file(&resolve(path)?)?;
+    write(temporary.as_file_mut())?;
+    temporary.as_file().sync_all()
+}
+
 #[cfg(target_os = "linux")]
 fn reserve(file: &File, bytes: u64) -> io::Result<()> {
     use rustix::fs::{FallocateFlags, fallocate};

@@ -52,6 +52,16 @@ impl State {
         state.map_err(|problem| StateError { path: path.to_path_buf(), problem })
     }
 
+    /// Does what writing does, but leaves the file as it is: to see how long it takes.
+    ///
+    /// # Errors
+    /// As for [`Self::write`].
+    pub fn rehearse(&self, path: &Path) -> std::io::Result<()> {
+        let mut file = Vec::new();
+        bytes(self, &mut file);
+        crate::image::atomic::rehearse_own_file(path, |out| std::io::Write::write_all(out, &file))
+    }
+
     /// Replaces a file, whole or not at all.
     ///
     /// # Errors
