@@ -27,6 +27,7 @@
 //! | [`adaptive`] | maps → priority per pixel → sample counts of the next batch |
 //! | [`progressive`] | the loop: batches, budgets, events |
 //! | [`preview`] | the live page and its server: looks at the loop and steers it |
+//! | [`state`] | a render as a file: to go on from, to filter again, to merge |
 //! | [`cli`] | arguments → settings → loop → report |
 
 //!
@@ -69,4 +70,5 @@ pub mod preview;
 pub mod progressive;
 pub mod render;
 pub mod scene;
+pub mod state;
 pub mod stats;

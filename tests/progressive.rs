@@ -53,6 +53,7 @@ fn settings(spp: u32, sampling: Sampling, seed: u64) -> Settings {
         min_spp: 4,
         max_spp: 1 << 20,
         priority: PrioritySettings::default(),
+        reservoir: 0,
     }
 }
 

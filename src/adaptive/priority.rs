@@ -8,7 +8,7 @@ use crate::filter::blur;
 use crate::image::Planes;
 
 /// What drives the samples, each map with a weight; 0 leaves it out.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct PrioritySettings {
     /// Variance of the filtered image, from the halves.
     pub filtered_variance: f32,

@@ -4,7 +4,7 @@ use crate::filter::{self, Filtered};
 use crate::image::Planes;
 use crate::image::exr_file::{Channel, Precision};
 use crate::progressive::ErrorEstimate;
-use crate::scene::Scene;
+use crate::state::Frame;
 use crate::stats::{Block, Part, Store};
 
 /// A named layer: its channels' suffixes, one plane each.
@@ -24,14 +24,7 @@ const X: &[&str] = &["X"];
 pub(super) struct Layers(Vec<Layer>);
 
 impl Layers {
-    /// `diameter` is what positions in the store were divided by.
-    pub fn of(
-        filtered: &Filtered,
-        store: &Store,
-        estimate: Option<&ErrorEstimate>,
-        scene: &Scene,
-        diameter: f32,
-    ) -> Self {
+    pub fn of(filtered: &Filtered, store: &Store, estimate: Option<&ErrorEstimate>, frame: &Frame) -> Self {
         use Precision::{Float, Half};
         let layout = store.layout();
         let mut layers = Vec::new();
@@ -47,8 +40,8 @@ impl Layers {
         }
         if let Some(dims) = layout.block(Block::Position1) {
             let mut position = store.means(Part::Whole, dims);
-            for (plane, origin) in position.planes_mut().zip(scene.origin.to_array()) {
-                plane.iter_mut().for_each(|v| *v = (f64::from(*v * diameter) + origin) as f32);
+            for (plane, origin) in position.planes_mut().zip(frame.origin) {
+                plane.iter_mut().for_each(|v| *v = (f64::from(*v * frame.diameter) + origin) as f32);
             }
             add("P", XYZ, position, Float);
         }
@@ -65,6 +58,20 @@ impl Layers {
             add("TileError", X, estimate.of_pixels(store.width(), store.height()), Float);
         }
         Self(layers)
+    }
+
+    /// Leaves out all but the image and the layers of these names.
+    ///
+    /// # Errors
+    /// A name that no layer has.
+    pub fn keep_only(&mut self, names: &[String]) -> anyhow::Result<()> {
+        let known: Vec<&str> =
+            self.0.iter().map(|layer| layer.name).filter(|name| !name.is_empty()).collect();
+        if let Some(unknown) = names.iter().find(|name| !known.contains(&name.as_str())) {
+            anyhow::bail!("--layers: found `{unknown}`; accepted are {}", known.join(", "));
+        }
+        self.0.retain(|layer| layer.name.is_empty() || names.iter().any(|name| name == layer.name));
+        Ok(())
     }
 
     /// The channels to write.

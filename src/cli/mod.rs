@@ -1,15 +1,20 @@
 //! The command line: arguments → settings → loop → report.
 //!
 //! Exit status: 0 done; 1 the render failed (or an image is farther from its reference than asked);
-//! 2 the command line or an input file is wrong; 130 stopped by a person, image written.
+//! 2 the command line or an input file is wrong; 130 stopped by a person, image and state written.
 
 mod compare;
+mod denoise;
+mod export;
 mod info;
 mod layers;
+mod merge;
 mod options;
+mod output;
 mod preview;
 mod render;
 mod report;
+mod state;
 mod usage;
 
 use std::ffi::OsString;
@@ -41,6 +46,12 @@ enum Command {
     Render(Box<options::RenderOptions>),
     /// Render live: a page to look at the image as it converges, and to steer it
     Preview(Box<preview::PreviewOptions>),
+    /// Filter a render's state again, with other settings, without tracing a ray
+    Denoise(denoise::DenoiseOptions),
+    /// Add states of one picture: other seeds, other shards
+    Merge(merge::MergeOptions),
+    /// Write all that a state holds as named numpy arrays
+    Export(export::ExportOptions),
     /// Show what a scene holds, the effects it calls for, and the dimensions of its sample vector
     Info(info::InfoOptions),
     /// Compare an image with a reference: MSE, relMSE, PSNR, SSIM, FLIP, brightness
@@ -84,6 +95,17 @@ pub(crate) enum Failure {
     Run(anyhow::Error),
 }
 
+/// Runs something on so many worker threads; on all cores if nothing is said.
+fn in_pool<T: Send>(
+    threads: Option<std::num::NonZeroUsize>,
+    work: impl FnOnce() -> Result<T, Failure> + Send,
+) -> Result<T, Failure> {
+    // No number is 0, which stands for all cores.
+    let threads = threads.map_or(0, std::num::NonZeroUsize::get);
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+    pool.context("starting the worker threads").map_err(Failure::Run)?.install(work)
+}
+
 /// Runs the program; `start` is when it started, which is what time budgets count from.
 pub fn run(arguments: impl IntoIterator<Item = OsString>, start: Instant) -> ExitCode {
     let arguments = match Arguments::try_parse_from(arguments) {
@@ -102,6 +124,9 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>, start: Instant) -> Exi
     let outcome = match arguments.command {
         Command::Render(options) => render::run(&options, render::Mode::Render, start),
         Command::Preview(options) => preview::run(&options, start),
+        Command::Denoise(options) => denoise::run(&options, start),
+        Command::Merge(options) => merge::run(&options),
+        Command::Export(options) => export::run(&options),
         Command::Info(options) => info::run(&options),
         Command::Compare(options) => compare::run(&options).map_err(Failure::Input),
     };

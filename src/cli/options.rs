@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 
+use super::state::StateOptions;
 use crate::adaptive::{PrioritySettings, Sampling};
 use crate::filter::Quality;
 use crate::progressive::{Budget, Denoiser, Settings};
@@ -17,10 +18,11 @@ Examples:
   prpf render scenes/pool/pool.pbrt -o pool.png --spp 16
   prpf render scene.pbrt --time 30s -o out.exr -o out.png --report out.json
   prpf render scene.pbrt --sampling uniform --denoiser none --spp 1024 -o reference.exr
+  prpf render scene.pbrt --spp 4096 --state scene.state --resume      go on wherever it was stopped
 
 Several budgets may be given: the first one reached ends the render; 0 means off. The clock of --time
 counts everything: loading, building, the last filter pass and writing. Ctrl-C (or SIGTERM) finishes the
-batch being rendered, writes the image and exits 130; a second one quits at once.")]
+batch being rendered, writes the image (and the --state) and exits 130; a second one quits at once.")]
 pub(super) struct RenderOptions {
     /// Scene in pbrt's format
     pub scene: PathBuf,
@@ -83,6 +85,8 @@ pub(super) struct RenderOptions {
     /// Also send the image to a running tev viewer as it converges
     #[arg(long, visible_alias = "tev", value_name = "HOST:PORT", value_parser = parse_host)]
     pub display_server: Option<String>,
+    #[command(flatten)]
+    pub state: StateOptions,
     /// No progress bar, no summary
     #[arg(long)]
     pub quiet: bool,
@@ -107,6 +111,16 @@ pub(super) enum DenoiserOption {
     Rpf,
 }
 
+impl From<DenoiserOption> for Denoiser {
+    fn from(option: DenoiserOption) -> Self {
+        match option {
+            DenoiserOption::None => Self::None,
+            DenoiserOption::Prpf => Self::Prpf,
+            DenoiserOption::Rpf => Self::Rpf,
+        }
+    }
+}
+
 /// Without a ceiling a pixel still cannot count beyond what indices hold.
 pub(super) const NO_CEILING: u32 = u32::MAX / 4;
 
@@ -125,16 +139,13 @@ impl RenderOptions {
                 SamplingOption::Uniform => Sampling::Uniform,
                 SamplingOption::Adaptive => Sampling::Adaptive,
             },
-            denoiser: match self.denoiser {
-                DenoiserOption::None => Denoiser::None,
-                DenoiserOption::Prpf => Denoiser::Prpf,
-                DenoiserOption::Rpf => Denoiser::Rpf,
-            },
+            denoiser: self.denoiser.into(),
             quality: self.quality,
             seed: self.seed,
             min_spp: self.min_spp,
             max_spp: self.max_spp.filter(|&n| n > 0).unwrap_or(NO_CEILING),
             priority: self.drive,
+            reservoir: self.state.reservoir,
         }
     }
 
@@ -167,7 +178,7 @@ impl RenderOptions {
 }
 
 /// `90`, `20s`, `5m`, `1h30m`, `1.5m`, `500ms` to seconds.
-fn parse_duration(text: &str) -> Result<f64, String> {
+pub(super) fn parse_duration(text: &str) -> Result<f64, String> {
     let error = || format!("found `{text}`; accepted are durations such as 20s, 5m, 1h30m, 500ms");
     let mut seconds = 0.0;
     let mut rest = text.trim();

@@ -11,21 +11,21 @@ use rayon::prelude::*;
 
 use super::layers::Layers;
 use super::options::{NO_CEILING, RenderOptions};
+use super::output::{Written, encode, write, write_report};
 use super::report::{Report, Spread, Times};
-use super::{Failure, escaped, preview};
+use super::state::Kept;
+use super::{Failure, escaped, in_pool, preview};
 use crate::filter::Filtered;
 use crate::geometry::Accel;
-use crate::image::exr_file::{self, Attribute, Windows, names};
 use crate::image::formats::OutputFormat;
-use crate::image::metrics::Pair;
-use crate::image::tone::to_srgb8;
-use crate::image::{self, Planes, atomic, png_file};
+use crate::image::{self, Planes};
 use crate::preview::{Director, Hub, Picture, Stage};
 use crate::progressive::{
-    Batch, Denoiser, ErrorEstimate, Loop, Outcome, PixelMemory, Progress, Settings, StoppedBy,
+    Denoiser, ErrorEstimate, Loop, Outcome, PixelMemory, Progress, Settings, StoppedBy,
 };
 use crate::render::Renderer;
 use crate::scene::{Scene, pbrt};
+use crate::state::Frame;
 use crate::stats::{Layout, Part, Store};
 
 /// Exit status after a person's interruption: 128 + SIGINT.
@@ -47,12 +47,7 @@ pub(super) fn run(options: &RenderOptions, mode: Mode, start: Instant) -> Result
     for path in &options.outfile {
         OutputFormat::of(path).map_err(|error| Failure::Input(error.into()))?;
     }
-    let mut pool = rayon::ThreadPoolBuilder::new();
-    if let Some(threads) = options.threads {
-        pool = pool.num_threads(threads.get());
-    }
-    let pool = pool.build().context("starting the worker threads").map_err(Failure::Run)?;
-    pool.install(|| run_in_pool(options, mode, start))
+    in_pool(options.threads, || run_in_pool(options, mode, start))
 }
 
 fn run_in_pool(options: &RenderOptions, mode: Mode, start: Instant) -> Result<u8, Failure> {
@@ -74,7 +69,11 @@ fn run_in_pool(options: &RenderOptions, mode: Mode, start: Instant) -> Result<u8
     let load = start.elapsed().as_secs_f64();
 
     let accel = Accel::build(&scene);
-    let renderer = Renderer::new(&scene, &accel, options.seed);
+    let serves = mode == Mode::Preview || options.preview.is_some();
+    options.state.suits(serves || options.display_server.is_some()).map_err(Failure::Input)?;
+    let stream = options.state.stream(options.seed);
+    let renderer = Renderer::new(&scene, &accel, options.seed).of_share(stream.share);
+    let frame = Frame::of(&scene, &renderer);
     let build = start.elapsed().as_secs_f64() - load;
 
     let mut settings = options.settings(&scene);
@@ -82,16 +81,20 @@ fn run_in_pool(options: &RenderOptions, mode: Mode, start: Instant) -> Result<u8
         // A person watches; nothing has to end it.
         settings.budget.spp = None;
     }
+    options.state.budget(&mut settings.budget).map_err(Failure::Input)?;
     fits_in_memory(renderer.layout(), &settings, renderer.resolution()).map_err(Failure::Input)?;
+    let resumed = options.state.resumed(&frame, stream, &renderer, &settings).map_err(Failure::Input)?;
+    let earlier = resumed.as_ref().map_or(0, |memory| memory.store.samples());
+    let kept = options.state.keeper(&frame, stream, &renderer, &settings).map_err(Failure::Input)?;
     let interrupt = Arc::new(AtomicBool::new(false));
     listen_to_signals(&interrupt).map_err(Failure::Run)?;
     let bar = bar(options);
     let rehearse = |filtered: &Filtered, store: &Store| {
-        let layers = Layers::of(filtered, store, None, &scene, renderer.diameter());
+        let layers = Layers::of(filtered, store, None, &frame);
         outfiles.par_iter().for_each(|path| encode(path, &layers, filtered));
+        kept.iter().for_each(|kept| kept.rehearse(store));
     };
     let mut listen = |progress| show(&bar, progress, interrupt.load(Ordering::Relaxed));
-    let serves = mode == Mode::Preview || options.preview.is_some();
     let outcome = if serves || options.display_server.is_some() {
         let hub = Arc::new(Hub::default());
         if serves {
@@ -107,13 +110,21 @@ fn run_in_pool(options: &RenderOptions, mode: Mode, start: Instant) -> Result<u8
             start,
             interrupt: &interrupt,
             stays: mode == Mode::Preview,
-            save: Box::new(|picture| save(picture, &outfiles[0], &scene, start)),
+            save: Box::new(|picture| save(picture, &outfiles[0], &frame, start)),
             listen: Box::new(listen),
         };
         Director::new(hub, stage).run()
     } else {
         let circle = Loop::new(&renderer, &settings, start, &interrupt, reference.as_ref());
-        Some(circle.closing_with(&rehearse).run(&mut listen))
+        let keep = |memory| kept.iter().for_each(|kept| kept.keep(&memory));
+        let mut circle = circle.closing_with(&rehearse);
+        if let Some(kept) = &kept {
+            circle = circle.keeping(kept.every, &keep);
+        }
+        if let Some(memory) = resumed {
+            circle = circle.resuming(memory);
+        }
+        Some(circle.run(&mut listen))
     };
     bar.finish_and_clear();
     // A preview that was closed.
@@ -121,12 +132,14 @@ fn run_in_pool(options: &RenderOptions, mode: Mode, start: Instant) -> Result<u8
 
     let writing = Instant::now();
     let Outcome { filtered, store, estimate, .. } = &outcome;
-    let layers = Layers::of(filtered, store, estimate.as_ref(), &scene, renderer.diameter());
+    let layers = Layers::of(filtered, store, estimate.as_ref(), &frame);
     let written = Written { store, image: &filtered.image, batches: &outcome.batches };
-    outfiles
+    let images = outfiles
         .par_iter()
-        .try_for_each(|path| write(path, &layers, &written, &scene, &settings, reference.as_ref(), start))
-        .map_err(|error| Failure::Run(error.into()))?;
+        .try_for_each(|path| write(path, &layers, &written, &frame, &settings, reference.as_ref(), start))
+        .map_err(|error| Failure::Run(error.into()));
+    let kept = kept.map_or(Ok(()), Kept::finish);
+    images?;
     let seconds = Times {
         load,
         build,
@@ -137,14 +150,15 @@ fn run_in_pool(options: &RenderOptions, mode: Mode, start: Instant) -> Result<u8
         total: start.elapsed().as_secs_f64(),
     };
     if let Some(path) = &options.report {
-        let report = Report::of(&scene, &settings, &outcome, seconds);
+        let report = Report::of(&frame, &settings, &outcome, seconds);
         write_report(path, &report)
             .with_context(|| format!("writing {}", path.display()))
             .map_err(Failure::Run)?;
     }
     if !options.quiet {
-        super::say(&summary(&outcome, seconds, &outfiles, options.verbose)).map_err(Failure::Run)?;
+        super::say(&summary(&outcome, earlier, seconds, &outfiles, options.verbose)).map_err(Failure::Run)?;
     }
+    kept?;
     Ok(if outcome.stopped_by == StoppedBy::Interrupt { INTERRUPTED } else { 0 })
 }
 
@@ -169,7 +183,7 @@ fn outfiles(options: &RenderOptions, scene: &mut Scene) -> Vec<PathBuf> {
 }
 
 /// What can be known of an output before minutes of rendering.
-fn can_be_written(path: &Path) -> anyhow::Result<()> {
+pub(super) fn can_be_written(path: &Path) -> anyhow::Result<()> {
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     if !folder.is_dir() {
         anyhow::bail!("{}: found no folder {}; it has to exist", path.display(), folder.display());
@@ -298,103 +312,20 @@ fn show(bar: &ProgressBar, progress: Progress, stopping: bool) {
     bar.set_position((progress.fraction * BAR_STEPS as f64) as u64);
 }
 
-/// Writes to nowhere, to see how long it takes. What fails here will fail, and be said, at the end.
-fn encode(path: &Path, layers: &Layers, filtered: &Filtered) {
-    let (width, height) = (filtered.image.width(), filtered.image.height());
-    match OutputFormat::of(path) {
-        Ok(OutputFormat::Exr) => {
-            let _ = exr_file::encode(Windows::whole(width, height), &layers.channels(), &[]);
-        }
-        Ok(OutputFormat::Png) => {
-            let _ = png_file::encode(width, height, &to_srgb8(&filtered.image, 0.0));
-        }
-        Err(_) => {}
-    }
-}
-
-fn write(
-    path: &Path,
-    layers: &Layers,
-    written: &Written,
-    scene: &Scene,
-    settings: &Settings,
-    reference: Option<&Planes>,
-    start: Instant,
-) -> Result<(), image::ImageError> {
-    match OutputFormat::of(path)? {
-        OutputFormat::Png => png_file::write(path, written.image, 0.0),
-        OutputFormat::Exr => {
-            let windows =
-                Windows { data: scene.film.pixel_bounds, display: [scene.film.width, scene.film.height] };
-            let attributes = attributes(written, scene, settings, reference, start);
-            exr_file::write(path, windows, &layers.channels(), &attributes)
-        }
-    }
-}
-
 /// Writes the image of a render that goes on, as EXR and PNG.
-fn save(picture: &Picture, outfile: &Path, scene: &Scene, start: Instant) -> Result<Vec<PathBuf>, String> {
+fn save(picture: &Picture, outfile: &Path, frame: &Frame, start: Instant) -> Result<Vec<PathBuf>, String> {
     let names = preview::next_names(outfile).ok_or("all numbers are taken")?;
-    let layers = Layers::of(picture.filtered, picture.store, None, scene, picture.diameter);
+    let layers = Layers::of(picture.filtered, picture.store, None, frame);
     let written = Written { store: picture.store, image: &picture.filtered.image, batches: &[] };
     for name in &names {
-        write(name, &layers, &written, scene, picture.settings, None, start)
+        write(name, &layers, &written, frame, picture.settings, None, start)
             .map_err(|error| error.to_string())?;
     }
     Ok(names.into())
 }
 
-/// What a written image's attributes tell of.
-struct Written<'a> {
-    store: &'a Store,
-    image: &'a Planes,
-    batches: &'a [Batch],
-}
-
-fn attributes(
-    written: &Written,
-    scene: &Scene,
-    settings: &Settings,
-    reference: Option<&Planes>,
-    start: Instant,
-) -> Vec<(String, Attribute)> {
-    let spread = Spread::of(written.store);
-    let own = |name: &str| format!("prpf.{name}");
-    let schedule = written.batches.iter().map(|b| b.samples_total as i64).collect();
-    let mut attributes = vec![
-        (names::SAMPLES_PER_PIXEL.to_owned(), Attribute::Int(spread.mean.round() as i32)),
-        (names::RENDER_TIME_SECONDS.to_owned(), Attribute::Float(start.elapsed().as_secs_f32())),
-        (own("seed"), Attribute::Text(settings.seed.to_string())),
-        (own("version"), Attribute::Text(env!("CARGO_PKG_VERSION").to_owned())),
-        (own("commandLine"), Attribute::Text(command_line())),
-        (own("scene"), Attribute::Text(scene.source.clone())),
-        (own("sceneHash"), Attribute::Text(format!("sha256:{}", scene.hash))),
-        (own("samplesMin"), Attribute::Int(spread.min as i32)),
-        (own("samplesMean"), Attribute::Float(spread.mean as f32)),
-        (own("samplesMax"), Attribute::Int(spread.max as i32)),
-        (own("batches"), Attribute::Ints(schedule)),
-    ];
-    if let Some(mse) = reference.and_then(|r| Some(Pair::new(written.image, r).ok()?.mse())) {
-        attributes.push((names::MSE.to_owned(), Attribute::Float(mse as f32)));
-    }
-    attributes
-}
-
-fn command_line() -> String {
-    let words: Vec<String> = std::env::args_os().map(|word| word.to_string_lossy().into_owned()).collect();
-    words.join(" ")
-}
-
-fn write_report(path: &Path, report: &Report) -> anyhow::Result<()> {
-    let text = serde_json::to_vec_pretty(report)?;
-    atomic::replace_file::<anyhow::Error>(path, |file| {
-        use std::io::Write;
-        file.write_all(&text)?;
-        Ok(file.write_all(b"\n")?)
-    })
-}
-
-fn summary(outcome: &Outcome, seconds: Times, outfiles: &[PathBuf], verbose: bool) -> String {
+/// `resumed`: samples that an earlier run made.
+fn summary(outcome: &Outcome, resumed: u64, seconds: Times, outfiles: &[PathBuf], verbose: bool) -> String {
     let mut lines = Vec::new();
     let spread = Spread::of(&outcome.store);
     if verbose {
@@ -424,7 +355,7 @@ fn summary(outcome: &Outcome, seconds: Times, outfiles: &[PathBuf], verbose: boo
         spread.mean,
         spread.min,
         spread.max,
-        outcome.store.samples() as f64 / seconds.render.max(1e-9) / 1e6,
+        (outcome.store.samples() - resumed) as f64 / seconds.render.max(1e-9) / 1e6,
     ));
     if outcome.store.drawn() < outcome.store.pixels() as u64 {
         let without = outcome.store.counts(Part::Whole).iter().filter(|&&n| n == 0).count();

@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use crate::progressive::{Batch, Outcome, Settings, StoppedBy};
-use crate::scene::Scene;
+use crate::state::Frame;
 use crate::stats::{Layout, Part, Store};
 
 /// Where the time of the whole command went.
@@ -45,7 +45,7 @@ pub(super) struct Report<'a> {
     height: usize,
     seed: u64,
     threads: usize,
-    effects: Vec<&'static str>,
+    effects: &'a [String],
     dimensions: Vec<&'static str>,
     settings: &'a Settings,
     stopped_by: StoppedBy,
@@ -63,16 +63,16 @@ pub(super) struct Report<'a> {
 }
 
 impl<'a> Report<'a> {
-    pub fn of(scene: &'a Scene, settings: &'a Settings, outcome: &'a Outcome, seconds: Times) -> Self {
+    pub fn of(frame: &'a Frame, settings: &'a Settings, outcome: &'a Outcome, seconds: Times) -> Self {
         let store = &outcome.store;
         let spread = Spread::of(store);
         Self {
-            scene: &scene.source,
+            scene: &frame.source,
             width: store.width(),
             height: store.height(),
             seed: settings.seed,
             threads: rayon::current_num_threads(),
-            effects: scene.effects().names(),
+            effects: &frame.effects,
             dimensions: dimension_names(store.layout()),
             settings,
             stopped_by: outcome.stopped_by,

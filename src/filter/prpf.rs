@@ -133,6 +133,24 @@ pub fn filter(store: &Store, settings: &PrpfSettings, seed: u64) -> Filtered {
     filtered
 }
 
+/// The weights that [`filter`] uses: their names, and for each pass a plane for each of them.
+pub fn feature_weights(store: &Store, settings: &PrpfSettings, seed: u64) -> (Vec<String>, Vec<Planes>) {
+    let colours = Colours::new(store, &settings.outliers);
+    let guide = Guide::new(store, colours.guide(), settings);
+    let exposure = colours.exposure();
+    let of_pass = |(pass, &window): (usize, &usize)| {
+        let neighbourhood = &Neighbourhood::new(&guide, window, settings.statistics_side);
+        let guide = &guide;
+        let evidence = Evidence { store, guide, neighbourhood, exposure, settings, pass, window, seed };
+        upsampling::weights(&evidence).to_planes()
+    };
+    let dimensions = store.layout().dimensions();
+    let features = guide.feature_dims().iter().map(|&dim| format!("beta {}", dimensions[dim].name));
+    let others = ["alpha R", "alpha G", "alpha B", "randomness", "interpolation"].map(str::to_owned);
+    let passes = settings.windows.iter().enumerate().map(of_pass).collect();
+    (features.chain(others).collect(), passes)
+}
+
 /// Where interpolation of feature weights between grid nodes fails (1; elsewhere 0), and the share
 /// of pixels between nodes where it does not: the sparse-grid stage alone, for one window. It needs
 /// no mutual information, and so neither a reservoir nor random numbers.

@@ -4,9 +4,12 @@
 //! writer of this crate writes to a temporary file beside the target, syncs it, and renames it
 //! over the target. Whatever fails, the old file is untouched and the temporary one is removed.
 
+use std::ffi::OsString;
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
+
+use tempfile::NamedTempFile;
 
 /// Replaces `path` by what `write` produces.
 ///
@@ -21,13 +24,66 @@ pub fn replace_file<E: From<io::Error>>(
     write: impl FnOnce(&mut BufWriter<&File>) -> Result<(), E>,
 ) -> Result<(), E> {
     let target = resolve(path)?;
-    let old = fs::metadata(&target).ok();
-    if old.as_ref().is_some_and(|old| !old.is_file()) {
-        return Err(io::Error::new(io::ErrorKind::InvalidInput, "exists and is not a regular file").into());
-    }
-    let folder = folder_of(&target);
-    let temporary = temporary_file(folder)?;
+    let temporary = temporary_file(folder_of(&target))?;
+    fill_and_rename(temporary, &target, write)
+}
 
+/// The same for a file that one program replaces again and again. The temporary file is named after
+/// the target, so that what a killed program left is taken up by the next and does not pile up.
+///
+/// # Errors
+/// As for [`replace_file`], and if another program is replacing the file just now.
+pub fn replace_own_file<E: From<io::Error>>(
+    path: &Path,
+    write: impl FnOnce(&mut BufWriter<&File>) -> Result<(), E>,
+) -> Result<(), E> {
+    let target = resolve(path)?;
+    fill_and_rename(own_temporary_file(&target)?, &target, write)
+}
+
+/// Whether [`replace_own_file`] could write so many bytes now. Leaves nothing behind.
+///
+/// # Errors
+/// As for [`replace_own_file`]; a full disk where the file system can tell beforehand.
+pub fn can_be_replaced(path: &Path, bytes: usize) -> io::Result<()> {
+    let temporary = own_temporary_file(&resolve(path)?)?;
+    reserve(temporary.as_file(), bytes as u64)
+}
+
+/// All that [`replace_own_file`] does but replacing, to see how long it takes.
+///
+/// # Errors
+/// As for [`replace_own_file`].
+pub fn rehearse_own_file(path: &Path, write: impl FnOnce(&mut File) -> io::Result<()>) -> io::Result<()> {
+    let mut temporary = own_temporary_file(&resolve(path)?)?;
+    write(temporary.as_file_mut())?;
+    temporary.as_file().sync_all()
+}
+
+#[cfg(target_os = "linux")]
+fn reserve(file: &File, bytes: u64) -> io::Result<()> {
+    use rustix::fs::{FallocateFlags, fallocate};
+    if bytes == 0 {
+        return Ok(());
+    }
+    match fallocate(file, FallocateFlags::empty(), 0, bytes) {
+        Err(rustix::io::Errno::NOSPC) => Err(io::Error::from(io::ErrorKind::StorageFull)),
+        // Not every file system can tell.
+        _ => Ok(()),
+    }
+}
+
+#[cfg(not(target_os = "linux"))]
+fn reserve(_: &File, _: u64) -> io::Result<()> {
+    Ok(())
+}
+
+fn fill_and_rename<E: From<io::Error>>(
+    temporary: NamedTempFile,
+    target: &Path,
+    write: impl FnOnce(&mut BufWriter<&File>) -> Result<(), E>,
+) -> Result<(), E> {
+    let old = fs::metadata(target).ok();
     let mut writer = BufWriter::new(temporary.as_file());
     write(&mut writer)?;
     writer.flush()?;
@@ -37,16 +93,20 @@ pub fn replace_file<E: From<io::Error>>(
         temporary.as_file().set_permissions(old.permissions())?;
     }
     temporary.as_file().sync_all()?;
-    temporary.persist(&target).map_err(|error| error.error)?;
-    sync_folder(folder)
+    temporary.persist(target).map_err(|error| error.error)?;
+    sync_folder(folder_of(target))
 }
 
 /// The file that a link stands for; `path` itself where there is nothing yet.
 fn resolve(path: &Path) -> io::Result<PathBuf> {
-    match fs::canonicalize(path) {
-        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(path.to_path_buf()),
-        resolved => resolved,
+    let target = match fs::canonicalize(path) {
+        Err(error) if error.kind() == io::ErrorKind::NotFound => path.to_path_buf(),
+        resolved => resolved?,
+    };
+    if fs::metadata(&target).is_ok_and(|old| !old.is_file()) {
+        return Err(io::Error::new(io::ErrorKind::InvalidInput, "exists and is not a regular file"));
     }
+    Ok(target)
 }
 
 fn folder_of(path: &Path) -> &Path {
@@ -57,13 +117,41 @@ fn folder_of(path: &Path) -> &Path {
 }
 
 /// Same folder as the target, because a rename is atomic within one file system only.
-fn temporary_file(folder: &Path) -> io::Result<tempfile::NamedTempFile> {
+fn temporary_file(folder: &Path) -> io::Result<NamedTempFile> {
     let mut builder = tempfile::Builder::new();
     builder.prefix(".prpf-").suffix(".tmp");
-    // Temporary files are private by default; an image is not, so it gets what the umask grants.
+    not_private(&mut builder);
+    builder.tempfile_in(folder)
+}
+
+/// Named after the target, locked as long as it is open.
+fn own_temporary_file(target: &Path) -> io::Result<NamedTempFile> {
+    let folder = folder_of(target);
+    let mut name = OsString::from(".");
+    name.push(target.file_name().unwrap_or_default());
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(&name).suffix(".tmp").rand_bytes(0);
+    not_private(&mut builder);
+    let mut left = name.clone();
+    left.push(".tmp");
+    let left = folder.join(left);
+    if let Ok(file) = File::open(&left) {
+        if let Err(fs::TryLockError::WouldBlock) = file.try_lock() {
+            let message = "another program is writing this file";
+            return Err(io::Error::new(io::ErrorKind::ResourceBusy, message));
+        }
+        fs::remove_file(&left)?;
+    }
+    let temporary = builder.tempfile_in(folder)?;
+    // Where files cannot be locked, two programs have to keep apart by themselves.
+    let _ = temporary.as_file().try_lock();
+    Ok(temporary)
+}
+
+/// Temporary files are private by default; an image is not, so it gets what the umask grants.
+fn not_private(builder: &mut tempfile::Builder) {
     #[cfg(unix)]
     builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-    builder.tempfile_in(folder)
 }
 
 /// Makes the rename itself durable; elsewhere than on Unix a folder cannot be synced.

@@ -9,32 +9,18 @@
 //! error's denominator has F in place of the unknown truth. The image at the end has all samples, so
 //! nothing is left to measure it with: the estimate belongs to the last image before, and says so.
 
+use super::memory::Snapshot;
 use crate::image::Planes;
-use crate::stats::{Part, Store};
+use crate::stats::Store;
 
 /// Side of the tiles, in pixels.
-const TILE: usize = 16;
+pub const TILE: usize = 16;
 /// The denominator's floor in relMSE.
 const RELATIVE_FLOOR: f32 = 0.01;
 
 /// An estimate of a newer image may be this many times less certain than that of the older one; it is
 /// told with its standard error.
 const LARGEST_LOSS: f64 = 4.0;
-
-/// What the store knew when an image was made of it.
-pub(super) struct Snapshot {
-    mean: [Planes; 2],
-    count: [Vec<u32>; 2],
-}
-
-impl Snapshot {
-    pub fn of(store: &Store) -> Self {
-        Self {
-            mean: [0, 1].map(|h| store.means(Part::Half(h), store.layout().radiance())),
-            count: [0, 1].map(|h| store.counts(Part::Half(h))),
-        }
-    }
-}
 
 /// See the module.
 #[derive(Clone, Debug)]

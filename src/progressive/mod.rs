@@ -2,6 +2,7 @@
 //! is spent. The only room that reads a clock.
 
 mod estimate;
+mod memory;
 mod observer;
 mod region;
 mod rehearsal;
@@ -19,14 +20,14 @@ use crate::image::metrics::Pair;
 use crate::render::Renderer;
 use crate::stats::{Layout, Part, Store};
 
-pub use estimate::ErrorEstimate;
-use estimate::Snapshot;
+pub use estimate::{ErrorEstimate, TILE};
+pub use memory::{Keep, Memory, Rerun, Snapshot, UnderWay};
 pub use observer::{FilterJob, Flow, Observer, Shown};
 pub use region::Region;
 use rehearsal::Rehearsal;
 pub use schedule::Budget;
 use schedule::{Plan, Schedule};
-use steps::Grain;
+pub use steps::Grain;
 
 /// The reconstruction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
@@ -42,7 +43,7 @@ pub enum Denoiser {
 }
 
 /// Everything the loop follows.
-#[derive(Clone, Debug, serde::Serialize)]
+#[derive(Clone, Debug, serde::Serialize, serde::Deserialize)]
 pub struct Settings {
     pub budget: Budget,
     pub sampling: Sampling,
@@ -54,10 +55,12 @@ pub struct Settings {
     /// Ceiling per pixel.
     pub max_spp: u32,
     pub priority: PrioritySettings,
+    /// Sample vectors kept per pixel at least; the denoiser may need more.
+    pub reservoir: usize,
 }
 
 /// One turn of the circle.
-#[derive(Clone, Debug, Default, serde::Serialize)]
+#[derive(Clone, Debug, Default, serde::Serialize, serde::Deserialize)]
 pub struct Batch {
     pub index: usize,
     /// Since the program's start, when the batch's image stood.
@@ -130,13 +133,16 @@ pub enum Ended {
     Left,
 }
 
-/// What a batch's maps are made from.
-struct Rerun {
-    shown: Shown,
-    /// What the image was made of.
-    made_of: Snapshot,
-    /// Pixels that got samples regardless of their priority since.
-    probes: Vec<bool>,
+/// Where a call of [`Loop::advance`] enters the circle.
+#[derive(Default)]
+enum Entry {
+    /// Before a batch is planned.
+    #[default]
+    Plan,
+    /// Within a batch that another process began.
+    Within(UnderWay),
+    /// After a batch that another process rendered.
+    After,
 }
 
 /// What the caller does with the image at the end.
@@ -153,6 +159,11 @@ pub struct Loop<'a> {
     /// What the filtered image is compared with after every batch: 3 planes.
     reference: Option<&'a Planes>,
     closing: Option<Closing<'a>>,
+    /// Seconds from one memory that is kept to the next, and what keeps it.
+    keep: Option<(f64, Keep<'a>)>,
+    /// When it was kept last.
+    kept: f64,
+    entry: Entry,
     /// Shared only with a filter pass, and not for longer unless its observer gave it up.
     store: Arc<Store>,
     schedule: Schedule,
@@ -181,13 +192,14 @@ const LEAST_USE_OF_RERUN: f64 = 3.0;
 /// Window of the grid stage whose failures drive samples; the paper's third.
 const FAILURE_WINDOW: usize = 17;
 
-/// Sample vectors that a store keeps of each pixel, at most.
-fn reservoir_capacity(settings: &Settings) -> usize {
-    match (settings.denoiser, settings.quality) {
+/// Sample vectors that a render with these settings keeps per pixel.
+pub fn reservoir_capacity(settings: &Settings) -> usize {
+    let needed = match (settings.denoiser, settings.quality) {
         (Denoiser::Rpf, _) => most_samples(settings),
         (Denoiser::Prpf, Quality::Paper) => RESERVOIR,
         _ => 0,
-    }
+    };
+    needed.max(settings.reservoir)
 }
 
 /// Samples that a pixel can get, as far as budgets limit it.
@@ -247,6 +259,9 @@ impl<'a> Loop<'a> {
             interrupt,
             reference,
             closing: None,
+            keep: None,
+            kept: start.elapsed().as_secs_f64(),
+            entry: Entry::default(),
             schedule: Schedule::new(
                 &settings.budget,
                 (width * height) as u64,
@@ -270,6 +285,51 @@ impl<'a> Loop<'a> {
     pub fn closing_with(mut self, closing: Closing<'a>) -> Self {
         self.closing = Some(closing);
         self
+    }
+
+    /// Hands over what it knows every so many seconds, between two steps, and when a budget is spent,
+    /// before the last filter pass.
+    pub fn keeping(mut self, seconds: f64, keep: Keep<'a>) -> Self {
+        self.keep = Some((seconds, keep));
+        self
+    }
+
+    /// Goes on from what another loop knew. With a budget of samples the end is the same to the last
+    /// bit as if that one had gone on.
+    ///
+    /// # Panics
+    /// If the store is not of the renderer's size and layout.
+    pub fn resuming(mut self, memory: Memory) -> Self {
+        let Memory { store, batches, estimate, rerun, under_way, recent } = memory;
+        assert_eq!((store.width(), store.height()), self.renderer.resolution(), "a state of this image");
+        assert_eq!(store.layout(), self.renderer.layout(), "a state of this scene");
+        self.entry = match under_way {
+            Some(batch) => Entry::Within(batch),
+            None if store.drawn() > 0 => Entry::After,
+            None => Entry::Plan,
+        };
+        self.schedule.resume(recent);
+        (self.store, self.batches, self.estimate, self.rerun) = (store, batches, estimate, rerun);
+        self
+    }
+
+    fn keep(&mut self, under_way: Option<&UnderWay>) {
+        let Some((_, keep)) = self.keep else { return };
+        keep(Memory {
+            store: self.store.clone(),
+            batches: self.batches.clone(),
+            estimate: self.estimate.clone(),
+            rerun: self.rerun.clone(),
+            under_way: under_way.cloned(),
+            recent: self.schedule.recent(),
+        });
+        self.kept = self.elapsed();
+    }
+
+    fn keep_if_due(&mut self, under_way: Option<&UnderWay>) {
+        if self.keep.is_some_and(|(seconds, _)| self.elapsed() >= self.kept + seconds) {
+            self.keep(under_way);
+        }
     }
 
     /// Follows other settings from now on. The seed and what the reservoir keeps stay as they are.
@@ -312,15 +372,21 @@ impl<'a> Loop<'a> {
     /// changes or not, and goes on where it was.
     pub fn advance(&mut self, observer: &mut dyn Observer) -> Ended {
         let stopped_by = loop {
-            let plan = match self.plan() {
-                Ok(plan) => plan,
-                Err(stopped_by) => break stopped_by,
+            let batch = match std::mem::take(&mut self.entry) {
+                Entry::After => None,
+                Entry::Within(batch) => Some(batch),
+                Entry::Plan => match self.plan() {
+                    Ok(plan) => Some(self.begin(plan)),
+                    Err(stopped_by) => break stopped_by,
+                },
             };
-            let allocation = self.allocate(plan.samples);
-            let left = self.render(&allocation, observer);
-            self.check(&allocation.probes);
-            if left {
-                return Ended::Left;
+            if let Some(batch) = batch {
+                let (probes, left) = self.render(batch, observer);
+                self.check(&probes);
+                if left {
+                    return Ended::Left;
+                }
+                self.keep_if_due(None);
             }
             if self.interrupt.load(Ordering::Relaxed) {
                 break StoppedBy::Interrupt;
@@ -336,11 +402,12 @@ impl<'a> Loop<'a> {
                 }
             }
         };
+        self.keep(None);
         let (denoiser, quality) = self.last_filter();
         let Some((mut shown, seconds)) = self.filter(denoiser, quality, false, observer) else {
             return Ended::Left;
         };
-        if let Some(Rerun { shown: last, .. }) = &self.rerun {
+        if let Some(last) = &self.rerun {
             let filtered = &mut shown.filtered;
             filtered.interpolation_failure =
                 filtered.interpolation_failure.take().or_else(|| last.failure.clone());
@@ -378,9 +445,9 @@ impl<'a> Loop<'a> {
             // The error of another filter's image says nothing on that of the last.
             return;
         }
-        let Some(Rerun { shown, made_of, probes: all }) = &mut self.rerun else { return };
+        let Some(Rerun { image, made_of, probes: all, .. }) = &mut self.rerun else { return };
         all.iter_mut().zip(probes).for_each(|(all, &new)| *all |= new);
-        let new = ErrorEstimate::of(&shown.filtered.image, made_of, &self.store, all);
+        let new = ErrorEstimate::of(image, made_of, &self.store, all);
         if let Some(new) = new {
             self.estimate = Some(new.or_keep(self.estimate.take()));
         }
@@ -473,14 +540,14 @@ impl<'a> Loop<'a> {
         let counts = self.store.counts(Part::Whole);
         let floor = self.settings.min_spp.min(self.settings.max_spp);
         let priority = match (self.settings.sampling, &self.rerun) {
-            (Sampling::Adaptive, Some(Rerun { shown, .. })) if counts.iter().all(|&n| n >= floor) => {
+            (Sampling::Adaptive, Some(rerun)) if counts.iter().all(|&n| n >= floor) => {
                 let maps = Maps {
                     counts: &counts,
-                    image: &shown.filtered.image,
-                    filtered_variance: &shown.filtered.variance,
+                    image: &rerun.image,
+                    filtered_variance: &rerun.variance,
                     raw_variance: &filter::variance_of_mean(&self.store),
-                    residual: &shown.filtered.residual,
-                    interpolation_failure: shown.failure.as_ref(),
+                    residual: &rerun.residual,
+                    interpolation_failure: rerun.failure.as_ref(),
                 };
                 Some(adaptive::priority(maps, &self.settings.priority))
             }
@@ -502,22 +569,25 @@ impl<'a> Loop<'a> {
         allocation
     }
 
-    /// Renders a batch in steps, between which the clock or the observer may end it; true if it was
-    /// the observer.
-    fn render(&mut self, allocation: &Allocation, observer: &mut dyn Observer) -> bool {
-        let total: u64 = allocation.counts.iter().map(|&n| u64::from(n)).sum();
+    fn begin(&mut self, plan: Plan) -> UnderWay {
         let grain = if self.store.drawn() == 0 { Grain::Pixel } else { Grain::Line };
-        let mut done = 0.0;
-        while done < 1.0 {
+        UnderWay { allocation: self.allocate(plan.samples), done: 0.0, grain }
+    }
+
+    /// Renders what is left of a batch in steps, between which the clock or the observer may end it;
+    /// the batch's probes, and whether it was the observer.
+    fn render(&mut self, mut batch: UnderWay, observer: &mut dyn Observer) -> (Vec<bool>, bool) {
+        let total: u64 = batch.allocation.counts.iter().map(|&n| u64::from(n)).sum();
+        while batch.done < 1.0 {
             let started = Instant::now();
             let before = self.store.drawn();
             let Some(share) = self.schedule.step(self.elapsed(), before, total) else { break };
             let short = observer.step_seconds().map(|seconds| self.schedule.short_step(seconds, total));
-            let next = (done + short.map_or(share, |short| short.min(share))).min(1.0);
-            let counts = steps::between(&allocation.counts, &self.store, grain, done, next);
+            let next = (batch.done + short.map_or(share, |short| short.min(share))).min(1.0);
+            let counts = steps::between(&batch.allocation.counts, &self.store, batch.grain, batch.done, next);
             // Copies only if a filter pass that was given up still reads the store.
             self.renderer.render_batch(&counts, Arc::make_mut(&mut self.store));
-            done = next;
+            batch.done = next;
             let seconds = started.elapsed().as_secs_f64();
             self.seconds.render += seconds;
             self.schedule.rendered(self.store.drawn() - before, seconds);
@@ -533,10 +603,13 @@ impl<'a> Loop<'a> {
             match observer.stepped(progress, &self.store) {
                 Flow::GoOn => {}
                 Flow::Held(duration) => self.start += duration,
-                Flow::Leave => return true,
+                Flow::Leave => return (batch.allocation.probes, true),
+            }
+            if batch.done < 1.0 {
+                self.keep_if_due(Some(&batch));
             }
         }
-        false
+        (batch.allocation.probes, false)
     }
 
     /// Filters between batches; false if the observer gave it up.
@@ -547,7 +620,7 @@ impl<'a> Loop<'a> {
             return false;
         };
         let started = Instant::now();
-        let made_of = Snapshot::of(&self.store);
+        let rerun = Rerun::new(shown.clone(), &self.store);
         let snapshot_seconds = started.elapsed().as_secs_f64();
         self.seconds.filter += snapshot_seconds;
         let seconds = filter_seconds + snapshot_seconds;
@@ -557,7 +630,7 @@ impl<'a> Loop<'a> {
         }
         self.report(&shown.filtered, filter_seconds, shown.success);
         observer.filtered(&shown);
-        self.rerun = Some(Rerun { shown, made_of, probes: vec![false; self.store.pixels()] });
+        self.rerun = Some(rerun);
         true
     }
 

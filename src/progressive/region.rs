@@ -69,6 +69,7 @@ mod tests {
             min_spp: 4,
             max_spp: 1000,
             priority: PrioritySettings::default(),
+            reservoir: 0,
         }
     }
 

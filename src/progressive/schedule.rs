@@ -9,7 +9,7 @@
 use super::StoppedBy;
 
 /// Limits of a render; the first one reached ends it. `None` is off.
-#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Budget {
     /// Samples per pixel, on average.
     pub spp: Option<u32>,
@@ -97,6 +97,16 @@ impl Schedule {
         let fade = (-seconds / RATE_MEMORY).exp();
         let (old_samples, old_seconds) = self.recent;
         self.recent = (fade * old_samples + samples as f64, fade * old_seconds + seconds);
+    }
+
+    /// Samples and seconds of the latest steps.
+    pub fn recent(&self) -> (f64, f64) {
+        self.recent
+    }
+
+    /// Takes over the latest steps of another render of the same scene.
+    pub fn resume(&mut self, recent: (f64, f64)) {
+        self.recent = recent;
     }
 
     /// What comes after the last batch would take so long now.

@@ -17,8 +17,8 @@ const GOLDEN_RATIO: f64 = 0.618_033_988_749_894_9;
 const LINE: usize = 8;
 
 /// How fine the dithering is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Grain {
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+pub enum Grain {
     /// Single pixels: the first samples of all are an image as soon as can be.
     Pixel,
     /// Pixels that share cache lines: with small steps the store takes samples half as fast else.

@@ -13,6 +13,7 @@ mod lights;
 mod pixel_filter;
 mod record;
 mod sampler;
+mod share;
 
 use rayon::prelude::*;
 
@@ -25,6 +26,8 @@ use crate::geometry::Accel;
 use crate::scene::{Camera, Effects, SamplerKind, Scene};
 use crate::stats::{Layout, Row, Store};
 
+pub use share::Share;
+
 /// Samples that are traced together: enough for the stages to overlap, few enough to stay in the
 /// first-level cache.
 const WAVEFRONT: usize = 24;
@@ -32,6 +35,7 @@ const WAVEFRONT: usize = 24;
 /// Renders samples of one scene.
 pub struct Renderer<'s> {
     seed: u64,
+    share: Share,
     layout: Layout,
     sampler: SamplerKind,
     /// First column and row of the film that are rendered.
@@ -61,6 +65,7 @@ impl<'s> Renderer<'s> {
         let [x0, x1, y0, y1] = scene.film.pixel_bounds;
         Self {
             seed,
+            share: Share::WHOLE,
             sampler: scene.sampler,
             corner: [x0, y0],
             resolution: (x1 - x0, y1 - y0),
@@ -71,6 +76,11 @@ impl<'s> Renderer<'s> {
             alive: Record::alive(&layout),
             layout,
         }
+    }
+
+    /// Renders only a share of every pixel's samples.
+    pub fn of_share(self, share: Share) -> Self {
+        Self { share, ..self }
     }
 
     /// The sample vector's layout: that of the stores to render into.
@@ -127,7 +137,7 @@ impl<'s> Renderer<'s> {
             let source = S::for_pixel(self.seed, x as u32, y as u32);
             let first = row.next_index(column);
             for index in first..first.saturating_add(count) {
-                self.start(x, y, Stream::new(source, index), &mut wave);
+                self.start(x, y, Stream::new(source, self.share.in_sequence(index)), &mut wave);
                 columns.push(column);
                 if columns.len() == WAVEFRONT {
                     self.finish(&mut wave, &mut columns, &mut samples, row);

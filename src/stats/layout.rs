@@ -169,6 +169,14 @@ impl Layout {
         Self { dimensions, starts }
     }
 
+    /// The layout whose dimensions have these names, in this order; `None` if there is none.
+    pub fn of_names<S: AsRef<str>>(names: &[S]) -> Option<Self> {
+        let named = |name: &str| names.iter().any(|n| n.as_ref() == name);
+        let layout = Self::with_blocks(|block| ALL[block as usize].1.iter().all(|d| named(d.name)));
+        let same = layout.dimensions.iter().map(|d| d.name).eq(names.iter().map(AsRef::as_ref));
+        same.then_some(layout)
+    }
+
     /// Number of alive dimensions, auxiliary ones included: the length of a sample.
     pub fn len(&self) -> usize {
         self.dimensions.len()
@@ -257,6 +265,17 @@ mod tests {
         assert_eq!(layout.features().len(), 6);
         assert_eq!(layout.radiance(), layout.colour());
         assert_eq!(layout.block(Block::Lens), None);
+    }
+
+    #[test]
+    fn a_layout_is_known_by_its_names() {
+        for alive in [|_| true, |b| b == Block::Lens, |b| b == Block::Hit || b == Block::Normal2] {
+            let layout = Layout::with_blocks(alive);
+            let names: Vec<_> = layout.dimensions().iter().map(|d| d.name).collect();
+            assert_eq!(Layout::of_names(&names), Some(layout));
+            assert_eq!(Layout::of_names(&names[1..]), None);
+        }
+        assert_eq!(Layout::of_names(&["film.x", "film.y", "R", "G", "B", "lens.u"]), None);
     }
 
     #[test]

@@ -1,5 +1,9 @@
 //! The pixel-statistics store.
 
+mod bytes;
+
+pub use bytes::RowError;
+
 use rayon::prelude::*;
 
 use super::layout::MAX_DIMENSIONS;

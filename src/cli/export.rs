@@ -1,0 +1,47 @@
+//! `prpf export`: a state as numpy arrays.
+
+use std::path::PathBuf;
+
+use anyhow::Context;
+use clap::Args;
+
+use super::render::can_be_written;
+use super::{Failure, denoise, in_pool};
+use crate::image::atomic;
+use crate::state::{self, State};
+
+/// `prpf export`.
+#[derive(Args)]
+#[command(after_help = "\
+Example:
+  prpf render scene.pbrt --quality paper --spp 16 --state scene.state
+  prpf export scene.state -o scene.npz
+  python3 -c 'import numpy; print({n: a.shape for n, a in numpy.load(\"scene.npz\").items()})'
+
+The documentation of the crate's module state::export lists the arrays.")]
+pub(super) struct ExportOptions {
+    /// What `prpf render --state` or `prpf merge` wrote
+    state: PathBuf,
+    /// The archive of arrays
+    #[arg(short, long, value_name = "FILE.npz")]
+    outfile: PathBuf,
+    /// No summary
+    #[arg(long)]
+    quiet: bool,
+}
+
+pub(super) fn run(options: &ExportOptions) -> Result<u8, Failure> {
+    can_be_written(&options.outfile).map_err(Failure::Input)?;
+    let state = State::read(&options.state).map_err(|error| Failure::Input(error.into()))?;
+    in_pool(None, || {
+        let filtered = denoise::filtered(&state.memory, &state.settings).map_err(Failure::Input)?;
+        // A writer that may seek, which archives need.
+        atomic::replace_file(&options.outfile, |out| state::export(&state, &filtered, out))
+            .with_context(|| format!("writing {}", options.outfile.display()))
+            .map_err(Failure::Run)
+    })?;
+    if !options.quiet {
+        super::say(&format!("{}\n", options.outfile.display())).map_err(Failure::Run)?;
+    }
+    Ok(0)
+}

@@ -1,0 +1,57 @@
+//! `prpf merge`: adds independent states of one picture.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::Context;
+use clap::Args;
+
+use super::Failure;
+use crate::state::{Merge, State};
+
+/// `prpf merge`.
+#[derive(Args)]
+#[command(after_help = "\
+Examples:
+  prpf render scene.pbrt --spp 64 --shard 1/2 --state a.state     (on one machine)
+  prpf render scene.pbrt --spp 64 --shard 2/2 --state b.state     (on another)
+  prpf merge a.state b.state -o all.state
+  prpf denoise all.state -o image.exr
+
+The states are of the same picture, and of other seeds or other shards of one seed. All shards of a
+uniformly sampled render are that render again: it can go on with --resume. Other sums can be merged
+further, filtered and exported.")]
+pub(super) struct MergeOptions {
+    /// What `prpf render --state` or `prpf merge` wrote
+    #[arg(required = true, num_args = 2.., value_name = "STATE")]
+    states: Vec<PathBuf>,
+    /// The sum
+    #[arg(short, long, value_name = "STATE")]
+    outfile: PathBuf,
+    /// No summary
+    #[arg(long)]
+    quiet: bool,
+}
+
+pub(super) fn run(options: &MergeOptions) -> Result<u8, Failure> {
+    let sum = merge(&options.states).map_err(Failure::Input)?;
+    sum.write(&options.outfile).map_err(|error| Failure::Run(error.into()))?;
+    if !options.quiet {
+        let store = &sum.memory.store;
+        let spp = store.samples() as f64 / store.pixels().max(1) as f64;
+        let streams: Vec<String> = sum.streams.iter().map(ToString::to_string).collect();
+        let text =
+            format!("{spp:.1} samples per pixel: {}\n{}\n", streams.join("; "), options.outfile.display());
+        super::say(&text).map_err(Failure::Run)?;
+    }
+    Ok(0)
+}
+
+fn merge(paths: &[PathBuf]) -> anyhow::Result<State> {
+    let read = |path: &Path| State::read(path).map_err(anyhow::Error::from);
+    let (first, others) = paths.split_first().context("found no state; accepted are two or more")?;
+    let mut merge = Merge::new(read(first)?);
+    for path in others {
+        merge.add(&read(path)?).with_context(|| path.display().to_string())?;
+    }
+    Ok(merge.finish())
+}

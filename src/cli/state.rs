@@ -1,0 +1,205 @@
+//! Options of `render` that have to do with its state, and what they set in motion.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use anyhow::{Context, bail, ensure};
+use clap::Args;
+
+use super::Failure;
+use super::options::parse_duration;
+use crate::progressive::{Budget, Memory, Settings, reservoir_capacity};
+use crate::render::{Renderer, Share};
+use crate::state::{self, Frame, Keeper, State, Stream};
+use crate::stats::{Layout, Store};
+
+#[derive(Args)]
+pub(super) struct StateOptions {
+    /// Keep the render's state in this file: from time to time, when stopped, and at the end
+    #[arg(long, value_name = "FILE")]
+    pub state: Option<PathBuf>,
+    /// Go on from --state where it stopped; without such a file, start
+    #[arg(long, requires = "state")]
+    pub resume: bool,
+    /// Time from one state to the next
+    #[arg(long, value_name = "DURATION", value_parser = parse_duration, default_value = "40s")]
+    pub state_every: f64,
+    /// Render the K-th of N shares of the samples that --spp means; `prpf merge` adds their states
+    #[arg(long, value_name = "K/N", value_parser = parse_share, default_value = "1/1")]
+    pub shard: Share,
+    /// Whole sample vectors to keep per pixel, for another --quality or an export later on; `paper` keeps 8
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = parse_reservoir)]
+    pub reservoir: usize,
+}
+
+/// More per pixel says nothing new of it.
+const LARGEST_RESERVOIR: usize = 1024;
+
+fn parse_reservoir(text: &str) -> Result<usize, String> {
+    match text.parse() {
+        Ok(n) if n <= LARGEST_RESERVOIR => Ok(n),
+        _ => Err(format!("found `{text}`; accepted are whole numbers from 0 to {LARGEST_RESERVOIR}")),
+    }
+}
+
+fn parse_share(text: &str) -> Result<Share, String> {
+    text.split_once('/')
+        .and_then(|(k, n)| Share::new(k.parse().ok()?, n.parse().ok()?))
+        .ok_or_else(|| format!("found `{text}`; accepted is K/N with 1 <= K <= N, e.g. 2/4"))
+}
+
+impl StateOptions {
+    /// Which samples are rendered.
+    pub fn stream(&self, seed: u64) -> Stream {
+        Stream { seed, share: self.shard }
+    }
+
+    /// Whether these options go with a render that is looked at and steered.
+    pub fn suits(&self, watched: bool) -> anyhow::Result<()> {
+        let used = self.state.is_some() || self.shard != Share::WHOLE;
+        ensure!(
+            !(watched && used),
+            "--state and --shard: found a live view beside them, which may change the picture; accepted is one or the other"
+        );
+        Ok(())
+    }
+
+    /// Turns a budget of all shares into that of this one.
+    pub fn budget(&self, budget: &mut Budget) -> anyhow::Result<()> {
+        if let Some(spp) = &mut budget.spp {
+            let all = *spp;
+            *spp = self.shard.of_first(all);
+            ensure!(
+                *spp > 0,
+                "--shard {}: found no samples for this share of {all} per pixel; accepted are at most {} shares",
+                self.shard,
+                all.div_ceil(2)
+            );
+        }
+        Ok(())
+    }
+
+    /// What the file says, if it is to go on and there is one.
+    pub fn resumed(
+        &self,
+        frame: &Frame,
+        stream: Stream,
+        renderer: &Renderer,
+        settings: &Settings,
+    ) -> anyhow::Result<Option<Memory>> {
+        let Some(path) = self.state.as_deref().filter(|path| self.resume && path.exists()) else {
+            return Ok(None);
+        };
+        let state = State::read(path)?;
+        fits(&state, frame, stream, renderer.layout(), settings)
+            .with_context(|| path.display().to_string())?;
+        Ok(Some(state.memory))
+    }
+
+    /// Begins to keep states, if there is a file for them.
+    pub fn keeper(
+        &self,
+        frame: &Frame,
+        stream: Stream,
+        renderer: &Renderer,
+        settings: &Settings,
+    ) -> anyhow::Result<Option<Kept>> {
+        let Some(path) = &self.state else { return Ok(None) };
+        let (width, height) = renderer.resolution();
+        let size = state::size(renderer.layout(), reservoir_capacity(settings), width * height);
+        let keeper = Keeper::new(path, size.unwrap_or(usize::MAX)).with_context(|| unwritable(path))?;
+        Ok(Some(Kept {
+            every: self.state_every,
+            path: path.clone(),
+            keeper,
+            failed: AtomicBool::new(false),
+            frame: frame.clone(),
+            settings: settings.clone(),
+            stream,
+        }))
+    }
+}
+
+fn unwritable(path: &Path) -> String {
+    format!("{}: the state cannot be written", path.display())
+}
+
+/// Whether a render can go on from a state.
+fn fits(
+    state: &State,
+    frame: &Frame,
+    stream: Stream,
+    layout: &Layout,
+    settings: &Settings,
+) -> anyhow::Result<()> {
+    if let Some((field, found, accepted)) = frame.difference(&state.frame) {
+        bail!("{field}: found a state of {found}; accepted is one of this render, {accepted}");
+    }
+    if state.streams != [stream] {
+        let found: Vec<String> = state.streams.iter().map(Stream::to_string).collect();
+        bail!("seed and shard: found a state of {}; accepted is one of {stream}", found.join(" and "));
+    }
+    let store = &state.memory.store;
+    let names = |layout: &Layout| layout.dimensions().iter().map(|d| d.name).collect::<Vec<_>>().join(" ");
+    if store.layout() != layout {
+        bail!("layout: found a state of {}; accepted is {}", names(store.layout()), names(layout));
+    }
+    let capacity = reservoir_capacity(settings);
+    if store.capacity() < capacity {
+        bail!(
+            "reservoir: found a state with {} sample vectors per pixel; this quality needs {capacity}, which \
+             `--reservoir {capacity}` would have kept",
+            store.capacity()
+        );
+    }
+    Ok(())
+}
+
+/// States being kept of a render.
+pub(super) struct Kept {
+    /// Seconds from one to the next.
+    pub every: f64,
+    path: PathBuf,
+    keeper: Keeper,
+    failed: AtomicBool,
+    frame: Frame,
+    settings: Settings,
+    stream: Stream,
+}
+
+impl Kept {
+    /// The render goes on even if the disk is full: there is still an image to come, and room may be made.
+    pub fn keep(&self, memory: &Memory) {
+        let (frame, settings, streams) = (self.frame.clone(), self.settings.clone(), vec![self.stream]);
+        let state = State { frame, settings, streams, memory: memory.clone() };
+        if let Err(error) = self.keeper.keep(&state)
+            && !self.failed.swap(true, Ordering::Relaxed)
+        {
+            super::complain(&format!("warning: {}: {error}; the render goes on", unwritable(&self.path)));
+        }
+    }
+
+    /// Does on a part of the image's rows what keeping does, to see how long it takes. What fails here
+    /// will fail, and be said, at the end.
+    pub fn rehearse(&self, rows: &Store) {
+        let (width, height) = (rows.width(), rows.height());
+        let frame =
+            Frame { film: [width, height], pixel_bounds: [0, width, 0, height], ..self.frame.clone() };
+        let memory = Memory {
+            store: Arc::new(rows.clone()),
+            batches: Vec::new(),
+            estimate: None,
+            rerun: None,
+            under_way: None,
+            recent: (0.0, 0.0),
+        };
+        let state = State { frame, settings: self.settings.clone(), streams: vec![self.stream], memory };
+        let _ = state.rehearse(&self.path);
+    }
+
+    /// Waits until the last one is on the disk.
+    pub fn finish(self) -> Result<(), Failure> {
+        self.keeper.finish().with_context(|| unwritable(&self.path)).map_err(Failure::Run)
+    }
+}

@@ -1,0 +1,57 @@
+//! Numbers in little endian, one after the other, in a space of known size.
+
+use crate::image::Planes;
+
+/// Puts arrays into bytes.
+pub(super) struct Writer<'b>(pub &'b mut [u8]);
+
+/// Takes them out again. Who reads knows from the header how many bytes there are.
+pub(super) struct Reader<'b>(pub &'b [u8]);
+
+impl Writer<'_> {
+    fn space(&mut self, len: usize) -> &mut [u8] {
+        let (space, rest) = std::mem::take(&mut self.0).split_at_mut(len);
+        self.0 = rest;
+        space
+    }
+
+    pub fn planes(&mut self, planes: &Planes) {
+        let space = self.space(size_of_val(planes.data()));
+        space
+            .chunks_exact_mut(4)
+            .zip(planes.data())
+            .for_each(|(out, v)| out.copy_from_slice(&v.to_le_bytes()));
+    }
+
+    pub fn counts(&mut self, counts: &[u32]) {
+        let space = self.space(size_of_val(counts));
+        space.chunks_exact_mut(4).zip(counts).for_each(|(out, v)| out.copy_from_slice(&v.to_le_bytes()));
+    }
+
+    pub fn flags(&mut self, flags: &[bool]) {
+        self.space(flags.len()).iter_mut().zip(flags).for_each(|(out, &flag)| *out = u8::from(flag));
+    }
+}
+
+impl<'b> Reader<'b> {
+    pub fn bytes(&mut self, len: usize) -> &'b [u8] {
+        let (bytes, rest) = self.0.split_at(len);
+        self.0 = rest;
+        bytes
+    }
+
+    pub fn planes(&mut self, width: usize, height: usize, count: usize) -> Planes {
+        let mut planes = Planes::new(width, height, count);
+        let bytes = self.bytes(size_of_val(planes.data()));
+        planes.data_mut().iter_mut().zip(bytes.as_chunks().0).for_each(|(v, &b)| *v = f32::from_le_bytes(b));
+        planes
+    }
+
+    pub fn counts(&mut self, len: usize) -> Vec<u32> {
+        self.bytes(4 * len).as_chunks().0.iter().map(|&b| u32::from_le_bytes(b)).collect()
+    }
+
+    pub fn flags(&mut self, len: usize) -> Vec<bool> {
+        self.bytes(len).iter().map(|&b| b != 0).collect()
+    }
+}

@@ -1,0 +1,140 @@
+//! All that a state holds as named numpy arrays, for work in Python.
+//!
+//! | name | type, shape | what |
+//! | --- | --- | --- |
+//! | `drawn`, `rejected` | u4, \[h, w\] | samples drawn per pixel, and those of them that were rejected |
+//! | `count`, `count_a`, `count_b` | u4, \[h, w\] | accepted samples: whole, and halves of even and odd index |
+//! | `mean`, `mean_a`, `mean_b` | f8, \[d, h, w\] | means of each dimension |
+//! | `m2`, `m2_a`, `m2_b` | f8, \[d, h, w\] | sums of squared deviations from them |
+//! | `reservoir` | f4, \[h, w, k, d\] | sample vectors; the first `reservoir_count` of each pixel |
+//! | `reservoir_count` | u4, \[h, w\] | |
+//! | `dimension_names`, `dimension_groups`, `dimension_units` | text, \[d\] | what d counts |
+//! | `image`, `variance` | f4, \[3, h, w\] | filtered, as the state's settings say; variance of that |
+//! | `residual`, `error` | f4, \[h, w\] | as in [`crate::filter::Filtered`] |
+//! | `interpolation_failure` | f4, \[h, w\] | if there is such a map |
+//! | `tile_error` | f4, \[h/16, w/16\] | measured relMSE, if there was a batch to measure it with |
+//! | `feature_weights` | f4, \[pass, weight, h, w\] | those of `--quality paper`, if there are sample vectors |
+//! | `feature_weight_names` | text, \[weight\] | β of a feature, α of a colour, randomness of the colour, sum of interpolation weights (infinite at nodes) |
+//! | `header` | text, \[\] | JSON: scene, settings, streams, batches |
+
+use std::io::{self, Seek, Write};
+
+use super::State;
+use super::npz::Npz;
+use crate::filter::{Filtered, PrpfSettings, prpf};
+use crate::image::Planes;
+use crate::stats::{Dimension, Feature, Group, Moments, Part, Store};
+
+/// Writes an `.npz`. `filtered`: what the filter makes of the state.
+///
+/// # Errors
+/// Those of `out`.
+pub fn export(state: &State, filtered: &Filtered, out: impl Write + Seek) -> io::Result<()> {
+    let mut npz = Npz::new(out);
+    statistics(&state.memory.store, &mut npz)?;
+    reservoir(&state.memory.store, &mut npz)?;
+    maps(state, filtered, &mut npz)?;
+    if state.memory.store.capacity() > 0 {
+        weights(state, &mut npz)?;
+    }
+    let header = serde_json::to_string(&super::format::header(state)).map_err(io::Error::from)?;
+    npz.texts("header", &[], &[&header])?;
+    npz.finish()
+}
+
+/// Which of a pixel's moments is written.
+type Value = fn(Moments) -> f64;
+
+fn mean(moments: Moments) -> f64 {
+    moments.mean
+}
+
+fn m2(moments: Moments) -> f64 {
+    moments.m2
+}
+
+const PARTS: [(&str, Part); 3] = [("", Part::Whole), ("_a", Part::Half(0)), ("_b", Part::Half(1))];
+
+fn statistics<W: Write + Seek>(store: &Store, npz: &mut Npz<W>) -> io::Result<()> {
+    let (width, height, dims) = (store.width(), store.height(), store.layout().len());
+    let rows = store.rows();
+    let pixels = || rows.iter().flat_map(|row| (0..width).map(move |x| (row, x)));
+    npz.array("drawn", &[height, width], pixels().map(|(row, x)| row.next_index(x)))?;
+    npz.array("rejected", &[height, width], pixels().map(|(row, x)| row.rejected(x)))?;
+    for (suffix, part) in PARTS {
+        npz.array(&format!("count{suffix}"), &[height, width], store.counts(part))?;
+        let values = [("mean", mean as Value), ("m2", m2)];
+        for (name, value) in values {
+            let all =
+                (0..dims).flat_map(|dim| pixels().map(move |(row, x)| value(row.moments(x, dim, part))));
+            npz.array(&format!("{name}{suffix}"), &[dims, height, width], all)?;
+        }
+    }
+    let dimensions = store.layout().dimensions();
+    let texts = |text: fn(&Dimension) -> &'static str| dimensions.iter().map(text).collect::<Vec<_>>();
+    npz.texts("dimension_names", &[dims], &texts(|d| d.name))?;
+    npz.texts("dimension_groups", &[dims], &texts(group))?;
+    npz.texts("dimension_units", &[dims], &texts(unit))
+}
+
+fn group(dimension: &Dimension) -> &'static str {
+    match dimension.group {
+        Group::Position => "position",
+        Group::Colour => "colour",
+        Group::Feature(_) => "feature",
+        Group::Random => "random",
+        Group::Auxiliary => "auxiliary",
+    }
+}
+
+fn unit(dimension: &Dimension) -> &'static str {
+    match dimension.group {
+        Group::Position => "pixels of the film",
+        Group::Colour => "linear radiance",
+        Group::Feature(Feature::WorldPosition) => "scene diameters, from render space's origin",
+        Group::Feature(Feature::Normal) => "unit vector",
+        Group::Feature(Feature::Albedo) => "reflectance",
+        Group::Random => "[0, 1)",
+        Group::Auxiliary if dimension.name == "hit" => "1 or 0",
+        Group::Auxiliary => "linear radiance",
+    }
+}
+
+fn reservoir<W: Write + Seek>(store: &Store, npz: &mut Npz<W>) -> io::Result<()> {
+    let (width, height, dims) = (store.width(), store.height(), store.layout().len());
+    let pixels = || store.rows().iter().flat_map(|row| (0..width).map(move |x| row.reservoir(x)));
+    let kept = |of_pixel: &[f32]| (of_pixel.len() / dims) as u32;
+    npz.array("reservoir_count", &[height, width], pixels().map(kept))?;
+    let size = store.capacity() * dims;
+    let padded =
+        pixels().flat_map(|of_pixel| of_pixel.iter().copied().chain(std::iter::repeat(0.0)).take(size));
+    npz.array("reservoir", &[height, width, store.capacity(), dims], padded)
+}
+
+fn maps<W: Write + Seek>(state: &State, filtered: &Filtered, npz: &mut Npz<W>) -> io::Result<()> {
+    let mut planes = |name: &str, planes: &Planes| {
+        let shape = [planes.count(), planes.height(), planes.width()];
+        let shape = if planes.count() == 1 { &shape[1..] } else { &shape };
+        npz.array(name, shape, planes.data().iter().copied())
+    };
+    planes("image", &filtered.image)?;
+    planes("variance", &filtered.variance)?;
+    planes("residual", &filtered.residual)?;
+    planes("error", &filtered.error)?;
+    if let Some(failure) = &filtered.interpolation_failure {
+        planes("interpolation_failure", failure)?;
+    }
+    match &state.memory.estimate {
+        Some(estimate) => planes("tile_error", &estimate.tiles),
+        None => Ok(()),
+    }
+}
+
+fn weights<W: Write + Seek>(state: &State, npz: &mut Npz<W>) -> io::Result<()> {
+    let store = &state.memory.store;
+    let (names, passes) = prpf::feature_weights(store, &PrpfSettings::paper(), state.settings.seed);
+    let shape = [passes.len(), names.len(), store.height(), store.width()];
+    npz.array("feature_weights", &shape, passes.iter().flat_map(|pass| pass.data().iter().copied()))?;
+    let names: Vec<&str> = names.iter().map(String::as_str).collect();
+    npz.texts("feature_weight_names", &[names.len()], &names)
+}

@@ -1,0 +1,78 @@
+//! A render's state as a file: everything that is needed to go on, to filter again, or to add to the
+//! states of other machines.
+//!
+//! [`format`] says what the bytes are, [`Keeper`] gets them to the disk while the render goes on,
+//! [`Stream`]s say which samples a state holds and so what it may be merged with.
+
+mod arrays;
+pub mod export;
+pub mod format;
+mod header;
+mod keeper;
+mod merge;
+mod npz;
+mod stream;
+
+use std::path::Path;
+
+pub use export::export;
+pub use format::{Problem, VERSION, bytes, read_bytes, size};
+pub use header::Frame;
+pub use keeper::Keeper;
+pub use merge::{Merge, MergeError};
+pub use stream::Stream;
+
+use crate::progressive::{Memory, Settings};
+
+/// A render that can go on.
+#[derive(Clone, Debug)]
+pub struct State {
+    pub frame: Frame,
+    pub settings: Settings,
+    /// The samples it holds: one stream, or several that were merged.
+    pub streams: Vec<Stream>,
+    pub memory: Memory,
+}
+
+/// What is wrong with a state file.
+#[derive(Debug, thiserror::Error)]
+#[error("{}: {problem}", path.display())]
+pub struct StateError {
+    pub path: std::path::PathBuf,
+    pub problem: Problem,
+}
+
+impl State {
+    /// Reads a file.
+    ///
+    /// # Errors
+    /// A file that cannot be read, is no state, is of another version, or is damaged.
+    pub fn read(path: &Path) -> Result<Self, StateError> {
+        let state = std::fs::read(path).map_err(Problem::from).and_then(|bytes| read_bytes(&bytes));
+        state.map_err(|problem| StateError { path: path.to_path_buf(), problem })
+    }
+
+    /// Does what writing does, but leaves the file as it is: to see how long it takes.
+    ///
+    /// # Errors
+    /// As for [`Self::write`].
+    pub fn rehearse(&self, path: &Path) -> std::io::Result<()> {
+        let mut file = Vec::new();
+        bytes(self, &mut file);
+        crate::image::atomic::rehearse_own_file(path, |out| std::io::Write::write_all(out, &file))
+    }
+
+    /// Replaces a file, whole or not at all.
+    ///
+    /// # Errors
+    /// Those of the file system: no such folder, unwritable folder, disk full.
+    pub fn write(&self, path: &Path) -> Result<(), StateError> {
+        let mut file = Vec::new();
+        bytes(self, &mut file);
+        keeper::write(path, &file)
+            .map_err(|error| StateError { path: path.to_path_buf(), problem: error.into() })
+    }
+}
+
+#[cfg(test)]
+mod tests;

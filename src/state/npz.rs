@@ -1,0 +1,111 @@
+//! Named numpy arrays in one file: a zip archive of `.npy` files (numpy's format 1.0), not compressed,
+//! so that writing takes as long as the disk takes.
+
+use std::io::{self, Seek, Write};
+
+use zip::write::{SimpleFileOptions, ZipWriter};
+
+/// What arrays are made of; little endian.
+pub(super) trait Element: Copy {
+    /// As numpy spells it.
+    const KIND: &'static str;
+    type Bytes: AsRef<[u8]>;
+    fn bytes(self) -> Self::Bytes;
+}
+
+macro_rules! element {
+    ($($kind:ty = $name:literal),*) => {$(
+        impl Element for $kind {
+            const KIND: &'static str = $name;
+            type Bytes = [u8; size_of::<$kind>()];
+            fn bytes(self) -> Self::Bytes {
+                self.to_le_bytes()
+            }
+        }
+    )*};
+}
+element!(u32 = "<u4", f32 = "<f4", f64 = "<f8");
+
+/// An archive being written.
+pub(super) struct Npz<W: Write + Seek>(ZipWriter<W>);
+
+impl<W: Write + Seek> Npz<W> {
+    pub fn new(out: W) -> Self {
+        Self(ZipWriter::new(out))
+    }
+
+    /// Adds an array of this shape, its values in C order.
+    pub fn array<T: Element>(
+        &mut self,
+        name: &str,
+        shape: &[usize],
+        values: impl IntoIterator<Item = T>,
+    ) -> io::Result<()> {
+        self.begin(name, T::KIND, shape)?;
+        let mut buffer = Vec::with_capacity(BUFFER);
+        for value in values {
+            buffer.extend_from_slice(value.bytes().as_ref());
+            if buffer.len() >= BUFFER {
+                self.0.write_all(&buffer)?;
+                buffer.clear();
+            }
+        }
+        self.0.write_all(&buffer)
+    }
+
+    /// Adds an array of texts; without dimensions if `shape` has none.
+    pub fn texts(&mut self, name: &str, shape: &[usize], texts: &[&str]) -> io::Result<()> {
+        let longest = texts.iter().map(|text| text.chars().count()).max().unwrap_or(0).max(1);
+        self.begin(name, &format!("<U{longest}"), shape)?;
+        for text in texts {
+            let padded = text.chars().map(u32::from).chain(std::iter::repeat(0)).take(longest);
+            let bytes: Vec<u8> = padded.flat_map(u32::to_le_bytes).collect();
+            self.0.write_all(&bytes)?;
+        }
+        Ok(())
+    }
+
+    pub fn finish(self) -> io::Result<()> {
+        self.0.finish()?.flush()
+    }
+
+    fn begin(&mut self, name: &str, kind: &str, shape: &[usize]) -> io::Result<()> {
+        let options =
+            SimpleFileOptions::default().compression_method(zip::CompressionMethod::Stored).large_file(true);
+        self.0.start_file(format!("{name}.npy"), options)?;
+        self.0.write_all(&header(kind, shape))
+    }
+}
+
+/// Bytes handed to the archive at once.
+const BUFFER: usize = 1 << 20;
+
+/// Magic, version, and a Python dictionary, padded so that the values are aligned.
+fn header(kind: &str, shape: &[usize]) -> Vec<u8> {
+    const ALIGNMENT: usize = 64;
+    const PREAMBLE: usize = 10;
+    let shape: String = shape.iter().map(|n| format!("{n}, ")).collect();
+    let mut text = format!("{{'descr': '{kind}', 'fortran_order': False, 'shape': ({shape}), }}");
+    let length = (PREAMBLE + text.len() + 1).next_multiple_of(ALIGNMENT) - PREAMBLE;
+    text.extend(std::iter::repeat_n(' ', length - 1 - text.len()));
+    text.push('\n');
+    let mut header = b"\x93NUMPY\x01\x00".to_vec();
+    header.extend_from_slice(&(length as u16).to_le_bytes());
+    header.extend_from_slice(text.as_bytes());
+    header
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_header_is_a_padded_python_dictionary() {
+        let header = header("<f4", &[3, 2]);
+        assert_eq!(header.len() % 64, 0);
+        assert_eq!(&header[..10], b"\x93NUMPY\x01\x00\x76\x00");
+        let text = std::str::from_utf8(&header[10..]).unwrap();
+        assert!(text.starts_with("{'descr': '<f4', 'fortran_order': False, 'shape': (3, 2, ), }"), "{text}");
+        assert!(text.ends_with(" \n"));
+    }
+}

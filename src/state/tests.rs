@@ -1,0 +1,271 @@
+use std::sync::{Arc, LazyLock};
+
+use proptest::prelude::*;
+
+use super::*;
+use crate::adaptive::{Allocation, PrioritySettings, Sampling};
+use crate::filter::Quality;
+use crate::image::Planes;
+use crate::progressive::{Batch, Budget, Denoiser, ErrorEstimate, Grain, Rerun, Snapshot, UnderWay};
+use crate::render::Share;
+use crate::stats::{Block, Layout, Part, Store};
+
+const WIDTH: usize = 19;
+const HEIGHT: usize = 5;
+
+fn frame() -> Frame {
+    Frame {
+        source: "scene.pbrt".into(),
+        hash: "0123".into(),
+        film: [30, 20],
+        pixel_bounds: [3, 3 + WIDTH, 2, 2 + HEIGHT],
+        integrator: "path, depth 5".into(),
+        effects: vec!["area-lights".into()],
+        origin: [0.1, 1e9, -3.0],
+        diameter: 0.3,
+    }
+}
+
+fn settings() -> Settings {
+    Settings {
+        budget: Budget { spp: Some(8), seconds: Some(0.1), target_error: None },
+        sampling: Sampling::Adaptive,
+        denoiser: Denoiser::Prpf,
+        quality: Quality::Paper,
+        seed: u64::MAX - 1,
+        min_spp: 4,
+        max_spp: 99,
+        priority: PrioritySettings::default(),
+        reservoir: 3,
+    }
+}
+
+/// A state with everything that a state may have.
+fn state(seed: u64, share: Share) -> State {
+    let layout = Layout::with_blocks(|block| block == Block::Lens);
+    let mut store = Store::new(WIDTH, HEIGHT, layout.clone(), 3, seed);
+    let value = |i: usize, k: usize| ((i * 31 + k * 17) as u64 ^ seed) as f32 % 1.7 + 0.1;
+    for i in 0..WIDTH * HEIGHT {
+        for sample in 0..i % 7 {
+            let values: Vec<f32> = (0..layout.len()).map(|k| value(i + 1000 * sample, k)).collect();
+            store.push(i % WIDTH, i / WIDTH, &values);
+        }
+        store.push(i % WIDTH, i / WIDTH, &vec![f32::NAN; layout.len()]);
+    }
+    let planes = |count: usize, offset: usize| {
+        let mut planes = Planes::new(WIDTH, HEIGHT, count);
+        planes.data_mut().iter_mut().enumerate().for_each(|(i, v)| *v = value(i, offset));
+        planes
+    };
+    let pixels = WIDTH * HEIGHT;
+    let flags = |n: usize| (0..pixels).map(|i| i % n == 0).collect::<Vec<bool>>();
+    let made_of = Snapshot {
+        mean: [planes(3, 1), planes(3, 2)],
+        count: [0, 1].map(|h| store.counts(Part::Half(h)).iter().map(|n| n / 2).collect()),
+    };
+    let rerun = Rerun {
+        image: planes(3, 3),
+        variance: planes(3, 4),
+        residual: planes(1, 5),
+        failure: Some(planes(1, 6)),
+        success: Some(0.7),
+        made_of,
+        probes: flags(3),
+    };
+    let allocation = Allocation { counts: (0..pixels as u32).collect(), probes: flags(5) };
+    let mut tiles = Planes::new(2, 1, 1);
+    tiles.data_mut().copy_from_slice(&[0.1, 0.3]);
+    let batch = Batch { index: 1, seconds: 0.1 + 0.2, estimated_error: Some(1.0 / 3.0), ..Batch::default() };
+    State {
+        frame: frame(),
+        settings: Settings { seed, ..settings() },
+        streams: vec![Stream { seed, share }],
+        memory: Memory {
+            store: Arc::new(store),
+            batches: vec![Batch::default(), batch],
+            estimate: Some(ErrorEstimate {
+                image: 0.1 + 0.2,
+                standard_error: 1e-300,
+                samples: 1 << 60,
+                tiles,
+            }),
+            rerun: Some(rerun),
+            under_way: Some(UnderWay { allocation, done: 0.1 + 0.2, grain: Grain::Line }),
+            recent: (12.5, 0.1 + 0.2),
+        },
+    }
+}
+
+fn to_bytes(state: &State) -> Vec<u8> {
+    let mut file = Vec::new();
+    bytes(state, &mut file);
+    file
+}
+
+static FILE: LazyLock<Vec<u8>> = LazyLock::new(|| to_bytes(&state(7, Share::WHOLE)));
+
+#[test]
+fn what_is_read_is_what_was_written_to_the_last_bit() {
+    let (written, read) = (state(7, Share::WHOLE), read_bytes(&FILE).unwrap());
+    assert_eq!(read.memory.store.rows(), written.memory.store.rows());
+    assert_eq!(read.memory.rerun, written.memory.rerun);
+    assert_eq!(read.memory.under_way, written.memory.under_way);
+    assert_eq!(read.memory.recent, written.memory.recent);
+    assert_eq!((&read.frame, &read.streams), (&written.frame, &written.streams));
+    let (a, b) = (read.memory.estimate.as_ref().unwrap(), written.memory.estimate.as_ref().unwrap());
+    assert_eq!(
+        (a.image, a.standard_error, a.samples, &a.tiles),
+        (b.image, b.standard_error, b.samples, &b.tiles)
+    );
+    assert_eq!(to_bytes(&read), *FILE, "batches and settings too");
+}
+
+#[test]
+fn a_state_without_samples_is_one_too() {
+    let mut state = state(7, Share::WHOLE);
+    state.memory.store = Arc::new(Store::new(WIDTH, HEIGHT, state.memory.store.layout().clone(), 0, 7));
+    (state.memory.rerun, state.memory.under_way, state.memory.estimate) = (None, None, None);
+    let read = read_bytes(&to_bytes(&state)).unwrap();
+    assert_eq!(read.memory.store.rows(), state.memory.store.rows());
+    assert!(read.memory.rerun.is_none() && read.memory.under_way.is_none() && read.memory.estimate.is_none());
+}
+
+/// A file that says of itself that it is whole.
+fn sealed(mut file: Vec<u8>) -> Vec<u8> {
+    let end = file.len() - 4;
+    let length = (file.len() as u64).to_le_bytes();
+    file[12..20].copy_from_slice(&length);
+    let checksum = crc32fast::hash(&file[..end]).to_le_bytes();
+    file[end..].copy_from_slice(&checksum);
+    file
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 512, ..ProptestConfig::default() })]
+
+    #[test]
+    fn a_changed_byte_is_noticed(at in 0..FILE.len(), change in 1u8..) {
+        let mut file = FILE.clone();
+        file[at] ^= change;
+        prop_assert!(read_bytes(&file).is_err());
+    }
+
+    #[test]
+    fn a_file_cut_off_anywhere_is_noticed(length in 0..FILE.len()) {
+        prop_assert!(read_bytes(&FILE[..length]).is_err());
+    }
+
+    #[test]
+    fn bytes_after_the_end_are_noticed(more in prop::collection::vec(any::<u8>(), 1..100)) {
+        let file = [FILE.as_slice(), &more].concat();
+        let noticed = matches!(read_bytes(&file), Err(Problem::Length { .. }));
+        prop_assert!(noticed);
+    }
+
+    /// Not by accident, but by whoever knows the format: an error or a state, and no panic.
+    #[test]
+    fn wrong_content_with_a_right_checksum_does_no_harm(at in 20..FILE.len() - 4, change in 1u8..) {
+        let mut file = FILE.clone();
+        file[at] ^= change;
+        let _ = read_bytes(&sealed(file));
+    }
+
+    #[test]
+    fn a_cut_with_a_right_checksum_is_noticed(length in 33..FILE.len() - 1) {
+        prop_assert!(read_bytes(&sealed(FILE[..length].to_vec())).is_err());
+    }
+}
+
+#[test]
+fn another_version_and_other_files_are_named() {
+    let mut file = FILE.clone();
+    file[8] = 2;
+    assert_eq!(
+        read_bytes(&file).unwrap_err().to_string(),
+        "found a render state of version 2; accepted is version 1"
+    );
+    assert!(matches!(read_bytes(b"\x76\x2f\x31\x01"), Err(Problem::Foreign)));
+    assert!(matches!(read_bytes(b""), Err(Problem::Foreign)));
+    assert!(matches!(read_bytes(b"prpfstat"), Err(Problem::Length { found: 8, .. })));
+}
+
+#[test]
+fn counts_that_do_not_add_up_are_refused() {
+    let file = &FILE;
+    let header = u64::from_le_bytes(file[20..28].try_into().unwrap()) as usize;
+    let mut file = file.to_vec();
+    file[28 + header] ^= 1;
+    assert!(matches!(read_bytes(&sealed(file)), Err(Problem::Row(_))));
+}
+
+#[test]
+fn shares_that_make_a_whole_become_it_and_others_stay_apart() {
+    let share = |k| Share::new(k, 2).unwrap();
+    // Each pixel as often as it is due to the first and to the second of two shares.
+    let of = |k: u32, samples: u32| {
+        let mut state = state(7, share(k));
+        let layout = state.memory.store.layout().clone();
+        let mut store = Store::new(WIDTH, HEIGHT, layout.clone(), 3, 7);
+        for i in 0..WIDTH * HEIGHT {
+            let values = vec![0.5; layout.len() * samples as usize];
+            store.push(i % WIDTH, i / WIDTH, &values);
+        }
+        state.memory.store = Arc::new(store);
+        state
+    };
+    let sum = |a: State, b: State| {
+        let mut merge = Merge::new(a);
+        merge.add(&b).unwrap();
+        merge.finish()
+    };
+    let whole = sum(of(2, 2), of(1, 4));
+    assert_eq!(whole.streams, [Stream { seed: 7, share: Share::WHOLE }]);
+    assert_eq!(whole.memory.store.drawn(), 6 * (WIDTH * HEIGHT) as u64);
+    assert!(whole.memory.rerun.is_none() && whole.memory.batches.is_empty());
+    let gap = sum(of(1, 2), of(2, 4));
+    assert_eq!(gap.streams.len(), 2, "indices 2 and 3 of the first share are missing");
+    assert_eq!(to_bytes(&read_bytes(&to_bytes(&gap)).unwrap()), to_bytes(&gap));
+}
+
+#[test]
+fn only_other_samples_of_the_same_picture_are_added() {
+    let mut merge = Merge::new(state(7, Share::WHOLE));
+    let same = merge.add(&state(7, Share::new(2, 3).unwrap())).unwrap_err();
+    assert!(matches!(same, MergeError::Overlap(..)));
+    let mut other = state(8, Share::WHOLE);
+    other.frame.pixel_bounds[0] -= 1;
+    let differs = merge.add(&other).unwrap_err().to_string();
+    assert!(differs.starts_with("pixelbounds: found 2,22,2,7; accepted is"), "{differs}");
+    merge.add(&state(8, Share::WHOLE)).unwrap();
+    assert_eq!(merge.finish().streams.len(), 2);
+}
+
+#[test]
+fn a_keeper_leaves_the_latest_state_and_nothing_else() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.state");
+    std::fs::write(folder.path().join(".a.state.tmp"), b"left by a killed program").unwrap();
+    let keeper = Keeper::new(&path, 1000).unwrap();
+    for seed in [1, 2, 3] {
+        keeper.keep(&state(seed, Share::WHOLE)).unwrap();
+    }
+    keeper.finish().unwrap();
+    assert_eq!(State::read(&path).unwrap().settings.seed, 3);
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+}
+
+#[test]
+fn a_keeper_says_that_there_is_no_room_and_keeps_the_old_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.state");
+    state(1, Share::WHOLE).write(&path).unwrap();
+    // More than any disk has; not every file system can tell.
+    if let Err(error) = Keeper::new(&path, 1 << 55) {
+        assert!(
+            matches!(error.kind(), std::io::ErrorKind::StorageFull | std::io::ErrorKind::FileTooLarge),
+            "{error}"
+        );
+    }
+    assert_eq!(State::read(&path).unwrap().settings.seed, 1);
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+}

@@ -1,0 +1,121 @@
+//! Rows of a store as bytes and back: numbers in little endian, array by array, so that copying is
+//! nearly all there is to do.
+
+use super::{HalfRow, Row};
+
+/// What bytes are not: a row of a store. Says what was found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum RowError {
+    #[error("found a pixel whose accepted and rejected samples are not those that were drawn")]
+    Counts,
+    #[error("found a mean, a deviation or a sample that is not finite, or negative where it cannot be")]
+    Values,
+}
+
+/// A number of fixed size.
+trait Number: Copy {
+    const SIZE: usize;
+    fn put(self, out: &mut [u8]);
+    fn take(bytes: &[u8]) -> Self;
+}
+
+macro_rules! number {
+    ($($kind:ty),*) => {$(
+        impl Number for $kind {
+            const SIZE: usize = size_of::<$kind>();
+            #[inline]
+            fn put(self, out: &mut [u8]) {
+                out.copy_from_slice(&self.to_le_bytes());
+            }
+            #[inline]
+            fn take(bytes: &[u8]) -> Self {
+                let mut own = [0; size_of::<$kind>()];
+                own.copy_from_slice(bytes);
+                Self::from_le_bytes(own)
+            }
+        }
+    )*};
+}
+number!(u32, f32, f64);
+
+fn put<'b, T: Number>(values: &[T], out: &'b mut [u8]) -> &'b mut [u8] {
+    let (now, rest) = out.split_at_mut(values.len() * T::SIZE);
+    now.chunks_exact_mut(T::SIZE).zip(values).for_each(|(out, value)| value.put(out));
+    rest
+}
+
+fn take<'b, T: Number>(values: &mut [T], bytes: &'b [u8]) -> &'b [u8] {
+    let (now, rest) = bytes.split_at(values.len() * T::SIZE);
+    values.iter_mut().zip(now.chunks_exact(T::SIZE)).for_each(|(value, bytes)| *value = T::take(bytes));
+    rest
+}
+
+impl Row {
+    /// Length of a row as bytes; all rows of a store have the same. `None` if no address is that large.
+    pub fn byte_len(width: usize, dims: usize, capacity: usize) -> Option<usize> {
+        let moments = dims.checked_mul(2 * 2 * size_of::<f64>())?;
+        let counts = (2 + 2) * size_of::<u32>();
+        let reservoir = capacity.checked_mul(dims)?.checked_mul(size_of::<f32>())?;
+        width.checked_mul(moments.checked_add(counts)?.checked_add(reservoir)?)
+    }
+
+    /// Writes: samples drawn, rejected; of each half the counts, the means by dimension, the sums of
+    /// squared deviations by dimension; the reservoir by pixel. All pixels of the row each.
+    ///
+    /// # Panics
+    /// If `out` is not of [`Self::byte_len`].
+    pub fn to_bytes(&self, out: &mut [u8]) {
+        let mut out = put(&self.drawn, out);
+        out = put(&self.rejected, out);
+        for half in &self.halves {
+            out = put(&half.count, out);
+            for plane in [&half.mean, &half.m2] {
+                for values in plane.chunks_exact(self.stride.max(1)) {
+                    out = put(&values[..self.width], out);
+                }
+            }
+        }
+        out = put(&self.reservoir, out);
+        assert!(out.is_empty(), "the length of a row is known beforehand");
+    }
+
+    /// Takes on what [`Self::to_bytes`] wrote of a row of the same shape.
+    ///
+    /// # Errors
+    /// Numbers that no samples can have led to.
+    ///
+    /// # Panics
+    /// If `bytes` is not of [`Self::byte_len`].
+    pub fn read_bytes(&mut self, bytes: &[u8]) -> Result<(), RowError> {
+        let mut bytes = take(&mut self.drawn, bytes);
+        bytes = take(&mut self.rejected, bytes);
+        for half in &mut self.halves {
+            bytes = take(&mut half.count, bytes);
+            for plane in [&mut half.mean, &mut half.m2] {
+                for values in plane.chunks_exact_mut(self.stride.max(1)) {
+                    bytes = take(&mut values[..self.width], bytes);
+                }
+            }
+        }
+        bytes = take(&mut self.reservoir, bytes);
+        assert!(bytes.is_empty(), "the length of a row is known beforehand");
+        self.check()
+    }
+
+    fn check(&self) -> Result<(), RowError> {
+        let total = |x: usize| {
+            let parts = [self.rejected[x], self.halves[0].count[x], self.halves[1].count[x]];
+            parts.into_iter().map(u64::from).sum::<u64>()
+        };
+        if (0..self.width).any(|x| total(x) != u64::from(self.drawn[x])) {
+            return Err(RowError::Counts);
+        }
+        let finite = |half: &HalfRow| {
+            half.mean.iter().all(|v| v.is_finite()) && half.m2.iter().all(|v| v.is_finite() && *v >= 0.0)
+        };
+        if !self.halves.iter().all(finite) || !self.reservoir.iter().all(|v| v.is_finite()) {
+            return Err(RowError::Values);
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,321 @@
+//! Renders that survive: stopped, killed and resumed anywhere, the image is that of a render that was
+//! never stopped; what is wrong with a state gets one line, and the old file is still there.
+
+use std::cell::RefCell;
+use std::path::Path;
+use std::process::{Child, Command, Output, Stdio};
+use std::sync::atomic::AtomicBool;
+use std::time::{Duration, Instant};
+
+use prpf::adaptive::{PrioritySettings, Sampling};
+use prpf::filter::Quality;
+use prpf::geometry::Accel;
+use prpf::image::Planes;
+use prpf::progressive::{Budget, Denoiser, Loop, Memory, Settings};
+use prpf::render::{Renderer, Share};
+use prpf::scene::pbrt;
+use prpf::state::{self, Frame, State, Stream};
+
+/// Noise of several kinds, at a size that takes about a second.
+const SCENE: &str = r#"
+LookAt 0 1 -3.4  0 0.9 0  0 1 0
+Camera "perspective" "float fov" 45 "float lensradius" 0.05 "float focaldistance" 3.2
+Integrator "path" "integer maxdepth" 4
+Film "rgb" "integer xresolution" 48 "integer yresolution" 48
+WorldBegin
+AttributeBegin
+  AreaLightSource "diffuse" "rgb L" [ 8 7 6 ]
+  Translate 0 1.9 0
+  Rotate 90 1 0 0
+  Shape "disk" "float radius" 0.4
+AttributeEnd
+Material "diffuse" "rgb reflectance" [ 0.7 0.6 0.5 ]
+Shape "trianglemesh" "integer indices" [ 0 1 2 0 2 3 ] "point3 P" [ -2 0 -4  2 0 -4  2 0 2  -2 0 2 ]
+Material "conductor" "float roughness" 0.1
+AttributeBegin Translate -0.5 0.5 0 Shape "sphere" "float radius" 0.5 AttributeEnd
+"#;
+const SPP: &str = "40";
+
+fn folder() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    std::fs::write(folder.path().join("scene.pbrt"), SCENE).expect("a file in it");
+    folder
+}
+
+fn command(folder: &Path, arguments: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_prpf"));
+    command.current_dir(folder).args(arguments).stdout(Stdio::null()).stderr(Stdio::piped());
+    command
+}
+
+fn prpf(folder: &Path, arguments: &[&str]) -> Output {
+    command(folder, arguments).stdout(Stdio::piped()).output().expect("the program starts")
+}
+
+/// Runs a command that must succeed.
+fn done(folder: &Path, arguments: &[&str]) {
+    let output = prpf(folder, arguments);
+    assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
+}
+
+/// Runs a command whose input is wrong; the one line that it says.
+fn refused(folder: &Path, arguments: &[&str]) -> String {
+    let output = prpf(folder, arguments);
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(2), "{arguments:?}: {said}");
+    assert_eq!(said.lines().count(), 1, "{said}");
+    said
+}
+
+fn render<'a>(more: &[&'a str]) -> Vec<&'a str> {
+    [&["render", "scene.pbrt", "--spp", SPP, "--quiet"], more].concat()
+}
+
+fn image(folder: &Path, name: &str) -> Planes {
+    let channels = ["R", "G", "B", "Noisy.R", "SampleCount.X", "InterpolationFailure.X", "TileError.X"];
+    prpf::image::exr_file::read_channels(&folder.join(name), &channels).expect("an image")
+}
+
+/// In the middle of batches, between them and at the end, with and without a reservoir.
+#[test]
+fn a_render_resumed_from_any_step_ends_in_the_same_image() {
+    let scene = pbrt::read_str(SCENE, Path::new(".")).expect("the test's scene is right");
+    let accel = Accel::build(&scene);
+    let renderer = Renderer::new(&scene, &accel, 5);
+    let frame = Frame::of(&scene, &renderer);
+    for quality in [Quality::Standard, Quality::Paper] {
+        let settings = Settings {
+            budget: Budget { spp: Some(19), ..Budget::default() },
+            sampling: Sampling::Adaptive,
+            denoiser: Denoiser::Prpf,
+            quality,
+            seed: 5,
+            min_spp: 4,
+            max_spp: 1 << 20,
+            priority: PrioritySettings::default(),
+            reservoir: 0,
+        };
+        let never = AtomicBool::new(false);
+        let circle = || Loop::new(&renderer, &settings, Instant::now(), &never, None);
+        let kept = RefCell::new(Vec::new());
+        let keep = |memory: Memory| {
+            let streams = vec![Stream { seed: 5, share: Share::WHOLE }];
+            let state = State { frame: frame.clone(), settings: settings.clone(), streams, memory };
+            let mut file = Vec::new();
+            state::bytes(&state, &mut file);
+            kept.borrow_mut().push(file);
+        };
+        let whole = circle().keeping(0.0, &keep).run(&mut |_| ());
+        let kept = kept.into_inner();
+        assert!(kept.len() >= 6, "steps of batches, and their ends: {}", kept.len());
+        for file in kept {
+            let memory = state::read_bytes(&file).expect("a state").memory;
+            let resumed = circle().resuming(memory).run(&mut |_| ());
+            assert_eq!(resumed.filtered.image, whole.filtered.image);
+            assert_eq!(resumed.filtered.interpolation_failure, whole.filtered.interpolation_failure);
+            assert_eq!(resumed.store.rows(), whole.store.rows());
+            let batches = |batches: &[prpf::progressive::Batch]| {
+                batches.iter().map(|b| (b.index, b.samples_total, b.estimated_error)).collect::<Vec<_>>()
+            };
+            assert_eq!(batches(&resumed.batches), batches(&whole.batches));
+        }
+    }
+}
+
+/// Kills a render `kills` times at moments spread over its length, resuming it each time.
+fn killed_again_and_again(kills: u32) {
+    let folder = folder();
+    let folder = folder.path();
+    let started = Instant::now();
+    done(folder, &render(&["-o", "whole.exr"]));
+    let length = started.elapsed();
+    let arguments = render(&["-o", "out.exr", "--state", "a.state", "--resume", "--state-every", "20ms"]);
+    for kill in 0..kills {
+        let mut child: Child = command(folder, &arguments).spawn().expect("the program starts");
+        // The golden ratio spreads the moments evenly, however many there are.
+        let share = (0.5 + f64::from(kill) * 0.618_034).fract();
+        std::thread::sleep(Duration::from_secs_f64(1.1 * share * length.as_secs_f64()));
+        child.kill().expect("a child can be killed");
+        let status = child.wait().expect("a child ends");
+        assert!(status.code().is_none_or(|code| code == 0), "killed or done: {status}");
+        if folder.join("a.state").exists() {
+            State::read(&folder.join("a.state")).expect("a state that loads");
+        }
+        if status.success() {
+            // It got to its end; the next starts from nothing.
+            assert_eq!(image(folder, "out.exr"), image(folder, "whole.exr"));
+            std::fs::remove_file(folder.join("a.state")).expect("a state");
+        }
+    }
+    done(folder, &arguments);
+    assert_eq!(image(folder, "out.exr"), image(folder, "whole.exr"));
+    let left = std::fs::read_dir(folder)
+        .expect("a folder")
+        .filter_map(|entry| entry.ok()?.file_name().into_string().ok());
+    let states: Vec<String> = left.filter(|name| name.contains("a.state")).collect();
+    assert_eq!(states, ["a.state"], "nothing piles up");
+}
+
+#[test]
+fn killed_at_random_moments_the_render_ends_in_the_same_image() {
+    /// Few enough for every day; `PRPF_KILLS=100 cargo test --release --test survive` for the long form.
+    const KILLS: u32 = 8;
+    let asked = std::env::var("PRPF_KILLS").ok().and_then(|text| text.parse().ok());
+    killed_again_and_again(asked.unwrap_or(KILLS));
+}
+
+#[cfg(unix)]
+#[test]
+fn a_signal_ends_the_batch_writes_image_and_state_and_exits_130() {
+    let folder = folder();
+    let folder = folder.path();
+    let whole = ["render", "scene.pbrt", "--spp", "400", "--quiet"];
+    done(folder, &[&whole[..], &["-o", "whole.exr"]].concat());
+    let arguments = [&whole[..], &["-o", "out.exr", "--state", "a.state", "--resume"]].concat();
+    for signal in ["INT", "TERM"] {
+        let mut child = command(folder, &arguments).spawn().expect("the program starts");
+        std::thread::sleep(Duration::from_millis(300));
+        let id = child.id().to_string();
+        assert!(Command::new("kill").args(["-s", signal, &id]).status().expect("kill is there").success());
+        assert_eq!(child.wait().expect("a child ends").code(), Some(130), "{signal}");
+        assert!(image(folder, "out.exr").data().iter().all(|v| v.is_finite()));
+        State::read(&folder.join("a.state")).expect("a state that loads");
+    }
+    done(folder, &arguments);
+    assert_eq!(image(folder, "out.exr"), image(folder, "whole.exr"));
+}
+
+#[test]
+fn a_finished_render_is_written_again_and_goes_on_with_a_larger_budget() {
+    let folder = folder();
+    let folder = folder.path();
+    let state = ["--state", "a.state", "--resume"];
+    let with = |more: &[&'static str]| [&["render", "scene.pbrt", "--quiet"], &state[..], more].concat();
+    done(folder, &with(&["--spp", "8", "-o", "a.exr"]));
+    done(folder, &with(&["--spp", "8", "-o", "b.exr"]));
+    done(folder, &["denoise", "a.state", "-o", "c.exr"]);
+    assert_eq!(image(folder, "b.exr"), image(folder, "a.exr"));
+    assert_eq!(image(folder, "c.exr"), image(folder, "a.exr"));
+    done(folder, &with(&["--spp", "12", "-o", "d.exr"]));
+    let counts =
+        prpf::image::exr_file::read_channels(&folder.join("d.exr"), &["SampleCount.X"]).expect("counts");
+    assert_eq!(counts.data().iter().sum::<f32>(), 12.0 * 48.0 * 48.0);
+}
+
+#[test]
+fn shards_of_a_render_add_up_to_it() {
+    let folder = folder();
+    let folder = folder.path();
+    let render = |more: &[&'static str]| {
+        done(
+            folder,
+            &[&["render", "scene.pbrt", "--spp", "14", "--sampling", "uniform", "--quiet"], more].concat(),
+        );
+    };
+    render(&["-o", "whole.exr", "--state", "whole.state"]);
+    render(&["-o", "s.exr", "--state", "1.state", "--shard", "1/3"]);
+    render(&["-o", "s.exr", "--state", "2.state", "--shard", "2/3"]);
+    render(&["-o", "s.exr", "--state", "3.state", "--shard", "3/3"]);
+    done(folder, &["merge", "3.state", "1.state", "2.state", "-o", "sum.state"]);
+    let read = |name: &str| State::read(&folder.join(name)).expect("a state");
+    let (sum, whole) = (read("sum.state"), read("whole.state"));
+    assert_eq!(sum.streams, whole.streams);
+    let (sum, whole) = (&sum.memory.store, &whole.memory.store);
+    use prpf::stats::Part::{Half, Whole};
+    for part in [Whole, Half(0), Half(1)] {
+        assert_eq!(sum.counts(part), whole.counts(part));
+        for (a, b) in [
+            (sum.means(part, 0..12), whole.means(part, 0..12)),
+            (sum.variances(part, 0..12), whole.variances(part, 0..12)),
+        ] {
+            for (a, b) in a.data().iter().zip(b.data()) {
+                assert!((a - b).abs() <= 1e-5 * (1.0 + b.abs()), "{a} {b}");
+            }
+        }
+    }
+    let said = refused(folder, &["merge", "1.state", "2.state", "1.state", "-o", "sum.state"]);
+    assert!(said.contains("same samples"), "{said}");
+    done(folder, &["denoise", "sum.state", "-o", "sum.exr", "--quality", "draft"]);
+}
+
+#[test]
+fn a_state_that_does_not_fit_gets_one_line_and_stays() {
+    let folder = folder();
+    let folder = folder.path();
+    std::fs::write(folder.join("other.pbrt"), SCENE.replace("0.7 0.6 0.5", "0.7 0.6 0.4")).expect("a file");
+    let output = ["--quiet", "-o", "a.exr", "--spp", "4", "--state", "a.state"];
+    done(folder, &[&["render", "scene.pbrt"], &output[..]].concat());
+    let state = std::fs::read(folder.join("a.state")).expect("a state");
+    let resume = [&output[..], &["--resume"]].concat();
+    let cases: [(&str, &[&str], &str); 6] = [
+        ("other.pbrt", &[], "scene: found"),
+        ("scene.pbrt", &["--seed", "2"], "seed"),
+        ("scene.pbrt", &["--resolution", "24x24"], "resolution: found a state of 48x48"),
+        ("scene.pbrt", &["--max-depth", "2"], "integrator"),
+        ("scene.pbrt", &["--shard", "1/2"], "shard"),
+        ("scene.pbrt", &["--quality", "paper"], "reservoir"),
+    ];
+    for (scene, more, expected) in cases {
+        let said = refused(folder, &[&["render", scene], &resume[..], more].concat());
+        assert!(said.contains(expected) && said.contains("a.state"), "{said}");
+        assert_eq!(std::fs::read(folder.join("a.state")).expect("a state"), state);
+    }
+
+    for (name, content, expected) in [
+        ("cut", state[..state.len() / 2].to_vec(), "cut off"),
+        (
+            "flipped",
+            state.iter().enumerate().map(|(i, &b)| if i == 5000 { b ^ 4 } else { b }).collect(),
+            "damaged",
+        ),
+        ("image", b"\x76\x2f\x31\x01".to_vec(), "no render state"),
+    ] {
+        std::fs::write(folder.join(name), &content).expect("a file");
+        let said = refused(folder, &["denoise", name, "-o", "b.exr"]);
+        assert!(said.contains(expected) && said.contains(name), "{said}");
+        let render =
+            ["render", "scene.pbrt", "--quiet", "-o", "b.exr", "--spp", "4", "--resume", "--state", name];
+        assert!(refused(folder, &render).contains(expected));
+        assert_eq!(std::fs::read(folder.join(name)).expect("a file"), content);
+    }
+    assert!(!folder.join("b.exr").exists());
+
+    for path in ["missing/a.state", "/dev/full", "."] {
+        let said = refused(
+            folder,
+            &["render", "scene.pbrt", "--quiet", "-o", "b.exr", "--spp", "4", "--state", path],
+        );
+        assert!(said.contains("cannot be written"), "{said}");
+    }
+    refused(folder, &["denoise", "a.state", "--quality", "paper", "-o", "b.exr"]);
+    refused(folder, &["denoise", "a.state", "--layers", "Depth", "-o", "b.exr"]);
+    refused(folder, &["export", "missing", "-o", "b.npz"]);
+    refused(folder, &["merge", "a.state", "-o", "b.state"]);
+}
+
+#[test]
+fn an_export_is_an_archive_of_numpy_arrays() {
+    let folder = folder();
+    let folder = folder.path();
+    done(folder, &render(&["-o", "a.exr", "--quality", "paper", "--state", "a.state"]));
+    done(folder, &["export", "a.state", "-o", "a.npz"]);
+    let file = std::fs::File::open(folder.join("a.npz")).expect("a file");
+    let mut archive = zip::ZipArchive::new(file).expect("an archive");
+    let mut bytes_of = |name: &str| {
+        let mut bytes = Vec::new();
+        let mut entry = archive.by_name(&format!("{name}.npy")).expect(name);
+        std::io::copy(&mut entry, &mut bytes).expect("readable");
+        bytes
+    };
+    let state = State::read(&folder.join("a.state")).expect("a state");
+    let store = &state.memory.store;
+    let count = bytes_of("count");
+    let values: Vec<u32> = count[128..].as_chunks().0.iter().map(|&b| u32::from_le_bytes(b)).collect();
+    assert_eq!(values, store.counts(prpf::stats::Part::Whole));
+    assert_eq!(bytes_of("mean_a").len(), 128 + 8 * store.layout().len() * store.pixels());
+    for name in
+        ["reservoir", "reservoir_count", "m2", "feature_weights", "dimension_units", "header", "image"]
+    {
+        assert!(bytes_of(name).starts_with(b"\x93NUMPY"), "{name}");
+    }
+}
