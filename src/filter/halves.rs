@@ -41,6 +41,12 @@ impl Estimate {
     }
 }
 
+/// What a function makes of each half, both at once.
+pub(super) fn of_halves<T: Send>(make: impl Fn(usize) -> T + Sync) -> [T; 2] {
+    let (a, b) = rayon::join(|| make(0), || make(1));
+    [a, b]
+}
+
 /// Sample counts of the halves.
 #[derive(Clone, Debug)]
 pub(super) struct Counts {

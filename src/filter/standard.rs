@@ -7,6 +7,7 @@
 //! first; the albedo is divided out before and multiplied back after; a linear fit is a second
 //! estimate, and the two are mixed by their estimated risk.
 //!
+//! 0. outliers are brought to the median around them; their energy is given back, blurred, after 4
 //! 1. albedo and normals of each half, filtered with weights from the other half
 //! 2. colour of each half over the albedo, filtered with weights from the other half's colour
 //!    (patch distance) and normals
@@ -14,12 +15,14 @@
 //! 4. (`standard` only) each mixed with a linear fit of itself, by estimated risk
 //! 5. image, variance, residual and error from the two results
 
+use rayon::prelude::*;
+
 use crate::image::Planes;
 use crate::stats::{Block, Store};
 
 use super::assess::Assessment;
 use super::distance::{DistanceSettings, Guide};
-use super::halves::{Counts, Estimate, Halves};
+use super::halves::{Counts, Estimate, Halves, of_halves};
 use super::regression::{self, FEATURES};
 use super::stack::{self, Brightness};
 use super::{Filtered, OutlierSettings, outliers, patch};
@@ -62,7 +65,7 @@ pub struct StandardSettings {
     pub outliers: OutlierSettings,
     /// Blur, in pixels, with which their energy is given back.
     pub outlier_sigma: f32,
-    /// Share of its own light that a pixel may get from one of them.
+    /// Share of the light around one of them that a pixel may get from it.
     pub outlier_limit: f32,
 }
 
@@ -149,12 +152,17 @@ pub fn filter(store: &Store, settings: &StandardSettings) -> Filtered {
     let divisor = of_guide.map(|[divisor, _]| divisor);
     if let Some(light) = outliers::blurred(&clamped, divisor, settings.outlier_sigma, settings.outlier_limit)
     {
+        // What no sample found light on gets none: it is no surface, or reflects nothing.
+        let is_lit = |i: usize| noisy.mean.iter().any(|half| (0..3).any(|c| half.plane(c)[i] > 0.0));
+        let lit: Vec<bool> = (0..store.pixels()).into_par_iter().map(is_lit).collect();
         for (h, half) in colour.iter_mut().enumerate() {
-            let albedo = of_guide.map(|albedo| albedo[h].data());
-            let values = half.value.data_mut().iter_mut().zip(light.data()).enumerate();
-            // What is black gets none: it is no surface, or reflects nothing.
-            let lit = values.filter(|(_, (value, _))| **value > 0.0);
-            lit.for_each(|(i, (value, light))| *value += light * albedo.map_or(1.0, |albedo| albedo[i]));
+            for (channel, plane) in half.value.planes_mut().enumerate() {
+                let albedo = of_guide.map(|albedo| albedo[h].plane(channel));
+                let light = light.plane(channel);
+                for i in (0..plane.len()).filter(|&i| lit[i]) {
+                    plane[i] += light[i] * albedo.map_or(1.0, |albedo| albedo[i]);
+                }
+            }
         }
     }
     let [a, b] = colour;
@@ -186,7 +194,7 @@ fn filter_colour(
     if let Some([a, b]) = albedo {
         colour.divide([b, a]);
     }
-    [0, 1].map(|h| {
+    of_halves(|h| {
         let mut half = filter_half(&colour, normal.map(|normal| &normal[1 - h]), h, settings);
         if let Some(albedo) = albedo {
             half.value.data_mut().iter_mut().zip(albedo[1 - h].data()).for_each(|(v, &a)| *v *= a);
@@ -233,7 +241,7 @@ fn fit(
     let (width, height) = (noisy.mean[0].width(), noisy.mean[0].height());
     // A regressor that is zero everywhere gets no part in the fit.
     let nothing = vec![0.0; width * height];
-    [0, 1].map(|h| {
+    of_halves(|h| {
         let guide = 1 - h;
         let feature =
             |f: usize| features[f / 3].map_or(nothing.as_slice(), |halves| halves[guide].plane(f % 3));
@@ -278,7 +286,7 @@ fn filter_emission(emission: &Halves, settings: &StandardSettings) -> [Estimate;
 
 fn filter_alone(halves: &Halves, distance: DistanceSettings) -> [Estimate; 2] {
     let (width, height) = (halves.mean[0].width(), halves.mean[0].height());
-    [0, 1].map(|h| {
+    of_halves(|h| {
         let guide = Guide {
             value: three(&halves.mean[1 - h]),
             variance: three(&halves.variance[1 - h]),
