@@ -365,3 +365,29 @@ fn the_cornell_box_agrees_with_its_reference() {
     assert!((pair.mean_ratio() - 1.0).abs() < 0.02, "{}", pair.mean_ratio());
     assert!(pair.block_relmse() < 0.01, "{}", pair.block_relmse());
 }
+
+#[test]
+fn outputs_that_would_replace_each_other_or_the_scene_are_refused() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let scene = folder.path().join("scene.pbrt");
+    std::fs::write(&scene, "WorldBegin\nLightSource \"infinite\"\nShape \"sphere\"\n").expect("a scene");
+    let image = folder.path().join("image.png");
+    for report in [&scene, &image] {
+        let run = std::process::Command::new(env!("CARGO_BIN_EXE_prpf"))
+            .arg("render")
+            .args([
+                scene.as_os_str(),
+                "-o".as_ref(),
+                image.as_os_str(),
+                "--report".as_ref(),
+                report.as_os_str(),
+            ])
+            .output()
+            .expect("the program runs");
+        assert_eq!(run.status.code(), Some(2));
+        assert_eq!(String::from_utf8_lossy(&run.stderr).lines().count(), 1);
+        assert!(
+            !image.exists() && std::fs::read_to_string(&scene).expect("still there").starts_with("World")
+        );
+    }
+}

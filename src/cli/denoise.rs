@@ -43,7 +43,7 @@ pub(super) struct DenoiseOptions {
     #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
     layers: Option<Vec<String>>,
     /// Worker threads [default: all cores]
-    #[arg(long, visible_alias = "nthreads", value_name = "N")]
+    #[arg(long, visible_alias = "nthreads", value_name = "N", value_parser = super::parse_threads)]
     threads: Option<std::num::NonZeroUsize>,
     /// No summary
     #[arg(long)]

@@ -21,7 +21,8 @@ pub(super) struct InfoOptions {
 pub(super) fn run(options: &InfoOptions) -> Result<u8, Failure> {
     let scene = pbrt::read(&options.scene).map_err(|error| Failure::Input(error.into()))?;
     let warnings: String = scene.warnings.iter().map(|warning| format!("warning: {warning}\n")).collect();
-    super::say(&(describe(&scene) + &warnings)).map_err(Failure::Run)?;
+    let dark = if scene.is_lit() { "" } else { "warning: the scene has no light\n" };
+    super::say(&(describe(&scene) + &warnings + dark)).map_err(Failure::Run)?;
     Ok(0)
 }
 

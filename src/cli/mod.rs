@@ -19,6 +19,7 @@ mod usage;
 
 use std::ffi::OsString;
 use std::io::Write;
+use std::num::NonZeroUsize;
 use std::process::ExitCode;
 use std::time::Instant;
 
@@ -95,13 +96,24 @@ pub(crate) enum Failure {
     Run(anyhow::Error),
 }
 
+/// More threads than this are a slip of the finger, and would take the machine down.
+const MOST_THREADS: usize = 1024;
+
+/// What `--threads` accepts.
+fn parse_threads(text: &str) -> Result<NonZeroUsize, String> {
+    match text.parse::<NonZeroUsize>() {
+        Ok(n) if n.get() <= MOST_THREADS => Ok(n),
+        _ => Err(format!("found `{text}`; accepted are whole numbers from 1 to {MOST_THREADS}")),
+    }
+}
+
 /// Runs something on so many worker threads; on all cores if nothing is said.
 fn in_pool<T: Send>(
-    threads: Option<std::num::NonZeroUsize>,
+    threads: Option<NonZeroUsize>,
     work: impl FnOnce() -> Result<T, Failure> + Send,
 ) -> Result<T, Failure> {
     // No number is 0, which stands for all cores.
-    let threads = threads.map_or(0, std::num::NonZeroUsize::get);
+    let threads = threads.map_or(0, NonZeroUsize::get);
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
     pool.context("starting the worker threads").map_err(Failure::Run)?.install(work)
 }

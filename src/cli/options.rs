@@ -51,7 +51,7 @@ pub(super) struct RenderOptions {
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub seed: u64,
     /// Worker threads [default: all cores]
-    #[arg(long, visible_alias = "nthreads", value_name = "N")]
+    #[arg(long, visible_alias = "nthreads", value_name = "N", value_parser = super::parse_threads)]
     pub threads: Option<std::num::NonZeroUsize>,
     /// Floor per pixel for adaptive allocation
     #[arg(long, value_name = "N", default_value_t = 4)]

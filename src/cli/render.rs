@@ -54,11 +54,10 @@ fn run_in_pool(options: &RenderOptions, mode: Mode, start: Instant) -> Result<u8
     let mut scene = read(options)?;
     options.apply(&mut scene).map_err(Failure::Input)?;
     let outfiles = outfiles(options, &mut scene);
-    outfiles
-        .iter()
-        .chain(&options.report)
-        .try_for_each(|path| can_be_written(path))
-        .map_err(Failure::Input)?;
+    let mut outputs: Vec<&Path> = outfiles.iter().chain(&options.report).map(PathBuf::as_path).collect();
+    outputs.iter().try_for_each(|path| can_be_written(path)).map_err(Failure::Input)?;
+    outputs.extend(options.state.state.as_deref());
+    are_distinct(&options.scene, &outputs).map_err(Failure::Input)?;
     let reference = options
         .reference
         .as_deref()
@@ -194,6 +193,22 @@ pub(super) fn can_be_written(path: &Path) -> anyhow::Result<()> {
     Ok(())
 }
 
+/// Refuses outputs that would replace each other or the scene.
+fn are_distinct(scene: &Path, outputs: &[&Path]) -> anyhow::Result<()> {
+    let mut seen = vec![std::path::absolute(scene)?];
+    for path in outputs {
+        let absolute = std::path::absolute(path)?;
+        if seen.contains(&absolute) {
+            anyhow::bail!(
+                "{}: found the same file twice; accepted are files other than the scene, one for each output",
+                path.display()
+            );
+        }
+        seen.push(absolute);
+    }
+    Ok(())
+}
+
 /// Refuses a render whose store and filter would not fit in the memory that is left, where that is
 /// known.
 fn fits_in_memory(
@@ -263,6 +278,9 @@ fn warn(options: &RenderOptions, scene: &Scene) {
     const SHOWN: usize = 8;
     if options.quiet {
         return;
+    }
+    if !scene.is_lit() {
+        super::complain("warning: the scene has no light, so that the image will be black");
     }
     let shown = if options.verbose { scene.warnings.len() } else { SHOWN };
     for warning in scene.warnings.iter().take(shown) {
@@ -380,10 +398,13 @@ fn summary(outcome: &Outcome, resumed: u64, seconds: Times, outfiles: &[PathBuf]
 
 /// The estimate, and the image that it is of.
 fn said(estimate: &ErrorEstimate, store: &Store) -> String {
+    let spp = estimate.samples as f64 / store.pixels().max(1) as f64;
+    if estimate.image <= estimate.standard_error {
+        // Noise hides the error; a number would look like a measured one.
+        return format!("estimated relMSE below {:.0e} at {spp:.1} samples per pixel, ", estimate.at_most());
+    }
     format!(
-        "estimated relMSE {:.1e} ± {:.0e} at {:.1} samples per pixel, ",
-        estimate.image.max(0.0),
-        estimate.standard_error,
-        estimate.samples as f64 / store.pixels().max(1) as f64
+        "estimated relMSE {:.1e} ± {:.0e} at {spp:.1} samples per pixel, ",
+        estimate.image, estimate.standard_error
     )
 }

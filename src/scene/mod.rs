@@ -87,6 +87,11 @@ pub struct Scene {
 }
 
 impl Scene {
+    /// Whether anything shines.
+    pub fn is_lit(&self) -> bool {
+        !self.lights.is_empty() || self.primitives.iter().any(|primitive| primitive.area_light.is_some())
+    }
+
     /// Gives the film another resolution; the part that is rendered keeps its share of it, and a
     /// screen window that fits the film's aspect goes on fitting it.
     pub fn resize_film(&mut self, width: usize, height: usize) {

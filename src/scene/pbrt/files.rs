@@ -21,11 +21,15 @@ pub struct Source {
 /// # Errors
 /// The system's words, without the file's name.
 pub fn open(path: &Path) -> Result<Source, String> {
-    let file = File::open(path).map_err(|error| error.to_string())?;
-    let metadata = file.metadata().map_err(|error| error.to_string())?;
+    // Before opening: a pipe would wait for who writes into it, a device may never end.
+    let metadata = path.metadata().map_err(|error| error.to_string())?;
     if metadata.is_dir() {
         return Err("it is a folder".into());
     }
+    if !metadata.is_file() {
+        return Err("it is no regular file".into());
+    }
+    let file = File::open(path).map_err(|error| error.to_string())?;
     let length = metadata.len();
     let plain = BufReader::new(file);
     Ok(if path.extension().is_some_and(|extension| extension == "gz") {
