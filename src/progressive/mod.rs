@@ -627,6 +627,9 @@ impl<'a> Loop<'a> {
         self.reruns += seconds;
         if quality == self.interim_quality() {
             self.interim_seconds = Some(seconds);
+        } else if self.rehearsal.filter_seconds > 0.0 {
+            // What the whole takes is better known now than by some of its rows.
+            self.schedule.corrected(self.rehearsal.filter_seconds - filter_seconds);
         }
         self.report(&shown.filtered, filter_seconds, shown.success);
         observer.filtered(&shown);

@@ -119,6 +119,12 @@ impl Schedule {
         self.closing += weight * (seconds - self.closing);
     }
 
+    /// A whole filter pass of the final quality took so much less than it would have by rehearsal.
+    pub fn corrected(&mut self, seconds: f64) {
+        self.closing = (self.closing - seconds).max(0.0);
+        self.deviation = 0.0;
+    }
+
     /// The next batch, or what ended the render.
     pub fn next(&self, elapsed: f64, samples: u64, error: Option<f64>) -> Result<Plan, StoppedBy> {
         let most = |spp: u64| spp.saturating_mul(self.pixels).saturating_sub(samples);
