@@ -29,7 +29,6 @@
 //! | [`preview`] | the live page and its server: looks at the loop and steers it |
 //! | [`state`] | a render as a file: to go on from, to filter again, to merge |
 //! | [`cli`] | arguments → settings → loop → report |
-
 //!
 //! # The filter without the renderer
 //!

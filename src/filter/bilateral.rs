@@ -334,7 +334,7 @@ fn exp_minus<const FMA: bool>(e: f32) -> f32 {
 mod tests {
     use rand::RngExt;
 
-    use super::super::assessment::Colours;
+    use super::super::colours::Colours;
     use super::super::prpf::PrpfSettings;
     use super::super::synthetic::{store, wall};
     use super::*;

@@ -14,8 +14,8 @@
 
 use multiversion::multiversion;
 
+use super::bordered::{Bordered, Margin};
 use super::fast_exp::exp_negative;
-use super::margin::{Margin, Padded};
 
 /// Bound of one pixel's contribution to a patch sum. Larger ones mean weight zero anyway, and
 /// would cost the running sums their digits.
@@ -88,10 +88,10 @@ pub(super) struct Neighbours<'a> {
 /// A guide prepared for distances between patches of (2·PATCH + 1)² pixels.
 pub(super) struct Distance<const PATCH: usize> {
     /// In units of √ε.
-    value: Padded,
+    value: Bordered,
     /// e = k²v + ½.
-    e: Padded,
-    features: Padded,
+    e: Bordered,
+    features: Bordered,
     feature_gain: f32,
     settings: DistanceSettings,
 }
@@ -112,9 +112,9 @@ impl<const PATCH: usize> Distance<PATCH> {
         let inside = vec![0.0; width * height];
         let features = if guide.features.is_empty() { &[inside.as_slice()] } else { guide.features };
         Self {
-            value: Padded::new(width, height, &[&r, &g, &b], margin, Margin::Nearest),
-            e: Padded::new(width, height, &[&e_r, &e_g, &e_b], margin, Margin::Nearest),
-            features: Padded::new(width, height, features, margin, Margin::Value(OUTSIDE)),
+            value: Bordered::new(width, height, &[&r, &g, &b], margin, Margin::Nearest),
+            e: Bordered::new(width, height, &[&e_r, &e_g, &e_b], margin, Margin::Nearest),
+            features: Bordered::new(width, height, features, margin, Margin::Value(OUTSIDE)),
             feature_gain: guide.feature_gain.max(LEAST_GAIN),
             settings,
         }

@@ -3,14 +3,14 @@
 //!
 //! Knows nothing of where samples come from.
 
-mod assess;
 mod assessment;
 mod bilateral;
 pub mod blur;
+mod bordered;
+mod colours;
 mod distance;
 mod fast_exp;
 mod halves;
-mod margin;
 mod mutual_information;
 mod neighbourhood;
 mod outliers;

@@ -373,7 +373,7 @@ fn filled(width: usize, height: usize, value: f32) -> Planes {
 mod tests {
     use rand::RngExt;
 
-    use super::super::assessment::Colours;
+    use super::super::colours::Colours;
     use super::super::synthetic::{store, wall};
     use super::*;
     use crate::stats::Layout;

@@ -7,9 +7,9 @@
 use multiversion::multiversion;
 use rayon::prelude::*;
 
+use super::bordered::{Bordered, Margin};
 use super::distance::{Distance, DistanceSettings, Guide, Tile, tiles};
 use super::halves::Estimate;
-use super::margin::{Margin, Padded};
 
 /// Half side of the 7×7 patch.
 const PATCH: usize = 3;
@@ -29,7 +29,7 @@ pub(super) fn filter(
         return filtered;
     }
     let distance = Distance::<PATCH>::new(width, height, guide, settings);
-    let values = Padded::new(width, height, &original, settings.radius, Margin::Nearest);
+    let values = Bordered::new(width, height, &original, settings.radius, Margin::Nearest);
     let tiles = tiles(width, height, TILE);
     let sums: Vec<Sums> = tiles.par_iter().map(|&tile| Sums::of(tile, &distance, &values)).collect();
     for (tile, sums) in tiles.iter().zip(&sums) {
@@ -69,7 +69,7 @@ struct Sums {
 }
 
 impl Sums {
-    fn of(tile: Tile, distance: &Distance<PATCH>, values: &Padded) -> Self {
+    fn of(tile: Tile, distance: &Distance<PATCH>, values: &Bordered) -> Self {
         let Tile { x, y, width, height } = tile;
         let mut sums = Self { width, height, data: vec![0.0; 4 * width * height] };
         let (x, y) = (x as isize, y as isize);

@@ -8,8 +8,8 @@
 //! before the first pass.
 
 use super::Filtered;
-use super::assessment::Colours;
 use super::bilateral;
+use super::colours::Colours;
 use super::neighbourhood::{Guide, Neighbourhood};
 use super::outliers::OutlierSettings;
 use super::padded::Padded;

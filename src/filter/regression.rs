@@ -11,9 +11,9 @@
 use multiversion::multiversion;
 use rayon::prelude::*;
 
+use super::bordered::{Bordered, Margin};
 use super::distance::{self, Distance, DistanceSettings, Neighbours, Tile, tiles};
 use super::halves::Estimate;
-use super::margin::{Margin, Padded};
 
 /// Features that are regressed on.
 pub(super) const FEATURES: usize = 6;
@@ -86,7 +86,7 @@ pub(super) fn fit(
         distance::Guide { value: guide.value, variance: guide.variance, features: &[], feature_gain: 0.0 };
     let distance = Distance::<PATCH>::new(width, height, weights, settings);
     let columns: Vec<&[f32]> = guide.features.into_iter().chain(original).collect();
-    let columns = Padded::new(width, height, &columns, settings.radius, Margin::Nearest);
+    let columns = Bordered::new(width, height, &columns, settings.radius, Margin::Nearest);
     let tiles = tiles(width, height, TILE);
     let solved: Vec<_> =
         tiles.par_iter().map(|&tile| fit_tile(tile, &distance, &columns, settings.radius)).collect();
@@ -114,7 +114,7 @@ pub(super) fn fit(
 fn fit_tile(
     tile: Tile,
     distance: &Distance<PATCH>,
-    columns: &Padded,
+    columns: &Bordered,
     radius: usize,
 ) -> Option<Vec<[[f32; WIDTH]; 4]>> {
     if !distance.is_noisy(tile) {

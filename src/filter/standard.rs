@@ -20,7 +20,7 @@ use rayon::prelude::*;
 use crate::image::Planes;
 use crate::stats::{Block, Store};
 
-use super::assess::Assessment;
+use super::assessment::Assessment;
 use super::distance::{DistanceSettings, Guide};
 use super::halves::{Counts, Estimate, Halves, of_halves};
 use super::regression::{self, FEATURES};

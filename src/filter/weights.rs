@@ -257,7 +257,7 @@ pub(super) fn copy(sample: &[f32], to: &mut [f32; LANES]) {
 
 #[cfg(test)]
 mod tests {
-    use super::super::assessment::Colours;
+    use super::super::colours::Colours;
     use super::super::synthetic::{store, wall};
     use super::*;
     use crate::stats::Block;

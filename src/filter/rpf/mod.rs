@@ -37,7 +37,7 @@ mod weights;
 use rayon::prelude::*;
 
 use super::Filtered;
-use super::assessment::Colours;
+use super::colours::Colours;
 use super::outliers::OutlierSettings;
 use crate::stats::Store;
 use kernel::Kernel;

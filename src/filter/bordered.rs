@@ -1,4 +1,5 @@
-//! Planes with a margin, so that windows and patches need no test at the image's border.
+//! Planes with a margin on all sides, so that windows and patches need no test at the image's border. The
+//! windows of `padded` know only margins to the left and right.
 
 use rayon::prelude::*;
 
@@ -7,7 +8,7 @@ pub(super) const SLACK: usize = 32;
 
 /// Planes of one size with `margin` extra pixels on every side.
 #[derive(Clone, Debug)]
-pub(super) struct Padded {
+pub(super) struct Bordered {
     width: usize,
     margin: usize,
     planes: Vec<Vec<f32>>,
@@ -22,7 +23,7 @@ pub(super) enum Margin {
     Value(f32),
 }
 
-impl Padded {
+impl Bordered {
     /// Copies planes of `width`×`height` values.
     pub fn new(width: usize, height: usize, planes: &[&[f32]], margin: usize, fill: Margin) -> Self {
         let planes = planes.par_iter().map(|plane| pad(width, height, plane, margin, fill)).collect();
