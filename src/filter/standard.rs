@@ -152,9 +152,9 @@ pub fn filter(store: &Store, settings: &StandardSettings) -> Filtered {
     let divisor = of_guide.map(|[divisor, _]| divisor);
     if let Some(light) = outliers::blurred(&clamped, divisor, settings.outlier_sigma, settings.outlier_limit)
     {
-        // What no sample found light on gets none: it is no surface, or reflects nothing.
-        let is_lit = |i: usize| noisy.mean.iter().any(|half| (0..3).any(|c| half.plane(c)[i] > 0.0));
-        let lit: Vec<bool> = (0..store.pixels()).into_par_iter().map(is_lit).collect();
+        // Where there is no surface there is no light to give back.
+        let lit: Vec<bool> =
+            (0..store.pixels()).into_par_iter().map(|i| is_surface(normal.as_ref(), i)).collect();
         for (h, half) in colour.iter_mut().enumerate() {
             for (channel, plane) in half.value.planes_mut().enumerate() {
                 let albedo = of_guide.map(|albedo| albedo[h].plane(channel));
@@ -294,6 +294,15 @@ fn filter_alone(halves: &Halves, distance: DistanceSettings) -> [Estimate; 2] {
             feature_gain: 1.0,
         };
         patch::filter(width, height, three(&halves.mean[h]), guide, distance)
+    })
+}
+
+/// Whether samples of a pixel hit anything, by its normals; without normals all is taken for surface.
+fn is_surface(normal: Option<&[Planes; 2]>, i: usize) -> bool {
+    /// Least squared length of a mean normal; a filtered miss may have a trace of its neighbours'.
+    const LEAST: f32 = 1e-4;
+    normal.is_none_or(|halves| {
+        halves.iter().any(|half| (0..3).map(|c| half.plane(c)[i].powi(2)).sum::<f32>() > LEAST)
     })
 }
 
