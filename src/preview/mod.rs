@@ -6,7 +6,7 @@
 //!        └── flow ────────┘  └───── commands ◄── page
 //! ```
 //!
-//! The [`director`] observes the loop on the loop's own thread. It publishes images to the [`hub`],
+//! The [`Director`] observes the loop on the loop's own thread. It publishes images to the [`Hub`],
 //! which keeps the newest of each view, and obeys commands from a bounded channel. Whoever looks takes
 //! the newest image when ready for one; nothing here ever waits for them.
 

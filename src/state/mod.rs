@@ -1,7 +1,7 @@
 //! A render's state as a file: everything that is needed to go on, to filter again, or to add to the
 //! states of other machines.
 //!
-//! [`format`] says what the bytes are, [`Keeper`] gets them to the disk while the render goes on,
+//! [`mod@format`] says what the bytes are, [`Keeper`] gets them to the disk while the render goes on,
 //! [`Stream`]s say which samples a state holds and so what it may be merged with.
 
 mod arrays;

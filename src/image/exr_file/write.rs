@@ -40,7 +40,7 @@ pub fn write(
 /// own store), so that nothing but plain writing can fail once the disk is touched.
 ///
 /// # Errors
-/// As [`write`], but for the disk's.
+/// As [`write()`], but for the disk's.
 pub fn encode(
     windows: Windows,
     channels: &[Channel],
