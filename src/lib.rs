@@ -23,7 +23,7 @@
 //! | [`geometry`] | acceleration structure, intersection, instances, motion |
 //! | [`stats`] | the sample vector's [`stats::Layout`], Welford moments, reservoir, the pixel-statistics [`stats::Store`] |
 //! | [`render`] | samplers, BSDFs, light sampling, integrators; renders a batch into a store |
-//! | [`filter`] | P-RPF, a file for each step of the paper, and the patch-distance filter of `standard` |
+//! | [`filter`] | P-RPF, a file for each step of the paper; the patch-distance filter of `standard`; the original RPF |
 //! | [`adaptive`] | maps → priority per pixel → sample counts of the next batch |
 //! | [`progressive`] | the loop: batches, budgets, events |
 //! | [`preview`] | the live page and its server: looks at the loop and steers it |

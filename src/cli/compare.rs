@@ -50,7 +50,7 @@ pub struct CompareArgs {
 fn parse_limit(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(limit) if limit >= 0.0 => Ok(limit),
-        _ => Err("a number that is not negative is expected".into()),
+        _ => Err(format!("found `{text}`; accepted are numbers from 0")),
     }
 }
 

@@ -18,7 +18,7 @@ const RISK_SIGMA: f32 = 4.0;
 
 /// Maps of a filtered image.
 pub(super) struct Assessment {
-    /// ¼(F_A − F_B)²: 3 planes.
+    /// ¼(F_A − F_B)², emission included: 3 planes.
     pub variance: Planes,
     /// (F − c)² over its expectation where the filter is unbiased: 1 plane.
     pub residual: Planes,

@@ -164,7 +164,8 @@ fn agreement(mean: &[Planes; 2], variance: &[Planes; 2], counts: &Counts) -> Vec
 
 /// Draws each pixel's sample variance towards the mean over its 3×3 neighbourhood, the more the
 /// fewer samples it has: σ̃² = (ν₀σ_pool² + (n−1)s²)/(ν₀ + n − 1). Where no pixel around has two
-/// samples, half the squared difference of horizontal neighbours stands in.
+/// samples, half the squared difference of horizontal neighbours, which is a variance of means, stands
+/// in, n times.
 fn pool(variance: &mut Planes, mean: &Planes, counts: &Counts) {
     let (width, height) = (variance.width(), variance.height());
     let count: Vec<f32> = counts.of[0].iter().zip(&counts.of[1]).map(|(a, b)| a + b).collect();

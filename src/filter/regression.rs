@@ -6,7 +6,8 @@
 //!
 //! For pixel i the values of its neighbours j are fitted by β·x, x = (f_j − f_i, offset, 1), with
 //! the weights of [`distance`](super::distance). The constant comes last: after M = LLᵀ and Lz = b
-//! the fit at i is z_K/L_KK, and the share of the pixel's own value in it 1/L_KK².
+//! the fit at i is z_K/L_KK, and the share of the pixel's own value in it 1/L_KK². The code keeps
+//! L's columns undivided by their roots (LDLᵀ), in which these are b_K/D_K and 1/D_K after elimination.
 
 use multiversion::multiversion;
 use rayon::prelude::*;

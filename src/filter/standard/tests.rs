@@ -120,6 +120,40 @@ fn one_sample_of_a_hundred_million_leaves_no_halo() {
 }
 
 #[test]
+fn an_outliers_light_goes_to_surfaces_black_ones_too_and_not_to_the_sky() {
+    let layout = Layout::with_blocks(|_| true);
+    let (horizon, shadow) = (24, 28);
+    let store = |spike: bool| {
+        synthetic::store(
+            64,
+            64,
+            layout.clone(),
+            |_, _| 8,
+            |x, y, index, rng: &mut Pcg32| {
+                let noise = rng.random::<f32>();
+                let is_spike = spike && (x, y, index) == (32, 28, 3);
+                let v =
+                    if x < shadow || y < horizon { 0.0 } else { noise + if is_spike { 100.0 } else { 0.0 } };
+                let mut sample = synthetic::wall(&layout, x, y, [v; 3], rng);
+                if y < horizon {
+                    layout.write(&mut sample, Block::Normal1, &[0.0; 3]);
+                    layout.write(&mut sample, Block::Hit, &[0.0]);
+                }
+                sample
+            },
+        )
+    };
+    for settings in both() {
+        let (with, without) = (filter(&store(true), &settings).image, filter(&store(false), &settings).image);
+        let change = |x, y| with.at(0, x, y) - without.at(0, x, y);
+        let of_sky = (0..64 * (horizon - 1)).map(|i| change(i % 64, i / 64)).fold(0.0, f32::max);
+        assert!(of_sky < 1e-4, "the sky is as it was, but for {of_sky}");
+        assert!(without.at(0, shadow - 6, 32) < 1e-3);
+        assert!(change(shadow - 6, 32) > 1e-3, "a black surface may be one that light rarely reaches");
+    }
+}
+
+#[test]
 fn a_pixel_whose_samples_were_all_rejected_is_filled_from_its_neighbours() {
     let layout = Layout::with_blocks(|_| true);
     let store = synthetic::store(
