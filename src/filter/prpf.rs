@@ -62,8 +62,8 @@ pub struct PrpfSettings {
     pub interpolation_threshold: f32,
     /// Interpolate weights between the nodes; otherwise compute them at every pixel.
     pub upsampling: bool,
-    /// Samples that mutual information is measured on, at most. Paper: all of the neighbourhood;
-    /// from 256 to 2048 the error of the image changed by less than 2 %.
+    /// Samples that mutual information is measured on, at most. Paper: all of the neighbourhood. 8192 are
+    /// nearly that; against them 2048 change the error of the image by 1 to 20 %, 512 by 1 to 60 %.
     pub mi_samples: usize,
     /// Columns and rows of a window, at most, that a neighbourhood's statistics are taken from.
     /// Paper: all of them; 9 give deviations within some 8 %.
@@ -86,7 +86,7 @@ impl PrpfSettings {
             grid_spacing: 5,
             interpolation_threshold: 0.1,
             upsampling: true,
-            mi_samples: 512,
+            mi_samples: 2048,
             statistics_side: 9,
             outliers: OutlierSettings::default(),
         }

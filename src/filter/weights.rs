@@ -218,13 +218,16 @@ impl Evidence<'_> {
             let pixel = (i.1 * self.store.width() + i.0) as u64;
             let mut rng = Pcg32::new(self.seed ^ pixel, self.pass as u64);
             let part = cluster.len() as f64 / others as f64;
+            let (mut last, mut again) = (usize::MAX, 0);
             for s in 0..others {
                 let jitter = f64::from(rng.next_u32()) / (f64::from(u32::MAX) + 1.0);
                 let p = ((s as f64 + jitter) * part) as usize;
                 let p = if at(p) == i { (p + 1) % cluster.len() } else { p };
-                let samples = kept(at(p));
                 // Neighbouring parts may give the same pixel, and then its next sample.
-                let slot = s % (samples.len() / dims);
+                again = if p == last { again + 1 } else { 0 };
+                last = p;
+                let samples = kept(at(p));
+                let slot = (self.first_slot(at(p)) + again) % (samples.len() / dims);
                 take(&samples[slot * dims..][..dims]);
             }
         }
@@ -234,6 +237,15 @@ impl Evidence<'_> {
             slices.push(block, filled, standard, &variables.dims);
         }
         taken
+    }
+
+    /// Which of a pixel's kept samples is taken first: any, but the same for all evaluations of a pass, so that
+    /// what neighbouring evaluations look at stays in the cache.
+    fn first_slot(&self, (x, y): (usize, usize)) -> usize {
+        /// 2³² over the golden ratio: scatters neighbouring numbers (Knuth, vol. 3, section 6.4).
+        const SCATTER: u32 = 0x9E37_79B9;
+        let pixel = (y * self.store.width() + x) as u32;
+        ((pixel ^ self.seed as u32).wrapping_mul(SCATTER) >> 16) as usize + self.pass
     }
 }
 
