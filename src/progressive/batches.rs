@@ -1,6 +1,7 @@
 //! A batch: the maps say where it goes, and step by step it goes into the store.
 
 use std::sync::Arc;
+use std::sync::atomic::Ordering;
 use std::time::Instant;
 
 use super::schedule::Plan;
@@ -9,6 +10,22 @@ use super::{ErrorEstimate, Flow, Loop, Observer, Progress, Rerun, UnderWay};
 use crate::adaptive::{self, Allocation, Maps, Sampling};
 use crate::filter;
 use crate::stats::Part;
+
+/// A step takes about this long at most, in seconds, so that whoever listens hears something and an
+/// interruption is heard.
+const LONGEST_STEP: f64 = 1.0;
+/// An interrupted batch is finished if that takes no longer than this, in seconds.
+const GRACE: f64 = 1.0;
+
+/// How the rendering of a batch ended.
+pub(super) enum Rendered {
+    /// With its last sample, or by the clock.
+    Done,
+    /// By an interruption; what is left of it is kept.
+    Interrupted,
+    /// The observer wants to leave.
+    Left,
+}
 
 impl Loop<'_> {
     /// A batch as planned.
@@ -52,22 +69,26 @@ impl Loop<'_> {
         allocation
     }
 
-    /// Renders what is left of a batch in steps, between which the clock or the observer may end it;
-    /// false if it was the observer.
-    pub(super) fn render(&mut self, mut batch: UnderWay, observer: &mut dyn Observer) -> bool {
-        let goes_on = self.render_steps(&mut batch, observer);
+    /// Renders what is left of a batch.
+    pub(super) fn render(&mut self, mut batch: UnderWay, observer: &mut dyn Observer) -> Rendered {
+        let rendered = self.render_steps(&mut batch, observer);
+        if matches!(rendered, Rendered::Interrupted) {
+            // Without the estimate that follows: who goes on will make it of the whole batch.
+            self.keep(Some(&batch));
+        }
         self.check(&batch.allocation.probes);
-        goes_on
+        rendered
     }
 
-    fn render_steps(&mut self, batch: &mut UnderWay, observer: &mut dyn Observer) -> bool {
+    /// Renders in steps, between which the clock, an interruption or the observer may end the batch.
+    fn render_steps(&mut self, batch: &mut UnderWay, observer: &mut dyn Observer) -> Rendered {
         let total: u64 = batch.allocation.counts.iter().map(|&n| u64::from(n)).sum();
         while batch.done < 1.0 {
             let started = Instant::now();
             let before = self.store.drawn();
             let Some(share) = self.schedule.step(self.elapsed(), before, total) else { break };
-            let short = observer.step_seconds().map(|seconds| self.schedule.short_step(seconds, total));
-            let next = (batch.done + short.map_or(share, |short| short.min(share))).min(1.0);
+            let longest = observer.step_seconds().unwrap_or(LONGEST_STEP);
+            let next = (batch.done + share.min(self.schedule.short_step(longest, total))).min(1.0);
             let counts = steps::between(&batch.allocation.counts, &self.store, batch.grain, batch.done, next);
             // Copies only if a filter pass that was given up still reads the store.
             self.renderer.render_batch(&counts, Arc::make_mut(&mut self.store));
@@ -87,13 +108,17 @@ impl Loop<'_> {
             match observer.stepped(progress, &self.store) {
                 Flow::GoOn => {}
                 Flow::Held(duration) => self.start += duration,
-                Flow::Leave => return false,
+                Flow::Leave => return Rendered::Left,
             }
             if batch.done < 1.0 {
+                let rest = self.schedule.seconds_for((1.0 - batch.done) * total as f64);
+                if self.interrupt.load(Ordering::Relaxed) && rest > GRACE {
+                    return Rendered::Interrupted;
+                }
                 self.keep_if_due(Some(batch));
             }
         }
-        true
+        Rendered::Done
     }
 
     /// Holds the samples since an image was shown against it.

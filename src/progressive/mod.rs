@@ -25,6 +25,7 @@ use crate::render::Renderer;
 use crate::stats::Store;
 
 pub use account::{Batch, Ended, Outcome, Progress, Seconds, StoppedBy};
+use batches::Rendered;
 pub use estimate::{ErrorEstimate, TILE};
 pub use memory::{Keep, Memory, Rerun, Snapshot, UnderWay};
 pub use observer::{FilterJob, Flow, Observer, Shown};
@@ -32,7 +33,7 @@ pub use region::Region;
 use rehearsal::Rehearsal;
 pub use schedule::Budget;
 use schedule::{Plan, Schedule};
-pub use settings::{Denoiser, PixelMemory, RESERVOIR, Settings, reservoir_capacity};
+pub use settings::{Denoiser, NO_CEILING, PixelMemory, RESERVOIR, Settings, reservoir_capacity};
 pub use steps::Grain;
 
 /// Where a call of [`Loop::advance`] enters the circle.
@@ -56,7 +57,7 @@ pub struct Loop<'a> {
     settings: Settings,
     /// When the program started: what budgets of time count from.
     start: Instant,
-    /// Set from outside to end the render after the current batch.
+    /// Set from outside to end the render: after the current batch if that is soon, else after a step of it.
     interrupt: &'a AtomicBool,
     /// What the filtered image is compared with after every batch: 3 planes.
     reference: Option<&'a Planes>,
@@ -178,10 +179,11 @@ impl<'a> Loop<'a> {
             };
             // The batch goes into the store.
             if let Some(batch) = batch {
-                if !self.render(batch, observer) {
-                    return Ended::Left;
+                match self.render(batch, observer) {
+                    Rendered::Done => self.keep_if_due(None),
+                    Rendered::Interrupted => return self.end(StoppedBy::Interrupt, observer),
+                    Rendered::Left => return Ended::Left,
                 }
-                self.keep_if_due(None);
             }
             if self.interrupt.load(Ordering::Relaxed) {
                 break StoppedBy::Interrupt;
@@ -199,6 +201,10 @@ impl<'a> Loop<'a> {
             }
         };
         self.keep(None);
+        self.end(stopped_by, observer)
+    }
+
+    fn end(&mut self, stopped_by: StoppedBy, observer: &mut dyn Observer) -> Ended {
         match self.last_pass(observer) {
             Some(filtered) => Ended::Finished(Box::new(filtered), stopped_by),
             None => Ended::Left,

@@ -198,6 +198,11 @@ impl Schedule {
         self.rate().map_or(least, |rate| (rate * seconds).max(least)) / batch.max(1) as f64
     }
 
+    /// How long so many samples take, lately.
+    pub fn seconds_for(&self, samples: f64) -> f64 {
+        self.rate().map_or(0.0, |rate| samples / rate)
+    }
+
     /// Follows another budget from now on.
     pub fn change(&mut self, budget: &Budget) {
         self.budget = *budget;
@@ -304,6 +309,21 @@ mod tests {
             assert!(end <= aim + 0.011 && end >= aim - 0.011, "{budget} {rate} {closing}: {end}");
             assert!((3..200).contains(&batches), "{batches}");
         }
+    }
+
+    #[test]
+    fn what_a_whole_pass_took_replaces_what_rehearsals_said_of_it() {
+        let budget = Budget { seconds: Some(10.0), ..Budget::default() };
+        let mut schedule = Schedule::new(&budget, 1000, 4, u32::MAX);
+        let left = |schedule: &Schedule| schedule.seconds_left(4.0).unwrap();
+        schedule.rehearsed(1.0);
+        schedule.rehearsed(2.0);
+        assert!((left(&schedule) - (9.8 - 1.5 - 0.5 - 4.0)).abs() < 1e-9, "mean and deviation");
+        // By rehearsal 1.2 seconds, and 0.9 in truth; nothing deviates from a truth.
+        schedule.corrected(1.2 - 0.9);
+        assert!((left(&schedule) - (9.8 - 1.2 - 4.0)).abs() < 1e-9);
+        schedule.corrected(5.0);
+        assert!((left(&schedule) - (9.8 - 4.0)).abs() < 1e-9, "nothing takes less than no time");
     }
 
     #[test]

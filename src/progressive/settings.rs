@@ -28,11 +28,29 @@ pub struct Settings {
     pub seed: u64,
     /// Floor per pixel.
     pub min_spp: u32,
-    /// Ceiling per pixel.
+    /// Ceiling per pixel; [`NO_CEILING`] is written as null.
+    #[serde(with = "ceiling")]
     pub max_spp: u32,
     pub priority: PrioritySettings,
     /// Sample vectors kept per pixel at least; the denoiser may need more.
     pub reservoir: usize,
+}
+
+/// Without a ceiling a pixel still cannot count beyond what indices hold.
+pub const NO_CEILING: u32 = u32::MAX / 4;
+
+mod ceiling {
+    use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+    use super::NO_CEILING;
+
+    pub fn serialize<S: Serializer>(spp: &u32, serializer: S) -> Result<S::Ok, S::Error> {
+        Some(*spp).filter(|&spp| spp < NO_CEILING).serialize(serializer)
+    }
+
+    pub fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<u32, D::Error> {
+        Ok(Option::deserialize(deserializer)?.unwrap_or(NO_CEILING))
+    }
 }
 
 /// Sample vectors kept per pixel where mutual information is estimated: enough for the smallest of
@@ -87,6 +105,31 @@ impl PixelMemory {
             statistics,
             samples: reservoir_capacity(settings),
             per_sample: Store::bytes_per_pixel(layout, 1) - statistics + beside,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_ceiling_is_written_as_null_and_read_back() {
+        let settings = |max_spp| Settings {
+            budget: Budget::default(),
+            sampling: Sampling::Uniform,
+            denoiser: Denoiser::None,
+            quality: Quality::Draft,
+            seed: 0,
+            min_spp: 4,
+            max_spp,
+            priority: PrioritySettings::default(),
+            reservoir: 0,
+        };
+        for (max_spp, written) in [(NO_CEILING, serde_json::Value::Null), (64, 64.into())] {
+            let value = serde_json::to_value(settings(max_spp)).unwrap();
+            assert_eq!(value["max_spp"], written);
+            assert_eq!(serde_json::from_value::<Settings>(value).unwrap().max_spp, max_spp);
         }
     }
 }
