@@ -34,7 +34,7 @@ pub(super) struct RenderOptions {
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub spp: Option<u32>,
     /// Budget: wall time of the whole command, e.g. 20s, 5m, 1h30m
-    #[arg(long, value_name = "DURATION", value_parser = parse_duration, allow_negative_numbers = true)]
+    #[arg(long, value_name = "DURATION", value_parser = parse_duration, allow_hyphen_values = true)]
     pub time: Option<f64>,
     /// Budget: stop when the image's estimated relMSE falls to this
     #[arg(long, value_name = "E", value_parser = parse_positive, allow_negative_numbers = true)]

@@ -70,7 +70,7 @@ pub struct Progress {
     pub estimated_error: Option<f64>,
 }
 
-/// How [`Loop::advance`] ended.
+/// How [`super::Loop::advance`] ended.
 pub enum Ended {
     /// A budget is spent; the last filter pass.
     Finished(Box<Filtered>, StoppedBy),
