@@ -33,7 +33,8 @@ pub(super) struct Rehearsal {
     pub closing_seconds: f64,
     /// Seconds of all rehearsals so far.
     spent: f64,
-    count: usize,
+    /// Seconds of the latest one.
+    latest: Option<f64>,
     /// Whether the last look was taken.
     looked: bool,
 }
@@ -41,8 +42,8 @@ pub(super) struct Rehearsal {
 impl Rehearsal {
     /// Whether it is time for another one, with so many seconds `left` for samples.
     pub fn is_due(&self, elapsed: f64, left: f64) -> bool {
-        let next = self.spent / self.count.max(1) as f64;
-        let affordable = self.count == 0 || self.spent + next <= SHARE_OF_TIME * elapsed;
+        let Some(next) = self.latest else { return left > 0.0 };
+        let affordable = self.spent + next <= SHARE_OF_TIME * elapsed;
         let last_look = !self.looked && left <= LAST_LOOK * self.closing_seconds;
         left > LEAST_USE * next && (affordable || last_look)
     }
@@ -55,10 +56,10 @@ impl Rehearsal {
         filter: impl Fn(&Store) -> Filtered,
         closing: Option<Closing>,
     ) {
+        self.looked |= left <= LAST_LOOK * self.closing_seconds;
         let started = Instant::now();
         let rows = store.of_rows(rows(store.height()));
         let scale = store.pixels() as f64 / rows.pixels().max(1) as f64;
-        self.looked |= left <= LAST_LOOK * self.closing_seconds;
         let filtering = Instant::now();
         let filtered = filter(&rows);
         self.filter_seconds = scale * filtering.elapsed().as_secs_f64();
@@ -66,8 +67,9 @@ impl Rehearsal {
             closing(&filtered, &rows);
         }
         self.closing_seconds = scale * filtering.elapsed().as_secs_f64();
-        self.spent += started.elapsed().as_secs_f64();
-        self.count += 1;
+        let seconds = started.elapsed().as_secs_f64();
+        self.spent += seconds;
+        self.latest = Some(seconds);
     }
 }
 
@@ -96,14 +98,14 @@ mod tests {
 
     #[test]
     fn rehearsals_take_their_share_of_the_time_and_no_more() {
-        let once = Rehearsal { spent: 0.1, count: 1, ..Rehearsal::default() };
+        let once = Rehearsal { spent: 0.1, latest: Some(0.1), ..Rehearsal::default() };
         assert!(Rehearsal::default().is_due(0.0, 0.1));
         assert!(!once.is_due(3.0, 9.0) && once.is_due(4.0, 9.0) && !once.is_due(4.0, 0.1));
     }
 
     #[test]
     fn one_more_rehearsal_comes_before_the_end() {
-        let once = Rehearsal { spent: 0.1, count: 1, closing_seconds: 0.8, ..Rehearsal::default() };
+        let once = Rehearsal { spent: 0.1, latest: Some(0.1), closing_seconds: 0.8, ..Rehearsal::default() };
         assert!(!once.is_due(2.5, 1.0) && once.is_due(2.6, 0.7));
         assert!(!Rehearsal { looked: true, ..once }.is_due(2.6, 0.7));
     }

@@ -112,8 +112,10 @@ impl Schedule {
     /// What comes after the last batch would take so long now.
     pub fn rehearsed(&mut self, seconds: f64) {
         self.rehearsals += 1.0;
-        let weight = 1.0 / self.rehearsals.min(REHEARSALS);
-        if self.rehearsals > 1.0 {
+        // The first one took longer than the others will: all the memory was new to it.
+        let warm = (self.rehearsals - 1.0).max(1.0);
+        let weight = 1.0 / warm.min(REHEARSALS);
+        if warm > 1.0 {
             self.deviation += weight * ((seconds - self.closing).abs() - self.deviation);
         }
         self.closing += weight * (seconds - self.closing);
@@ -312,11 +314,14 @@ mod tests {
     }
 
     #[test]
-    fn what_a_whole_pass_took_replaces_what_rehearsals_said_of_it() {
+    fn later_rehearsals_replace_the_first_and_a_whole_pass_replaces_all() {
         let budget = Budget { seconds: Some(10.0), ..Budget::default() };
         let mut schedule = Schedule::new(&budget, 1000, 4, u32::MAX);
         let left = |schedule: &Schedule| schedule.seconds_left(4.0).unwrap();
+        schedule.rehearsed(5.0);
+        assert!((left(&schedule) - (9.8 - 5.0 - 4.0)).abs() < 1e-9);
         schedule.rehearsed(1.0);
+        assert!((left(&schedule) - (9.8 - 1.0 - 4.0)).abs() < 1e-9, "the first one is forgotten");
         schedule.rehearsed(2.0);
         assert!((left(&schedule) - (9.8 - 1.5 - 0.5 - 4.0)).abs() < 1e-9, "mean and deviation");
         // By rehearsal 1.2 seconds, and 0.9 in truth; nothing deviates from a truth.
