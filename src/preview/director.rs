@@ -15,6 +15,7 @@ use super::camera::Rig;
 use super::hub::Hub;
 use super::pass::{Given, Passes};
 use super::protocol::{Change, Command};
+use super::publish::COVERED_SPP;
 use super::reporter::{Reporter, Subject};
 use super::stage::{Picture, Stage};
 use super::status::{Lens, Phase};
@@ -35,8 +36,6 @@ const YOUNG_STEP_SECONDS: f64 = 0.05;
 const YOUNG: f64 = 0.5;
 /// How often an idle render looks whether it is interrupted.
 const IDLE_POLL: Duration = Duration::from_millis(200);
-/// Samples per pixel from which on every pixel has some: they come in pairs.
-const COVERED_SPP: f64 = 2.0;
 /// Share of the time that filter passes for the eye alone may take.
 const EXTRA_FILTER_SHARE: f64 = 0.04;
 /// Such a pass waits until there are so many times the samples of the last one.

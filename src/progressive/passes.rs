@@ -92,11 +92,19 @@ impl Loop<'_> {
         if !filled || !self.rehearsal.is_due(elapsed, left) {
             return;
         }
+        self.rehearse_now(left);
+        let left = self.schedule.seconds_left(self.elapsed()).unwrap_or(left);
+        if self.rehearsal.is_doubtful(left) {
+            self.rehearse_now(left);
+        }
+        self.seconds.filter += self.elapsed() - elapsed;
+    }
+
+    fn rehearse_now(&mut self, left: f64) {
         let ((denoiser, quality), seed) = (self.last_filter(), self.settings.seed);
         let filter = |store: &Store| observer::filtered(store, denoiser, quality, seed);
         self.rehearsal.run(&self.store, left, filter, self.closing);
         self.schedule.rehearsed(self.rehearsal.closing_seconds);
-        self.seconds.filter += self.elapsed() - elapsed;
     }
 
     /// Filters between batches; false if the observer gave it up.

@@ -44,8 +44,18 @@ impl Rehearsal {
     pub fn is_due(&self, elapsed: f64, left: f64) -> bool {
         let Some(next) = self.latest else { return left > 0.0 };
         let affordable = self.spent + next <= SHARE_OF_TIME * elapsed;
-        let last_look = !self.looked && left <= LAST_LOOK * self.closing_seconds;
-        left > LEAST_USE * next && (affordable || last_look)
+        left > LEAST_USE * next && (affordable || self.is_last_look(left))
+    }
+
+    /// Whether it is the last time to see how busy the machine is.
+    fn is_last_look(&self, left: f64) -> bool {
+        !self.looked && left <= LAST_LOOK * self.closing_seconds
+    }
+
+    /// Whether the only one so far has to be done again at once, with so many seconds `left` by it: it took
+    /// longer than others will, all the memory being new to it, and by it there is hardly any time left.
+    pub fn is_doubtful(&self, left: f64) -> bool {
+        self.latest == Some(self.spent) && self.is_last_look(left)
     }
 
     /// `left`: as in [`Self::is_due`].
@@ -107,6 +117,8 @@ mod tests {
     fn one_more_rehearsal_comes_before_the_end() {
         let once = Rehearsal { spent: 0.1, latest: Some(0.1), closing_seconds: 0.8, ..Rehearsal::default() };
         assert!(!once.is_due(2.5, 1.0) && once.is_due(2.6, 0.7));
+        assert!(!once.is_doubtful(1.0) && once.is_doubtful(-3.0), "the first one may be far off");
+        assert!(!Rehearsal { spent: 0.3, ..once }.is_doubtful(-3.0));
         assert!(!Rehearsal { looked: true, ..once }.is_due(2.6, 0.7));
     }
 }
