@@ -89,7 +89,7 @@ impl Loop<'_> {
         let Some(left) = self.schedule.seconds_left(elapsed) else { return };
         // Pixels without samples have to be filled first, which the last pass will not have to.
         let filled = self.store.drawn() >= self.store.pixels() as u64;
-        if !filled || !self.rehearsal.is_due(elapsed, left) {
+        if !filled || !self.rehearsal.is_due(elapsed, left, self.schedule.closing()) {
             return;
         }
         self.rehearse_now(left);

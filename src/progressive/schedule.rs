@@ -59,7 +59,7 @@ const RATE_MEMORY: f64 = 0.5;
 /// As many of the latest rehearsals make the prediction of what comes after the last batch.
 const REHEARSALS: f64 = 2.0;
 /// What comes after the last batch takes about this long where it was not rehearsed yet.
-const CLOSING_SECONDS_PER_PIXEL: f64 = 2.5e-6;
+const CLOSING_SECONDS_PER_PIXEL: f64 = 3e-6;
 
 /// See the module.
 #[derive(Clone, Debug)]
@@ -210,14 +210,18 @@ impl Schedule {
         self.budget = *budget;
     }
 
-    /// Seconds left for samples, with a budget of time.
-    pub fn seconds_left(&self, elapsed: f64) -> Option<f64> {
-        let closing = if self.rehearsals > 0.0 {
+    /// Seconds that what comes after the last batch will take, as far as is known.
+    pub fn closing(&self) -> f64 {
+        if self.rehearsals > 0.0 {
             self.closing + self.deviation
         } else {
             CLOSING_SECONDS_PER_PIXEL * self.pixels as f64
-        };
-        self.budget.seconds.map(|seconds| (1.0 - MARGIN) * seconds - closing - elapsed)
+        }
+    }
+
+    /// Seconds left for samples, with a budget of time.
+    pub fn seconds_left(&self, elapsed: f64) -> Option<f64> {
+        self.budget.seconds.map(|seconds| (1.0 - MARGIN) * seconds - self.closing() - elapsed)
     }
 
     /// Share of the nearest budget that is spent.
