@@ -4,14 +4,14 @@
 use std::cell::RefCell;
 use std::path::Path;
 use std::process::{Child, Command, Output, Stdio};
-use std::sync::atomic::AtomicBool;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use prpf::adaptive::{PrioritySettings, Sampling};
 use prpf::filter::Quality;
 use prpf::geometry::Accel;
 use prpf::image::Planes;
-use prpf::progressive::{Budget, Denoiser, Loop, Memory, Settings};
+use prpf::progressive::{Budget, Denoiser, Loop, Memory, Settings, StoppedBy};
 use prpf::render::{Renderer, Share};
 use prpf::scene::pbrt;
 use prpf::state::{self, Frame, State, Stream};
@@ -120,6 +120,45 @@ fn a_render_resumed_from_any_step_ends_in_the_same_image() {
             assert_eq!(batches(&resumed.batches), batches(&whole.batches));
         }
     }
+}
+
+/// On a slow machine the rest of a batch may take minutes.
+#[test]
+fn a_batch_that_would_go_on_is_left_when_interrupted_and_resumed_to_the_same_image() {
+    let scene = pbrt::read_str(SCENE, Path::new(".")).expect("the test's scene is right");
+    let accel = Accel::build(&scene);
+    let renderer = Renderer::new(&scene, &accel, 5);
+    let settings = Settings {
+        budget: Budget { spp: Some(32), ..Budget::default() },
+        sampling: Sampling::Adaptive,
+        denoiser: Denoiser::Prpf,
+        quality: Quality::Standard,
+        seed: 5,
+        min_spp: 4,
+        max_spp: 1 << 20,
+        priority: PrioritySettings::default(),
+        reservoir: 0,
+    };
+    let interrupt = AtomicBool::new(false);
+    let circle = || Loop::new(&renderer, &settings, Instant::now(), &interrupt, None);
+    let kept = RefCell::new(Vec::new());
+    let keep = |memory: Memory| kept.borrow_mut().push(memory);
+    let whole = circle().keeping(0.0, &keep).run(&mut |_| ());
+    let mut within =
+        kept.take().into_iter().find(|memory| memory.under_way.is_some()).expect("steps of batches");
+    let before = within.store.samples();
+    // So slow that nothing of the batch can be waited for.
+    within.recent = (1.0, 1e9);
+    let stop = &mut |_| interrupt.store(true, Ordering::Relaxed);
+    let stopped = circle().keeping(f64::INFINITY, &keep).resuming(within).run(stop);
+    assert_eq!(stopped.stopped_by, StoppedBy::Interrupt);
+    assert!(stopped.store.samples() > before);
+    interrupt.store(false, Ordering::Relaxed);
+    let [memory] = kept.take().try_into().expect("one memory, at the end");
+    assert!(memory.under_way.is_some());
+    let resumed = circle().resuming(memory).run(&mut |_| ());
+    assert_eq!(resumed.filtered.image, whole.filtered.image);
+    assert_eq!(resumed.store.rows(), whole.store.rows());
 }
 
 /// Kills a render `kills` times at moments spread over its length, resuming it each time.

@@ -8,7 +8,7 @@ use clap::{Args, ValueEnum};
 use super::state::StateOptions;
 use crate::adaptive::{PrioritySettings, Sampling};
 use crate::filter::Quality;
-use crate::progressive::{Budget, Denoiser, Settings};
+use crate::progressive::{Budget, Denoiser, NO_CEILING, Settings};
 use crate::scene::{Integrator, Scene};
 
 /// `prpf render`.
@@ -22,7 +22,8 @@ Examples:
 
 Several budgets may be given: the first one reached ends the render; 0 means off. The clock of --time
 counts everything: loading, building, the last filter pass and writing. Ctrl-C (or SIGTERM) finishes the
-batch being rendered, writes the image (and the --state) and exits 130; a second one quits at once.")]
+batch being rendered if that takes no more than a second, else a step of it, writes the image (and the
+--state) and exits 130; a second one quits at once.")]
 pub(super) struct RenderOptions {
     /// Scene in pbrt's format
     pub scene: PathBuf,
@@ -30,13 +31,13 @@ pub(super) struct RenderOptions {
     #[arg(short, long, value_name = "FILE")]
     pub outfile: Vec<PathBuf>,
     /// Budget: samples per pixel, on average over the image [default: the scene's, if there is no other budget]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub spp: Option<u32>,
     /// Budget: wall time of the whole command, e.g. 20s, 5m, 1h30m
-    #[arg(long, value_name = "DURATION", value_parser = parse_duration)]
+    #[arg(long, value_name = "DURATION", value_parser = parse_duration, allow_hyphen_values = true)]
     pub time: Option<f64>,
     /// Budget: stop when the image's estimated relMSE falls to this
-    #[arg(long, value_name = "E", value_parser = parse_positive)]
+    #[arg(long, value_name = "E", value_parser = parse_positive, allow_negative_numbers = true)]
     pub target_error: Option<f64>,
     /// How a batch is spread over the pixels
     #[arg(long, value_enum, default_value_t = SamplingOption::Adaptive)]
@@ -48,16 +49,16 @@ pub(super) struct RenderOptions {
     #[arg(long, value_enum, default_value_t = Quality::Standard)]
     pub quality: Quality,
     /// Everything random follows from it
-    #[arg(long, value_name = "N", default_value_t = 0)]
+    #[arg(long, value_name = "N", default_value_t = 0, allow_negative_numbers = true)]
     pub seed: u64,
     /// Worker threads [default: all cores]
-    #[arg(long, visible_alias = "nthreads", value_name = "N", value_parser = super::parse_threads)]
+    #[arg(long, visible_alias = "nthreads", value_name = "N", value_parser = super::parse_threads, allow_negative_numbers = true)]
     pub threads: Option<std::num::NonZeroUsize>,
-    /// Floor per pixel for adaptive allocation
-    #[arg(long, value_name = "N", default_value_t = 4)]
-    pub min_spp: u32,
+    /// Floor per pixel for adaptive allocation [default: 4, or the ceiling if that is lower]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub min_spp: Option<u32>,
     /// Ceiling per pixel for adaptive allocation
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub max_spp: Option<u32>,
     /// Override the film's resolution
     #[arg(long, value_name = "WxH", value_parser = parse_resolution)]
@@ -66,7 +67,7 @@ pub(super) struct RenderOptions {
     #[arg(long, value_name = "X0,X1,Y0,Y1", value_parser = parse_bounds)]
     pub pixelbounds: Option<[usize; 4]>,
     /// Override the integrator's path depth
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub max_depth: Option<u32>,
     /// Write a machine-readable account
     #[arg(long, value_name = "FILE.json")]
@@ -121,10 +122,24 @@ impl From<DenoiserOption> for Denoiser {
     }
 }
 
-/// Without a ceiling a pixel still cannot count beyond what indices hold.
-pub(super) const NO_CEILING: u32 = u32::MAX / 4;
+/// Usual floor per pixel.
+const MIN_SPP: u32 = 4;
 
 impl RenderOptions {
+    /// Whether the options suit each other.
+    ///
+    /// # Errors
+    /// A ceiling per pixel below the floor, or below what the budget asks for on average.
+    pub fn check(&self) -> anyhow::Result<()> {
+        let Some(max_spp) = self.max_spp.filter(|&n| n > 0) else { return Ok(()) };
+        for (name, spp) in [("--min-spp", self.min_spp), ("--spp", self.spp)] {
+            if let Some(spp) = spp.filter(|&spp| spp > max_spp) {
+                anyhow::bail!("{name} {spp}: found more than --max-spp {max_spp}; accepted is at most that");
+            }
+        }
+        Ok(())
+    }
+
     /// What the loop follows.
     pub fn settings(&self, scene: &Scene) -> Settings {
         let on = |value: Option<f64>| value.filter(|&v| v > 0.0);
@@ -133,6 +148,7 @@ impl RenderOptions {
             None if seconds.is_none() && target_error.is_none() => Some(scene.spp),
             spp => spp,
         };
+        let max_spp = self.max_spp.filter(|&n| n > 0).unwrap_or(NO_CEILING);
         Settings {
             budget: Budget { spp, seconds, target_error },
             sampling: match self.sampling {
@@ -142,8 +158,8 @@ impl RenderOptions {
             denoiser: self.denoiser.into(),
             quality: self.quality,
             seed: self.seed,
-            min_spp: self.min_spp,
-            max_spp: self.max_spp.filter(|&n| n > 0).unwrap_or(NO_CEILING),
+            min_spp: self.min_spp.unwrap_or(MIN_SPP.min(max_spp)),
+            max_spp,
             priority: self.drive,
             reservoir: self.state.reservoir,
         }

@@ -26,7 +26,8 @@ Examples:
 
 Prints an address to open in a browser. Only this machine can reach it, unless ADDR:PORT is given; then
 the address holds a token, and whoever has it may look and steer. Nothing is written until the page's
-Save is used: NAME-0001.exr and .png, the name being that of -o or of the scene's film. Ends with Ctrl-C.")]
+Save is used: NAME-0001.exr and .png, the name being that of -o or of the scene's film. Ends with Ctrl-C
+(or SIGTERM), at once, writing nothing, with exit status 0: that is how a preview is closed.")]
 pub(super) struct PreviewOptions {
     #[command(flatten)]
     render: RenderOptions,
@@ -47,9 +48,10 @@ pub(super) fn display(
     hub: &Arc<Hub>,
     address: Option<&str>,
     scene: &Scene,
+    warn: impl FnMut(&str) + Send + 'static,
 ) -> Result<Option<Display>, Failure> {
     let name = Path::new(&scene.source).file_name().unwrap_or_default().to_string_lossy().into_owned();
-    let start = |address: &str| Display::start(hub.clone(), address.to_owned(), name);
+    let start = |address: &str| Display::start(hub.clone(), address.to_owned(), name, warn);
     address.map(start).transpose().map_err(|error| Failure::Run(error.into()))
 }
 

@@ -10,7 +10,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use rayon::prelude::*;
 
 use super::layers::Layers;
-use super::options::{NO_CEILING, RenderOptions};
+use super::options::RenderOptions;
 use super::output::{Written, encode, write, write_report};
 use super::report::{Report, Spread, Times};
 use super::state::Kept;
@@ -21,7 +21,7 @@ use crate::image::formats::OutputFormat;
 use crate::image::{self, Planes};
 use crate::preview::{Director, Hub, Picture, Stage};
 use crate::progressive::{
-    Denoiser, ErrorEstimate, Loop, Outcome, PixelMemory, Progress, Settings, StoppedBy,
+    Denoiser, ErrorEstimate, Loop, NO_CEILING, Outcome, PixelMemory, Progress, Settings, StoppedBy,
 };
 use crate::render::Renderer;
 use crate::scene::{Scene, pbrt};
@@ -47,6 +47,7 @@ pub(super) fn run(options: &RenderOptions, mode: Mode, start: Instant) -> Result
     for path in &options.outfile {
         OutputFormat::of(path).map_err(|error| Failure::Input(error.into()))?;
     }
+    options.check().map_err(Failure::Input)?;
     in_pool(options.threads, || run_in_pool(options, mode, start))
 }
 
@@ -99,7 +100,13 @@ fn run_in_pool(options: &RenderOptions, mode: Mode, start: Instant) -> Result<u8
         if serves {
             preview::serve(&hub, options.preview.flatten())?;
         }
-        let _display = preview::display(&hub, options.display_server.as_deref(), &scene)?;
+        let (quiet, beside) = (options.quiet, bar.clone());
+        let warn = move |warning: &str| {
+            if !quiet {
+                beside.suspend(|| super::complain(&format!("warning: {}", escaped(warning))));
+            }
+        };
+        let _display = preview::display(&hub, options.display_server.as_deref(), &scene, warn)?;
         let stage = Stage {
             scene: &scene,
             accel: &accel,
@@ -291,7 +298,7 @@ fn warn(options: &RenderOptions, scene: &Scene) {
     }
 }
 
-/// A first SIGINT or SIGTERM ends the loop after its current batch, a second one the program at once.
+/// A first SIGINT or SIGTERM ends the loop soon, a second one the program at once.
 fn listen_to_signals(interrupt: &Arc<AtomicBool>) -> anyhow::Result<()> {
     for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
         signal_hook::flag::register_conditional_shutdown(signal, i32::from(INTERRUPTED), interrupt.clone())
@@ -325,7 +332,7 @@ fn bar(options: &RenderOptions) -> ProgressBar {
 
 fn show(bar: &ProgressBar, progress: Progress, stopping: bool) {
     let error = progress.estimated_error.map(|e| format!("  relMSE ~{:.2e}", e.max(0.0))).unwrap_or_default();
-    let stopping = if stopping { "  ending with this batch, Ctrl-C quits at once" } else { "" };
+    let stopping = if stopping { "  ending soon, Ctrl-C quits at once" } else { "" };
     bar.set_message(format!("{:.1} spp{error}{stopping}", progress.spp));
     bar.set_position((progress.fraction * BAR_STEPS as f64) as u64);
 }
@@ -407,4 +414,20 @@ fn said(estimate: &ErrorEstimate, store: &Store) -> String {
         "estimated relMSE {:.1e} ± {:.0e} at {spp:.1} samples per pixel, ",
         estimate.image, estimate.standard_error
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_error_hidden_by_noise_is_said_to_be_below_a_limit() {
+        let store = Store::new(10, 10, Layout::with_blocks(|_| false), 0, 0);
+        let of = |image, standard_error| {
+            said(&ErrorEstimate { image, standard_error, samples: 800, tiles: Planes::new(1, 1, 1) }, &store)
+        };
+        assert_eq!(of(4e-3, 1e-3), "estimated relMSE 4.0e-3 ± 1e-3 at 8.0 samples per pixel, ");
+        assert_eq!(of(1e-3, 2e-3), "estimated relMSE below 3e-3 at 8.0 samples per pixel, ");
+        assert_eq!(of(-1e-3, 2e-3), "estimated relMSE below 2e-3 at 8.0 samples per pixel, ");
+    }
 }

@@ -3,8 +3,8 @@
 use glam::{DAffine3, DQuat, DVec3};
 
 use super::protocol::Move;
+use crate::scene::Camera;
 use crate::scene::camera::Projection;
-use crate::scene::{Camera, Film};
 
 /// The nearest that the camera looks up or down, in radians from the vertical: beyond it would flip.
 const POLE_MARGIN: f64 = 0.05;
@@ -22,8 +22,6 @@ pub struct Rig {
     pivot: DVec3,
     /// Distance from camera to pivot at first.
     first_distance: f64,
-    /// Height of the image plane at distance 1 (perspective) or in scene units (orthographic).
-    height: f64,
     /// The axis that stands for up: the one nearest to the camera's.
     up: DVec3,
 }
@@ -39,13 +37,7 @@ struct Pose {
 impl Rig {
     /// `seen`: what the scene's camera sees in the middle of the image, if anything; `reach`: how far
     /// away the point looked at is else.
-    pub fn new(camera: &Camera, film: &Film, seen: Option<DVec3>, reach: f64) -> Self {
-        let [x_min, x_max, y_min, y_max] = camera.screen_window.map(f64::from);
-        let spread = match camera.projection {
-            Projection::Perspective { tan_half_fov } => f64::from(tan_half_fov),
-            Projection::Orthographic => 1.0,
-        };
-        let window = if film.height > 0 { y_max - y_min } else { x_max - x_min };
+    pub fn new(camera: &Camera, seen: Option<DVec3>, reach: f64) -> Self {
         let pose = Pose::of(camera);
         let ahead = seen.map(|seen| (seen - pose.position).dot(pose.forward));
         let distance = ahead.filter(|d| *d > 0.0).unwrap_or(reach);
@@ -54,7 +46,6 @@ impl Rig {
             camera: camera.clone(),
             pivot: pose.position + distance * pose.forward,
             first_distance: distance,
-            height: window * spread,
             up: nearest_axis(pose.up),
         }
     }
@@ -143,11 +134,12 @@ impl Rig {
 
     fn pan(&mut self, right: f64, down: f64) {
         let pose = Pose::of(&self.camera);
-        let height = match self.camera.projection {
-            Projection::Perspective { .. } => self.height * self.distance(),
-            Projection::Orthographic => self.height,
+        let [_, _, y_min, y_max] = self.camera.screen_window.map(f64::from);
+        let spread = match self.camera.projection {
+            Projection::Perspective { tan_half_fov } => f64::from(tan_half_fov) * self.distance(),
+            Projection::Orthographic => 1.0,
         };
-        let shift = height * (down * pose.up - right * pose.right);
+        let shift = (y_max - y_min) * spread * (down * pose.up - right * pose.right);
         self.moved(DAffine3::from_translation(shift));
         self.pivot += shift;
     }
@@ -164,7 +156,6 @@ impl Rig {
             Projection::Orthographic => {
                 let factor = (-amount).exp();
                 self.camera.screen_window = self.camera.screen_window.map(|v| v * factor as f32);
-                self.height *= factor;
             }
         }
     }
@@ -197,18 +188,7 @@ fn nearest_axis(v: DVec3) -> DVec3 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::{AnimatedTransform, PixelFilter};
-
-    fn film() -> Film {
-        Film {
-            width: 200,
-            height: 100,
-            pixel_bounds: [0, 200, 0, 100],
-            filter: PixelFilter::Box { radius: [0.5, 0.5] },
-            filename: None,
-            scale: 1.0,
-        }
-    }
+    use crate::scene::AnimatedTransform;
 
     /// Looks along z at a point 10 units away.
     fn rig(mirror: f64) -> Rig {
@@ -221,7 +201,7 @@ mod tests {
             shutter_open: 0.0,
             shutter_close: 1.0,
         };
-        Rig::new(&camera, &film(), Some(DVec3::new(0.0, 0.0, 10.0)), 1.0)
+        Rig::new(&camera, Some(DVec3::new(0.0, 0.0, 10.0)), 1.0)
     }
 
     /// Where a point is on the film: right and up, in tangents.
@@ -265,6 +245,16 @@ mod tests {
         let (x, y) = on_film(&rig, PIVOT);
         // The image is 2 · 0.5 high at distance 1.
         assert!((x - 1.0).abs() < 1e-9 && (y + 0.5).abs() < 1e-9, "{x} {y}");
+    }
+
+    #[test]
+    fn a_pan_follows_the_hand_in_a_window_that_was_shrunk() {
+        let mut rig = rig(1.0);
+        rig.camera.projection = Projection::Orthographic;
+        rig.apply(&Move { dolly: Some(2f32.ln()), ..Move::default() }, None);
+        rig.apply(&Move { pan: Some([1.0, 0.0]), ..Move::default() }, None);
+        // The window is 2 high, and half of that after the dolly.
+        assert!((rig.camera.to_render.at_f64(0.0).translation + DVec3::X).length() < 1e-6);
     }
 
     #[test]

@@ -141,13 +141,13 @@ impl Viewer {
         }
     }
 
-    /// The next frame that this viewer has not had, in the order of views.
+    /// A frame that this viewer has not had, of the view that waited longest.
     pub fn take(&mut self, frames: &mut watch::Receiver<Frames>) -> Option<Arc<Frame>> {
         let frames = frames.borrow_and_update();
         let new = |frame: &&Arc<Frame>| {
             self.views & bit(frame.view) != 0 && self.taken[frame.view.index()] != Some(frame.sequence)
         };
-        // The view that waited longest, so that one that changes often hides no other.
+        // So that a view that changes often hides no other.
         let frame = frames.iter().flatten().filter(new).min_by_key(|frame| self.taken[frame.view.index()])?;
         self.taken[frame.view.index()] = Some(frame.sequence);
         Some(frame.clone())

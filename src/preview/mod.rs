@@ -20,13 +20,17 @@ mod page;
 mod pass;
 mod protocol;
 mod publish;
+mod reporter;
 mod server;
+mod stage;
 mod status;
 mod tev;
 mod values;
 mod view;
+mod wishes;
 
-pub use director::{Director, Picture, Save, Stage};
+pub use director::Director;
 pub use hub::Hub;
 pub use server::{ServeError, Server};
+pub use stage::{Picture, Save, Stage};
 pub use tev::Display;

@@ -17,7 +17,7 @@ const LONGEST_INTERVAL: Duration = Duration::from_millis(200);
 /// Share of the time that making frames should take.
 const SHARE: f64 = 0.04;
 /// Samples per pixel from which on every pixel has some: they come in pairs.
-const COVERED_SPP: f64 = 2.0;
+pub const COVERED_SPP: f64 = 2.0;
 /// Steps of a generation whose images are all shown: the coarse ones.
 const EAGER_STEPS: u64 = 4;
 

@@ -33,9 +33,9 @@ const CONTENT_POLICY: &str = "default-src 'none'; script-src 'self'; style-src '
 /// Why a page cannot be served.
 #[derive(Debug, thiserror::Error)]
 pub enum ServeError {
-    #[error("cannot listen on {address}: {source}")]
+    #[error("cannot listen on {address}")]
     Listen { address: SocketAddr, source: std::io::Error },
-    #[error("cannot start the preview's server: {0}")]
+    #[error("cannot start the preview's server")]
     Start(#[from] std::io::Error),
 }
 

@@ -43,17 +43,23 @@ pub struct Display {
 
 impl Display {
     /// Starts sending what `hub` shows to `address` (`HOST:PORT`); `name` is how the viewer calls it.
+    /// `warn` is told once if the viewer cannot be reached.
     ///
     /// # Errors
     /// The system gives no thread.
-    pub fn start(hub: Arc<Hub>, address: String, name: String) -> io::Result<Self> {
+    pub fn start(
+        hub: Arc<Hub>,
+        address: String,
+        name: String,
+        mut warn: impl FnMut(&str) + Send + 'static,
+    ) -> io::Result<Self> {
         let closing = Arc::new(AtomicBool::new(false));
         let (alive, closed) = bounded(0);
         let ends = closing.clone();
         std::thread::Builder::new().name("display".to_owned()).spawn(move || {
             // Its end is what the other side of the channel waits for.
             let _alive = alive;
-            serve(&hub, &address, &name, &ends);
+            serve(&hub, &address, &name, &mut warn, &ends);
         })?;
         Ok(Self { closing, closed })
     }
@@ -66,12 +72,19 @@ impl Drop for Display {
     }
 }
 
-fn serve(hub: &Arc<Hub>, address: &str, name: &str, closing: &AtomicBool) {
+fn serve(hub: &Arc<Hub>, address: &str, name: &str, warn: &mut dyn FnMut(&str), closing: &AtomicBool) {
+    let mut warned = false;
     while !closing.load(Ordering::Relaxed) {
-        if let Ok(stream) = connect(address) {
-            let sent = send_all(hub, stream, name, closing);
-            if sent.is_ok() {
-                return;
+        match connect(address) {
+            Ok(stream) => {
+                if send_all(hub, stream, name, closing).is_ok() {
+                    return;
+                }
+            }
+            Err(_) if warned => {}
+            Err(problem) => {
+                warned = true;
+                warn(&format!("no display server at {address}: {problem}; it will be tried again"));
             }
         }
         let mut waited = Duration::ZERO;
@@ -295,7 +308,7 @@ mod tests {
         let listener = TcpListener::bind("127.0.0.1:0").unwrap();
         let address = listener.local_addr().unwrap().to_string();
         let hub = Arc::new(Hub::default());
-        let display = Display::start(hub.clone(), address, "scene".to_owned()).unwrap();
+        let display = Display::start(hub.clone(), address, "scene".to_owned(), |_| ()).unwrap();
         let mut values = Planes::new(100, 70, 3);
         values.data_mut().iter_mut().enumerate().for_each(|(i, v)| *v = (i % 1000) as f32);
         hub.publish(frame(&values, 1));
@@ -339,12 +352,19 @@ mod tests {
     }
 
     #[test]
-    fn an_absent_viewer_does_not_keep_a_render_from_ending() {
+    fn an_absent_viewer_is_told_of_once_and_does_not_keep_a_render_from_ending() {
         let free = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap();
         let hub = Arc::new(Hub::default());
-        let display = Display::start(hub.clone(), free.to_string(), "scene".to_owned()).unwrap();
+        let (said, warnings) = crossbeam::channel::unbounded();
+        let warn = move |warning: &str| said.send(warning.to_owned()).unwrap();
+        let display = Display::start(hub.clone(), free.to_string(), "scene".to_owned(), warn).unwrap();
         hub.publish(frame(&Planes::new(4, 4, 3), 1));
+        let warning = warnings.recv_timeout(Duration::from_secs(20)).unwrap();
+        assert!(warning.contains(&free.to_string()), "{warning}");
+        // Beyond the second attempt.
+        std::thread::sleep(RETRY + 4 * POLL);
         drop(display);
         assert!(!hub.has_viewers());
+        assert!(warnings.try_recv().is_err());
     }
 }

@@ -6,7 +6,7 @@
 use std::sync::Arc;
 
 use super::steps::Grain;
-use super::{Batch, ErrorEstimate, Shown};
+use super::{Batch, Entry, ErrorEstimate, Loop, Shown};
 use crate::adaptive::Allocation;
 use crate::image::Planes;
 use crate::stats::{Part, Store};
@@ -81,6 +81,53 @@ impl Snapshot {
         Self {
             mean: [0, 1].map(|h| store.means(Part::Half(h), store.layout().radiance())),
             count: [0, 1].map(|h| store.counts(Part::Half(h))),
+        }
+    }
+}
+
+impl<'a> Loop<'a> {
+    /// Hands over what it knows every so many seconds, between two steps, and when a budget is spent,
+    /// before the last filter pass.
+    pub fn keeping(mut self, seconds: f64, keep: Keep<'a>) -> Self {
+        self.keep = Some((seconds, keep));
+        self
+    }
+
+    /// Goes on from what another loop knew. With a budget of samples the end is the same to the last
+    /// bit as if that one had gone on.
+    ///
+    /// # Panics
+    /// If the store is not of the renderer's size and layout.
+    pub fn resuming(mut self, memory: Memory) -> Self {
+        let Memory { store, batches, estimate, rerun, under_way, recent } = memory;
+        assert_eq!((store.width(), store.height()), self.renderer.resolution(), "a state of this image");
+        assert_eq!(store.layout(), self.renderer.layout(), "a state of this scene");
+        self.entry = match under_way {
+            Some(batch) => Entry::Within(batch),
+            None if store.drawn() > 0 => Entry::After,
+            None => Entry::Plan,
+        };
+        self.schedule.resume(recent);
+        (self.store, self.batches, self.estimate, self.rerun) = (store, batches, estimate, rerun);
+        self
+    }
+
+    pub(super) fn keep(&mut self, under_way: Option<&UnderWay>) {
+        let Some((_, keep)) = self.keep else { return };
+        keep(Memory {
+            store: self.store.clone(),
+            batches: self.batches.clone(),
+            estimate: self.estimate.clone(),
+            rerun: self.rerun.clone(),
+            under_way: under_way.cloned(),
+            recent: self.schedule.recent(),
+        });
+        self.kept = self.elapsed();
+    }
+
+    pub(super) fn keep_if_due(&mut self, under_way: Option<&UnderWay>) {
+        if self.keep.is_some_and(|(seconds, _)| self.elapsed() >= self.kept + seconds) {
+            self.keep(under_way);
         }
     }
 }

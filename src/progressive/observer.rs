@@ -4,10 +4,13 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use super::{Denoiser, FAILURE_WINDOW, Progress};
+use super::{Denoiser, Progress};
 use crate::filter::{self, Filtered, PrpfSettings, Quality, RpfSettings, rpf};
 use crate::image::Planes;
 use crate::stats::Store;
+
+/// Window of the grid stage whose failures drive samples; the paper's third.
+const FAILURE_WINDOW: usize = 17;
 
 /// Is told of every step of the loop, on the loop's own thread, and decides how it goes on.
 ///

@@ -11,7 +11,7 @@ pub struct Region {
 }
 
 /// A region's share of a batch.
-pub(super) struct Part {
+pub(super) struct Share {
     pixels: Vec<usize>,
     width: usize,
     samples: u64,
@@ -19,7 +19,13 @@ pub(super) struct Part {
 
 impl Region {
     /// The region's share of a batch of `total`; `None` if it is empty or has had its budget.
-    pub(super) fn part(&self, counts: &[u32], width: usize, total: u64, settings: &Settings) -> Option<Part> {
+    pub(super) fn share(
+        &self,
+        counts: &[u32],
+        width: usize,
+        total: u64,
+        settings: &Settings,
+    ) -> Option<Share> {
         let height = counts.len() / width.max(1);
         let [x0, x1] = self.x.map(|x| x.min(width));
         let [y0, y1] = self.y.map(|y| y.min(height));
@@ -29,11 +35,11 @@ impl Region {
         let most = settings.budget.spp.map_or(settings.max_spp, |spp| spp.min(settings.max_spp));
         // As with batches of the whole image: the total doubles.
         let samples = have.max(all(settings.min_spp.max(1))).min(total).min(all(most).saturating_sub(have));
-        (samples > 0).then_some(Part { pixels, width: x1 - x0, samples })
+        (samples > 0).then_some(Share { pixels, width: x1 - x0, samples })
     }
 }
 
-impl Part {
+impl Share {
     /// An allocation of the whole image in which only the region gets samples, as `spread` spreads them
     /// over (priorities, counts, width, total). Its probes are none: they would not stand for the image.
     pub fn allocate(
@@ -78,9 +84,9 @@ mod tests {
         let region = Region { x: [2, 4], y: [1, 3] };
         let mut counts = vec![2; 6 * 5];
         let mut sizes = Vec::new();
-        while let Some(part) = region.part(&counts, 6, 10_000, &settings(20)) {
+        while let Some(share) = region.share(&counts, 6, 10_000, &settings(20)) {
             let uniform = |_: Option<&[f32]>, have: &[u32], _, total| adaptive::uniform(total, have, 1000);
-            let allocation = part.allocate(&counts, None, uniform);
+            let allocation = share.allocate(&counts, None, uniform);
             assert!(!allocation.probes.contains(&true));
             sizes.push(allocation.counts.iter().sum::<u32>());
             counts.iter_mut().zip(&allocation.counts).for_each(|(n, new)| *n += new);
@@ -93,6 +99,6 @@ mod tests {
     #[test]
     fn a_region_outside_the_image_is_none() {
         let region = Region { x: [7, 9], y: [0, 5] };
-        assert!(region.part(&[2; 30], 6, 100, &settings(20)).is_none());
+        assert!(region.share(&[2; 30], 6, 100, &settings(20)).is_none());
     }
 }

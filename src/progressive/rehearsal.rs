@@ -18,8 +18,13 @@ const SHARE_OF_ROWS: usize = 8;
 const LEAST_ROWS: usize = 12;
 /// Share of the time that rehearsals may take.
 const SHARE_OF_TIME: f64 = 0.06;
+/// The whole takes longer than its rows say (measured: 0 to 18 %, the more the larger the image): it needs memory
+/// that they did not, and a disk. The budget's margin has to cover what this leaves.
+const WHOLE_EXCESS: f64 = 1.06;
 /// A rehearsal must be followed by more than this many times its time for samples.
 const LEAST_USE: f64 = 2.0;
+/// The first rehearsal takes about so many times as long as the others will: all the memory is new to it.
+const FIRST_EXCESS: f64 = 2.0;
 /// When no more than this many times what is rehearsed is left for samples, one more is due: the
 /// machine may be busier than it was.
 const LAST_LOOK: f64 = 1.0;
@@ -33,18 +38,30 @@ pub(super) struct Rehearsal {
     pub closing_seconds: f64,
     /// Seconds of all rehearsals so far.
     spent: f64,
-    count: usize,
+    /// Seconds of the latest one.
+    latest: Option<f64>,
     /// Whether the last look was taken.
     looked: bool,
 }
 
 impl Rehearsal {
-    /// Whether it is time for another one, with so many seconds `left` for samples.
-    pub fn is_due(&self, elapsed: f64, left: f64) -> bool {
-        let next = self.spent / self.count.max(1) as f64;
-        let affordable = self.count == 0 || self.spent + next <= SHARE_OF_TIME * elapsed;
-        let last_look = !self.looked && left <= LAST_LOOK * self.closing_seconds;
-        left > LEAST_USE * next && (affordable || last_look)
+    /// Whether it is time for another one, with so many seconds `left` for samples and so many predicted
+    /// for `closing`.
+    pub fn is_due(&self, elapsed: f64, left: f64, closing: f64) -> bool {
+        let next = self.latest.unwrap_or(FIRST_EXCESS * closing / SHARE_OF_ROWS as f64);
+        let affordable = self.latest.is_none() || self.spent + next <= SHARE_OF_TIME * elapsed;
+        left > LEAST_USE * next && (affordable || self.is_last_look(left))
+    }
+
+    /// Whether it is the last time to see how busy the machine is.
+    fn is_last_look(&self, left: f64) -> bool {
+        !self.looked && left <= LAST_LOOK * self.closing_seconds
+    }
+
+    /// Whether the only one so far has to be done again at once, with so many seconds `left` by it: by one
+    /// that takes too long there is hardly any time left.
+    pub fn is_doubtful(&self, left: f64) -> bool {
+        self.latest == Some(self.spent) && self.is_last_look(left)
     }
 
     /// `left`: as in [`Self::is_due`].
@@ -55,10 +72,10 @@ impl Rehearsal {
         filter: impl Fn(&Store) -> Filtered,
         closing: Option<Closing>,
     ) {
+        self.looked |= left <= LAST_LOOK * self.closing_seconds;
         let started = Instant::now();
         let rows = store.of_rows(rows(store.height()));
-        let scale = store.pixels() as f64 / rows.pixels().max(1) as f64;
-        self.looked |= left <= LAST_LOOK * self.closing_seconds;
+        let scale = WHOLE_EXCESS * store.pixels() as f64 / rows.pixels().max(1) as f64;
         let filtering = Instant::now();
         let filtered = filter(&rows);
         self.filter_seconds = scale * filtering.elapsed().as_secs_f64();
@@ -66,8 +83,9 @@ impl Rehearsal {
             closing(&filtered, &rows);
         }
         self.closing_seconds = scale * filtering.elapsed().as_secs_f64();
-        self.spent += started.elapsed().as_secs_f64();
-        self.count += 1;
+        let seconds = started.elapsed().as_secs_f64();
+        self.spent += seconds;
+        self.latest = Some(seconds);
     }
 }
 
@@ -96,15 +114,24 @@ mod tests {
 
     #[test]
     fn rehearsals_take_their_share_of_the_time_and_no_more() {
-        let once = Rehearsal { spent: 0.1, count: 1, ..Rehearsal::default() };
-        assert!(Rehearsal::default().is_due(0.0, 0.1));
-        assert!(!once.is_due(3.0, 9.0) && once.is_due(4.0, 9.0) && !once.is_due(4.0, 0.1));
+        let once = Rehearsal { spent: 0.1, latest: Some(0.1), ..Rehearsal::default() };
+        let due = |elapsed, left| once.is_due(elapsed, left, 0.8);
+        assert!(!due(3.0, 9.0) && due(4.0, 9.0) && !due(4.0, 0.1));
+    }
+
+    #[test]
+    fn the_first_rehearsal_comes_whatever_its_share_if_enough_is_left_to_be_of_use() {
+        let none = Rehearsal::default();
+        // It would take 2 ∕ 8 of 0.8 seconds.
+        assert!(none.is_due(0.0, 0.41, 0.8) && !none.is_due(9.0, 0.39, 0.8));
     }
 
     #[test]
     fn one_more_rehearsal_comes_before_the_end() {
-        let once = Rehearsal { spent: 0.1, count: 1, closing_seconds: 0.8, ..Rehearsal::default() };
-        assert!(!once.is_due(2.5, 1.0) && once.is_due(2.6, 0.7));
-        assert!(!Rehearsal { looked: true, ..once }.is_due(2.6, 0.7));
+        let once = Rehearsal { spent: 0.1, latest: Some(0.1), closing_seconds: 0.8, ..Rehearsal::default() };
+        assert!(!once.is_due(2.5, 1.0, 0.8) && once.is_due(2.6, 0.7, 0.8));
+        assert!(!once.is_doubtful(1.0) && once.is_doubtful(-3.0), "the first one may be far off");
+        assert!(!Rehearsal { spent: 0.3, ..once }.is_doubtful(-3.0));
+        assert!(!Rehearsal { looked: true, ..once }.is_due(2.6, 0.7, 0.8));
     }
 }

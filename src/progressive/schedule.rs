@@ -59,7 +59,7 @@ const RATE_MEMORY: f64 = 0.5;
 /// As many of the latest rehearsals make the prediction of what comes after the last batch.
 const REHEARSALS: f64 = 2.0;
 /// What comes after the last batch takes about this long where it was not rehearsed yet.
-const CLOSING_SECONDS_PER_PIXEL: f64 = 2.5e-6;
+const CLOSING_SECONDS_PER_PIXEL: f64 = 3e-6;
 
 /// See the module.
 #[derive(Clone, Debug)]
@@ -112,8 +112,10 @@ impl Schedule {
     /// What comes after the last batch would take so long now.
     pub fn rehearsed(&mut self, seconds: f64) {
         self.rehearsals += 1.0;
-        let weight = 1.0 / self.rehearsals.min(REHEARSALS);
-        if self.rehearsals > 1.0 {
+        // The first one took longer than the others will: all the memory was new to it.
+        let warm = (self.rehearsals - 1.0).max(1.0);
+        let weight = 1.0 / warm.min(REHEARSALS);
+        if warm > 1.0 {
             self.deviation += weight * ((seconds - self.closing).abs() - self.deviation);
         }
         self.closing += weight * (seconds - self.closing);
@@ -198,19 +200,28 @@ impl Schedule {
         self.rate().map_or(least, |rate| (rate * seconds).max(least)) / batch.max(1) as f64
     }
 
+    /// How long so many samples take, lately.
+    pub fn seconds_for(&self, samples: f64) -> f64 {
+        self.rate().map_or(0.0, |rate| samples / rate)
+    }
+
     /// Follows another budget from now on.
     pub fn change(&mut self, budget: &Budget) {
         self.budget = *budget;
     }
 
-    /// Seconds left for samples, with a budget of time.
-    pub fn seconds_left(&self, elapsed: f64) -> Option<f64> {
-        let closing = if self.rehearsals > 0.0 {
+    /// Seconds that what comes after the last batch will take, as far as is known.
+    pub fn closing(&self) -> f64 {
+        if self.rehearsals > 0.0 {
             self.closing + self.deviation
         } else {
             CLOSING_SECONDS_PER_PIXEL * self.pixels as f64
-        };
-        self.budget.seconds.map(|seconds| (1.0 - MARGIN) * seconds - closing - elapsed)
+        }
+    }
+
+    /// Seconds left for samples, with a budget of time.
+    pub fn seconds_left(&self, elapsed: f64) -> Option<f64> {
+        self.budget.seconds.map(|seconds| (1.0 - MARGIN) * seconds - self.closing() - elapsed)
     }
 
     /// Share of the nearest budget that is spent.
@@ -304,6 +315,24 @@ mod tests {
             assert!(end <= aim + 0.011 && end >= aim - 0.011, "{budget} {rate} {closing}: {end}");
             assert!((3..200).contains(&batches), "{batches}");
         }
+    }
+
+    #[test]
+    fn later_rehearsals_replace_the_first_and_a_whole_pass_replaces_all() {
+        let budget = Budget { seconds: Some(10.0), ..Budget::default() };
+        let mut schedule = Schedule::new(&budget, 1000, 4, u32::MAX);
+        let left = |schedule: &Schedule| schedule.seconds_left(4.0).unwrap();
+        schedule.rehearsed(5.0);
+        assert!((left(&schedule) - (9.8 - 5.0 - 4.0)).abs() < 1e-9);
+        schedule.rehearsed(1.0);
+        assert!((left(&schedule) - (9.8 - 1.0 - 4.0)).abs() < 1e-9, "the first one is forgotten");
+        schedule.rehearsed(2.0);
+        assert!((left(&schedule) - (9.8 - 1.5 - 0.5 - 4.0)).abs() < 1e-9, "mean and deviation");
+        // By rehearsal 1.2 seconds, and 0.9 in truth; nothing deviates from a truth.
+        schedule.corrected(1.2 - 0.9);
+        assert!((left(&schedule) - (9.8 - 1.2 - 4.0)).abs() < 1e-9);
+        schedule.corrected(5.0);
+        assert!((left(&schedule) - (9.8 - 4.0)).abs() < 1e-9, "nothing takes less than no time");
     }
 
     #[test]

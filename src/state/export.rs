@@ -15,13 +15,14 @@
 //! | `tile_error` | f4, \[h/16, w/16\] | measured relMSE, if there was a batch to measure it with |
 //! | `feature_weights` | f4, \[pass, weight, h, w\] | those of `--quality paper`, if there are sample vectors |
 //! | `feature_weight_names` | text, \[weight\] | β of a feature, α of a colour, randomness of the colour, sum of interpolation weights (infinite at nodes) |
+//! | `first_pass` | f4, \[3, h, w\] | the image after the first pass of `--quality paper`, what outliers lost not given back |
 //! | `header` | text, \[\] | JSON: scene, settings, streams, batches |
 
 use std::io::{self, Seek, Write};
 
 use super::State;
 use super::npz::Npz;
-use crate::filter::{Filtered, PrpfSettings, prpf};
+use crate::filter::{Filtered, OutlierSettings, PrpfSettings, prpf};
 use crate::image::Planes;
 use crate::stats::{Dimension, Feature, Group, Moments, Part, Store};
 
@@ -136,5 +137,15 @@ fn weights<W: Write + Seek>(state: &State, npz: &mut Npz<W>) -> io::Result<()> {
     let shape = [passes.len(), names.len(), store.height(), store.width()];
     npz.array("feature_weights", &shape, passes.iter().flat_map(|pass| pass.data().iter().copied()))?;
     let names: Vec<&str> = names.iter().map(String::as_str).collect();
-    npz.texts("feature_weight_names", &[names.len()], &names)
+    npz.texts("feature_weight_names", &[names.len()], &names)?;
+    let first = first_pass(store, state.settings.seed);
+    npz.array("first_pass", &[first.count(), first.height(), first.width()], first.data().iter().copied())
+}
+
+/// What another implementation can be held against without running four passes.
+fn first_pass(store: &Store, seed: u64) -> Planes {
+    let paper = PrpfSettings::paper();
+    let outliers = OutlierSettings { spread_window: 0, ..paper.outliers };
+    let windows = paper.windows[..1].to_vec();
+    prpf::filter(store, &PrpfSettings { windows, outliers, ..paper }, seed).image
 }

@@ -29,6 +29,7 @@ const link = new Link({
   status: (status) => {
     state.status = status;
     picture.scales = Object.fromEntries(status.views.map(({ view, scale }) => [view, scale]));
+    picture.measure(status.width, status.height);
     panel.tell(status);
     if (!status.views.some(({ view }) => view === state.view)) state.view = "filtered";
     panel.choose(state.view);

@@ -94,14 +94,18 @@ export class Picture {
     gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_WRAP_T, gl.CLAMP_TO_EDGE);
   }
 
+  // Takes the image's size, which is known before the first frame comes.
+  measure(width, height) {
+    if (this.size[0] === width && this.size[1] === height) return;
+    this.size = [width, height];
+    if (this.fitted) this.fit();
+  }
+
   // Takes a view's new frame.
   take(view, frame) {
     this.frames.set(view, frame);
     const { width, height, channels } = frame;
-    if (this.size[0] !== width || this.size[1] !== height) {
-      this.size = [width, height];
-      if (this.fitted) this.fit();
-    }
+    this.measure(width, height);
     const gl = this.gl;
     if (!gl) return;
     const [inside, format] = channels === 3 ? [gl.RGB16F, gl.RGB] : [gl.R16F, gl.RED];

@@ -1,0 +1,42 @@
+//! What a director is given: the scene, how to render it, and what to do with its images.
+
+use std::path::PathBuf;
+use std::sync::atomic::AtomicBool;
+use std::time::Instant;
+
+use crate::filter::Filtered;
+use crate::geometry::Accel;
+use crate::image::Planes;
+use crate::progressive::{Closing, Progress, Settings};
+use crate::scene::Scene;
+use crate::stats::Store;
+
+/// An image to be written.
+pub struct Picture<'a> {
+    pub store: &'a Store,
+    pub filtered: &'a Filtered,
+    pub settings: &'a Settings,
+    /// What positions in the store were divided by.
+    pub diameter: f32,
+}
+
+/// Writes a picture; says where, or in one line why not.
+pub type Save<'a> = Box<dyn FnMut(&Picture) -> Result<Vec<PathBuf>, String> + 'a>;
+
+/// What a render is directed by from the start.
+pub struct Stage<'a> {
+    pub scene: &'a Scene,
+    pub accel: &'a Accel<'a>,
+    pub settings: Settings,
+    pub reference: Option<&'a Planes>,
+    /// What is done with the image at the end, for the loop to rehearse.
+    pub closing: Option<Closing<'a>>,
+    /// When the program started.
+    pub start: Instant,
+    pub interrupt: &'a AtomicBool,
+    /// Stay when a budget is spent, until interrupted; else end there.
+    pub stays: bool,
+    pub save: Save<'a>,
+    /// Hears of every step.
+    pub listen: Box<dyn FnMut(Progress) + 'a>,
+}

@@ -1,0 +1,57 @@
+//! What people have asked for and has to wait for the end of a step, or of a filter pass.
+
+use super::protocol::{Change, Move};
+use crate::progressive::Settings;
+
+/// See the module.
+#[derive(Default)]
+pub struct Wishes {
+    pub moves: Vec<Move>,
+    pub restart: bool,
+    pub settings: bool,
+    pub region: bool,
+    pub save: bool,
+    pub quit: bool,
+}
+
+impl Wishes {
+    pub fn any(&self) -> bool {
+        self.begins_anew() || self.goes_on_otherwise() || self.save
+    }
+
+    /// Whether the samples so far are of no use any more.
+    pub fn begins_anew(&self) -> bool {
+        !self.moves.is_empty() || self.restart || self.quit
+    }
+
+    /// Whether the samples to come are others than without them.
+    pub fn goes_on_otherwise(&self) -> bool {
+        self.settings || self.region
+    }
+
+    /// A new generation fulfils all but a save.
+    pub fn begin(&mut self) {
+        *self = Self { save: self.save, ..Self::default() };
+    }
+}
+
+impl Change {
+    /// Changes settings; whether another filter makes the image from now on.
+    pub fn apply(&self, settings: &mut Settings) -> bool {
+        let on = |value: f64| Some(value).filter(|v| *v > 0.0);
+        let before = settings.denoiser;
+        settings.denoiser = self.denoiser.unwrap_or(before);
+        settings.sampling = self.sampling.unwrap_or(settings.sampling);
+        settings.quality = self.quality.unwrap_or(settings.quality);
+        if let Some(spp) = self.spp {
+            settings.budget.spp = Some(spp).filter(|spp| *spp > 0);
+        }
+        if let Some(seconds) = self.seconds {
+            settings.budget.seconds = on(seconds);
+        }
+        if let Some(error) = self.target_error {
+            settings.budget.target_error = on(error);
+        }
+        settings.denoiser != before
+    }
+}

@@ -1,0 +1,79 @@
+//! What the loop tells of itself: while it runs, and when it is done.
+
+use super::ErrorEstimate;
+use crate::filter::Filtered;
+use crate::stats::Store;
+
+/// One turn of the circle.
+#[derive(Clone, Debug, Default, serde::Serialize, serde::Deserialize)]
+pub struct Batch {
+    pub index: usize,
+    /// Since the program's start, when the batch's image stood.
+    pub seconds: f64,
+    pub samples_total: u64,
+    pub filter_seconds: f64,
+    pub interpolation_success: Option<f32>,
+    /// Latest estimate of the relative MSE, of an image shown *before* this batch.
+    pub estimated_error: Option<f64>,
+    /// Samples that that image was made of.
+    pub estimated_error_samples: Option<u64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub mse: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub relmse: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub noisy_mse: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub noisy_relmse: Option<f64>,
+}
+
+/// What ended a render.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum StoppedBy {
+    Spp,
+    Time,
+    TargetError,
+    Interrupt,
+}
+
+/// Where the time went, in seconds.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Seconds {
+    pub render: f64,
+    pub filter: f64,
+    pub allocate: f64,
+}
+
+/// A finished render.
+pub struct Outcome {
+    /// The image. Its interpolation failures are those of the last rerun where the filter itself does
+    /// not interpolate.
+    pub filtered: Filtered,
+    pub store: Store,
+    pub batches: Vec<Batch>,
+    pub stopped_by: StoppedBy,
+    pub seconds: Seconds,
+    /// The latest estimate of the image's relMSE; of an image with fewer samples than the final one.
+    pub estimate: Option<ErrorEstimate>,
+}
+
+/// A sign of life, after every step of a batch.
+#[derive(Clone, Copy, Debug)]
+pub struct Progress {
+    /// Share of the nearest budget that is spent, in [0, 1].
+    pub fraction: f64,
+    /// Seconds since the start, those not counted in which the render was held.
+    pub elapsed: f64,
+    pub samples: u64,
+    pub spp: f64,
+    pub estimated_error: Option<f64>,
+}
+
+/// How [`super::Loop::advance`] ended.
+pub enum Ended {
+    /// A budget is spent; the last filter pass.
+    Finished(Box<Filtered>, StoppedBy),
+    /// The observer wanted to leave.
+    Left,
+}
