@@ -14,7 +14,7 @@ WINDOW = 55  # of the first pass
 Z, Z_WORLD = 3.0, 30.0  # deviations within a cluster
 TOLERANCE, TOLERANCE_WORLD = 0.1, 0.001
 SIDE = 9  # columns and rows of the window for statistics
-SAMPLES = 512  # for mutual information
+SAMPLES = 2048  # for mutual information
 SPACING = 5  # of the grid's nodes
 DAMPING = 2.0  # of randomness, for colours
 SIGMA8_SQUARED = 0.002
@@ -156,11 +156,15 @@ def samples_of(data, guide, x, y, cluster):
         return np.array(own + [s for j in cluster if j != (y, x) for s in kept[j][: counts[j]]])
     seed = json.loads(str(data["header"]))["settings"]["seed"]
     random = Pcg32(seed ^ (y * counts.shape[1] + x), 0)
+    last, again = None, 0
     for s in range(others):
         p = int((s + random.number()) * (len(cluster) / others))
         p = (p + 1) % len(cluster) if cluster[p] == (y, x) else p
-        j = cluster[p]
-        own.append(kept[j][s % counts[j]])
+        again = again + 1 if p == last else 0
+        last, j = p, cluster[p]
+        number = (j[0] * counts.shape[1] + j[1]) ^ seed & 0xFFFFFFFF
+        first = (number * 0x9E3779B9 & 0xFFFFFFFF) >> 16
+        own.append(kept[j][(first + again) % counts[j]])
     return np.array(own)
 
 
