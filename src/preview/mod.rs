@@ -26,7 +26,10 @@ mod tev;
 mod values;
 mod view;
 
+pub use camera::Rig;
 pub use director::{Director, Picture, Save, Stage};
 pub use hub::Hub;
+pub use protocol::{Change, Message, Move};
 pub use server::{ServeError, Server};
 pub use tev::Display;
+pub use view::View;
