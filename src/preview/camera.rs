@@ -65,8 +65,32 @@ impl Rig {
         camera_space.transform_point3(point).z
     }
 
-    /// Moves as asked. `seen` is the point at the pixel to focus on.
+    /// Moves as asked, unless that leads beyond what the renderer's numbers can hold. `seen` is the point at
+    /// the pixel to focus on.
     pub fn apply(&mut self, step: &Move, seen: Option<DVec3>) {
+        let before = self.clone();
+        self.go(step, seen);
+        if !self.is_sound() {
+            *self = before;
+        }
+    }
+
+    fn is_sound(&self) -> bool {
+        let Camera { to_render, screen_window: [x0, x1, y0, y1], lens_radius, focal_distance, .. } =
+            &self.camera;
+        let window = [x0, x1, y0, y1, &(x1 - x0), &(y1 - y0)].into_iter().all(|v| v.is_finite());
+        let matrix = to_render.at_f64(self.camera.shutter_open).as_affine3a();
+        let pivot = self.pivot.as_vec3();
+        window
+            && x0 < x1
+            && y0 < y1
+            && matrix.is_finite()
+            && pivot.is_finite()
+            && lens_radius.is_finite()
+            && (f32::MIN_POSITIVE..f32::MAX).contains(focal_distance)
+    }
+
+    fn go(&mut self, step: &Move, seen: Option<DVec3>) {
         if step.reset {
             *self = Self::reset(self);
         }
@@ -278,5 +302,21 @@ mod tests {
         rig.apply(&Move { orbit: Some([1.0, 0.3]), pan: Some([0.1, 0.2]), ..Move::default() }, None);
         rig.apply(&Move { reset: true, ..Move::default() }, None);
         assert_eq!(rig.camera, rig.original);
+    }
+
+    #[test]
+    fn moves_that_never_end_leave_a_camera_that_can_be_rendered() {
+        let scene = |camera: &str| {
+            crate::scene::pbrt::read_str(&format!("{camera} WorldBegin"), std::path::Path::new("")).unwrap()
+        };
+        for camera in ["Camera \"perspective\"", "Camera \"orthographic\""] {
+            let scene = scene(camera);
+            let mut rig = Rig::new(&scene.camera, &scene.film, None, 5.0);
+            for dolly in [-4.0, 4.0] {
+                let step = Move { dolly: Some(dolly), pan: Some([4.0, -4.0]), ..Move::default() };
+                (0..300).for_each(|_| rig.apply(&step, None));
+                assert!(rig.is_sound(), "{rig:?}");
+            }
+        }
     }
 }

@@ -29,8 +29,11 @@ mod values;
 mod view;
 mod wishes;
 
+pub use camera::Rig;
 pub use director::Director;
 pub use hub::Hub;
+pub use protocol::{Change, Message, Move};
 pub use server::{ServeError, Server};
 pub use stage::{Picture, Save, Stage};
 pub use tev::Display;
+pub use view::View;

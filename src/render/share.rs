@@ -5,9 +5,29 @@
 
 /// The `index`-th (from 0) of `of` shares.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(try_from = "Unchecked")]
 pub struct Share {
     index: u32,
     of: u32,
+}
+
+/// A share as a file has it, which may be none: the first of no shares.
+#[derive(serde::Deserialize)]
+struct Unchecked {
+    index: u32,
+    of: u32,
+}
+
+impl TryFrom<Unchecked> for Share {
+    type Error = String;
+
+    fn try_from(Unchecked { index, of }: Unchecked) -> Result<Self, String> {
+        if index < of {
+            Ok(Self { index, of })
+        } else {
+            Err(format!("share {index} of {of}, counted from 0"))
+        }
+    }
 }
 
 impl Share {
@@ -79,6 +99,15 @@ mod tests {
             (0..9).collect::<Vec<_>>()
         );
         assert!(Share::new(0, 2).is_none() && Share::new(3, 2).is_none());
+    }
+
+    #[test]
+    fn a_share_in_a_file_is_one_that_there_is() {
+        let read = |text| serde_json::from_str::<Share>(text).ok();
+        assert_eq!(read(r#"{"index":1,"of":2}"#), Share::new(2, 2));
+        for text in [r#"{"index":0,"of":0}"#, r#"{"index":2,"of":2}"#, r#"{"index":4294967295,"of":3}"#] {
+            assert_eq!(read(text), None, "{text}");
+        }
     }
 
     #[test]

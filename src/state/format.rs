@@ -200,6 +200,10 @@ pub fn read_bytes(file: &[u8]) -> Result<State, Problem> {
     let header: Header = serde_json::from_slice(text).map_err(|error| Problem::Header(error.to_string()))?;
     let layout = Layout::of_names(&header.dimensions).ok_or_else(|| wrong("unknown dimensions"))?;
     let shape = Shape::of(&header, &layout).ok_or_else(|| wrong("a size beyond all memory"))?;
+    // Such an image takes no bytes, however many rows it has.
+    if shape.width == 0 || shape.height == 0 {
+        return Err(wrong("an image without pixels"));
+    }
     if shape.bytes() != Some(arrays.len()) {
         return Err(wrong("its sizes are not those of the arrays"));
     }

@@ -269,3 +269,18 @@ fn a_keeper_says_that_there_is_no_room_and_keeps_the_old_file() {
     assert_eq!(State::read(&path).unwrap().settings.seed, 1);
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
 }
+
+#[test]
+fn an_image_without_pixels_cannot_have_rows_without_end() {
+    let header = u64::from_le_bytes(FILE[20..28].try_into().unwrap()) as usize;
+    let mut said: serde_json::Value = serde_json::from_slice(&FILE[28..28 + header]).unwrap();
+    let rows = 1u64 << 60;
+    said["frame"]["film"] = serde_json::json!([0, rows]);
+    said["frame"]["pixel_bounds"] = serde_json::json!([0, 0, 0, rows]);
+    (said["rerun"], said["under_way"], said["estimate"]) = Default::default();
+    let said = serde_json::to_vec(&said).unwrap();
+    let mut file = [&FILE[..28], &said, &[0; 4]].concat();
+    file[20..28].copy_from_slice(&(said.len() as u64).to_le_bytes());
+    let problem = read_bytes(&sealed(file)).unwrap_err().to_string();
+    assert!(problem.ends_with("an image without pixels"), "{problem}");
+}

@@ -11,6 +11,10 @@ use super::moments::{Moments, update_all};
 use super::{Group, Layout, reservoir};
 use crate::image::Planes;
 
+/// Largest magnitude of a sample's values. Filters work with variances and sums of squares as `f32`, which
+/// hold squares up to 10³⁸; nothing in a picture is near it.
+pub const LARGEST_VALUE: f32 = 1e15;
+
 /// Which samples of a pixel are meant. The halves are the samples of even and of odd index.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Part {
@@ -184,7 +188,7 @@ impl Store {
         self.rows.par_iter().map(of_row).sum()
     }
 
-    /// Samples rejected because a value was not finite or a radiance negative.
+    /// Samples rejected because a value was not finite or too large, or a radiance negative.
     pub fn rejected(&self) -> u64 {
         self.rows.iter().flat_map(|row| &row.rejected).map(|&n| u64::from(n)).sum()
     }
@@ -270,8 +274,9 @@ impl Row {
     }
 
     /// Takes in the pixel's next samples, in the order of their indices: `samples` holds whole
-    /// sample vectors one after the other. A sample with a value that is not finite, or with
-    /// negative radiance, is counted as rejected and touches no statistic; its index is used up.
+    /// sample vectors one after the other. A sample with a value that is not finite or beyond
+    /// [`LARGEST_VALUE`], or with negative radiance, is counted as rejected and touches no statistic; its
+    /// index is used up.
     pub fn push(&mut self, x: usize, samples: &[f32]) {
         // The pixel's moments lie in as many cache lines as there are dimensions: they are fetched
         // once for all samples.
@@ -279,9 +284,9 @@ impl Row {
         for sample in samples.chunks_exact(self.dims) {
             let index = self.drawn[x];
             self.drawn[x] = index.saturating_add(1);
-            // Without a branch for each value.
-            let finite = sample.iter().fold(true, |finite, v| finite & v.is_finite());
-            if !finite || self.radiance.iter().any(|&d| sample[d] < 0.0) {
+            // Without a branch for each value; what is not a number is not below the limit either.
+            let sound = sample.iter().fold(true, |sound, v| sound & (v.abs() <= LARGEST_VALUE));
+            if !sound || self.radiance.iter().any(|&d| sample[d] < 0.0) {
                 self.rejected[x] += 1;
                 continue;
             }

@@ -12,6 +12,9 @@ use super::{Fault, Place, Result, files};
 
 /// Includes inside includes; real scenes have two or three.
 const MAX_INCLUDE_DEPTH: usize = 32;
+/// Times that a file may be included. Without a limit, thirty files each of which includes the next one
+/// twice would be a scene of 2³⁰.
+const MAX_INCLUSIONS: usize = 1024;
 
 /// Options that change how pbrt works, and not what its image converges to here. Samples are
 /// filtered by their number, textures not at all, and the seed is the command line's.
@@ -91,10 +94,7 @@ const TABLE: &[Directive] = {
         directive("ActiveTransform", Word, Anywhere, Reader::active_transform),
         directive("AreaLightSource", Params(1), World, Reader::area_light_source),
         directive("Attribute", Params(1), Anywhere, Reader::attribute),
-        directive("AttributeBegin", Nothing, World, |r, s| {
-            r.push(Block::Attribute, s.place);
-            Ok(())
-        }),
+        directive("AttributeBegin", Nothing, World, |r, s| r.push(Block::Attribute, s.place)),
         directive("AttributeEnd", Nothing, World, |r, s| r.pop(Block::Attribute, s.place)),
         directive("Camera", Params(1), Header, Reader::keep),
         directive("ColorSpace", Strings(1), Anywhere, Reader::color_space),
@@ -130,10 +130,7 @@ const TABLE: &[Directive] = {
         directive("SurfaceIntegrator", Params(1), Header, Reader::keep),
         directive("Texture", Params(3), World, Reader::texture),
         directive("Transform", Numbers(16), Anywhere, Reader::transform),
-        directive("TransformBegin", Nothing, Anywhere, |r, s| {
-            r.push(Block::Transform, s.place);
-            Ok(())
-        }),
+        directive("TransformBegin", Nothing, Anywhere, |r, s| r.push(Block::Transform, s.place)),
         directive("TransformEnd", Nothing, Anywhere, |r, s| r.pop(Block::Transform, s.place)),
         directive("TransformTimes", Numbers(2), Header, Reader::set_transform_times),
         directive("Translate", Numbers(3), Anywhere, Reader::translate),
@@ -199,6 +196,13 @@ impl Reader {
         if self.open.len() >= MAX_INCLUDE_DEPTH {
             return Err(fault(format!(
                 "includes more than {MAX_INCLUDE_DEPTH} deep; fewer would be accepted"
+            )));
+        }
+        let inclusions = self.inclusions.entry(canonical.clone()).or_default();
+        *inclusions += 1;
+        if *inclusions > MAX_INCLUSIONS {
+            return Err(fault(format!(
+                "\"{name}\" for more than {MAX_INCLUSIONS} times; fewer would be accepted"
             )));
         }
         self.open.push(canonical);
@@ -340,4 +344,34 @@ fn parse_numbers(lexer: &mut Lexer, name: &str, count: usize, place: Place) -> R
         return Err(missing(lexer, name, &format!("`]` after {count} numbers"), place));
     }
     Ok(numbers)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use crate::scene::pbrt::{read, read_str};
+
+    #[test]
+    fn includes_that_double_at_every_level_end_early() {
+        let folder = tempfile::tempdir().unwrap();
+        for level in 0..30 {
+            let next = format!("Include \"{}\"\n", level + 1);
+            std::fs::write(folder.path().join(level.to_string()), next.repeat(2)).unwrap();
+        }
+        std::fs::write(folder.path().join("30"), "Identity").unwrap();
+        let error = read(&folder.path().join("0")).unwrap_err();
+        assert!(error.message.contains("for more than 1024 times"), "{error}");
+    }
+
+    #[test]
+    fn blocks_are_not_nested_without_end() {
+        let nested = |depth: usize| {
+            let text =
+                format!("WorldBegin {} {}", "AttributeBegin ".repeat(depth), "AttributeEnd ".repeat(depth));
+            read_str(&text, Path::new(""))
+        };
+        assert!(nested(1024).is_ok());
+        assert!(nested(1025).unwrap_err().message.contains("blocks more than 1024 deep"));
+    }
 }

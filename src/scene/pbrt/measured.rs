@@ -41,6 +41,8 @@ impl Irregular {
     const ENOUGH: usize = 3;
     /// Beyond the whole space, whose diagonal squared is 3.
     const LAST_RADIUS2: f64 = 4.0;
+    /// Most wavelengths: their part in a colour takes a time that grows with their number squared.
+    const MAX_WAVELENGTHS: f64 = 4096.0;
     /// Of the Gaussian, per squared distance.
     const FALLOFF: f64 = 100.0;
 
@@ -49,8 +51,12 @@ impl Irregular {
         let Some((&count, rest)) = numbers.split_first() else {
             return Err("no numbers; a count of wavelengths would be accepted".into());
         };
-        if count.fract() != 0.0 || count < 1.0 || count > rest.len() as f64 {
-            return Err(format!("{count} wavelengths in a file of {} numbers", numbers.len()));
+        if count.fract() != 0.0 || count < 1.0 || count > Self::MAX_WAVELENGTHS.min(rest.len() as f64) {
+            let most = Self::MAX_WAVELENGTHS;
+            return Err(format!(
+                "{count} wavelengths in a file of {} numbers; 1 to {most} in a longer one are accepted",
+                numbers.len()
+            ));
         }
         let (wavelengths, rows) = rest.split_at(count as usize);
         let width = 4 + wavelengths.len();
@@ -230,5 +236,7 @@ mod tests {
         for numbers in [&[] as &[f64], &[0.0], &[2.0, 400.0], &[1.0, 400.0, 0.1], &[2.0, 5.0, 4.0]] {
             assert!(Irregular::from_numbers(numbers).is_err(), "{numbers:?}");
         }
+        let many: Vec<f64> = std::iter::once(5000.0).chain((0..10_004).map(f64::from)).collect();
+        assert!(Irregular::from_numbers(&many).is_err_and(|message| message.contains("1 to 4096")));
     }
 }

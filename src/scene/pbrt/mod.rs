@@ -40,13 +40,18 @@ use super::Scene;
 
 /// Why a scene could not be read: file, line, column, what was found, what would be accepted.
 #[derive(Debug, thiserror::Error)]
-#[error("{file}:{line}:{column}: {message}")]
+#[error("{}: {message}", position(file, *line, *column))]
 pub struct SceneError {
     pub file: String,
-    /// 1-based; 0 where the error concerns the file as a whole.
+    /// 1-based; 0 where the error concerns the file as a whole, of which no place is printed then.
     pub line: usize,
     pub column: usize,
     pub message: String,
+}
+
+/// `file:line:column`, or the file alone where it is meant as a whole.
+fn position(file: &str, line: usize, column: usize) -> String {
+    if line == 0 { file.to_owned() } else { format!("{file}:{line}:{column}") }
 }
 
 /// Where a token stands: the number of the file in [`state::Reader::files`], and 1-based line and

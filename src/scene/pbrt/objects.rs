@@ -39,6 +39,9 @@ pub struct Placement {
     pub to_group: DAffine3,
 }
 
+/// Most parts of an object that move by themselves. Every instance of it is as many instances.
+const MAX_PARTS: usize = 1024;
+
 const STILL: Keys = [DAffine3::IDENTITY; 2];
 
 impl Reader {
@@ -47,7 +50,7 @@ impl Reader {
         let ctm = self.state.ctm;
         check_invertible(&ctm, place)?;
         if self.is_animated() {
-            return Ok(self.place_moving_shape(reference));
+            return self.place_moving_shape(reference, place);
         }
         let Some((name, parts)) = &mut self.current_object else {
             return Ok(Placement { group: 0, to_group: self.to_render() });
@@ -66,7 +69,14 @@ impl Reader {
     }
 
     /// A moving shape stays in its own space; its transform becomes that of an instance.
-    fn place_moving_shape(&mut self, reference: DVec3) -> Placement {
+    fn place_moving_shape(&mut self, reference: DVec3, place: Place) -> Result<Placement> {
+        if let Some((name, parts)) = &self.current_object
+            && parts.len() >= MAX_PARTS
+        {
+            let message =
+                format!("object \"{name}\" of more than {MAX_PARTS} moving shapes; fewer would be accepted");
+            return Err(Fault::new(place, message));
+        }
         let keys = self.state.ctm;
         let name = self.current_object.as_ref().map_or(String::new(), |(name, _)| name.clone());
         self.groups.push(Group { name, primitives: Vec::new(), pivot: Some(reference) });
@@ -75,7 +85,7 @@ impl Reader {
             Some((_, parts)) => parts.push(Part { group, keys }),
             None => self.add_instance(group, keys),
         }
-        Placement { group, to_group: DAffine3::from_translation(-reference) }
+        Ok(Placement { group, to_group: DAffine3::from_translation(-reference) })
     }
 
     /// Places a group in the world; `keys` take it there.
@@ -94,7 +104,7 @@ impl Reader {
             let message = format!("ObjectBegin inside object \"{open}\"; ObjectEnd would be accepted");
             return Err(Fault::new(statement.place, message));
         }
-        self.push(Block::Object, statement.place);
+        self.push(Block::Object, statement.place)?;
         self.current_object = Some((name, Vec::new()));
         Ok(())
     }
@@ -134,4 +144,24 @@ fn check_invertible(keys: &Keys, place: Place) -> Result<()> {
         return Ok(());
     }
     Err(Fault::new(place, "a singular transform; one that can be inverted would be accepted"))
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use crate::scene::pbrt::read_str;
+
+    #[test]
+    fn an_object_of_very_many_moving_parts_is_refused() {
+        let object = |parts: usize| {
+            let moving = "Shape \"sphere\" ".repeat(parts);
+            format!("WorldBegin ActiveTransform EndTime Translate 1 0 0 ObjectBegin \"o\" {moving} ObjectEnd")
+        };
+        let instance = "ObjectInstance \"o\"";
+        let scene = read_str(&format!("{} {instance} {instance}", object(1024)), Path::new("")).unwrap();
+        assert_eq!(scene.instances.len(), 2048);
+        let error = read_str(&object(1025), Path::new("")).unwrap_err();
+        assert!(error.message.contains("more than 1024 moving shapes"), "{error}");
+    }
 }

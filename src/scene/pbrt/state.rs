@@ -21,6 +21,9 @@ use crate::scene::measured::MeasuredBrdf;
 use crate::scene::texture::Textures;
 use crate::scene::{AreaLight, Instance, Light, Material, MaterialId, Object, Primitive, Scene};
 
+/// Blocks inside blocks, each of which may keep the parameters that `Attribute` has set so far.
+const MAX_BLOCKS: usize = 1024;
+
 /// Transforms at the two key times.
 pub type Keys = [DAffine3; 2];
 
@@ -86,6 +89,8 @@ pub struct Reader {
     pub files: Vec<String>,
     /// The files that are being read now, outermost first.
     pub open: Vec<PathBuf>,
+    /// How often each file was included.
+    pub inclusions: HashMap<PathBuf, usize>,
     pub warnings: Warnings,
     /// Of the texts read so far.
     pub digest: Sha256,
@@ -127,6 +132,7 @@ impl Reader {
             folder: folder.into(),
             files: vec![name],
             open: path.and_then(|path| path.canonicalize().ok()).into_iter().collect(),
+            inclusions: HashMap::new(),
             warnings: Warnings::default(),
             digest: Sha256::new(),
             state: GraphicsState {
@@ -218,8 +224,13 @@ impl Reader {
     }
 
     /// Opens a block.
-    pub fn push(&mut self, block: Block, place: Place) {
+    pub fn push(&mut self, block: Block, place: Place) -> Result<()> {
+        if self.stack.len() >= MAX_BLOCKS {
+            let message = format!("blocks more than {MAX_BLOCKS} deep; fewer would be accepted");
+            return Err(Fault::new(place, message));
+        }
         self.stack.push(Frame { saved: self.state.clone(), block, place });
+        Ok(())
     }
 
     /// Closes a block.

@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use super::Place;
+use super::{Place, position};
 
 /// Messages in the order of their first occurrence.
 #[derive(Debug, Default)]
@@ -36,7 +36,8 @@ impl Warnings {
                 0 => String::new(),
                 more => format!(" (and {more} more)"),
             };
-            format!("{}:{line}:{column}: {}{again}", files[file as usize], warning.message)
+            let at = position(&files[file as usize], line as usize, column as usize);
+            format!("{at}: {}{again}", warning.message)
         };
         self.list.iter().map(line).collect()
     }
@@ -52,6 +53,6 @@ mod tests {
         warnings.add(Place { file: 0, line: 3, column: 4 }, "a");
         warnings.add(Place::default(), "b");
         warnings.add(Place::default(), "a");
-        assert_eq!(warnings.lines(&["f".into()]), ["f:3:4: a (and 1 more)", "f:0:0: b"]);
+        assert_eq!(warnings.lines(&["f".into()]), ["f:3:4: a (and 1 more)", "f: b"]);
     }
 }

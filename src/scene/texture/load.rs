@@ -4,14 +4,13 @@
 //! allocated, so that a small file cannot ask for a large image.
 
 use std::fs::File;
-use std::io::{BufReader, Read};
+use std::io::BufReader;
 use std::path::Path;
 
 use ::image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
-use exr::meta::MetaData;
-use exr::prelude::{Compression, ReadChannels, ReadLayers};
 
 use super::TextureImage;
+use crate::image::exr_file;
 
 /// Largest number of texels of an image: 16 384 × 16 384.
 const MAX_TEXELS: u64 = 1 << 28;
@@ -71,7 +70,7 @@ pub fn load(path: &Path, encoding: Encoding) -> Result<TextureImage, String> {
         None if extension == "pfm" => {
             super::pfm::read(&mut reader, |width, height| check_size(width, height, length), finite)
         }
-        None => load_exr(&mut reader, length, path),
+        None => load_exr(path, length),
         Some(format) => load_integers(reader, length, format, encoding),
     }
 }
@@ -86,51 +85,33 @@ fn check_size(width: u64, height: u64, length: u64) -> Result<(), String> {
     }
 }
 
-fn load_exr(reader: &mut impl Read, length: u64, path: &Path) -> Result<TextureImage, String> {
-    let meta = MetaData::read_from_buffered(reader, false).map_err(|error| error.to_string())?;
-    for header in &meta.headers {
-        check_size(header.layer_size.0 as u64, header.layer_size.1 as u64, length)?;
-        if matches!(header.compression, Compression::DWAA(_) | Compression::DWAB(_)) {
-            return Err("DWA compression; every other compression of EXR is accepted".into());
-        }
-        if header.channels.list.len() > MAX_CHANNELS {
-            return Err(format!(
-                "{} channels; at most {MAX_CHANNELS} are accepted",
-                header.channels.list.len()
-            ));
-        }
+/// Reads by [`exr_file`], which guards against damaged files.
+fn load_exr(path: &Path, length: u64) -> Result<TextureImage, String> {
+    let info = exr_file::read_info(path).map_err(|error| error.problem.to_string())?;
+    check_size(info.width as u64, info.height as u64, length)?;
+    if info.channels.len() > MAX_CHANNELS {
+        return Err(format!("{} channels; at most {MAX_CHANNELS} are accepted", info.channels.len()));
     }
-    let image = exr::prelude::read()
-        .no_deep_data()
-        .largest_resolution_level()
-        .all_channels()
-        .first_valid_layer()
-        .all_attributes()
-        .from_file(path)
-        .map_err(|error| error.to_string())?;
-    let layer = image.layer_data;
-    let (width, height) = (layer.size.0, layer.size.1);
-    let channel = |name: &str| layer.channel_data.list.iter().find(|c| c.name.eq_case_insensitive(name));
-    let named: Vec<_> = match ["R", "G", "B"].map(channel) {
+    let channel =
+        |name: &str| info.channels.iter().find(|c| c.eq_ignore_ascii_case(name)).map(String::as_str);
+    let names: Vec<&str> = match ["R", "G", "B"].map(channel) {
         [Some(r), Some(g), Some(b)] => [r, g, b].into_iter().chain(channel("A")).collect(),
         _ => channel("Y").into_iter().collect(),
     };
     // An image of any one channel is gray, whatever the channel's name.
-    let channels = if named.is_empty() && layer.channel_data.list.len() == 1 {
-        layer.channel_data.list.iter().collect()
-    } else {
-        named
+    let names = match &info.channels[..] {
+        [only] if names.is_empty() => vec![only.as_str()],
+        _ => names,
     };
-    if channels.is_empty() || channels.iter().any(|c| c.sample_data.len() != width * height) {
-        return Err("channels that are neither R, G, B nor Y in full resolution".into());
+    if names.is_empty() {
+        return Err("channels that are neither R, G, B nor Y".into());
     }
-    let count = channels.len();
+    let planes = exr_file::read_channels(path, &names).map_err(|error| error.problem.to_string())?;
+    let (width, height, count) = (planes.width(), planes.height(), names.len());
     let mut data = vec![0.0; width * height * count];
-    for (offset, channel) in channels.iter().enumerate() {
+    for offset in 0..count {
         let texels = data.iter_mut().skip(offset).step_by(count);
-        for (texel, value) in texels.zip(channel.sample_data.values_as_f32()) {
-            *texel = finite(value);
-        }
+        texels.zip(planes.plane(offset)).for_each(|(texel, &value)| *texel = finite(value));
     }
     Ok(without_opaque_alpha(width, height, count, data, 1.0, TextureImage::from_floats))
 }

@@ -1,14 +1,19 @@
 //! Rows of a store as bytes and back: numbers in little endian, array by array, so that copying is
 //! nearly all there is to do.
 
-use super::{HalfRow, Row};
+use super::{HalfRow, LARGEST_VALUE, Row};
+
+/// Factor of room for the rounding of means and deviations.
+const ROUNDING: f64 = 1.5;
 
 /// What bytes are not: a row of a store. Says what was found.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum RowError {
     #[error("found a pixel whose accepted and rejected samples are not those that were drawn")]
     Counts,
-    #[error("found a mean, a deviation or a sample that is not finite, or negative where it cannot be")]
+    #[error(
+        "found a mean, a deviation or a sample that is not finite, too large, or negative where it cannot be"
+    )]
     Values,
 }
 
@@ -110,10 +115,16 @@ impl Row {
         if (0..self.width).any(|x| total(x) != u64::from(self.drawn[x])) {
             return Err(RowError::Counts);
         }
-        let finite = |half: &HalfRow| {
-            half.mean.iter().all(|v| v.is_finite()) && half.m2.iter().all(|v| v.is_finite() && *v >= 0.0)
+        let largest = ROUNDING * f64::from(LARGEST_VALUE);
+        let possible = |half: &HalfRow| {
+            let each =
+                half.mean.iter().zip(&half.m2).enumerate().map(|(i, moments)| (i % self.stride, moments));
+            each.filter(|(x, _)| *x < self.width).all(|(x, (mean, m2))| {
+                let most = f64::from(half.count[x]) * largest * largest;
+                mean.abs() <= largest && (0.0..=most).contains(m2)
+            })
         };
-        if !self.halves.iter().all(finite) || !self.reservoir.iter().all(|v| v.is_finite()) {
+        if !self.halves.iter().all(possible) || !self.reservoir.iter().all(|v| v.abs() <= LARGEST_VALUE) {
             return Err(RowError::Values);
         }
         Ok(())

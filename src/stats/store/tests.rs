@@ -98,15 +98,15 @@ fn bad_samples_are_counted_and_touch_no_statistic() {
     let good = sample(&layout, |_| 0.5);
     let mut store = Store::new(1, 1, layout.clone(), 4, 0);
     store.push(0, 0, &good);
-    for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, -1e-3] {
+    for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, -1e-3, 1.001 * LARGEST_VALUE] {
         for dim in layout.colour().chain(layout.radiance()) {
             let mut s = good.clone();
             s[dim] = bad;
             store.push(0, 0, &s);
         }
     }
-    assert_eq!((store.samples(), store.rejected()), (1, 24));
-    assert_eq!(store.rows()[0].next_index(0), 25, "a rejected sample uses up its index");
+    assert_eq!((store.samples(), store.rejected()), (1, 30));
+    assert_eq!(store.rows()[0].next_index(0), 31, "a rejected sample uses up its index");
     assert!(store.means(Part::Whole, 0..layout.len()).data().iter().all(|&v| v == 0.5));
     assert_eq!(store.rows()[0].reservoir(0), good);
 }
