@@ -333,6 +333,17 @@ impl<'s> Bsdf<'s> {
         if on_horizon(wo) || on_horizon(wi) { 0.0 } else { of_lobe!(&self.lobe, lobe => lobe.pdf(wo, wi)) }
     }
 
+    /// [`Self::eval`] and [`Self::pdf`], which have much in common.
+    #[inline]
+    pub fn eval_and_pdf(&self, wo: Vec3, wi: Vec3) -> (Vec3, f32) {
+        let (wo, wi) = (self.frame.to_local(wo), self.frame.to_local(wi));
+        if on_horizon(wo) || on_horizon(wi) {
+            (Vec3::ZERO, 0.0)
+        } else {
+            of_lobe!(&self.lobe, lobe => (lobe.eval(wo, wi), lobe.pdf(wo, wi)))
+        }
+    }
+
     /// Draws a direction by `u_lobe` (which part) and `u` (where), all in [0, 1); `None` where
     /// they lead nowhere, which is an estimate of zero.
     #[inline]
