@@ -5,6 +5,7 @@
 
 mod bvh;
 mod disk;
+mod flat;
 mod instances;
 mod kernels;
 mod local;
@@ -29,6 +30,7 @@ use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
 use crate::scene::Scene;
+use flat::FlatAccel;
 use instances::InstanceAccel;
 use local::Detail;
 use object::ObjectAccel;
@@ -100,6 +102,8 @@ pub struct Accel<'s> {
     /// As the scene's.
     objects: Vec<ObjectAccel>,
     instances: InstanceAccel,
+    /// All of the scene once more, if there is little.
+    flat: Option<FlatAccel>,
     /// Some primitive has an alpha texture.
     has_alpha: bool,
 }
@@ -112,7 +116,9 @@ impl<'s> Accel<'s> {
             scene.objects.par_iter().map(|object| ObjectAccel::build(scene, object)).collect();
         let instances = InstanceAccel::build(scene, &objects);
         let has_alpha = scene.primitives.iter().any(|primitive| primitive.alpha.is_some());
-        Self { scene, objects, instances, has_alpha }
+        let fixed = objects.first().filter(|_| instances.is_empty() && !has_alpha);
+        let flat = fixed.and_then(FlatAccel::of);
+        Self { scene, objects, instances, flat, has_alpha }
     }
 
     /// The nearest hit that is not cut out by alpha.
@@ -126,7 +132,10 @@ impl<'s> Accel<'s> {
     /// each, in their order.
     #[inline]
     pub fn intersect_all(&self, rays: impl Iterator<Item = Ray>, found: impl FnMut(Option<Hit>)) {
-        search::find(self, rays, false, found);
+        match &self.flat {
+            Some(flat) => flat.find(rays, |ray| self.intersect(ray), found),
+            None => search::find(self, rays, false, found),
+        }
     }
 
     /// Whether anything lies between the ray's origin and `t_max`.
@@ -139,7 +148,10 @@ impl<'s> Accel<'s> {
     /// [`Self::occluded`] for many rays, as [`Self::intersect_all`].
     #[inline]
     pub fn occluded_all(&self, rays: impl Iterator<Item = Ray>, mut found: impl FnMut(bool)) {
-        search::find(self, rays, true, |hit| found(hit.is_some()));
+        match &self.flat {
+            Some(flat) => flat.find(rays, |ray| self.intersect(ray), |hit| found(hit.is_some())),
+            None => search::find(self, rays, true, |hit| found(hit.is_some())),
+        }
     }
 
     /// The point of a hit.

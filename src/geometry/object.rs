@@ -1,6 +1,6 @@
 //! Acceleration structure of one object: a hierarchy for its triangles, one for the other shapes.
 
-use glam::{Vec2, Vec3A};
+use glam::{Vec2, Vec3, Vec3A};
 use obvhs::aabb::Aabb;
 
 use super::bvh::{Bvh, NO_ITEM, Node, WIDTH};
@@ -84,6 +84,21 @@ impl ObjectAccel {
     pub fn bounds(&self) -> Option<Aabb> {
         let both = self.triangles.bounds.union(&self.quadrics.bounds);
         both.valid().then_some(both)
+    }
+
+    /// The triangles: corners, primitive, and number in its mesh.
+    pub fn triangles(&self) -> impl Iterator<Item = ([Vec3; 3], u32, u32)> {
+        let ids = self.triangle_ids.iter().enumerate().filter(|(_, id)| id.primitive != NO_ITEM);
+        ids.map(|(slot, id)| {
+            let corners = self.packets[slot / WIDTH].corners;
+            let corners = corners.map(|planes| Vec3::from_array(planes.map(|plane| plane[slot % WIDTH])));
+            (corners, id.primitive, id.triangle)
+        })
+    }
+
+    /// The other shapes, by [`Hit::element`].
+    pub fn quadrics(&self) -> &[Quadric] {
+        &self.quadric_tests
     }
 
     /// By [`Hit::element`].

@@ -51,6 +51,14 @@ impl Quadric {
         .map(|t| t as f32)
     }
 
+    /// The way to its own space and its radius, if it is a sphere of which nothing is missing.
+    pub fn whole_sphere(&self) -> Option<(DAffine3, f64)> {
+        match self.extent {
+            Extent::Sphere(sphere) if sphere.is_full() => Some((self.to_shape, sphere.radius)),
+            Extent::Sphere(_) | Extent::Disk(_) => None,
+        }
+    }
+
     pub fn uv(&self, ray: &TraversalRay, t: f32) -> Vec2 {
         let point = self.shape_point((ray.origin + t * ray.direction).as_dvec3(), Detail::Full);
         point.parametrisation.map_or(Vec2::ZERO, |it| it.uv)

@@ -51,20 +51,7 @@ impl SphereExtent {
 
     /// The distances, in order, at which a ray in sphere space meets the surface; NaN for none.
     pub fn distances(&self, origin: DVec3, direction: DVec3) -> [f64; 2] {
-        let a = direction.length_squared();
-        let half_b = origin.dot(direction);
-        let distance = origin.length();
-        let c = (distance - self.radius) * (distance + self.radius);
-        // The point closest to the centre gives a discriminant without cancellation.
-        let closest = (origin - direction * (half_b / a)).length();
-        let discriminant = (self.radius - closest) * (self.radius + closest) * a;
-        if discriminant < 0.0 {
-            return [f64::NAN; 2];
-        }
-        let root = discriminant.sqrt();
-        let q = -(half_b + root.copysign(half_b));
-        let (t0, t1) = (q / a, c / q);
-        let (first, last) = if t0 <= t1 { (t0, t1) } else { (t1, t0) };
+        let [first, last] = distances(self.radius, origin, direction);
         if self.is_full() {
             return [first, last];
         }
@@ -104,6 +91,22 @@ impl SphereExtent {
             uv: Vec2::new(phi / phi_max, v),
         }
     }
+}
+
+/// The distances, in order, at which a ray meets the whole of a sphere around the origin; NaN for
+/// none. Without a branch, so that it can be done for many rays at once.
+#[inline(always)]
+pub fn distances(radius: f64, origin: DVec3, direction: DVec3) -> [f64; 2] {
+    let squared_radius = radius * radius;
+    let a = direction.length_squared();
+    let half_b = origin.dot(direction);
+    let c = origin.length_squared() - squared_radius;
+    // The point closest to the centre gives a discriminant without cancellation.
+    let closest = origin - direction * (half_b / a);
+    let root = ((squared_radius - closest.length_squared()) * a).sqrt();
+    let q = -(half_b + root.copysign(half_b));
+    let (t0, t1) = (q / a, c / q);
+    if t0 <= t1 { [t0, t1] } else { [t1, t0] }
 }
 
 /// Angle around z, in [0, 2π).

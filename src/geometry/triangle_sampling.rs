@@ -1,5 +1,5 @@
-//! Points on an emissive triangle, uniform by area: all that does not depend on the point is
-//! computed once.
+//! Points on an emissive triangle, or on two that are a parallelogram, uniform by area: all that does
+//! not depend on the point is computed once.
 
 use glam::{Vec2, Vec3};
 
@@ -8,7 +8,7 @@ use super::rounding::gamma;
 use super::sampling::ShapeSample;
 use crate::scene::TriangleMesh;
 
-/// A triangle of a mesh, ready to be sampled.
+/// A triangle of a mesh or a parallelogram, ready to be sampled.
 #[derive(Clone, Debug)]
 pub struct TriangleSampler {
     corner: Vec3,
@@ -18,6 +18,7 @@ pub struct TriangleSampler {
     inverse_area: f32,
     position_error: Vec3,
     uvs: [Vec2; 3],
+    is_parallelogram: bool,
     /// Vertex normals, where they disagree about the side of the geometric one.
     disagreeing: Option<Box<[Vec3; 3]>>,
 }
@@ -42,15 +43,49 @@ impl TriangleSampler {
             // Of the edges, their products and two sums.
             position_error: gamma(4) * (a.abs() + edges[0].abs() + edges[1].abs()),
             uvs: mesh::corner_uvs(mesh, triangle),
+            is_parallelogram: false,
             disagreeing: vertex_normals.filter(|_| !agree).map(Box::new),
         }
+    }
+
+    /// Two triangles of a mesh, if they make up a parallelogram. Texture coordinates are those of the
+    /// first, continued.
+    pub fn of_parallelogram(mesh: &TriangleMesh, triangles: [u32; 2], flip_normal: bool) -> Option<Self> {
+        let [first, second] = triangles.map(|triangle| Self::new(mesh, triangle, flip_normal));
+        let [p, q] = triangles.map(|triangle| mesh::corners(mesh, triangle));
+        let has_sides = [&first, &second].iter().all(|it| it.disagreeing.is_none());
+        if !has_sides || first.normal.dot(second.normal) <= 0.0 {
+            return None;
+        }
+        // The corner `a` of the first is opposite to the edge that they share, and `d` of the second.
+        (0..3).find_map(|a| {
+            let (b, c) = ((a + 1) % 3, (a + 2) % 3);
+            let d = (0..3).find(|&d| q[(d + 1) % 3] == p[c] && q[(d + 2) % 3] == p[b])?;
+            let gap = (p[b] + p[c] - p[a] - q[d]).abs();
+            let closes = gap.cmple(first.position_error).all();
+            closes.then(|| Self {
+                corner: p[a],
+                edges: [p[b] - p[a], p[c] - p[a]],
+                inverse_area: 1.0 / (first.inverse_area.recip() + second.inverse_area.recip()),
+                position_error: gap + first.position_error + second.position_error,
+                uvs: [first.uvs[a], first.uvs[b], first.uvs[c]],
+                is_parallelogram: true,
+                ..first.clone()
+            })
+        })
+    }
+
+    /// Where its middle is.
+    pub fn middle(&self) -> Vec3 {
+        let share = if self.is_parallelogram { 0.5 } else { 1.0 / 3.0 };
+        self.corner + share * (self.edges[0] + self.edges[1])
     }
 
     /// A point as seen from `reference`, with `u` in [0, 1)²; `None` if the triangle has no area,
     /// or is seen edge-on.
     #[inline]
     pub fn sample(&self, reference: Vec3, u: Vec2) -> Option<ShapeSample> {
-        let b = uniform_barycentric(u);
+        let b = if self.is_parallelogram { u } else { uniform_barycentric(u) };
         let weights = [1.0 - b.x - b.y, b.x, b.y];
         let position = self.corner + b.x * self.edges[0] + b.y * self.edges[1];
         let normal = match &self.disagreeing {
@@ -86,4 +121,56 @@ impl TriangleSampler {
 fn uniform_barycentric(u: Vec2) -> Vec2 {
     let (b0, b1) = if u.x < u.y { (0.5 * u.x, u.y - 0.5 * u.x) } else { (u.x - 0.5 * u.y, 0.5 * u.y) };
     Vec2::new(b1, 1.0 - b0 - b1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::test_scenes::mesh_of;
+
+    const CORNERS: [Vec3; 4] =
+        [Vec3::ZERO, Vec3::new(2.0, 0.0, 1.0), Vec3::new(2.5, 3.0, 2.0), Vec3::new(0.5, 3.0, 1.0)];
+
+    fn of(triangles: [[Vec3; 3]; 2], flip_normal: bool) -> Option<TriangleSampler> {
+        TriangleSampler::of_parallelogram(&mesh_of(&triangles), [0, 1], flip_normal)
+    }
+
+    #[test]
+    fn halves_of_a_parallelogram_are_sampled_as_one() {
+        let [a, b, c, d] = CORNERS;
+        let reference = Vec3::new(0.3, 0.2, 9.0);
+        for halves in [[[a, b, c], [a, c, d]], [[b, c, a], [d, a, c]], [[b, c, d], [b, d, a]]] {
+            let both = of(halves, true).expect("a parallelogram");
+            let mesh = mesh_of(&halves);
+            let single = TriangleSampler::new(&mesh, 0, true);
+            assert!((both.middle() - 0.5 * (a + c)).length() < 1e-6);
+            let n = 16;
+            let mut mean = Vec3::ZERO;
+            for i in 0..n * n {
+                let u = (Vec2::new((i % n) as f32, (i / n) as f32) + 0.5) / n as f32;
+                let sample = both.sample(reference, u).expect("it is seen");
+                assert!((sample.normal - single.normal).length() < 1e-6);
+                // Twice the area is half the density.
+                let expected = 0.5 * single.pdf(reference, sample.position);
+                assert!((sample.pdf / expected - 1.0).abs() < 1e-4);
+                mean += sample.position / (n * n) as f32;
+            }
+            assert!((mean - both.middle()).length() < 1e-4);
+        }
+    }
+
+    #[test]
+    fn other_pairs_of_triangles_are_not_merged() {
+        let [a, b, c, d] = CORNERS;
+        let lifted = d + 0.01 * Vec3::Z;
+        for halves in [
+            [[a, b, c], [a, c, lifted]],
+            [[a, b, c], [a, c, 0.9 * d]],
+            // The second faces the other way.
+            [[a, b, c], [c, a, d]],
+            [[a, b, c], [a, b, c]],
+        ] {
+            assert!(of(halves, false).is_none(), "{halves:?}");
+        }
+    }
 }

@@ -30,7 +30,7 @@ pub use share::Share;
 
 /// Samples that are traced together: enough for the stages to overlap, few enough to stay in the
 /// first-level cache.
-const WAVEFRONT: usize = 24;
+const WAVEFRONT: usize = 64;
 
 /// Renders samples of one scene.
 pub struct Renderer<'s> {

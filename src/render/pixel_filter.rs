@@ -21,7 +21,12 @@ pub struct FilterSampler {
 
 impl FilterSampler {
     pub fn new(filter: &PixelFilter) -> Self {
-        let [x, y] = [0, 1].map(|axis| Quantiles::new(radius(filter)[axis], |t| profile(filter, axis, t)));
+        let steps = match filter {
+            PixelFilter::Box { .. } => 1,
+            _ => Quantiles::STEPS,
+        };
+        let along = |axis| Quantiles::new(steps, radius(filter)[axis], |t| profile(filter, axis, t));
+        let [x, y] = [0, 1].map(along);
         Self { x, y }
     }
 
@@ -81,22 +86,22 @@ struct Quantiles {
 }
 
 impl Quantiles {
-    /// Each step holds 1/1024 of the probability; inside of one the density is constant.
+    /// Each step holds an equal part of the probability; inside of one the density is constant.
     const STEPS: usize = 1024;
     /// Cells of the integration from which the quantiles are read off.
     const CELLS: usize = 1 << 15;
 
     /// Quantiles of the positive part of `density` over [-radius, radius].
-    fn new(radius: f32, density: impl Fn(f64) -> f64) -> Self {
+    fn new(steps: usize, radius: f32, density: impl Fn(f64) -> f64) -> Self {
         let radius = f64::from(radius);
         let cell = 2.0 * radius / Self::CELLS as f64;
         let edge = |i: usize| i as f64 * cell - radius;
         let masses: Vec<f64> = (0..Self::CELLS).map(|i| density(edge(i) + 0.5 * cell).max(0.0)).collect();
         let total: f64 = masses.iter().sum();
-        let mut values = Vec::with_capacity(Self::STEPS + 1);
+        let mut values = Vec::with_capacity(steps + 1);
         let (mut i, mut below) = (0, 0.0);
-        for step in 0..=Self::STEPS {
-            let target = total * step as f64 / Self::STEPS as f64;
+        for step in 0..=steps {
+            let target = total * step as f64 / steps as f64;
             while i + 1 < Self::CELLS && (below + masses[i] < target || masses[i] == 0.0) {
                 below += masses[i];
                 i += 1;
@@ -109,8 +114,9 @@ impl Quantiles {
 
     #[inline]
     fn sample(&self, u: f32) -> f32 {
-        let position = u * Self::STEPS as f32;
-        let step = (position as usize).min(Self::STEPS - 1);
+        let steps = self.values.len() - 1;
+        let position = u * steps as f32;
+        let step = (position as usize).min(steps - 1);
         let (a, b) = (self.values[step], self.values[step + 1]);
         a + (b - a) * (position - step as f32)
     }

@@ -69,15 +69,17 @@ struct PixelMoments {
     m2: [f64; MAX_DIMENSIONS],
 }
 
+impl PixelMoments {
+    const NONE: Self = Self { mean: [0.0; MAX_DIMENSIONS], m2: [0.0; MAX_DIMENSIONS] };
+}
+
 impl HalfRow {
-    fn fetch(&self, x: usize, stride: usize, dims: usize) -> PixelMoments {
-        let mut pixel = PixelMoments { mean: [0.0; MAX_DIMENSIONS], m2: [0.0; MAX_DIMENSIONS] };
+    fn fetch(&self, x: usize, stride: usize, dims: usize, pixel: &mut PixelMoments) {
         let fetch = |into: &mut [f64], plane: &[f64]| {
             into.iter_mut().zip(plane[x..].iter().step_by(stride)).for_each(|(to, from)| *to = *from);
         };
         fetch(&mut pixel.mean[..dims], &self.mean);
         fetch(&mut pixel.m2[..dims], &self.m2);
-        pixel
     }
 
     fn put_back(&mut self, x: usize, stride: usize, dims: usize, pixel: &PixelMoments) {
@@ -280,7 +282,10 @@ impl Row {
     pub fn push(&mut self, x: usize, samples: &[f32]) {
         // The pixel's moments lie in as many cache lines as there are dimensions: they are fetched
         // once for all samples.
-        let mut pixel = [0, 1].map(|h| self.halves[h].fetch(x, self.stride, self.dims));
+        let mut pixel = [PixelMoments::NONE; 2];
+        for (half, pixel) in self.halves.iter().zip(&mut pixel) {
+            half.fetch(x, self.stride, self.dims, pixel);
+        }
         for sample in samples.chunks_exact(self.dims) {
             let index = self.drawn[x];
             self.drawn[x] = index.saturating_add(1);

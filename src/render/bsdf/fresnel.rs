@@ -64,7 +64,8 @@ fn conductor_channel(cos: f32, eta: f32, k: f32) -> f32 {
     let (cos2, sin2) = (cos * cos, 1.0 - cos * cos);
     // a + ib = √((eta + ik)² - sin²): the part without cancellation first, the other from it.
     let real = eta * eta - k * k - sin2;
-    let modulus = real.hypot(2.0 * eta * k);
+    let imaginary = 2.0 * eta * k;
+    let modulus = (real * real + imaginary * imaginary).sqrt();
     let large = ((modulus + real.abs()) / 2.0).sqrt();
     let small = if large > 0.0 { eta * k / large } else { 0.0 };
     let (a, b) = if real >= 0.0 { (large, small) } else { (small, large) };

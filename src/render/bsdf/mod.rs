@@ -318,19 +318,24 @@ impl<'s> Bsdf<'s> {
     /// f |cos wi|, specular parts excluded. Radiance travels from `wi` to `wo`.
     #[inline]
     pub fn eval(&self, wo: Vec3, wi: Vec3) -> Vec3 {
-        let (wo, wi) = (self.frame.to_local(wo), self.frame.to_local(wi));
-        if on_horizon(wo) || on_horizon(wi) {
-            Vec3::ZERO
-        } else {
-            of_lobe!(&self.lobe, lobe => lobe.eval(wo, wi))
-        }
+        self.eval_and_pdf(wo, wi).0
     }
 
     /// Density, per steradian, of [`Self::sample`]'s non-specular directions.
     #[inline]
     pub fn pdf(&self, wo: Vec3, wi: Vec3) -> f32 {
+        self.eval_and_pdf(wo, wi).1
+    }
+
+    /// [`Self::eval`] and [`Self::pdf`], which have much in common.
+    #[inline]
+    pub fn eval_and_pdf(&self, wo: Vec3, wi: Vec3) -> (Vec3, f32) {
         let (wo, wi) = (self.frame.to_local(wo), self.frame.to_local(wi));
-        if on_horizon(wo) || on_horizon(wi) { 0.0 } else { of_lobe!(&self.lobe, lobe => lobe.pdf(wo, wi)) }
+        if on_horizon(wo) || on_horizon(wi) {
+            (Vec3::ZERO, 0.0)
+        } else {
+            of_lobe!(&self.lobe, lobe => (lobe.eval(wo, wi), lobe.pdf(wo, wi)))
+        }
     }
 
     /// Draws a direction by `u_lobe` (which part) and `u` (where), all in [0, 1); `None` where

@@ -27,12 +27,12 @@ impl PathTracer<'_> {
         time: f32,
     ) -> Option<(Vec3, Ray)> {
         let light = self.lights.sample(receiver, numbers.light, numbers.light_uv)?;
-        let scattered = bsdf.eval(wo, light.wi) * light.radiance;
+        let (value, pdf) = bsdf.eval_and_pdf(wo, light.wi);
+        let scattered = value * light.radiance;
         if scattered == Vec3::ZERO {
             return None;
         }
-        let share =
-            if light.found_by_rays { power_heuristic(light.pdf, bsdf.pdf(wo, light.wi)) } else { 1.0 };
+        let share = if light.found_by_rays { power_heuristic(light.pdf, pdf) } else { 1.0 };
         Some((scattered * (share / light.pdf), light.shadow_ray(point, time)))
     }
 

@@ -83,7 +83,7 @@ impl LightChoice {
             }
             u -= share;
         }
-        let share = shares.of(self.tree.importance(receiver));
+        let share = shares.of(shares.tree);
         if share <= 0.0 {
             // Rounding has carried the number past the last of the lights around.
             let last =
@@ -103,19 +103,20 @@ impl LightChoice {
         let shares = self.shares(receiver);
         match self.around.iter().find(|around| around.light == light) {
             Some(around) => shares.of(around.expected(receiver)),
-            None => shares.of(self.tree.importance(receiver)) * self.tree.probability(light, receiver),
+            None => shares.of(shares.tree) * self.tree.probability(light, receiver),
         }
     }
 
     #[inline]
     fn shares(&self, receiver: &Receiver) -> Shares {
         let around = self.around.iter().map(|around| around.expected(receiver));
+        let tree = self.tree.importance(receiver);
         let (mut total, mut count) = (0.0, 0.0);
-        for expected in around.chain([self.tree.importance(receiver)]).filter(|&e| e > 0.0) {
+        for expected in around.chain([tree]).filter(|&e| e > 0.0) {
             total += expected;
             count += 1.0;
         }
-        Shares { per_expected: (1.0 - EVEN_SHARE) / total, even: EVEN_SHARE / count }
+        Shares { per_expected: (1.0 - EVEN_SHARE) / total, even: EVEN_SHARE / count, tree }
     }
 }
 
@@ -123,6 +124,8 @@ impl LightChoice {
 struct Shares {
     per_expected: f32,
     even: f32,
+    /// Irradiance expected from the tree.
+    tree: f32,
 }
 
 impl Shares {

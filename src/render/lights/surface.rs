@@ -1,4 +1,7 @@
-//! Emissive surfaces: every triangle of a mesh, every sphere and every disk is a light of its own.
+//! Emissive surfaces: every triangle of a mesh, every sphere and every disk is a light of its own;
+//! two triangles that follow each other and make up a parallelogram are one.
+
+use std::ops::Range;
 
 use glam::{Vec2, Vec3};
 
@@ -7,7 +10,7 @@ use super::extent::Extent;
 use super::{LightSample, brightness};
 use crate::geometry::{SurfacePoint, TriangleSampler, area, pdf_shape, sample_shape};
 use crate::scene::texture::TexturePoint;
-use crate::scene::{AreaLight, FloatTextureId, Scene, Shape};
+use crate::scene::{AreaLight, FloatTextureId, Scene, Shape, TriangleMesh};
 
 /// Emissive surfaces of a scene; its lights are numbered by primitive, then by element.
 pub struct SurfaceLights<'s> {
@@ -15,16 +18,18 @@ pub struct SurfaceLights<'s> {
     surfaces: Vec<Surface>,
     /// For each primitive the index into `surfaces`, or [`NO_LIGHT`].
     of_primitive: Vec<u32>,
+    /// For each element of each surface the index into `lights`.
+    of_element: Vec<u32>,
     lights: Vec<SurfaceLight>,
 }
 
 const NO_LIGHT: u32 = u32::MAX;
 
-/// An element of an emissive primitive.
+/// An element of an emissive primitive, or two.
 struct SurfaceLight {
     /// Index into [`SurfaceLights::surfaces`].
     surface: u32,
-    element: u32,
+    elements: Range<u32>,
     /// For elements of meshes.
     triangle: Option<TriangleSampler>,
 }
@@ -32,7 +37,7 @@ struct SurfaceLight {
 /// An emissive primitive.
 struct Surface {
     primitive: u32,
-    /// Number of the light that is its first element.
+    /// Its first element's index into [`SurfaceLights::of_element`].
     first: usize,
     emission: AreaLight,
     /// Where it is cut out, it does not emit.
@@ -44,7 +49,13 @@ struct Surface {
 
 impl<'s> SurfaceLights<'s> {
     pub fn new(scene: &'s Scene) -> Self {
-        let mut lights = Self { scene, surfaces: Vec::new(), of_primitive: Vec::new(), lights: Vec::new() };
+        let mut lights = Self {
+            scene,
+            surfaces: Vec::new(),
+            of_primitive: Vec::new(),
+            of_element: Vec::new(),
+            lights: Vec::new(),
+        };
         for (i, primitive) in (0..).zip(&scene.primitives) {
             let emission = primitive.area_light.filter(|light| light.radiance != Vec3::ZERO);
             let Some(emission) = emission else {
@@ -56,22 +67,41 @@ impl<'s> SurfaceLights<'s> {
             lights.of_primitive.push(surface);
             lights.surfaces.push(Surface {
                 primitive: i,
-                first: lights.lights.len(),
+                first: lights.of_element.len(),
                 emission,
                 alpha: primitive.alpha.filter(|_| !hidden),
                 found_by_rays: !hidden,
             });
             match &primitive.shape {
-                Shape::Mesh(mesh) => lights.lights.extend((0..mesh.indices.len() as u32).map(|element| {
-                    let triangle = TriangleSampler::new(mesh, element, primitive.flip_normal);
-                    SurfaceLight { surface, element, triangle: Some(triangle) }
-                })),
-                Shape::Sphere(_) | Shape::Disk(_) => {
-                    lights.lights.push(SurfaceLight { surface, element: 0, triangle: None });
+                Shape::Mesh(mesh) => {
+                    // What is cut out depends on the texture coordinates of each triangle.
+                    let merges = primitive.alpha.is_none() || hidden;
+                    lights.add_triangles(surface, mesh, primitive.flip_normal, merges);
                 }
+                Shape::Sphere(_) | Shape::Disk(_) => lights.add(surface, 0..1, None),
             }
         }
         lights
+    }
+
+    fn add_triangles(&mut self, surface: u32, mesh: &TriangleMesh, flip_normal: bool, merges: bool) {
+        let count = mesh.indices.len() as u32;
+        let mut element = 0;
+        while element < count {
+            let next = element + 1;
+            let both = (merges && next < count)
+                .then(|| TriangleSampler::of_parallelogram(mesh, [element, next], flip_normal))
+                .flatten();
+            let end = if both.is_some() { next + 1 } else { next };
+            let sampler = both.unwrap_or_else(|| TriangleSampler::new(mesh, element, flip_normal));
+            self.add(surface, element..end, Some(sampler));
+            element = end;
+        }
+    }
+
+    fn add(&mut self, surface: u32, elements: Range<u32>, triangle: Option<TriangleSampler>) {
+        self.of_element.extend(elements.clone().map(|_| self.lights.len() as u32));
+        self.lights.push(SurfaceLight { surface, elements, triangle });
     }
 
     /// Whether a ray can hit one.
@@ -81,19 +111,29 @@ impl<'s> SurfaceLights<'s> {
 
     /// What the choice among lights goes by, for each light.
     pub fn bounds(&self) -> impl Iterator<Item = LightBounds> {
-        self.lights.iter().map(|&SurfaceLight { surface, element, .. }| {
-            let Surface { primitive, emission, .. } = self.surfaces[surface as usize];
-            let Extent { centre, radius, normal, seen_share } = Extent::of(self.scene, primitive, element);
-            LightBounds {
-                centre,
-                radius,
-                axis: normal.unwrap_or(Vec3::Z),
-                cos_axes: if normal.is_some() { 1.0 } else { -1.0 },
-                cos_emission: 0.0,
-                two_sided: emission.two_sided,
-                intensity: area(self.scene, primitive, element) * seen_share * brightness(emission.radiance),
-            }
+        self.lights.iter().map(|light| {
+            let mut elements =
+                light.elements.clone().map(|element| self.element_bounds(light.surface, element));
+            let first = elements.next().expect("a light has an element");
+            elements.fold(first, |a, b| {
+                let centre = light.triangle.as_ref().map_or(a.centre, TriangleSampler::middle);
+                a.union(&b, centre)
+            })
         })
+    }
+
+    fn element_bounds(&self, surface: u32, element: u32) -> LightBounds {
+        let Surface { primitive, emission, .. } = self.surfaces[surface as usize];
+        let Extent { centre, radius, normal, seen_share } = Extent::of(self.scene, primitive, element);
+        LightBounds {
+            centre,
+            radius,
+            axis: normal.unwrap_or(Vec3::Z),
+            cos_axes: if normal.is_some() { 1.0 } else { -1.0 },
+            cos_emission: 0.0,
+            two_sided: emission.two_sided,
+            intensity: area(self.scene, primitive, element) * seen_share * brightness(emission.radiance),
+        }
     }
 
     /// Light from a point of one of the lights.
@@ -103,7 +143,7 @@ impl<'s> SurfaceLights<'s> {
         let surface = &self.surfaces[light.surface as usize];
         let point = match &light.triangle {
             Some(triangle) => triangle.sample(from, u)?,
-            None => sample_shape(self.scene, surface.primitive, light.element, from, u)?,
+            None => sample_shape(self.scene, surface.primitive, light.elements.start, from, u)?,
         };
         let wi = (point.position - from).try_normalize()?;
         let radiance = surface.radiance(point.normal.dot(-wi))?;
@@ -132,7 +172,7 @@ impl<'s> SurfaceLights<'s> {
     #[inline]
     pub fn pdf(&self, from: Vec3, point: &SurfacePoint) -> Option<(usize, f32)> {
         let surface = self.at(point)?;
-        let light = surface.first + point.element as usize;
+        let light = self.of_element[surface.first + point.element as usize] as usize;
         let pdf = match &self.lights[light].triangle {
             Some(triangle) => triangle.pdf(from, point.position),
             None => pdf_shape(self.scene, point.primitive, point.element, from, point),

@@ -12,6 +12,7 @@
 
 use std::sync::LazyLock;
 
+use multiversion::multiversion;
 use sobol_burley::parts;
 
 use super::{SET, Source, hash, pixel_key};
@@ -50,27 +51,31 @@ impl Source for Sobol {
         let index = index >> 1;
         let sequence = index >> SEQUENCE_BITS;
         let seed = hash(half ^ (u64::from(sequence) << 32 | u64::from(set)));
-        self.scrambled(index & ((1 << SEQUENCE_BITS) - 1), (seed >> 32) as u32)
+        scrambled(self.points, index & ((1 << SEQUENCE_BITS) - 1), (seed >> 32) as u32)
     }
 }
 
-impl Sobol {
-    /// `sobol_burley::sample_4d(index, 0, seed)`; its constants are repeated here.
-    #[inline]
-    fn scrambled(&self, index: u32, seed: u32) -> [f32; SET as usize] {
-        const SHUFFLE: u32 = 0x79c6_8e4a;
-        const SPREAD: u32 = 0x9c8f_2d3b;
-        const SCRAMBLES: [u32; SET as usize] = [0x912f_69ba, 0x174f_18ab, 0x691e_72ca, 0xb40c_c1b8];
-        let shuffled = parts::owen_scramble_rev(index.reverse_bits(), parts::hash(seed ^ SHUFFLE));
-        let low = self.points[0][(shuffled >> SEQUENCE_BITS) as usize & 0xff];
-        let high = self.points[1][(shuffled >> (SEQUENCE_BITS + 8)) as usize];
-        let spread = seed.wrapping_mul(SPREAD);
-        std::array::from_fn(|d| {
-            let scramble = parts::hash(spread ^ SCRAMBLES[d]);
-            let scrambled = parts::owen_scramble_rev(low[d] ^ high[d], scramble);
-            parts::u32_to_f32_norm(scrambled.reverse_bits())
-        })
+/// `sobol_burley::sample_4d(index, 0, seed)`; its constants are repeated here. The four dimensions are
+/// the lanes of a vector.
+#[multiversion(targets(
+    "x86_64+avx512f+avx512bw+avx512dq+avx512vl+bmi1+bmi2+fma+avx2+popcnt+lzcnt",
+    "x86_64+avx2+fma+bmi1+bmi2+popcnt+lzcnt"
+))]
+fn scrambled(points: &BytePoints, index: u32, seed: u32) -> [f32; SET as usize] {
+    const SHUFFLE: u32 = 0x79c6_8e4a;
+    const SPREAD: u32 = 0x9c8f_2d3b;
+    const SCRAMBLES: [u32; SET as usize] = [0x912f_69ba, 0x174f_18ab, 0x691e_72ca, 0xb40c_c1b8];
+    let shuffled = parts::owen_scramble_rev(index.reverse_bits(), parts::hash(seed ^ SHUFFLE));
+    let low = &points[0][(shuffled >> SEQUENCE_BITS) as usize & 0xff];
+    let high = &points[1][(shuffled >> (SEQUENCE_BITS + 8)) as usize];
+    let spread = seed.wrapping_mul(SPREAD);
+    let mut numbers = [0.0; SET as usize];
+    for (d, number) in numbers.iter_mut().enumerate() {
+        let scramble = parts::hash(spread ^ SCRAMBLES[d]);
+        let scrambled = parts::owen_scramble_rev(low[d] ^ high[d], scramble);
+        *number = parts::u32_to_f32_norm(scrambled.reverse_bits());
     }
+    numbers
 }
 
 #[cfg(test)]
@@ -104,7 +109,7 @@ mod tests {
     fn points_are_those_of_the_crate() {
         let source = Sobol::for_pixel(0, 0, 0);
         for i in (0..1 << SEQUENCE_BITS).step_by(41) {
-            assert_eq!(source.scrambled(i, i), sobol_burley::sample_4d(i, 0, i));
+            assert_eq!(scrambled(source.points, i, i), sobol_burley::sample_4d(i, 0, i));
         }
     }
 

@@ -1,0 +1,374 @@
+//! Search through scenes of a few surfaces without a tree: each surface is tested against many rays
+//! at once, a lane for each. Where every ray would open most leaves anyway, that saves the way to
+//! them, and no lane is empty.
+//!
+//! The tests are those of the tree (Woop, Benthin and Wald 2013 for triangles, double precision for
+//! spheres), operation by operation, and find the same to the last bit. What takes more than they
+//! have, a ray through an edge, is left to the tree.
+
+use glam::{DAffine3, DVec3, Vec2, Vec3};
+use multiversion::multiversion;
+
+use super::bvh::NO_ITEM;
+use super::object::ObjectAccel;
+use super::rounding::gamma;
+use super::{Hit, Ray, sphere};
+
+/// Rays that are searched together.
+const LANES: usize = 16;
+
+/// Surfaces beyond which a tree is quicker, a sphere counting as two triangles.
+const MOST_TRIANGLES: usize = 48;
+
+/// Rays below which most lanes would be empty, and the tree is quicker.
+const FEWEST: usize = 4;
+
+/// No surface.
+const NOTHING: u32 = u32::MAX;
+
+type Lanes<T = f32> = [T; LANES];
+
+/// The surfaces of a scene that has few.
+#[derive(Debug)]
+pub struct FlatAccel {
+    triangles: Vec<Triangle>,
+    spheres: Vec<WholeSphere>,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Triangle {
+    corners: [Vec3; 3],
+    /// The largest coordinate.
+    size: f32,
+    primitive: u32,
+    element: u32,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct WholeSphere {
+    to_shape: DAffine3,
+    radius: f64,
+    primitive: u32,
+    element: u32,
+}
+
+/// Rays in lanes, and the nearest that each has met.
+struct Packet {
+    origin: [Lanes; 3],
+    direction: [Lanes; 3],
+    /// Shear that takes the direction to its largest component, and distance for a unit along that,
+    /// as in [`super::traverse::TraversalRay`]. Here the axes are permuted in a circle whatever the
+    /// direction, which gives the same, as both windings are looked at.
+    major: Lanes<u32>,
+    shear: [Lanes; 2],
+    scale: Lanes,
+    t_max: Lanes,
+    /// Triangles, then spheres, by their index.
+    surface: Lanes<u32>,
+    /// Weights of vertices 1 and 2, and the sum that they are to be divided by.
+    weights: [Lanes; 3],
+    /// The tree has to decide.
+    undecided: Lanes<u32>,
+}
+
+impl FlatAccel {
+    /// `None` where a tree does better, or knows more.
+    pub fn of(object: &ObjectAccel) -> Option<Self> {
+        let triangles: Vec<_> = object
+            .triangles()
+            .map(|(corners, primitive, element)| {
+                let size = corners.iter().fold(0.0, |size, corner| corner.abs().max_element().max(size));
+                Triangle { corners, size, primitive, element }
+            })
+            .collect();
+        let spheres: Vec<_> = (0..)
+            .zip(object.quadrics())
+            .map(|(element, quadric)| {
+                let (to_shape, radius) = quadric.whole_sphere()?;
+                Some(WholeSphere { to_shape, radius, primitive: quadric.primitive, element })
+            })
+            .collect::<Option<_>>()?;
+        (triangles.len() + 2 * spheres.len() <= MOST_TRIANGLES).then_some(Self { triangles, spheres })
+    }
+
+    /// Passes on the nearest hit of each ray, in their order. `by_tree` searches for one that this
+    /// cannot, or not as quickly, tell.
+    #[inline]
+    pub fn find(
+        &self,
+        mut rays: impl Iterator<Item = Ray>,
+        by_tree: impl Fn(&Ray) -> Option<Hit>,
+        mut found: impl FnMut(Option<Hit>),
+    ) {
+        let mut packet = Packet::new();
+        let mut batch = [Ray { origin: Vec3::ZERO, direction: Vec3::ZERO, t_max: 0.0, time: 0.0 }; LANES];
+        loop {
+            let mut count = 0;
+            for (slot, ray) in batch.iter_mut().zip(rays.by_ref()) {
+                *slot = ray;
+                count += 1;
+            }
+            match &batch[..count] {
+                [] => return,
+                rays if count < FEWEST => rays.iter().for_each(|ray| found(by_tree(ray))),
+                rays => {
+                    packet.load(rays);
+                    search(self, &mut packet);
+                    for (lane, ray) in rays.iter().enumerate() {
+                        let decided = packet.undecided[lane] == 0;
+                        found(if decided { self.hit(&packet, lane) } else { by_tree(ray) });
+                    }
+                }
+            }
+        }
+    }
+
+    fn hit(&self, packet: &Packet, lane: usize) -> Option<Hit> {
+        let surface = packet.surface[lane] as usize;
+        let [v, w, determinant] = packet.weights.map(|lanes| lanes[lane]);
+        let hit = Hit {
+            t: packet.t_max[lane],
+            primitive: NO_ITEM,
+            element: NO_ITEM,
+            instance: Hit::STATIC,
+            barycentric: Vec2::ZERO,
+        };
+        if let Some(&Triangle { primitive, element, .. }) = self.triangles.get(surface) {
+            return Some(Hit { primitive, element, barycentric: Vec2::new(v, w) / determinant, ..hit });
+        }
+        let sphere = self.spheres.get(surface.wrapping_sub(self.triangles.len()))?;
+        Some(Hit { primitive: sphere.primitive, element: sphere.element, ..hit })
+    }
+}
+
+impl Packet {
+    fn new() -> Self {
+        let zero = [0.0; LANES];
+        let none = [0; LANES];
+        Self {
+            origin: [zero; 3],
+            direction: [zero; 3],
+            major: none,
+            shear: [zero; 2],
+            scale: zero,
+            t_max: zero,
+            surface: none,
+            weights: [zero; 3],
+            undecided: none,
+        }
+    }
+
+    /// Lanes without a ray keep one, which can hit nothing.
+    fn load(&mut self, rays: &[Ray]) {
+        self.t_max = [0.0; LANES];
+        for (lane, ray) in rays.iter().enumerate() {
+            for axis in 0..3 {
+                self.origin[axis][lane] = ray.origin[axis];
+                self.direction[axis][lane] = ray.direction[axis];
+            }
+            self.t_max[lane] = ray.t_max;
+        }
+    }
+
+    /// Sets up the rays that were loaded, and returns their origins' largest coordinate.
+    #[inline(always)]
+    fn prepare(&mut self) -> f32 {
+        let mut farthest = 0.0;
+        for lane in 0..LANES {
+            let [o_x, o_y, o_z] = [self.origin[0][lane], self.origin[1][lane], self.origin[2][lane]];
+            let [d_x, d_y, d_z] = [self.direction[0][lane], self.direction[1][lane], self.direction[2][lane]];
+            let x_is_major = (d_x.abs() > d_y.abs()) & (d_x.abs() > d_z.abs());
+            let y_or_z = if d_y.abs() > d_z.abs() { 1 } else { 2 };
+            let major = if x_is_major { 0 } else { y_or_z };
+            let [along, a, b] = turned([d_x, d_y, d_z], major);
+            // Zero times what is not finite is not a number.
+            let nothing = 0.0 * o_x + 0.0 * o_y + 0.0 * o_z + 0.0 * d_x + 0.0 * d_y + 0.0 * d_z;
+            let scale = 1.0 / along;
+            self.major[lane] = major;
+            self.shear[0][lane] = a * scale;
+            self.shear[1][lane] = b * scale;
+            self.scale[lane] = scale;
+            self.t_max[lane] = if (nothing == 0.0) & (along != 0.0) { self.t_max[lane] } else { 0.0 };
+            self.surface[lane] = NOTHING;
+            self.undecided[lane] = 0;
+            let size = larger(o_x.abs(), larger(o_y.abs(), o_z.abs()));
+            farthest = larger(farthest, size);
+        }
+        farthest
+    }
+
+    /// Tests a triangle; whether some lane is in doubt about a hit near its origin. Of hits whose
+    /// weighted distance is more than `certain` there is no doubt; `thorough` leaves none at all.
+    #[inline(always)]
+    fn meet_triangle(&mut self, triangle: &Triangle, index: u32, certain: f32, thorough: bool) -> bool {
+        let mut doubts = 0;
+        for lane in 0..LANES {
+            let major = self.major[lane];
+            let [o_x, o_y, o_z] = [self.origin[0][lane], self.origin[1][lane], self.origin[2][lane]];
+            let [shear_x, shear_y] = [self.shear[0][lane], self.shear[1][lane]];
+            let sheared = |p: Vec3| {
+                let [along, a, b] = turned([p.x - o_x, p.y - o_y, p.z - o_z], major);
+                [a - shear_x * along, b - shear_y * along, along]
+            };
+            let [corner_0, corner_1, corner_2] = triangle.corners;
+            let [x_0, y_0, z_0] = sheared(corner_0);
+            let [x_1, y_1, z_1] = sheared(corner_1);
+            let [x_2, y_2, z_2] = sheared(corner_2);
+            let u = x_2 * y_1 - y_2 * x_1;
+            let v = x_0 * y_2 - y_0 * x_2;
+            let w = x_1 * y_0 - y_1 * x_0;
+            let inside = ((u >= 0.0) & (v >= 0.0) & (w >= 0.0)) | ((u <= 0.0) & (v <= 0.0) & (w <= 0.0));
+            let on_edge = (u == 0.0) | (v == 0.0) | (w == 0.0);
+            let determinant = u + v + w;
+            let weighted = u * z_0 + v * z_1 + w * z_2;
+            let t = weighted * self.scale[lane] / determinant;
+            let t_max = self.t_max[lane];
+            let in_range = (t > 0.0) & (t < t_max);
+            let mut ahead = weighted.abs() > certain;
+            if thorough {
+                let largest = |a: f32, b: f32, c: f32| larger(a.abs(), larger(b.abs(), c.abs()));
+                let size = [largest(x_0, x_1, x_2), largest(y_0, y_1, y_2), largest(z_0, z_1, z_2)];
+                let scale = self.scale[lane];
+                ahead = ((z_0 * scale > 0.0) & (z_1 * scale > 0.0) & (z_2 * scale > 0.0))
+                    | (weighted.abs() > 3.0 * weighted_error(size, largest(u, v, w)));
+            }
+            let hits = inside & in_range & ahead & !on_edge;
+            doubts |= (inside & in_range & !ahead) as u32;
+            self.undecided[lane] |= (inside & on_edge & (t_max > 0.0)) as u32;
+            self.t_max[lane] = if hits { t } else { t_max };
+            self.surface[lane] = if hits { index } else { self.surface[lane] };
+            self.weights[0][lane] = if hits { v } else { self.weights[0][lane] };
+            self.weights[1][lane] = if hits { w } else { self.weights[1][lane] };
+            self.weights[2][lane] = if hits { determinant } else { self.weights[2][lane] };
+        }
+        doubts != 0
+    }
+
+    #[inline(always)]
+    fn meet_sphere(&mut self, sphere: &WholeSphere, index: u32) {
+        for lane in 0..LANES {
+            let [o_x, o_y, o_z] = [self.origin[0][lane], self.origin[1][lane], self.origin[2][lane]];
+            let [d_x, d_y, d_z] = [self.direction[0][lane], self.direction[1][lane], self.direction[2][lane]];
+            let origin = sphere.to_shape.transform_point3(DVec3::new(o_x.into(), o_y.into(), o_z.into()));
+            let direction = sphere.to_shape.transform_vector3(DVec3::new(d_x.into(), d_y.into(), d_z.into()));
+            let [first, last] = sphere::distances(sphere.radius, origin, direction);
+            let (first, last) = (first as f32, last as f32);
+            // The last is not nearer; NaN is no hit.
+            let t = if first > 0.0 { first } else { last };
+            let t_max = self.t_max[lane];
+            let hits = (t > 0.0) & (t < t_max);
+            self.t_max[lane] = if hits { t } else { t_max };
+            self.surface[lane] = if hits { index } else { self.surface[lane] };
+        }
+    }
+}
+
+#[multiversion(targets(
+    "x86_64+avx512f+avx512bw+avx512dq+avx512vl+bmi1+bmi2+fma+avx2+popcnt+lzcnt",
+    "x86_64+avx2+fma+bmi1+bmi2+popcnt+lzcnt"
+))]
+fn search(surfaces: &FlatAccel, packet: &mut Packet) {
+    let farthest = packet.prepare();
+    let mut index = 0;
+    for triangle in &surfaces.triangles {
+        // In sheared space, coordinates are twice as large at most, and their products eight times.
+        let reach = farthest + triangle.size;
+        let certain = 3.0 * weighted_error([2.0 * reach, 2.0 * reach, reach], 8.0 * reach * reach);
+        if packet.meet_triangle(triangle, index, certain, false) {
+            packet.meet_triangle(triangle, index, certain, true);
+        }
+        index += 1;
+    }
+    for sphere in &surfaces.spheres {
+        packet.meet_sphere(sphere, index);
+        index += 1;
+    }
+}
+
+/// Components from the axis `major` on, in a circle.
+#[inline(always)]
+fn turned([x, y, z]: [f32; 3], major: u32) -> [f32; 3] {
+    let pick = |x, y, z| {
+        if major == 0 {
+            x
+        } else if major == 1 {
+            y
+        } else {
+            z
+        }
+    };
+    [pick(x, y, z), pick(y, z, x), pick(z, x, y)]
+}
+
+/// Bound on the error of the distance, times the sum of the edge functions, in units along the major
+/// axis: from the largest coordinates in the sheared space and the largest edge function (pbrt-v4,
+/// section 6.8.3).
+#[inline(always)]
+fn weighted_error([x, y, z]: [f32; 3], edge: f32) -> f32 {
+    let (error_x, error_y) = (gamma(5) * (x + z), gamma(5) * (y + z));
+    let error_edge = 2.0 * (gamma(2) * x * y + error_y * x + error_x * y);
+    2.0 * gamma(3) * edge * z + error_edge * z
+}
+
+/// Without what [`f32::max`] does for NaN.
+#[inline(always)]
+fn larger(a: f32, b: f32) -> f32 {
+    if a > b { a } else { b }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::test_scenes::{Numbers, closed_sphere_mesh, ray, scene_of, sphere};
+    use crate::geometry::{Accel, search};
+    use crate::scene::Shape;
+
+    /// To the last bit; also for rays at vertices, along edges, from behind and from nowhere.
+    #[test]
+    fn lanes_find_what_the_tree_finds() {
+        let mesh = closed_sphere_mesh(Vec3::ZERO, 1.0, 4, 6);
+        let scene = scene_of(vec![
+            Shape::Mesh(mesh.clone()),
+            sphere(Vec3::X, 0.7),
+            sphere(Vec3::new(0.0, 0.0, 0.2), 9.0),
+        ]);
+        let accel = Accel::build(&scene);
+        assert!(accel.flat.is_some());
+        let mut numbers = Numbers::new(12);
+        let mut rays = Vec::new();
+        for step in 0..4003 {
+            let origin = if step % 4 == 0 { Vec3::ZERO } else { numbers.in_cube(2.0) };
+            let vertex = mesh.positions[step % mesh.positions.len()];
+            let direction = if step % 3 == 0 { vertex - origin } else { numbers.direction() };
+            let t_max = if step % 5 == 0 { numbers.next() } else { f32::INFINITY };
+            rays.push(Ray { t_max, ..ray(origin, direction) });
+        }
+        rays.push(ray(Vec3::ZERO, Vec3::ZERO));
+        rays.push(ray(Vec3::NAN, Vec3::X));
+        let (mut flat, mut tree) = (Vec::new(), Vec::new());
+        accel.intersect_all(rays.iter().copied(), |hit| flat.push(hit));
+        search::find(&accel, rays.iter().copied(), false, |hit| tree.push(hit));
+        for (ray, (flat, tree)) in flat.iter().zip(&tree).enumerate() {
+            let place = |hit: &Hit| (hit.t.to_bits(), hit.primitive, hit.instance);
+            assert_eq!(flat.as_ref().map(place), tree.as_ref().map(place), "{ray}");
+            // At a vertex, triangles may be equally near.
+            if ray % 3 != 0 {
+                let part = |hit: &Hit| (hit.element, hit.barycentric);
+                assert_eq!(flat.as_ref().map(part), tree.as_ref().map(part), "{ray}");
+            }
+        }
+        for shape in [0, 1, 2] {
+            let hits = flat.iter().flatten().filter(|hit| hit.primitive == shape).count();
+            assert!(hits > 300, "{shape}: {hits}");
+        }
+    }
+
+    #[test]
+    fn only_scenes_of_a_few_triangles_and_whole_spheres_are_flat() {
+        let is_flat = |shapes| Accel::build(&scene_of(shapes)).flat.is_some();
+        let mesh = |columns| Shape::Mesh(closed_sphere_mesh(Vec3::ZERO, 1.0, 5, columns));
+        assert!(is_flat(vec![mesh(5)]) && !is_flat(vec![mesh(50)]));
+        let Shape::Sphere(whole) = sphere(Vec3::ZERO, 1.0) else { unreachable!() };
+        assert!(!is_flat(vec![Shape::Sphere(crate::scene::Sphere { z_min: 0.0, ..whole })]));
+    }
+}
