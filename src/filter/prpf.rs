@@ -367,6 +367,7 @@ mod tests {
         );
         let (failure, success) = interpolation_failure(&store, &PrpfSettings::paper(), 17);
         assert_eq!(success, 0.0);
+        assert_eq!(filter(&store, &PrpfSettings::paper(), 1).interpolation_success, Some(0.0));
         // Nodes are never interpolated, and so never fail.
         assert_eq!(failure.plane(0).iter().sum::<f32>(), (60 * 60 - 12 * 12) as f32);
     }
