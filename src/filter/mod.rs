@@ -26,6 +26,7 @@ mod synthetic;
 mod upsampling;
 mod weights;
 
+pub use mutual_information::mutual_information;
 pub use outliers::OutlierSettings;
 pub use prpf::{Gain, PrpfSettings};
 pub use rpf::RpfSettings;
