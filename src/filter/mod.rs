@@ -37,6 +37,9 @@ pub use standard::StandardSettings;
 use crate::image::Planes;
 use crate::stats::{Part, Store};
 
+/// Residuals end here: where hardly any noise is expected, any difference is that many times too large.
+const LARGEST_RESIDUAL: f32 = 1e6;
+
 /// What a filter makes of a store.
 #[derive(Clone, Debug)]
 pub struct Filtered {
