@@ -14,6 +14,7 @@ mod report;
 mod sampling;
 mod scenes;
 mod settings;
+mod stability;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -29,7 +30,7 @@ static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
 type Run = fn(&mut Bench) -> anyhow::Result<()>;
 
 /// Every experiment by its name.
-const EXPERIMENTS: &[(&str, Run)] = &[("paper", paper::run)];
+const EXPERIMENTS: &[(&str, Run)] = &[("paper", paper::run), ("stability", stability::run)];
 
 /// Runs an experiment and writes its report.
 #[derive(Parser)]

@@ -1,9 +1,9 @@
 //! Every hard case holds. The cases are those of `prpf-experiments stability`.
 
-#[path = "../experiments/stability/mod.rs"]
-mod stability;
+#[path = "../experiments/stability/cases/mod.rs"]
+mod cases;
 
-use stability::{Effort, SECTIONS};
+use cases::{Case, Effort, SECTIONS};
 
 /// Runs a section; `PRPF_FULL=1` runs it at full length.
 fn section_holds(name: &str) {
@@ -12,7 +12,7 @@ fn section_holds(name: &str) {
     let cases = (section.cases)(effort);
     // Shown where a test fails, or with --nocapture.
     cases.iter().for_each(|case| println!("{case}"));
-    assert!(!cases.is_empty() && cases.iter().all(stability::Case::passed), "{name}");
+    assert!(!cases.is_empty() && cases.iter().all(Case::passed), "{name}");
 }
 
 macro_rules! sections {
@@ -31,6 +31,7 @@ sections! {
     radiance_holds: "Radiance",
     features_hold: "Features",
     images_hold: "Images",
+    odd_stores_hold: "Odd stores",
     scenes_hold: "Scenes",
     light_and_surfaces_hold: "Light and surfaces",
     the_loop_holds: "The loop",

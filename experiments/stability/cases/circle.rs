@@ -2,13 +2,13 @@
 
 use std::cell::RefCell;
 use std::sync::atomic::AtomicBool;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use prpf::adaptive::{PrioritySettings, Sampling, allocate};
 use prpf::filter::Quality;
 use prpf::geometry::Accel;
 use prpf::image::Planes;
-use prpf::progressive::{Budget, Denoiser, Loop, Memory, Outcome, Settings};
+use prpf::progressive::{Budget, Denoiser, Loop, Memory, Outcome, Settings, StoppedBy};
 use prpf::render::Renderer;
 use prpf::scene::Scene;
 use prpf::stats::{Part, Store};
@@ -25,6 +25,7 @@ pub fn cases(effort: Effort) -> Vec<Case> {
     cases.extend(odd_budgets());
     cases.extend(same_samples(effort));
     cases.push(resumed());
+    cases.push(clock_set_back());
     cases.extend(unbiased(effort.of(16, 96)));
     cases
 }
@@ -192,6 +193,24 @@ fn resumed() -> Case {
         "rows and values that differ",
         Exactly(0.0),
         off,
+    )
+}
+
+/// A render whose start lies ahead, as it would if the clock were set back: it ends by time, with an image.
+fn clock_set_back() -> Case {
+    let scene = noisy();
+    let budget = Budget { seconds: Some(0.2), ..Budget::default() };
+    let settings = Settings { budget, ..settings(1, Sampling::Adaptive, 1) };
+    let accel = Accel::build(&scene);
+    let renderer = Renderer::new(&scene, &accel, settings.seed);
+    let start = Instant::now() + Duration::from_millis(200);
+    let outcome = Loop::new(&renderer, &settings, start, &AtomicBool::new(false), None).run(&mut |_| ());
+    let wrong = not_finite(&outcome.filtered) + usize::from(outcome.stopped_by != StoppedBy::Time);
+    Case::new(
+        "a clock that is behind the start",
+        "numbers not finite, other ends",
+        Exactly(0.0),
+        wrong as f64,
     )
 }
 

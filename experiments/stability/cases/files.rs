@@ -18,7 +18,7 @@ use rand_pcg::Pcg32;
 use super::Bound::Exactly;
 use super::circle::settings;
 use super::pictures::{NOISY, noisy, render};
-use super::{Case, Effort};
+use super::{Case, Effort, program};
 
 pub fn cases(effort: Effort) -> Vec<Case> {
     let mut cases = damaged(effort.of(300, 20_000));
@@ -30,14 +30,6 @@ pub fn cases(effort: Effort) -> Vec<Case> {
 
 fn folder() -> tempfile::TempDir {
     tempfile::tempdir().expect("a temporary folder can be made")
-}
-
-/// The built program: cargo tells tests where it is; a program finds it beside itself.
-fn program() -> PathBuf {
-    option_env!("CARGO_BIN_EXE_prpf").map(PathBuf::from).unwrap_or_else(|| {
-        let own = std::env::current_exe().expect("a program has a path");
-        own.with_file_name(format!("prpf{}", std::env::consts::EXE_SUFFIX))
-    })
 }
 
 fn state() -> State {

@@ -4,11 +4,14 @@
 //! (`tests/stability.rs`), which demand that every one holds, and by `prpf-experiments stability`,
 //! which writes them down. Only the library's public face is used.
 
+mod camera;
 mod circle;
 mod features;
 mod files;
 mod images;
+mod leaks;
 mod light;
+mod odd_stores;
 mod pictures;
 mod radiance;
 mod scenes;
@@ -17,6 +20,7 @@ mod stores;
 mod surfaces;
 
 use std::fmt;
+use std::path::PathBuf;
 
 /// What a measured figure has to be.
 #[derive(Clone, Copy, Debug)]
@@ -40,7 +44,8 @@ pub struct Case {
 }
 
 /// How much is tried where a case can be tried on more or less: what a test can afford, or all.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub enum Effort {
     Test,
     Full,
@@ -53,11 +58,12 @@ pub struct Section {
 }
 
 /// All of them.
-pub const SECTIONS: [Section; 8] = [
+pub const SECTIONS: [Section; 9] = [
     Section { name: "Statistics", cases: statistics::cases },
     Section { name: "Radiance", cases: radiance::cases },
     Section { name: "Features", cases: features::cases },
     Section { name: "Images", cases: images::cases },
+    Section { name: "Odd stores", cases: odd_stores::cases },
     Section { name: "Scenes", cases: scenes::cases },
     Section { name: "Light and surfaces", cases: surfaces_and_light },
     Section { name: "The loop", cases: circle::cases },
@@ -65,7 +71,15 @@ pub const SECTIONS: [Section; 8] = [
 ];
 
 fn surfaces_and_light(effort: Effort) -> Vec<Case> {
-    [surfaces::cases(effort), light::cases(effort)].concat()
+    [surfaces::cases(effort), light::cases(effort), camera::cases(effort), leaks::cases(effort)].concat()
+}
+
+/// The built program: cargo tells tests where it is; a program finds it beside itself.
+pub fn program() -> PathBuf {
+    option_env!("CARGO_BIN_EXE_prpf").map(PathBuf::from).unwrap_or_else(|| {
+        let own = std::env::current_exe().expect("a program has a path");
+        own.with_file_name(format!("prpf{}", std::env::consts::EXE_SUFFIX))
+    })
 }
 
 impl Effort {
