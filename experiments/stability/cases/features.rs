@@ -74,13 +74,13 @@ fn weights() -> Vec<Case> {
 
 /// Two blocks whose normals are constant within every pixel and make the noisy colour.
 fn constant_in_the_pixel() -> Vec<Case> {
-    let truth = |x: usize| if x / 16 % 2 == 0 { 0.2 } else { 0.8 };
+    let truth = |x: usize| if (x / 16).is_multiple_of(2) { 0.2 } else { 0.8 };
     let store = store(
         (64, 48),
         |_, _| 8,
         |x, _, _, numbers, sample| {
             sample.lit([truth(x) * 2.0 * numbers.random::<f32>(); 3]);
-            let turned = f32::from(x / 16 % 2 == 0);
+            let turned = f32::from((x / 16).is_multiple_of(2));
             sample.write(Block::Normal1, &[turned, 0.0, 1.0 - turned]);
         },
     );
@@ -205,5 +205,5 @@ fn entropy(values: &[f32]) -> f64 {
     values.iter().for_each(|&v| {
         bins[((f64::from(v) - mean) / deviation + 2.5).floor().clamp(0.0, 4.0) as usize] += 1.0
     });
-    bins.iter().filter(|&&count| count > 0.0).map(|&count| -count / n * (count / n as f64).log2()).sum()
+    bins.iter().filter(|&&count| count > 0.0).map(|&count| -count / n * (count / n).log2()).sum()
 }

@@ -58,11 +58,13 @@ enum Wild {
     All,
 }
 
+type Filter = Box<dyn Fn(&Store) -> Filtered>;
+
 /// Vectors of any finite numbers in images of any shape: from the least to those whose squares single
 /// precision can hold, and beyond.
 fn any_numbers(stores: u64) -> Vec<Case> {
     let settings = RpfSettings::report();
-    let mut filters: Vec<(&str, Box<dyn Fn(&Store) -> Filtered>)> =
+    let mut filters: Vec<(&str, Filter)> =
         vec![("random parameter filtering", Box::new(move |store| rpf::filter(store, &settings, 1)))];
     for (quality, name) in QUALITIES {
         filters.push((name, Box::new(move |store| filtered(store, quality))));
