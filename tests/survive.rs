@@ -1,12 +1,15 @@
 //! Renders that survive: stopped, killed and resumed anywhere, the image is that of a render that was
 //! never stopped; what is wrong with a state gets one line, and the old file is still there.
 
+mod common;
+
 use std::cell::RefCell;
 use std::path::Path;
 use std::process::{Child, Command, Output, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
+use common::SCENE;
 use prpf::adaptive::{PrioritySettings, Sampling};
 use prpf::filter::Quality;
 use prpf::geometry::Accel;
@@ -16,24 +19,6 @@ use prpf::render::{Renderer, Share};
 use prpf::scene::pbrt;
 use prpf::state::{self, Frame, State, Stream};
 
-/// Noise of several kinds, at a size that takes about a second.
-const SCENE: &str = r#"
-LookAt 0 1 -3.4  0 0.9 0  0 1 0
-Camera "perspective" "float fov" 45 "float lensradius" 0.05 "float focaldistance" 3.2
-Integrator "path" "integer maxdepth" 4
-Film "rgb" "integer xresolution" 48 "integer yresolution" 48
-WorldBegin
-AttributeBegin
-  AreaLightSource "diffuse" "rgb L" [ 8 7 6 ]
-  Translate 0 1.9 0
-  Rotate 90 1 0 0
-  Shape "disk" "float radius" 0.4
-AttributeEnd
-Material "diffuse" "rgb reflectance" [ 0.7 0.6 0.5 ]
-Shape "trianglemesh" "integer indices" [ 0 1 2 0 2 3 ] "point3 P" [ -2 0 -4  2 0 -4  2 0 2  -2 0 2 ]
-Material "conductor" "float roughness" 0.1
-AttributeBegin Translate -0.5 0.5 0 Shape "sphere" "float radius" 0.5 AttributeEnd
-"#;
 const SPP: &str = "40";
 
 fn folder() -> tempfile::TempDir {

@@ -78,11 +78,14 @@ pub fn allocate(
     let placed: u64 = counts.iter().map(|&n| u64::from(n)).sum();
     if placed < total {
         let mut rest = total - placed;
-        let room = |counts: &[u32], i: usize| max_spp.saturating_sub(have[i] + counts[i]);
-        let mut order: Vec<usize> = (0..pixels).filter(|&i| room(&counts, i) > 0).collect();
-        order.sort_by(|&a, &b| priority[b].total_cmp(&priority[a]).then(a.cmp(&b)));
-        // Pairs as long as there is room for pairs, then single samples.
-        for step in [2, 1] {
+        let ceiling = (most as u32).saturating_mul(2);
+        // Pairs below the ceiling, then wherever there is room for pairs, then single samples.
+        for (step, ceiling) in [(2, ceiling), (2, u32::MAX), (1, u32::MAX)] {
+            let room = |counts: &[u32], i: usize| {
+                max_spp.saturating_sub(have[i] + counts[i]).min(ceiling.saturating_sub(counts[i]))
+            };
+            let mut order: Vec<usize> = (0..pixels).filter(|&i| room(&counts, i) > 0).collect();
+            order.sort_by(|&a, &b| priority[b].total_cmp(&priority[a]).then(a.cmp(&b)));
             while rest >= step && !order.is_empty() {
                 order.retain(|&i| u64::from(room(&counts, i)) >= step);
                 for &i in order.iter().take(usize::try_from(rest / step).unwrap_or(usize::MAX)) {
@@ -90,7 +93,6 @@ pub fn allocate(
                     rest -= step;
                 }
             }
-            order = (0..pixels).filter(|&i| room(&counts, i) > 0).collect();
         }
     }
     Allocation { counts, probes }
@@ -122,11 +124,15 @@ fn targets(priority: &[f32], have: &[u32], pairs: f64, ceiling: impl Fn(usize) -
 /// Enough to fix λ to a part in 10⁹ of the bracket.
 const BISECTIONS: usize = 30;
 
-/// Rounds targets to whole numbers whose sum is `pairs`, carrying the rounding error along a
-/// serpentine path through the image.
+/// How far the sum of targets may be off what it should be by the bisection's tolerance alone.
+const MOST_CORRECTION: f64 = 1.0 + 1e-6;
+
+/// Rounds targets to whole numbers whose sum is `pairs`, or theirs if that is less, carrying the
+/// rounding error along a serpentine path through the image.
 fn round(targets: &[f64], width: usize, pairs: u64, room: impl Fn(usize) -> f64) -> Vec<u32> {
     let sum: f64 = targets.iter().sum();
-    let scale = if sum > 0.0 { pairs as f64 / sum } else { 0.0 };
+    // Rounding errors of the sum are made good; what ceilings cut off is left over.
+    let scale = if sum > 0.0 { (pairs as f64 / sum).min(MOST_CORRECTION) } else { 0.0 };
     let mut counts = vec![0; targets.len()];
     let (mut wanted, mut given) = (0.0, 0u64);
     for k in 0..targets.len() {
@@ -186,7 +192,8 @@ mod tests {
         priority[210] = 1.0;
         let a = allocate(&priority, &[4; 400], 20, 1600, NO_CEILING, 0);
         assert_eq!(total(&a), 1600);
-        assert!(a.counts[210] >= 16);
+        // Eight times the mean of 4, and a pair more by chance.
+        assert!((16..=34).contains(&a.counts[210]), "{}", a.counts[210]);
         assert!(a.counts.iter().filter(|&&n| n > 0).count() > 30, "the uniform share is kept");
     }
 

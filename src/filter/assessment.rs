@@ -10,6 +10,7 @@ use rayon::prelude::*;
 
 use crate::image::Planes;
 
+use super::LARGEST_RESIDUAL;
 use super::blur;
 use super::halves::Halves;
 
@@ -59,7 +60,8 @@ impl Assessment {
                 let expected = 0.25 * (v_a[i] + v_b[i]) * (1.0 - 2.0 * own(i)).max(0.0) + between;
                 let seen = (0.5 * (f_a[i] + f_b[i] - c_a[i] - c_b[i])).powi(2);
                 // 0/0 is a pixel without noise that was left alone.
-                *residual += if expected > 0.0 { seen / expected / 3.0 } else { 0.0 };
+                let times = if expected > 0.0 { seen / expected } else { 0.0 };
+                *residual += times.min(LARGEST_RESIDUAL) / 3.0;
             });
         }
         let [bias, spread] = [bias, spread].map(|plane| blur::gaussian(width, height, &plane, RISK_SIGMA));

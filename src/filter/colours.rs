@@ -1,8 +1,8 @@
 //! The colours a filter starts from, and what its result says about its error.
 
-use super::Filtered;
 use super::outliers::{self, Clamped, OutlierSettings};
 use super::padded::Padded;
+use super::{Filtered, LARGEST_RESIDUAL};
 use crate::image::Planes;
 use crate::stats::{Part, Store};
 
@@ -129,7 +129,7 @@ impl Colours {
             let mean = self.mean.data()[i];
             let squared = (image.data()[i] - mean).powi(2);
             let expected = noise + v + LEAST_RELATIVE_VARIANCE * mean * mean + f32::MIN_POSITIVE;
-            residual.data_mut()[pixel] += squared / expected / 3.0;
+            residual.data_mut()[pixel] += (squared / expected).min(LARGEST_RESIDUAL) / 3.0;
             bias.data_mut()[pixel] += (squared - noise) / 3.0;
         }
         blur(&mut bias, BIAS_BLUR);

@@ -20,12 +20,15 @@ pub mod prpf;
 mod regression;
 pub mod rpf;
 mod stack;
+pub mod stages;
 pub mod standard;
 #[cfg(test)]
 mod synthetic;
+pub mod tolerance;
 mod upsampling;
 mod weights;
 
+pub use mutual_information::mutual_information;
 pub use outliers::OutlierSettings;
 pub use prpf::{Gain, PrpfSettings};
 pub use rpf::RpfSettings;
@@ -33,6 +36,9 @@ pub use standard::StandardSettings;
 
 use crate::image::Planes;
 use crate::stats::{Part, Store};
+
+/// Residuals end here: where hardly any noise is expected, any difference is that many times too large.
+const LARGEST_RESIDUAL: f32 = 1e6;
 
 /// What a filter makes of a store.
 #[derive(Clone, Debug)]

@@ -80,6 +80,7 @@ pub(super) fn weights(evidence: &Evidence) -> Padded {
     let values = evaluate(evidence, &nodes);
     interpolate(evidence.guide, evidence.neighbourhood, evidence.window, &grid, &values, &mut weights);
     write_at(&mut weights, &nodes, &values);
+    nodes.iter().for_each(|&(x, y)| weights.set(evidence.len(), x, y, f32::INFINITY));
     let failed: Vec<_> = (0..width * height)
         .map(|i| (i % width, i / width))
         .filter(|&(x, y)| weights.at(evidence.len(), x, y) <= settings.interpolation_threshold)

@@ -1,0 +1,109 @@
+//! Small pictures for reports: parts of images as a screen shows them, and maps in colours.
+
+use std::path::Path;
+
+use prpf::image::{Planes, png_file};
+
+/// Dark blue to yellow, of even steps to the eye: the colour map `viridis` at even distances.
+const COLOURS: [[u8; 3]; 9] = [
+    [68, 1, 84],
+    [71, 44, 122],
+    [59, 81, 139],
+    [44, 113, 142],
+    [33, 144, 141],
+    [39, 173, 129],
+    [92, 200, 99],
+    [170, 220, 50],
+    [253, 231, 37],
+];
+
+/// A part of an image: x0, x1, y0, y1, half open, inside the image.
+pub fn part(planes: &Planes, [x0, x1, y0, y1]: [usize; 4]) -> Planes {
+    let mut out = Planes::new(x1 - x0, y1 - y0, planes.count());
+    for k in 0..planes.count() {
+        let rows = out.plane_mut(k).chunks_mut(x1 - x0).zip(y0..y1);
+        rows.for_each(|(row, y)| row.copy_from_slice(&planes.row(k, y)[x0..x1]));
+    }
+    out
+}
+
+/// Pictures of one height and of equal numbers of planes in a row, with a gap between them.
+pub fn in_a_row(pictures: &[Planes]) -> Planes {
+    const GAP: usize = 4;
+    let height = pictures.iter().map(Planes::height).min().unwrap_or(0);
+    let width = pictures.iter().map(|p| p.width() + GAP).sum::<usize>().saturating_sub(GAP);
+    let mut out = Planes::new(width, height, pictures.first().map_or(0, Planes::count));
+    out.data_mut().fill(1.0);
+    let mut x = 0;
+    for picture in pictures {
+        for k in 0..out.count() {
+            for y in 0..height {
+                out.plane_mut(k)[y * width + x..][..picture.width()].copy_from_slice(picture.row(k, y));
+            }
+        }
+        x += picture.width() + GAP;
+    }
+    out
+}
+
+/// Writes an image as PNG. `exposure` is in stops.
+///
+/// # Errors
+/// A file that cannot be written.
+pub fn write(path: &Path, planes: &Planes, exposure: f32) -> anyhow::Result<()> {
+    Ok(png_file::write(path, planes, exposure)?)
+}
+
+/// Writes the first plane as PNG, in colours from 0 (dark) to `most` (yellow).
+///
+/// # Errors
+/// A file that cannot be written.
+pub fn write_map(path: &Path, planes: &Planes, most: f32) -> anyhow::Result<()> {
+    let bytes: Vec<u8> = planes.plane(0).iter().flat_map(|&value| colour(value / most)).collect();
+    Ok(png_file::write_srgb8(path, planes.width(), planes.height(), &bytes)?)
+}
+
+/// The colour of a share of the map's range; grey where it is no number.
+fn colour(share: f32) -> [u8; 3] {
+    if share.is_nan() {
+        return [128; 3];
+    }
+    let place = share.clamp(0.0, 1.0) * (COLOURS.len() - 1) as f32;
+    let i = (place as usize).min(COLOURS.len() - 2);
+    let t = place - i as f32;
+    std::array::from_fn(|c| {
+        let (a, b) = (f32::from(COLOURS[i][c]), f32::from(COLOURS[i + 1][c]));
+        (a + t * (b - a)).round() as u8
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn numbered(width: usize, height: usize) -> Planes {
+        let mut planes = Planes::new(width, height, 1);
+        planes.data_mut().iter_mut().enumerate().for_each(|(i, value)| *value = i as f32);
+        planes
+    }
+
+    #[test]
+    fn a_part_is_cut_out_at_its_place() {
+        assert_eq!(part(&numbered(4, 3), [1, 3, 1, 3]).data(), [5.0, 6.0, 9.0, 10.0]);
+    }
+
+    #[test]
+    fn rows_of_pictures_have_all_of_them_beside_each_other() {
+        let row = in_a_row(&[numbered(2, 2), numbered(1, 2)]);
+        assert_eq!((row.width(), row.height()), (7, 2));
+        assert_eq!(row.row(0, 1), [2.0, 3.0, 1.0, 1.0, 1.0, 1.0, 1.0]);
+    }
+
+    #[test]
+    fn maps_run_through_the_colours_and_stay_at_their_ends() {
+        assert_eq!(colour(0.0), COLOURS[0]);
+        assert_eq!(colour(0.5), COLOURS[4]);
+        assert_eq!([colour(1.0), colour(7.0)], [COLOURS[8]; 2]);
+        assert_eq!(colour(f32::NAN), [128; 3]);
+    }
+}

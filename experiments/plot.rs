@@ -1,0 +1,201 @@
+//! Plots as SVG: lines over logarithmic axes, one panel for each scene.
+
+use std::path::Path;
+
+use anyhow::anyhow;
+use plotters::prelude::*;
+
+/// Colours that can be told apart, also by those who see few (Okabe and Ito 2008).
+const COLOURS: [RGBColor; 7] = [
+    RGBColor(0, 114, 178),
+    RGBColor(213, 94, 0),
+    RGBColor(0, 158, 115),
+    RGBColor(204, 121, 167),
+    RGBColor(86, 180, 233),
+    RGBColor(230, 159, 0),
+    RGBColor(0, 0, 0),
+];
+
+/// Pixels of a panel.
+const PANEL: (u32, u32) = (380, 300);
+/// Share that axes go beyond the data, in decades.
+const ROOM: f64 = 0.08;
+/// Fewest decades that an axis shows, so that small differences look small.
+const FEWEST_DECADES: f64 = 0.8;
+
+/// A line with a name; the same name has the same colour in all panels of a plot.
+#[derive(Clone, Debug)]
+pub struct Series {
+    pub name: String,
+    pub points: Vec<(f64, f64)>,
+}
+
+impl Series {
+    pub fn new(name: &str, points: impl IntoIterator<Item = (f64, f64)>) -> Self {
+        Self { name: name.to_owned(), points: points.into_iter().collect() }
+    }
+}
+
+/// One pair of axes, both logarithmic.
+#[derive(Clone, Debug)]
+pub struct Panel {
+    pub title: String,
+    pub series: Vec<Series>,
+}
+
+/// Panels with the same meaning.
+pub struct Plot<'a> {
+    pub x: &'a str,
+    pub y: &'a str,
+    pub panels: Vec<Panel>,
+    /// Draw lines of slope −1, of plain Monte Carlo's MSE over time or samples, behind the data.
+    pub slope: bool,
+    pub columns: usize,
+}
+
+impl Plot<'_> {
+    /// Writes the plot.
+    ///
+    /// # Errors
+    /// A file that cannot be written.
+    pub fn write(&self, path: &Path) -> anyhow::Result<()> {
+        let columns = self.columns.clamp(1, self.panels.len().max(1));
+        let rows = self.panels.len().div_ceil(columns).max(1);
+        let size = (PANEL.0 * columns as u32, PANEL.1 * rows as u32);
+        let area = SVGBackend::new(path, size).into_drawing_area();
+        self.draw(&area, (rows, columns)).map_err(|error| anyhow!("{}: {error}", path.display()))
+    }
+
+    fn draw(
+        &self,
+        area: &DrawingArea<SVGBackend, plotters::coord::Shift>,
+        shape: (usize, usize),
+    ) -> Result<(), Box<dyn std::error::Error + '_>> {
+        area.fill(&WHITE)?;
+        let mut names: Vec<&str> = Vec::new();
+        for series in self.panels.iter().flat_map(|panel| &panel.series) {
+            if !names.contains(&series.name.as_str()) {
+                names.push(&series.name);
+            }
+        }
+        for (panel, area) in self.panels.iter().zip(area.split_evenly(shape)) {
+            let shown = |&(x, y): &(f64, f64)| x > 0.0 && y > 0.0 && x.is_finite() && y.is_finite();
+            let points = || panel.series.iter().flat_map(|series| &series.points).filter(|p| shown(p));
+            if points().next().is_none() {
+                continue;
+            }
+            let (xs, ys) = (limits(points().map(|p| p.0)), limits(points().map(|p| p.1)));
+            let mut chart = ChartBuilder::on(&area)
+                .caption(&panel.title, ("sans-serif", 15))
+                .margin(8)
+                .x_label_area_size(34)
+                .y_label_area_size(58)
+                .build_cartesian_2d((xs.0..xs.1).log_scale(), (ys.0..ys.1).log_scale())?;
+            chart
+                .configure_mesh()
+                .x_desc(self.x)
+                .y_desc(self.y)
+                .x_label_formatter(&|value| tick(*value))
+                .y_label_formatter(&|value| tick(*value))
+                .light_line_style(WHITE)
+                .draw()?;
+            if self.slope {
+                for line in slopes(xs, ys) {
+                    chart.draw_series(LineSeries::new(line, RGBColor(190, 190, 190)))?;
+                }
+            }
+            for series in &panel.series {
+                let place = names.iter().position(|name| *name == series.name).unwrap_or(0);
+                let colour = COLOURS[place % COLOURS.len()];
+                let points: Vec<_> = series.points.iter().copied().filter(shown).collect();
+                chart
+                    .draw_series(LineSeries::new(points.clone(), colour.stroke_width(2)))?
+                    .label(&series.name)
+                    .legend(move |(x, y)| {
+                        PathElement::new(vec![(x, y), (x + 14, y)], colour.stroke_width(2))
+                    });
+                chart.draw_series(points.into_iter().map(|point| Circle::new(point, 3, colour.filled())))?;
+            }
+            chart
+                .configure_series_labels()
+                .label_font(("sans-serif", 11))
+                .background_style(WHITE.mix(0.8))
+                .border_style(RGBColor(200, 200, 200))
+                .draw()?;
+        }
+        area.present()?;
+        Ok(())
+    }
+}
+
+/// The range of an axis that shows all values.
+fn limits(values: impl Iterator<Item = f64>) -> (f64, f64) {
+    let (mut least, mut most) = (f64::INFINITY, f64::NEG_INFINITY);
+    for value in values.map(f64::log10) {
+        (least, most) = (least.min(value), most.max(value));
+    }
+    let room = ROOM.max(0.5 * (FEWEST_DECADES - (most - least)));
+    (10_f64.powf(least - room), 10_f64.powf(most + room))
+}
+
+/// Lines of slope −1 through a plot, a decade from each other, as their two ends.
+fn slopes(xs: (f64, f64), ys: (f64, f64)) -> Vec<Vec<(f64, f64)>> {
+    let products = ((xs.0 * ys.0).log10().floor() as i32)..=((xs.1 * ys.1).log10().ceil() as i32);
+    products
+        .filter_map(|exponent| {
+            let product = 10_f64.powi(exponent);
+            let from = xs.0.max(product / ys.1);
+            let to = xs.1.min(product / ys.0);
+            (from < to).then(|| vec![(from, product / from), (to, product / to)])
+        })
+        .collect()
+}
+
+/// A number at an axis.
+fn tick(value: f64) -> String {
+    if (0.01..10_000.0).contains(&value) {
+        let text = format!("{value:.3}");
+        return text.trim_end_matches('0').trim_end_matches('.').to_owned();
+    }
+    format!("{value:.0e}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn axes_show_all_values_and_at_least_most_of_a_decade() {
+        let (least, most) = limits([8.0, 64.0].into_iter());
+        assert!(least < 8.0 && most > 64.0 && most < 100.0, "{least} {most}");
+        let (least, most) = limits([1.0, 1.01].into_iter());
+        assert!((most / least).log10() > 0.79, "{least} {most}");
+    }
+
+    #[test]
+    fn lines_of_slope_minus_one_stay_inside() {
+        let lines = slopes((1.0, 100.0), (0.01, 1.0));
+        assert!(!lines.is_empty());
+        for line in lines {
+            for (x, y) in &line {
+                assert!((0.999..=100.001).contains(x) && (0.00999..=1.001).contains(y), "{line:?}");
+            }
+            assert!((line[0].0 * line[0].1 / (line[1].0 * line[1].1) - 1.0).abs() < 1e-9);
+        }
+    }
+
+    #[test]
+    fn ticks_are_short() {
+        assert_eq!([8.0, 0.25, 1e-4, 20_000.0].map(tick), ["8", "0.25", "1e-4", "2e4"]);
+    }
+
+    #[test]
+    fn a_plot_without_points_is_a_file_all_the_same() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.svg");
+        let series = vec![Series::new("a", [(8.0, f64::NAN)]), Series::new("b", [])];
+        let panels = vec![Panel { title: "pool".into(), series }];
+        Plot { x: "spp", y: "s", panels, slope: true, columns: 3 }.write(&path).unwrap();
+        assert!(std::fs::read_to_string(&path).unwrap().contains("<svg"));
+    }
+}

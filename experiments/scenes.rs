@@ -1,0 +1,127 @@
+//! The scenes that experiments know (`scenes.toml`), and the part of a scene that is looked at.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, bail, ensure};
+use prpf::scene::{Integrator, Scene, pbrt};
+use serde::Deserialize;
+
+use crate::settings;
+
+/// A scene as a file.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SceneFile {
+    pub name: String,
+    pub file: PathBuf,
+    /// Whether the file is in the folder of public scenes, not in this repository.
+    #[serde(default)]
+    public: bool,
+    /// Width and height in pixels, in place of the file's.
+    resolution: Option<[usize; 2]>,
+    /// Path tracing of this depth, in place of the file's integrator.
+    path_depth: Option<u32>,
+}
+
+/// What is looked at of a scene. By default all of it.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct View {
+    /// Factor for the resolution.
+    pub scale: Option<f64>,
+    /// Pixels of the scaled film, x0, x1, y0, y1, half open.
+    pub crop: Option<[usize; 4]>,
+}
+
+/// All scenes that have a name.
+pub struct Catalogue {
+    scenes: Vec<SceneFile>,
+}
+
+#[derive(Deserialize)]
+struct Listed {
+    scene: Vec<SceneFile>,
+}
+
+impl Catalogue {
+    /// Reads the list; public scenes are looked for in a folder.
+    ///
+    /// # Errors
+    /// See [`settings::read`].
+    pub fn read(list: &Path, public: Option<PathBuf>) -> anyhow::Result<Self> {
+        let Listed { scene: mut scenes } = settings::read(list, false)?;
+        for scene in scenes.iter_mut().filter(|scene| scene.public) {
+            scene.file = public.clone().unwrap_or_default().join(&scene.file);
+        }
+        Ok(Self { scenes })
+    }
+
+    /// # Errors
+    /// A name that is not in the list.
+    pub fn scene(&self, name: &str) -> anyhow::Result<SceneFile> {
+        let found = self.scenes.iter().find(|scene| scene.name == name);
+        found.cloned().with_context(|| format!("{name}: found no scene of this name in scenes.toml"))
+    }
+}
+
+impl SceneFile {
+    /// Reads the scene and takes the view's part of it.
+    ///
+    /// # Errors
+    /// What is wrong with the file, or a part outside the film.
+    pub fn load(&self, view: View) -> anyhow::Result<Scene> {
+        let mut scene = pbrt::read(&self.file).with_context(|| self.file.display().to_string())?;
+        if let Some(max_depth) = self.path_depth {
+            scene.integrator = Integrator::Path { max_depth };
+        }
+        let [width, height] = self.resolution.unwrap_or([scene.film.width, scene.film.height]);
+        let scaled = |size: usize| (size as f64 * view.scale.unwrap_or(1.0)).round().max(1.0) as usize;
+        scene.resize_film(scaled(width), scaled(height));
+        if let Some(crop) = view.crop {
+            let (width, height) = (scene.film.width, scene.film.height);
+            let [x0, x1, y0, y1] = crop;
+            ensure!(
+                x0 < x1 && y0 < y1 && x1 <= width && y1 <= height,
+                "{}: found a crop of {crop:?}; accepted are parts of its {width}x{height} pixels",
+                self.name
+            );
+            scene.film.pixel_bounds = crop;
+        }
+        if !scene.is_lit() {
+            bail!("{}: the scene has no light", self.name);
+        }
+        Ok(scene)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn pool() -> SceneFile {
+        Catalogue::read(Path::new("experiments/scenes.toml"), None).unwrap().scene("pool").unwrap()
+    }
+
+    #[test]
+    fn a_view_is_a_part_of_the_scaled_film() {
+        let view = View { scale: Some(0.25), crop: Some([10, 50, 20, 70]) };
+        let film = pool().load(view).unwrap().film;
+        assert_eq!((film.width, film.height, film.pixel_bounds), (128, 128, [10, 50, 20, 70]));
+        let whole = pool().load(View::default()).unwrap().film;
+        assert_eq!(whole.pixel_bounds, [0, whole.width, 0, whole.height]);
+    }
+
+    #[test]
+    fn a_crop_outside_the_film_is_refused() {
+        let outside = View { crop: Some([0, 10, 500, 600]), ..View::default() };
+        assert!(pool().load(outside).unwrap_err().to_string().contains("512x512"));
+    }
+
+    #[test]
+    fn public_scenes_are_in_their_folder() {
+        let catalogue =
+            Catalogue::read(Path::new("experiments/scenes.toml"), Some("somewhere".into())).unwrap();
+        let buddha = catalogue.scene("buddha").unwrap();
+        assert_eq!(buddha.file, Path::new("somewhere/pbrt-v2/buddha.pbrt"));
+        assert!(catalogue.scene("nothing").is_err());
+    }
+}

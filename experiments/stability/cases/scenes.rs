@@ -1,0 +1,183 @@
+//! Scenes that are degenerate, enclosed or far away.
+
+use prpf::scene::{Scene, pbrt};
+use prpf::stats::{Part, Store};
+
+use super::Bound::{AtMost, Exactly};
+use super::pictures::{NOISY, green, noisy, render, scene};
+use super::stores::{QUALITIES, filtered, not_finite};
+use super::{Case, Effort, largest, relative};
+
+pub fn cases(_: Effort) -> Vec<Case> {
+    let mut cases = vec![degenerate_triangles(), broken_mesh()];
+    cases.extend(nothing_to_see());
+    cases.extend(enclosed());
+    cases.extend(anywhere());
+    cases
+}
+
+const HEAD: &str = r#"
+LookAt 0 0 -4  0 0 0  0 1 0
+Camera "perspective" "float fov" 40
+Integrator "path" "integer maxdepth" 5
+Film "rgb" "integer xresolution" 24 "integer yresolution" 24
+WorldBegin
+"#;
+
+fn with_head(world: &str) -> Scene {
+    scene(&[HEAD, world].concat())
+}
+
+fn brightest(store: &Store) -> f64 {
+    largest(green(store, Part::Whole))
+}
+
+fn degenerate_triangles() -> Case {
+    // A point, a line, and one whose area is below what f32 resolves.
+    let slivers = r#"
+        Shape "trianglemesh" "integer indices" [ 0 0 0  0 1 2  3 4 5 ] "point3 P"
+          [ 0 0 0  1 1 0  2 2 0  -0.5 1 -1  -0.5 1 -1  -0.5 1.0000001 -1 ]"#;
+    let images = [NOISY.to_owned(), [NOISY, slivers].concat()]
+        .map(|text| green(&render(&scene(&text), 8, 1), Part::Whole));
+    let changed = images[0].iter().zip(&images[1]).filter(|(a, b)| a != b).count();
+    Case::new("triangles without area", "pixels that they change", Exactly(0.0), changed as f64)
+}
+
+fn broken_mesh() -> Case {
+    let vertex = |value: f32| {
+        let mut file =
+            b"ply\nformat binary_little_endian 1.0\nelement vertex 3\nproperty float x\nproperty float y\n\
+            property float z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n"
+                .to_vec();
+        let corners: [f32; 9] = [0.0, 0.0, 0.0, 1.0, value, 0.0, 0.0, 1.0, 0.0];
+        corners.iter().for_each(|v| file.extend(v.to_le_bytes()));
+        file.push(3);
+        [0i32, 1, 2].iter().for_each(|v| file.extend(v.to_le_bytes()));
+        file
+    };
+    let folder = tempfile::tempdir().expect("a temporary folder can be made");
+    let text = [HEAD, "Shape \"plymesh\" \"string filename\" \"mesh.ply\""].concat();
+    let reads = |value: f32| {
+        std::fs::write(folder.path().join("mesh.ply"), vertex(value)).expect("it can be written to");
+        pbrt::read_str(&text, folder.path())
+    };
+    let refused = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY].iter().filter(|&&value| {
+        reads(value).is_err_and(|error| {
+            error.to_string().lines().count() == 1 && error.to_string().contains("mesh.ply")
+        })
+    });
+    let refused = refused.count() + usize::from(reads(0.5).is_ok());
+    Case::new(
+        "NaN and ±∞ in a mesh file, and none",
+        "files answered rightly of 4",
+        Exactly(4.0),
+        refused as f64,
+    )
+}
+
+fn nothing_to_see() -> Vec<Case> {
+    let box_of_nothing = r#"Shape "sphere" "float radius" 1 "#;
+    let scenes = [
+        ("an empty scene", String::new()),
+        ("a scene without lights", box_of_nothing.to_owned()),
+        (
+            "lights without area",
+            format!(
+                r#"{box_of_nothing} AreaLightSource "diffuse" "rgb L" [ 9 9 9 ]
+                Shape "trianglemesh" "integer indices" [ 0 1 2  0 0 2  0 1 3 ]
+                "point3 P" [ 0 0 -2  0 0 -2  1 1 -2  0.5 0.5 -2 ]"#
+            ),
+        ),
+        (
+            "a light inside a closed box",
+            r#"AttributeBegin AreaLightSource "diffuse" "rgb L" [ 9 9 9 ] Shape "sphere" "float radius" 0.3 AttributeEnd
+            LightSource "point" "rgb I" [ 100 100 100 ]
+            Shape "trianglemesh" "integer indices"
+              [ 0 1 3 0 3 2  4 6 7 4 7 5  0 4 5 0 5 1  2 3 7 2 7 6  0 2 6 0 6 4  1 5 7 1 7 3 ]
+              "point3 P" [ -1 -1 -1  1 -1 -1  -1 1 -1  1 1 -1  -1 -1 1  1 -1 1  -1 1 1  1 1 1 ]"#
+                .to_owned(),
+        ),
+    ];
+    let of_scene = |(name, world): (&str, String)| {
+        let store = render(&with_head(&world), 16, 1);
+        let filtered = QUALITIES.map(|(quality, _)| filtered(&store, quality));
+        let wrong = filtered.iter().map(not_finite).sum::<usize>() as f64;
+        let light = filtered.iter().flat_map(|filtered| filtered.image.data()).map(|&v| f64::from(v));
+        let dark = largest(light.chain([brightest(&store)]));
+        let bad = store.rejected() as f64 + wrong;
+        Case::new(name, "brightest pixel, samples rejected, numbers not finite", Exactly(0.0), dark + bad)
+    };
+    scenes.map(of_scene).to_vec()
+}
+
+fn enclosed() -> Vec<Case> {
+    let inside = |world: &str, samples: u32| {
+        let text = HEAD.replace("0 0 -4  0 0 0", "0.2 0 0  1 0 0.3");
+        render(&scene(&[&text, world].concat()), samples, 3)
+    };
+    let lamp = r#"AreaLightSource "diffuse" "rgb L" [ 3 3 3 ] "bool twosided" true
+        Material "diffuse" "rgb reflectance" [ 0 0 0 ] Shape "sphere" "float radius" 1"#;
+    let glowing = largest(green(&inside(lamp, 4), Part::Whole).into_iter().map(|v| relative(v, 3.0)));
+    let glass = r#"LightSource "infinite" "rgb L" [ 1 1 1 ]
+        Material "dielectric" Shape "sphere" "float radius" 1"#;
+    let store = inside(glass, 256);
+    let (mean, _) = super::pictures::mean(&green(&store, Part::Whole));
+    // Light that enters glass is as radiant as outside times the squared index, 2.25; how much of it has
+    // entered after five bounces is between that and what a pane lets through.
+    vec![
+        Case::new("a camera inside a lamp", "relative error", AtMost(1e-6), glowing),
+        Case::new(
+            "a camera inside a ball of glass",
+            "samples rejected",
+            Exactly(0.0),
+            store.rejected() as f64,
+        ),
+        Case::new("the same", "mean radiance under a sky of 1", super::Bound::Between(0.9, 2.26), mean),
+    ]
+}
+
+/// The scene moved and scaled.
+fn anywhere() -> Vec<Case> {
+    let image = |scale: f64, shift: f64| {
+        let place = |p: [f64; 3]| p.map(|v| (v * scale + shift).to_string()).join(" ");
+        let camera = format!("LookAt {} {} 0 1 0", place([0.0, 1.0, -3.4]), place([0.0, 0.9, 0.0]));
+        let lens = format!("\"float lensradius\" {} \"float focaldistance\" {}", 0.05 * scale, 3.2 * scale);
+        let text = NOISY
+            .replace("LookAt 0 1 -3.4  0 0.9 0  0 1 0", &camera)
+            .replace("\"float lensradius\" 0.05 \"float focaldistance\" 3.2", &lens)
+            .replace(
+                "WorldBegin",
+                &format!("WorldBegin Translate {shift} {shift} {shift} Scale {scale} {scale} {scale}"),
+            );
+        render(&scene(&text), 16, 1)
+    };
+    let reference = render(&noisy(), 16, 1);
+    let mut cases = Vec::new();
+    for (what, store) in [
+        ("moved by 10⁶", image(1.0, 1e6)),
+        ("scaled by 10⁻³", image(1e-3, 0.0)),
+        ("scaled by 10³", image(1e3, 0.0)),
+    ] {
+        let (a, b) = (green(&store, Part::Whole), green(&reference, Part::Whole));
+        // Rounding decides at outlines which surface is hit, and whether a path goes on.
+        let differing = a.iter().zip(&b).filter(|(a, b)| relative(**a, **b) > 1e-3).count();
+        cases.push(Case::new(
+            format!("a scene {what}"),
+            "share of pixels that differ by over 0.1 %",
+            AtMost(0.02),
+            differing as f64 / b.len() as f64,
+        ));
+        for (quality, name) in QUALITIES {
+            let [a, b] = [&store, &reference].map(|store| filtered(store, quality).image);
+            let squares = a.data().iter().zip(b.data()).map(|(&a, &b)| relative(a.into(), b.into()).powi(2));
+            let rms = (squares.sum::<f64>() / b.data().len() as f64).sqrt();
+            cases.push(Case::new(
+                format!("the same, filtered, {name}"),
+                "rms relative difference",
+                AtMost(0.01),
+                rms,
+            ));
+        }
+    }
+    cases
+}
