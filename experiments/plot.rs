@@ -18,12 +18,15 @@ const COLOURS: [RGBColor; 7] = [
 
 /// Pixels of a panel.
 const PANEL: (u32, u32) = (380, 300);
+/// Pixels at the top for the names of the lines, and of one name.
+const NAMES: (u32, u32) = (26, 96);
 /// Share that axes go beyond the data, in decades.
 const ROOM: f64 = 0.08;
 /// Fewest decades that an axis shows, so that small differences look small.
 const FEWEST_DECADES: f64 = 0.8;
 
-/// A line with a name; the same name has the same colour in all panels of a plot.
+/// A line with a name. Colours follow from the order in which names appear in a plot; a series without
+/// points keeps a colour for its name.
 #[derive(Clone, Debug)]
 pub struct Series {
     pub name: String,
@@ -61,7 +64,7 @@ impl Plot<'_> {
     pub fn write(&self, path: &Path) -> anyhow::Result<()> {
         let columns = self.columns.clamp(1, self.panels.len().max(1));
         let rows = self.panels.len().div_ceil(columns).max(1);
-        let size = (PANEL.0 * columns as u32, PANEL.1 * rows as u32);
+        let size = (PANEL.0 * columns as u32, PANEL.1 * rows as u32 + NAMES.0);
         let area = SVGBackend::new(path, size).into_drawing_area();
         self.draw(&area, (rows, columns)).map_err(|error| anyhow!("{}: {error}", path.display()))
     }
@@ -77,6 +80,17 @@ impl Plot<'_> {
             if !names.contains(&series.name.as_str()) {
                 names.push(&series.name);
             }
+        }
+        let (top, area) = area.split_vertically(NAMES.0);
+        let has_points = |name: &str| {
+            let mut series = self.panels.iter().flat_map(|panel| &panel.series);
+            series.any(|series| series.name == name && !series.points.is_empty())
+        };
+        let (mut x, y) = (12, NAMES.0 as i32 / 2);
+        for (i, &name) in names.iter().enumerate().filter(|(_, name)| has_points(name)) {
+            top.draw(&PathElement::new([(x, y), (x + 16, y)], colour(i).stroke_width(3)))?;
+            top.draw(&Text::new(name.to_owned(), (x + 20, y - 6), ("sans-serif", 12)))?;
+            x += NAMES.1 as i32;
         }
         for (panel, area) in self.panels.iter().zip(area.split_evenly(shape)) {
             let shown = |&(x, y): &(f64, f64)| x > 0.0 && y > 0.0 && x.is_finite() && y.is_finite();
@@ -106,26 +120,20 @@ impl Plot<'_> {
             }
             for series in &panel.series {
                 let place = names.iter().position(|name| *name == series.name).unwrap_or(0);
-                let colour = COLOURS[place % COLOURS.len()];
+                let colour = colour(place);
                 let points: Vec<_> = series.points.iter().copied().filter(shown).collect();
-                chart
-                    .draw_series(LineSeries::new(points.clone(), colour.stroke_width(2)))?
-                    .label(&series.name)
-                    .legend(move |(x, y)| {
-                        PathElement::new(vec![(x, y), (x + 14, y)], colour.stroke_width(2))
-                    });
+                chart.draw_series(LineSeries::new(points.clone(), colour.stroke_width(2)))?;
                 chart.draw_series(points.into_iter().map(|point| Circle::new(point, 3, colour.filled())))?;
             }
-            chart
-                .configure_series_labels()
-                .label_font(("sans-serif", 11))
-                .background_style(WHITE.mix(0.8))
-                .border_style(RGBColor(200, 200, 200))
-                .draw()?;
         }
         area.present()?;
         Ok(())
     }
+}
+
+/// The colour of a line with this place among all names.
+fn colour(place: usize) -> RGBColor {
+    COLOURS[place % COLOURS.len()]
 }
 
 /// The range of an axis that shows all values.
