@@ -4,7 +4,11 @@
 //! What it runs stands in `experiments/NAME.toml`; it leaves a report, plots, pictures and every
 //! measurement in `experiments/results/NAME/`. It uses only the library's public face.
 
+mod accuracy;
+mod allocation;
 mod bench;
+mod curves;
+mod effects;
 mod ledger;
 mod paper;
 mod picture;
@@ -14,6 +18,8 @@ mod report;
 mod sampling;
 mod scenes;
 mod settings;
+mod statistics;
+mod trial;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -29,7 +35,12 @@ static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
 type Run = fn(&mut Bench) -> anyhow::Result<()>;
 
 /// Every experiment by its name.
-const EXPERIMENTS: &[(&str, Run)] = &[("paper", paper::run)];
+const EXPERIMENTS: &[(&str, Run)] = &[
+    ("paper", paper::run),
+    ("allocation", allocation::run),
+    ("accuracy", accuracy::run),
+    ("effects", effects::run),
+];
 
 /// Runs an experiment and writes its report.
 #[derive(Parser)]

@@ -28,11 +28,18 @@ const FEWEST_DECADES: f64 = 0.8;
 pub struct Series {
     pub name: String,
     pub points: Vec<(f64, f64)>,
+    /// Whether a line goes from each to the next.
+    joined: bool,
 }
 
 impl Series {
     pub fn new(name: &str, points: impl IntoIterator<Item = (f64, f64)>) -> Self {
-        Self { name: name.to_owned(), points: points.into_iter().collect() }
+        Self { name: name.to_owned(), points: points.into_iter().collect(), joined: true }
+    }
+
+    /// Points without a line.
+    pub fn points(name: &str, points: impl IntoIterator<Item = (f64, f64)>) -> Self {
+        Self { joined: false, ..Self::new(name, points) }
     }
 }
 
@@ -108,8 +115,9 @@ impl Plot<'_> {
                 let place = names.iter().position(|name| *name == series.name).unwrap_or(0);
                 let colour = COLOURS[place % COLOURS.len()];
                 let points: Vec<_> = series.points.iter().copied().filter(shown).collect();
+                let line = if series.joined { points.clone() } else { Vec::new() };
                 chart
-                    .draw_series(LineSeries::new(points.clone(), colour.stroke_width(2)))?
+                    .draw_series(LineSeries::new(line, colour.stroke_width(2)))?
                     .label(&series.name)
                     .legend(move |(x, y)| {
                         PathElement::new(vec![(x, y), (x + 14, y)], colour.stroke_width(2))
