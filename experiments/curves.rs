@@ -67,14 +67,22 @@ pub struct Curves {
     pub checks: [Vec<Checked>; 2],
 }
 
-/// Measures all ways to a scene's image at some sample counts, ascending. The unfiltered uniform image is that of the
-/// filtered one's samples, and takes the time of these.
-pub fn measure(bench: &mut Bench, bed: &Bed, accel: &Accel, spps: &[u32], seeds: u64) -> anyhow::Result<Curves> {
+/// Measures all ways to a scene's image at some sample counts, ascending; at one of them, if asked for, also
+/// what the loop says of its error. The unfiltered uniform image is that of the filtered one's samples, and takes
+/// the time of these.
+pub fn measure(
+    bench: &mut Bench,
+    bed: &Bed,
+    accel: &Accel,
+    (spps, seeds): (&[u32], u64),
+    checked: Option<u32>,
+) -> anyhow::Result<Curves> {
     let mut curves = Curves::default();
     for (seed, &spp) in (0..seeds).flat_map(|seed| spps.iter().map(move |spp| (seed, spp))) {
         for (i, way) in WAYS.iter().enumerate().skip(1) {
             let denoiser = if way.filtered { Denoiser::Prpf } else { Denoiser::None };
-            let trial = Trial::new(way.sampling, denoiser, spp, seed);
+            let trial =
+                Trial { checked: Some(&spp) == checked.as_ref(), ..Trial::new(way.sampling, denoiser, spp, seed) };
             let measured = take(bench, bed, accel, &trial, way.name())?;
             let point = |error: &str, seconds: &str| Point {
                 spp,
@@ -86,7 +94,7 @@ pub fn measure(bench: &mut Bench, bed: &Bed, accel: &Accel, spps: &[u32], seeds:
             if way.sampling == Sampling::Uniform {
                 curves.points[0].push(point("unfiltered relmse", "seconds of samples"));
             }
-            if way.filtered && spp == spps[spps.len() - 1] {
+            if way.filtered {
                 curves.checks[usize::from(way.sampling == Sampling::Adaptive)].extend(checks(&measured));
             }
         }

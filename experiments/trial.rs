@@ -1,9 +1,9 @@
 //! Renders by the library's own loop, as an experiment needs them: with its own driving maps or fewer
 //! reruns of the filter, and with what the loop says of its error on the way.
 
-use std::sync::Arc;
-use std::sync::Mutex;
+use std::collections::BTreeMap;
 use std::sync::atomic::AtomicBool;
+use std::sync::{Arc, Mutex};
 use std::time::Instant;
 
 use prpf::adaptive::{PrioritySettings, Sampling};
@@ -18,10 +18,23 @@ use prpf::progressive::{
 use prpf::render::Renderer;
 use prpf::scene::Scene;
 use prpf::stats::{Part, Store};
+use serde::Deserialize;
 
 use crate::bench::Bench;
 use crate::reference::{self, Reference};
 use crate::scenes::{SceneFile, View};
+
+/// How large films are, and how good their references: a part of an experiment's settings.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Size {
+    /// Pixels of a film, about.
+    pixels: f64,
+    /// Samples per pixel of a reference.
+    reference_spp: u32,
+    /// The same of scenes that need more.
+    harder: BTreeMap<String, u32>,
+}
 
 /// A scene at the size that an experiment looks at it, with its reference.
 pub struct Bed {
@@ -31,18 +44,19 @@ pub struct Bed {
 }
 
 impl Bed {
-    /// The scene with its film scaled to about so many pixels.
+    /// The scene with its film scaled to the settings' size.
     ///
     /// # Errors
     /// What is wrong with the file, or the cache of references.
-    pub fn new(bench: &Bench, file: &SceneFile, pixels: f64, reference_spp: u32) -> anyhow::Result<Self> {
+    pub fn new(bench: &Bench, file: &SceneFile, size: &Size) -> anyhow::Result<Self> {
         bench.doing(format!("{}: reading", file.name));
         let mut scene = file.load(View::default())?;
         let (width, height) = (scene.film.width as f64, scene.film.height as f64);
-        let scale = (pixels / (width * height)).sqrt().min(1.0);
+        let scale = (size.pixels / (width * height)).sqrt().min(1.0);
         scene.resize_film((width * scale).round() as usize, (height * scale).round() as usize);
+        let spp = size.harder.get(&file.name).copied().unwrap_or(size.reference_spp);
         let reference =
-            reference::reference(&scene, &file.name, reference_spp, &bench.cache, |what| bench.doing(what))?;
+            reference::reference(&scene, &file.name, spp, &bench.cache, |what| bench.doing(what))?;
         Ok(Self { name: file.name.clone(), scene, reference })
     }
 
@@ -63,6 +77,8 @@ pub struct Trial {
     pub seed: u64,
     pub priority: PrioritySettings,
     pub steering: Steering,
+    /// Whether to keep what the loop says of its error.
+    pub checked: bool,
 }
 
 /// What an experiment changes about the loop.
@@ -104,7 +120,7 @@ impl Rendered {
 impl Trial {
     pub fn new(sampling: Sampling, denoiser: Denoiser, spp: u32, seed: u64) -> Self {
         let priority = PrioritySettings::default();
-        Self { sampling, denoiser, spp, seed, priority, steering: Steering::None }
+        Self { sampling, denoiser, spp, seed, priority, steering: Steering::None, checked: false }
     }
 
     fn settings(&self) -> Settings {
@@ -130,8 +146,10 @@ impl Trial {
         let checks = Mutex::new(Vec::new());
         let keep = |memory: Memory| checks.lock().expect("nothing panics with it").extend(check(memory));
         let settings = self.settings();
-        let circle =
-            Loop::new(&renderer, &settings, Instant::now(), &interrupt, None).keeping(0.0, &keep);
+        let mut circle = Loop::new(&renderer, &settings, Instant::now(), &interrupt, None);
+        if self.checked {
+            circle = circle.keeping(0.0, &keep);
+        }
         let outcome = circle.run(&mut Steered { trial: self, bed, count: 0, last: None });
         let seconds = outcome.seconds;
         let mut checks = checks.into_inner().expect("nothing panics with it");

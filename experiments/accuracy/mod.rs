@@ -14,7 +14,7 @@ use serde::Deserialize;
 
 use crate::bench::Bench;
 use crate::curves::{self, Curves, Point};
-use crate::trial::Bed;
+use crate::trial::{Bed, Size};
 
 use filters::Cost;
 
@@ -23,8 +23,7 @@ use filters::Cost;
 #[serde(deny_unknown_fields)]
 struct Settings {
     scenes: Vec<String>,
-    pixels: f64,
-    reference_spp: u32,
+    size: Size,
     targets: Vec<f64>,
     curves: CurveSettings,
     reruns: RerunSettings,
@@ -62,12 +61,12 @@ pub fn run(bench: &mut Bench) -> anyhow::Result<()> {
     ensure!(settings.curves.spp.len() >= 2, "curves.spp: accepted are two values or more");
     let mut all = Vec::new();
     for file in bench.scenes(&settings.scenes)? {
-        let bed = Bed::new(bench, &file, settings.pixels, settings.reference_spp)?;
+        let bed = Bed::new(bench, &file, &settings.size)?;
         let accel = Accel::build(&bed.scene);
         let filters = filters::measure(bench, &bed, &accel, &settings.filters)?;
         let reruns = reruns::measure(bench, &bed, &accel, &settings.reruns)?;
         let CurveSettings { spp, seeds } = &settings.curves;
-        let curves = curves::measure(bench, &bed, &accel, spp, *seeds)?;
+        let curves = curves::measure(bench, &bed, &accel, (spp, *seeds), spp.last().copied())?;
         let (scene, reference_error) = (bed.name, bed.reference.relmse);
         all.push(Measured { scene, reference_error, curves, filters, reruns });
     }

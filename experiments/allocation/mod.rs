@@ -11,7 +11,7 @@ use serde::Deserialize;
 
 use crate::bench::Bench;
 use crate::curves::{self, Curves, Point};
-use crate::trial::Bed;
+use crate::trial::{Bed, Size};
 
 use drives::Drive;
 
@@ -20,8 +20,7 @@ use drives::Drive;
 #[serde(deny_unknown_fields)]
 struct Settings {
     scenes: Vec<String>,
-    pixels: f64,
-    reference_spp: u32,
+    size: Size,
     spp: Vec<u32>,
     seeds: u64,
     maps: MapSettings,
@@ -54,9 +53,9 @@ pub fn run(bench: &mut Bench) -> anyhow::Result<()> {
     );
     let mut all = Vec::new();
     for file in bench.scenes(&settings.scenes)? {
-        let bed = Bed::new(bench, &file, settings.pixels, settings.reference_spp)?;
+        let bed = Bed::new(bench, &file, &settings.size)?;
         let accel = Accel::build(&bed.scene);
-        let curves = curves::measure(bench, &bed, &accel, &settings.spp, settings.seeds)?;
+        let curves = curves::measure(bench, &bed, &accel, (&settings.spp, settings.seeds), None)?;
         let drives = drives::measure(bench, &bed, &accel, settings.maps)?;
         let (picture, ceiling) = pictures::take(bench, &bed, &accel, settings.maps.spp)?;
         let (scene, reference_error) = (bed.name, bed.reference.relmse);
