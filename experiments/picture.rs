@@ -27,18 +27,6 @@ pub fn part(planes: &Planes, [x0, x1, y0, y1]: [usize; 4]) -> Planes {
     out
 }
 
-/// Repeats each pixel, so that small pictures can be seen.
-pub fn enlarged(planes: &Planes, factor: usize) -> Planes {
-    let (width, height) = (planes.width() * factor, planes.height() * factor);
-    let mut out = Planes::new(width, height, planes.count());
-    for k in 0..planes.count() {
-        for (y, row) in out.plane_mut(k).chunks_mut(width).enumerate() {
-            row.iter_mut().enumerate().for_each(|(x, value)| *value = planes.at(k, x / factor, y / factor));
-        }
-    }
-    out
-}
-
 /// Pictures of one height and of equal numbers of planes in a row, with a gap between them.
 pub fn in_a_row(pictures: &[Planes]) -> Planes {
     const GAP: usize = 4;
@@ -113,11 +101,6 @@ mod tests {
     #[test]
     fn a_part_is_cut_out_at_its_place() {
         assert_eq!(part(&numbered(4, 3), [1, 3, 1, 3]).data(), [5.0, 6.0, 9.0, 10.0]);
-    }
-
-    #[test]
-    fn enlarging_repeats_pixels() {
-        assert_eq!(enlarged(&numbered(2, 1), 2).data(), [0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 1.0, 1.0]);
     }
 
     #[test]

@@ -20,9 +20,11 @@ pub mod prpf;
 mod regression;
 pub mod rpf;
 mod stack;
+pub mod stages;
 pub mod standard;
 #[cfg(test)]
 mod synthetic;
+pub mod tolerance;
 mod upsampling;
 mod weights;
 

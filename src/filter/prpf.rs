@@ -13,8 +13,9 @@ use super::colours::Colours;
 use super::neighbourhood::{Guide, Neighbourhood};
 use super::outliers::OutlierSettings;
 use super::padded::Padded;
+use super::stages::{Observer, Stage};
 use super::upsampling;
-use super::weights::Evidence;
+use super::weights::{self, Evidence};
 use crate::image::Planes;
 use crate::stats::Store;
 
@@ -100,12 +101,20 @@ impl PrpfSettings {
 
 /// Filters a store's image. Deterministic in `seed`, whatever the number of threads.
 pub fn filter(store: &Store, settings: &PrpfSettings, seed: u64) -> Filtered {
+    filter_observed(store, settings, seed, &|_| ())
+}
+
+/// The same, `observe` being told of each stage that begins.
+pub fn filter_observed(store: &Store, settings: &PrpfSettings, seed: u64, observe: Observer) -> Filtered {
+    observe(Stage::Other);
     let colours = Colours::new(store, &settings.outliers);
+    observe(Stage::Neighbourhoods);
     let guide = Guide::new(store, colours.guide(), settings);
     let mut values = colours.values(settings.margin());
     let mut interpolation = Interpolation::new(store);
 
     for (pass, &window) in settings.windows.iter().enumerate() {
+        observe(Stage::Neighbourhoods);
         let neighbourhood = Neighbourhood::new(&guide, window, settings.statistics_side);
         let exposure = colours.exposure();
         let evidence = Evidence {
@@ -118,11 +127,14 @@ pub fn filter(store: &Store, settings: &PrpfSettings, seed: u64) -> Filtered {
             window,
             seed,
         };
+        observe(Stage::Weights);
         let weights = upsampling::weights(&evidence);
+        observe(Stage::Filtering);
         values = bilateral::filter(&values, &guide, &neighbourhood, &weights, window, settings.gain);
         interpolation.add(&weights, settings);
     }
 
+    observe(Stage::Other);
     let images = colours.finish(&values, &settings.outliers, |i, j| guide.resembles(i, j));
     let mut filtered = colours.assess(images);
     if settings.upsampling {
@@ -144,11 +156,9 @@ pub fn feature_weights(store: &Store, settings: &PrpfSettings, seed: u64) -> (Ve
         let evidence = Evidence { store, guide, neighbourhood, exposure, settings, pass, window, seed };
         upsampling::weights(&evidence).to_planes()
     };
-    let dimensions = store.layout().dimensions();
-    let features = guide.feature_dims().iter().map(|&dim| format!("beta {}", dimensions[dim].name));
-    let others = ["alpha R", "alpha G", "alpha B", "randomness", "interpolation"].map(str::to_owned);
-    let passes = settings.windows.iter().enumerate().map(of_pass).collect();
-    (features.chain(others).collect(), passes)
+    let mut names = weights::names(store.layout());
+    names.push("interpolation".to_owned());
+    (names, settings.windows.iter().enumerate().map(of_pass).collect())
 }
 
 /// Where interpolation of feature weights between grid nodes fails (1; elsewhere 0), and the share

@@ -111,6 +111,13 @@ impl Variables {
     }
 }
 
+/// Names of what [`Variables::weigh`] writes.
+pub(super) fn names(layout: &Layout) -> Vec<String> {
+    let name = |(dim, _): (usize, _)| format!("beta {}", layout.dimensions()[dim].name);
+    let others = ["alpha R", "alpha G", "alpha B", "randomness"].map(str::to_owned);
+    layout.features().into_iter().map(name).chain(others).collect()
+}
+
 /// What evaluations of one pass share.
 pub(super) struct Scratch {
     variables: Variables,

@@ -39,6 +39,9 @@ use rayon::prelude::*;
 use super::Filtered;
 use super::colours::Colours;
 use super::outliers::OutlierSettings;
+use super::stages::{Observer, Stage};
+use super::weights::names as weight_names;
+use crate::image::Planes;
 use crate::stats::Store;
 use kernel::Kernel;
 use neighbourhood::{Draws, Neighbourhood};
@@ -52,10 +55,15 @@ pub const BYTES_PER_SAMPLE: usize = 2 * size_of::<Value>();
 /// Filters a store's image from the samples that it keeps whole, which should be all. Deterministic in
 /// `seed`, whatever the number of threads.
 pub fn filter(store: &Store, settings: &RpfSettings, seed: u64) -> Filtered {
+    filter_observed(store, settings, seed, &|_| ())
+}
+
+/// The same, `observe` being told of each stage that begins, pixel for pixel and on the thread that does it.
+pub fn filter_observed(store: &Store, settings: &RpfSettings, seed: u64, observe: Observer) -> Filtered {
     let samples = Samples::of(store);
     let mut values = samples.values();
     for (t, pass) in settings.passes.iter().enumerate() {
-        values = filter_once(store, &samples, &values, settings, (t, pass), seed);
+        values = filter_once(store, &samples, &values, settings, (t, pass), seed, observe);
     }
     let none = OutlierSettings::off();
     let colours = Colours::new(store, &none);
@@ -71,6 +79,7 @@ fn filter_once(
     settings: &RpfSettings,
     (t, pass): (usize, &RpfPass),
     seed: u64,
+    observe: Observer,
 ) -> Vec<Value> {
     let draws = Draws::new(pass, settings, samples, store.layout());
     let mut filtered = values.to_vec();
@@ -84,12 +93,49 @@ fn filter_once(
                 if own.is_empty() {
                     continue;
                 }
+                observe(Stage::Neighbourhoods);
                 neighbourhood.gather(samples, &draws, settings, (x, y), (seed, t));
+                observe(Stage::Weights);
                 let scale = weights.evaluate(neighbourhood, settings, t, own.len());
+                observe(Stage::Filtering);
                 kernel.filter(neighbourhood, values, scale, own);
                 spikes::remove(own, &settings.spikes);
             }
+            observe(Stage::Other);
         },
     );
     filtered
+}
+
+/// The weights that [`filter`] uses: their names, and for each pass a plane for each of them. Without samples
+/// a pixel has none, and 0 stands.
+pub fn feature_weights(store: &Store, settings: &RpfSettings, seed: u64) -> (Vec<String>, Vec<Planes>) {
+    let samples = Samples::of(store);
+    let names = weight_names(store.layout());
+    let of_pass = |(t, pass): (usize, &RpfPass)| {
+        let draws = Draws::new(pass, settings, &samples, store.layout());
+        let row = |y: usize| {
+            let (mut neighbourhood, mut weights) =
+                (Neighbourhood::new(&draws), Weights::new(store.layout(), &draws));
+            let mut row = vec![0.0; samples.width() * names.len()];
+            for (x, out) in row.chunks_exact_mut(names.len()).enumerate() {
+                let own = samples.count(x, y);
+                if own > 0 {
+                    neighbourhood.gather(&samples, &draws, settings, (x, y), (seed, t));
+                    weights.evaluate(&neighbourhood, settings, t, own);
+                    out.copy_from_slice(weights.latest());
+                }
+            }
+            row
+        };
+        let rows: Vec<Vec<f32>> = (0..samples.height()).into_par_iter().map(row).collect();
+        let mut planes = Planes::new(samples.width(), samples.height(), names.len());
+        for (k, plane) in planes.planes_mut().enumerate() {
+            let values = rows.iter().flat_map(|row| row.iter().skip(k).step_by(names.len()));
+            plane.iter_mut().zip(values).for_each(|(out, &value)| *out = value);
+        }
+        planes
+    };
+    let passes = settings.passes.iter().enumerate().map(of_pass).collect();
+    (names, passes)
 }

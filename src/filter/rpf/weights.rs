@@ -59,6 +59,11 @@ impl Weights {
         &self.scale
     }
 
+    /// What was evaluated last: β of each feature, α of each colour, W_c^r.
+    pub fn latest(&self) -> &[f32] {
+        &self.weights
+    }
+
     fn standard(&self, neighbourhood: &Neighbourhood) -> Standard {
         let (mean, variance) = neighbourhood.moments();
         let mut scale = [0.0; LANES];
