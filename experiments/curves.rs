@@ -81,8 +81,10 @@ pub fn measure(
     for (seed, &spp) in (0..seeds).flat_map(|seed| spps.iter().map(move |spp| (seed, spp))) {
         for (i, way) in WAYS.iter().enumerate().skip(1) {
             let denoiser = if way.filtered { Denoiser::Prpf } else { Denoiser::None };
-            let trial =
-                Trial { checked: Some(&spp) == checked.as_ref(), ..Trial::new(way.sampling, denoiser, spp, seed) };
+            let trial = Trial {
+                checked: Some(&spp) == checked.as_ref(),
+                ..Trial::new(way.sampling, denoiser, spp, seed)
+            };
             let measured = take(bench, bed, accel, &trial, way.name())?;
             let point = |error: &str, seconds: &str| Point {
                 spp,
@@ -154,8 +156,7 @@ pub fn take(
         ]);
         for (i, check) in rendered.checks.iter().enumerate() {
             let (tiles, mean) = true_tiles(&check.image, &bed.reference.image);
-            let estimated: Vec<f64> =
-                check.estimate.tiles.plane(0).iter().map(|&v| f64::from(v)).collect();
+            let estimated: Vec<f64> = check.estimate.tiles.plane(0).iter().map(|&v| f64::from(v)).collect();
             let numbers = [
                 ("spp", check.spp),
                 ("estimate", check.estimate.image),
@@ -218,7 +219,8 @@ pub fn curve(points: &[Point], seed: Option<u64>, x: impl Fn(&Point) -> f64) -> 
             .iter()
             .filter(|point| point.spp == spp && seed.is_none_or(|seed| point.seed == seed))
             .collect();
-        let mean = |of: &dyn Fn(&Point) -> f64| chosen.iter().map(|p| of(p)).sum::<f64>() / chosen.len() as f64;
+        let mean =
+            |of: &dyn Fn(&Point) -> f64| chosen.iter().map(|p| of(p)).sum::<f64>() / chosen.len() as f64;
         (mean(&x), mean(&|point| point.error))
     };
     spps.into_iter().map(at).collect()

@@ -116,12 +116,9 @@ impl Plot<'_> {
                 let colour = COLOURS[place % COLOURS.len()];
                 let points: Vec<_> = series.points.iter().copied().filter(shown).collect();
                 let line = if series.joined { points.clone() } else { Vec::new() };
-                chart
-                    .draw_series(LineSeries::new(line, colour.stroke_width(2)))?
-                    .label(&series.name)
-                    .legend(move |(x, y)| {
-                        PathElement::new(vec![(x, y), (x + 14, y)], colour.stroke_width(2))
-                    });
+                chart.draw_series(LineSeries::new(line, colour.stroke_width(2)))?.label(&series.name).legend(
+                    move |(x, y)| PathElement::new(vec![(x, y), (x + 14, y)], colour.stroke_width(2)),
+                );
                 chart.draw_series(points.into_iter().map(|point| Circle::new(point, 3, colour.filled())))?;
             }
             chart

@@ -35,9 +35,8 @@ pub fn geometric_mean(values: &[f64]) -> Interval {
 pub fn rank_correlation(a: &[f64], b: &[f64]) -> f64 {
     let [a, b] = [a, b].map(ranks);
     let middle = (a.len() as f64 - 1.0) / 2.0;
-    let covariance = |x: &[f64], y: &[f64]| -> f64 {
-        x.iter().zip(y).map(|(x, y)| (x - middle) * (y - middle)).sum()
-    };
+    let covariance =
+        |x: &[f64], y: &[f64]| -> f64 { x.iter().zip(y).map(|(x, y)| (x - middle) * (y - middle)).sum() };
     covariance(&a, &b) / (covariance(&a, &a) * covariance(&b, &b)).sqrt()
 }
 
@@ -62,8 +61,12 @@ pub fn pareto_front(points: &[(f64, f64)]) -> Vec<bool> {
 }
 
 /// A curve of positive numbers at `x`, straight between its points where both axes are logarithmic, and
-/// beyond them as its two nearest points say. `points` in the order of x, at least two.
+/// beyond them as its two nearest points say; a single point is the same everywhere. `points` in the order of x,
+/// at least one.
 pub fn on_curve(points: &[(f64, f64)], x: f64) -> f64 {
+    if let [(_, y)] = points {
+        return *y;
+    }
     let next = points.iter().position(|p| p.0 >= x).unwrap_or(points.len()).clamp(1, points.len() - 1);
     let [(x0, y0), (x1, y1)] = [points[next - 1], points[next]].map(|(x, y)| (x.ln(), y.ln()));
     (y0 + (y1 - y0) * (x.ln() - x0) / (x1 - x0)).exp()
@@ -138,6 +141,7 @@ mod tests {
         assert!((on_curve(&curve, 10_f64.sqrt()) - 0.1_f64.sqrt()).abs() < 1e-12);
         assert!((on_curve(&curve, 1000.0) - 0.025).abs() < 1e-12);
         assert!((on_curve(&curve, 0.1) - 10.0).abs() < 1e-9);
+        assert_eq!(on_curve(&curve[..1], 7.0), 1.0);
     }
 
     #[test]

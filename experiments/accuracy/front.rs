@@ -21,9 +21,8 @@ impl Front {
     pub fn new(settings: &Settings, all: &[Measured]) -> Self {
         let choices = settings.filters.choices();
         let standard = choices.iter().position(|c| c.name == QUALITIES[1]).unwrap_or(0);
-        let over_scenes = |of: &dyn Fn(&Measured) -> f64| {
-            geometric_mean(&all.iter().map(of).collect::<Vec<_>>()).mean
-        };
+        let over_scenes =
+            |of: &dyn Fn(&Measured) -> f64| geometric_mean(&all.iter().map(of).collect::<Vec<_>>()).mean;
         let costs: Vec<Cost> = (0..choices.len())
             .map(|i| Cost {
                 seconds: over_scenes(&|m| m.filters[i].seconds),
@@ -90,9 +89,18 @@ impl Front {
         ];
         series.extend(QUALITIES.map(|name| Series::points(name, points(&|i| self.choices[i].name == name))));
         let panels = vec![Panel { title: format!("Filters at {} spp", self.spp), series }];
-        Plot { x: "seconds per million pixels", y: "relMSE over that of standard", panels, slope: false, columns: 1 }
-            .write(&bench.out.join("filters.svg"))?;
-        report.picture("filters.svg", "Error against time of the filters' settings, geometric means over the scenes.");
+        Plot {
+            x: "seconds per million pixels",
+            y: "relMSE over that of standard",
+            panels,
+            slope: false,
+            columns: 1,
+        }
+        .write(&bench.out.join("filters.svg"))?;
+        report.picture(
+            "filters.svg",
+            "Error against time of the filters' settings, geometric means over the scenes.",
+        );
         let mut order: Vec<usize> = (0..self.choices.len()).collect();
         order.sort_by(|&i, &j| self.costs[i].seconds.total_cmp(&self.costs[j].seconds));
         let row = |i: usize| {
@@ -105,7 +113,10 @@ impl Front {
             ]
         };
         let rows: Vec<_> = order.into_iter().map(row).collect();
-        report.table(&["setting", "seconds per million pixels", "error over standard's", "on the front"], &rows);
+        report.table(
+            &["setting", "seconds per million pixels", "error over standard's", "on the front"],
+            &rows,
+        );
         report.paragraph(
             "Not settings, and so not varied: the number of bins of mutual information (its histograms are counted by \
              words of bits, for five bins) and the 4×4 nodes that weights are interpolated from.",

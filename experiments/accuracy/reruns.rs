@@ -51,8 +51,7 @@ pub fn write(report: &mut Report, settings: &RerunSettings, all: &[Measured]) {
     };
     let row = |i: usize| {
         let seconds = |m: &Measured, i: usize| m.reruns[i].first().map_or(f64::NAN, |point| point.seconds);
-        let error =
-            |m: &Measured| geometric_mean(&ratios(&m.reruns[i], &m.reruns[0], Equal::Samples)).mean;
+        let error = |m: &Measured| geometric_mean(&ratios(&m.reruns[i], &m.reruns[0], Equal::Samples)).mean;
         vec![
             settings.every[i].to_string(),
             over_scenes(&|m| seconds(m, i) / seconds(m, 0)),

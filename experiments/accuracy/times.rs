@@ -52,11 +52,19 @@ pub fn finding(settings: &Settings, all: &[Measured]) -> String {
             )
         })
     });
-    format!("**Adaptive and filtered, the program gets there sooner than plain path tracing: {}.**", said.collect::<Vec<_>>().join("; "))
+    format!(
+        "**Adaptive and filtered, the program gets there sooner than plain path tracing: {}.**",
+        said.collect::<Vec<_>>().join("; ")
+    )
 }
 
 /// Writes the section.
-pub fn write(bench: &Bench, report: &mut Report, settings: &Settings, all: &[Measured]) -> anyhow::Result<()> {
+pub fn write(
+    bench: &Bench,
+    report: &mut Report,
+    settings: &Settings,
+    all: &[Measured],
+) -> anyhow::Result<()> {
     report.section("Seconds to an error");
     let panel = |m: &Measured| Panel {
         title: m.scene.clone(),
@@ -67,8 +75,12 @@ pub fn write(bench: &Bench, report: &mut Report, settings: &Settings, all: &[Mea
             .collect(),
     };
     let panels = all.iter().map(panel).collect();
-    Plot { x: "seconds", y: "relMSE", panels, slope: true, columns: 3 }.write(&bench.out.join("error-seconds.svg"))?;
-    report.picture("error-seconds.svg", "relMSE against seconds, mean of the seeds; grey: slope −1, plain Monte Carlo.");
+    Plot { x: "seconds", y: "relMSE", panels, slope: true, columns: 3 }
+        .write(&bench.out.join("error-seconds.svg"))?;
+    report.picture(
+        "error-seconds.svg",
+        "relMSE against seconds, mean of the seeds; grey: slope −1, plain Monte Carlo.",
+    );
     report.paragraph(
         "`< 0.1` means that the first image measured was better already; `~` stands where the last one was still worse \
          and the curve's last piece was drawn on, which flatters ways whose error falls more slowly the longer they run; \

@@ -48,7 +48,9 @@ struct Measured {
 pub fn run(bench: &mut Bench) -> anyhow::Result<()> {
     let settings: Settings = bench.settings()?;
     ensure!(
-        settings.spp.len() >= 2 && settings.spp.contains(&settings.maps.spp) && settings.maps.seeds <= settings.seeds,
+        settings.spp.len() >= 2
+            && settings.spp.contains(&settings.maps.spp)
+            && settings.maps.seeds <= settings.seeds,
         "accepted are two values of spp or more, maps.spp among them, and maps.seeds up to seeds"
     );
     let mut all = Vec::new();

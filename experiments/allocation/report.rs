@@ -102,11 +102,7 @@ fn finding(all: &[Measured], spp: u32) -> String {
 
 /// `0.81 (0.77 to 0.85)`.
 fn shown(Interval { mean, low, high }: Interval) -> String {
-    if low.is_finite() {
-        format!("{mean:.2} ({low:.2} to {high:.2})")
-    } else {
-        format!("{mean:.2}")
-    }
+    if low.is_finite() { format!("{mean:.2} ({low:.2} to {high:.2})") } else { format!("{mean:.2}") }
 }
 
 fn ratio_rows(all: &[Measured], spps: &[u32], ways: [usize; 2], equal: Equal) -> Vec<Vec<String>> {
@@ -175,7 +171,11 @@ fn possible(report: &mut Report, settings: &Settings, all: &[Measured]) {
          possible gain which was reached."
     ));
     let share = |reached: f64, possible: f64| {
-        if possible < 1.0 { format!("{:.0} %", 100.0 * (1.0 - reached) / (1.0 - possible)) } else { "–".into() }
+        if possible < 1.0 {
+            format!("{:.0} %", 100.0 * (1.0 - reached) / (1.0 - possible))
+        } else {
+            "–".into()
+        }
     };
     let row = |m: &Measured| {
         let [default, oracle] =
@@ -230,8 +230,7 @@ fn maps(report: &mut Report, settings: &Settings, all: &[Measured]) {
     let name_of = |i: usize| all.first().and_then(|m| m.drives.get(i)).map(|(drive, _)| drive.name.clone());
     let rows = (0..).map_while(name_of).map(|name| {
         let of = |m: &Measured, equal| geometric_mean(&by_drive(m, &name, equal)).mean;
-        let overall =
-            |equal| geometric_mean(&all.iter().map(|m| of(m, equal)).collect::<Vec<_>>()).mean;
+        let overall = |equal| geometric_mean(&all.iter().map(|m| of(m, equal)).collect::<Vec<_>>()).mean;
         let numbers = all
             .iter()
             .map(|m| of(m, Equal::Samples))

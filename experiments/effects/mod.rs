@@ -91,7 +91,8 @@ fn scale(scene: &mut Scene, pixels: f64) {
 
 /// What follows from the layout alone.
 fn counts(layout: &Layout) -> Values {
-    let of = |chosen: fn(Group) -> bool| layout.dimensions().iter().filter(|d| chosen(d.group)).count() as f64;
+    let of =
+        |chosen: fn(Group) -> bool| layout.dimensions().iter().filter(|d| chosen(d.group)).count() as f64;
     let random = of(|group| group == Group::Random);
     let positions = of(|group| group == Group::Position);
     let features = of(|group| matches!(group, Group::Feature(_)));
@@ -147,11 +148,8 @@ fn times(scene: &Scene, spp: u32) -> (Values, Store) {
     let render = sampling::add(&renderer, &mut store, spp);
     let filter = |quality| sampling::timed(|| filter::filter(&store, quality, SEED)).1;
     let (standard, paper) = (filter(Quality::Standard), filter(Quality::Paper));
-    let values = values([
-        (quantity::RENDER, render),
-        (quantity::STANDARD, standard),
-        (quantity::PAPER, paper),
-    ]);
+    let values =
+        values([(quantity::RENDER, render), (quantity::STANDARD, standard), (quantity::PAPER, paper)]);
     (values, store)
 }
 
