@@ -55,6 +55,8 @@ pub struct Checked {
     /// Samples per pixel of the image.
     pub spp: f64,
     pub estimate: f64,
+    /// Of the estimate, as it says itself.
+    pub standard_error: f64,
     pub truth: f64,
     /// Spearman's correlation of estimate and truth over tiles.
     pub rank_correlation: f64,
@@ -160,6 +162,7 @@ pub fn take(
             let numbers = [
                 ("spp", check.spp),
                 ("estimate", check.estimate.image),
+                ("standard error", check.estimate.standard_error),
                 ("truth", (mean - bed.reference.relmse).max(f64::MIN_POSITIVE)),
                 ("rank correlation", rank_correlation(&estimated, &tiles)),
             ];
@@ -179,6 +182,7 @@ fn checks(measured: &Values) -> Vec<Checked> {
         Some(Checked {
             spp: number(i, "spp")?,
             estimate: number(i, "estimate")?,
+            standard_error: number(i, "standard error")?,
             truth: number(i, "truth")?,
             rank_correlation: number(i, "rank correlation")?,
         })

@@ -123,6 +123,7 @@ impl Plot<'_> {
             }
             chart
                 .configure_series_labels()
+                .position(emptiest_corner(points(), xs, ys))
                 .label_font(("sans-serif", 11))
                 .background_style(WHITE.mix(0.8))
                 .border_style(RGBColor(200, 200, 200))
@@ -141,6 +142,29 @@ fn limits(values: impl Iterator<Item = f64>) -> (f64, f64) {
     }
     let room = ROOM.max(0.5 * (FEWEST_DECADES - (most - least)));
     (10_f64.powf(least - room), 10_f64.powf(most + room))
+}
+
+/// The corner of a plot with the fewest points near it: where a legend hides least.
+fn emptiest_corner<'a>(
+    points: impl Iterator<Item = &'a (f64, f64)>,
+    xs: (f64, f64),
+    ys: (f64, f64),
+) -> SeriesLabelPosition {
+    use SeriesLabelPosition::{LowerLeft, LowerRight, UpperLeft, UpperRight};
+    let right = |x: f64| x * x > xs.0 * xs.1;
+    let upper = |y: f64| y * y > ys.0 * ys.1;
+    let mut corners = [(UpperRight, 0), (LowerLeft, 0), (UpperLeft, 0), (LowerRight, 0)];
+    for &(x, y) in points {
+        let corner = match (right(x), upper(y)) {
+            (true, true) => 0,
+            (false, false) => 1,
+            (false, true) => 2,
+            (true, false) => 3,
+        };
+        corners[corner].1 += 1;
+    }
+    let [first, ..] = corners;
+    corners.into_iter().fold(first, |best, corner| if corner.1 < best.1 { corner } else { best }).0
 }
 
 /// Lines of slope −1 through a plot, a decade from each other, as their two ends.
@@ -187,6 +211,15 @@ mod tests {
             }
             assert!((line[0].0 * line[0].1 / (line[1].0 * line[1].1) - 1.0).abs() < 1e-9);
         }
+    }
+
+    #[test]
+    fn legends_go_where_fewest_points_are() {
+        let corner = |points: &[(f64, f64)]| emptiest_corner(points.iter(), (1.0, 100.0), (1.0, 100.0));
+        let falling = [(2.0, 50.0), (20.0, 20.0), (50.0, 2.0)];
+        assert!(matches!(corner(&falling), SeriesLabelPosition::LowerLeft));
+        let rising = [(2.0, 2.0), (50.0, 50.0)];
+        assert!(matches!(corner(&rising), SeriesLabelPosition::UpperLeft));
     }
 
     #[test]

@@ -20,6 +20,11 @@ fn spp(check: &Checked) -> u32 {
     check.spp.round() as u32
 }
 
+/// Whether the truth is where the estimate's own standard error leads to expect it.
+fn holds(check: &Checked) -> bool {
+    (check.estimate - check.truth).abs() <= 2.0 * check.standard_error
+}
+
 /// Sums over the seeds; `None` where nothing was said.
 fn agreement(checks: &[Checked], at: u32) -> Option<Agreement> {
     let chosen: Vec<&Checked> = checks.iter().filter(|check| spp(check) == at).collect();
@@ -44,11 +49,15 @@ fn agreements(all: &[Measured]) -> Vec<Agreement> {
 pub fn finding(all: &[Measured]) -> String {
     let found = agreements(all);
     let ratios = || found.iter().map(|a| a.ratio);
+    let checks = || all.iter().flat_map(|m| m.curves.checks.iter().flatten());
+    let within = checks().filter(|check| holds(check)).count() as f64 / checks().count() as f64;
     format!(
         "The relMSE that the program shows is {} times the true one of the image that it speaks of (median; {} by scene, \
-         sampling and sample count); by tiles of 16×16 pixels its ranks correlate with the truth by {} (median; {}).",
+         sampling and sample count; in {:.0} % of the images the truth is within two of the standard errors that it gives); by tiles \
+         of 16×16 pixels its ranks correlate with the truth by {} (median; {}).",
         number(median(ratios()), 2),
         range(ratios(), 2),
+        100.0 * within,
         number(median(found.iter().map(|a| a.rank_correlation)), 2),
         range(found.iter().map(|a| a.rank_correlation), 2),
     )
@@ -93,5 +102,6 @@ mod tests {
         let found = agreement(&checks, 8).unwrap();
         assert!((found.ratio - 2.0).abs() < 1e-12 && (found.rank_correlation - 0.6).abs() < 1e-12);
         assert!(agreement(&checks, 32).is_none());
+        assert_eq!(checks.map(|check| holds(&check)), [true, true, false]);
     }
 }

@@ -60,15 +60,14 @@ impl Front {
         )
     }
 
-    pub fn write(&self, bench: &Bench, report: &mut Report, settings: &Settings) -> anyhow::Result<()> {
+    pub fn write(&self, bench: &Bench, report: &mut Report) -> anyhow::Result<()> {
         report.section("The filters' settings");
         report.paragraph(&format!(
             "One store of {} samples per pixel, uniform, filtered with each setting: seconds per million pixels (this \
-             machine's cores together; median of {} runs) and relMSE over that of `standard`, geometric means over the scenes. \
+             machine's cores together) and relMSE over that of `standard`, geometric means over the scenes. \
              A setting is on the front if no other is both faster and better. What is not named is as in `{}` or `{}`; \
              `fit` is the radius of the linear fit, 0 without one.",
             self.spp,
-            settings.filters.seeds,
             QUALITIES[1],
             QUALITIES[2],
         ));

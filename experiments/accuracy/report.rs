@@ -10,7 +10,7 @@ pub fn write(bench: &Bench, settings: &Settings, all: &[Measured]) -> anyhow::Re
     let finding = [times::finding(settings, all), front.finding(), agreement::finding(all)].join("\n\n");
     let mut report = Report::new("What does accuracy cost in time?", &finding);
     times::write(bench, &mut report, settings, all)?;
-    front.write(bench, &mut report, settings)?;
+    front.write(bench, &mut report)?;
     reruns::write(&mut report, &settings.reruns, all);
     agreement::write(&mut report, all);
     report.section("References");
