@@ -163,8 +163,7 @@ fn emptiest_corner<'a>(
         };
         corners[corner].1 += 1;
     }
-    let [first, ..] = corners;
-    corners.into_iter().fold(first, |best, corner| if corner.1 < best.1 { corner } else { best }).0
+    corners.into_iter().min_by_key(|corner| corner.1).map_or(UpperRight, |corner| corner.0)
 }
 
 /// Lines of slope −1 through a plot, a decade from each other, as their two ends.

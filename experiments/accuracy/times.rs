@@ -54,7 +54,8 @@ pub fn finding(settings: &Settings, all: &[Measured]) -> String {
     let found = settings.targets.iter().map(|&target| SpeedUps::new(all, target));
     let best = found.max_by_key(|s| (s.ratios.len(), std::cmp::Reverse(s.drawn_on)));
     let Some(SpeedUps { target, ratios, drawn_on }) = best.filter(|s| !s.ratios.is_empty()) else {
-        return "**No error that was looked for is reached by both the program and plain path tracing.**".to_owned();
+        return "**No error that was looked for is reached by both the program and plain path tracing.**"
+            .to_owned();
     };
     format!(
         "**Adaptive and filtered, an image reaches relMSE {target} {} times sooner than by plain path tracing ({} on {} of {} \
