@@ -96,8 +96,13 @@ mod tests {
 
     #[test]
     fn estimates_are_compared_by_sums_over_seeds() {
-        let check =
-            |spp, estimate, truth, rank_correlation| Checked { spp, estimate, truth, rank_correlation };
+        let check = |spp, estimate, truth, rank_correlation| Checked {
+            spp,
+            estimate,
+            standard_error: 0.1,
+            truth,
+            rank_correlation,
+        };
         let checks = [check(8.01, 0.3, 0.1, 0.5), check(8.0, 0.1, 0.1, 0.7), check(16.0, 9.0, 1.0, 0.0)];
         let found = agreement(&checks, 8).unwrap();
         assert!((found.ratio - 2.0).abs() < 1e-12 && (found.rank_correlation - 0.6).abs() < 1e-12);
