@@ -18,6 +18,8 @@ const COLOURS: [RGBColor; 7] = [
 
 /// Pixels of a panel.
 const PANEL: (u32, u32) = (380, 300);
+/// Pixels at the top for the names of the lines, and of one name.
+const NAMES: (u32, u32) = (26, 96);
 /// Share that axes go beyond the data, in decades.
 const ROOM: f64 = 0.08;
 /// Fewest decades that an axis shows, so that small differences look small.
@@ -68,7 +70,7 @@ impl Plot<'_> {
     pub fn write(&self, path: &Path) -> anyhow::Result<()> {
         let columns = self.columns.clamp(1, self.panels.len().max(1));
         let rows = self.panels.len().div_ceil(columns).max(1);
-        let size = (PANEL.0 * columns as u32, PANEL.1 * rows as u32);
+        let size = (PANEL.0 * columns as u32, PANEL.1 * rows as u32 + NAMES.0);
         let area = SVGBackend::new(path, size).into_drawing_area();
         self.draw(&area, (rows, columns)).map_err(|error| anyhow!("{}: {error}", path.display()))
     }
@@ -84,6 +86,12 @@ impl Plot<'_> {
             if !names.contains(&series.name.as_str()) {
                 names.push(&series.name);
             }
+        }
+        let (top, area) = area.split_vertically(NAMES.0);
+        for (i, name) in names.iter().enumerate() {
+            let (x, y) = ((12 + i as u32 * NAMES.1) as i32, NAMES.0 as i32 / 2);
+            top.draw(&PathElement::new([(x, y), (x + 16, y)], colour(i).stroke_width(3)))?;
+            top.draw(&Text::new((*name).to_owned(), (x + 20, y - 6), ("sans-serif", 12)))?;
         }
         for (panel, area) in self.panels.iter().zip(area.split_evenly(shape)) {
             let shown = |&(x, y): &(f64, f64)| x > 0.0 && y > 0.0 && x.is_finite() && y.is_finite();
@@ -113,25 +121,21 @@ impl Plot<'_> {
             }
             for series in &panel.series {
                 let place = names.iter().position(|name| *name == series.name).unwrap_or(0);
-                let colour = COLOURS[place % COLOURS.len()];
+                let colour = colour(place);
                 let points: Vec<_> = series.points.iter().copied().filter(shown).collect();
                 let line = if series.joined { points.clone() } else { Vec::new() };
-                chart.draw_series(LineSeries::new(line, colour.stroke_width(2)))?.label(&series.name).legend(
-                    move |(x, y)| PathElement::new(vec![(x, y), (x + 14, y)], colour.stroke_width(2)),
-                );
+                chart.draw_series(LineSeries::new(line, colour.stroke_width(2)))?;
                 chart.draw_series(points.into_iter().map(|point| Circle::new(point, 3, colour.filled())))?;
             }
-            chart
-                .configure_series_labels()
-                .position(emptiest_corner(points(), xs, ys))
-                .label_font(("sans-serif", 11))
-                .background_style(WHITE.mix(0.8))
-                .border_style(RGBColor(200, 200, 200))
-                .draw()?;
         }
         area.present()?;
         Ok(())
     }
+}
+
+/// The colour of a line with this place among all names.
+fn colour(place: usize) -> RGBColor {
+    COLOURS[place % COLOURS.len()]
 }
 
 /// The range of an axis that shows all values.
@@ -142,28 +146,6 @@ fn limits(values: impl Iterator<Item = f64>) -> (f64, f64) {
     }
     let room = ROOM.max(0.5 * (FEWEST_DECADES - (most - least)));
     (10_f64.powf(least - room), 10_f64.powf(most + room))
-}
-
-/// The corner of a plot with the fewest points near it: where a legend hides least.
-fn emptiest_corner<'a>(
-    points: impl Iterator<Item = &'a (f64, f64)>,
-    xs: (f64, f64),
-    ys: (f64, f64),
-) -> SeriesLabelPosition {
-    use SeriesLabelPosition::{LowerLeft, LowerRight, UpperLeft, UpperRight};
-    let right = |x: f64| x * x > xs.0 * xs.1;
-    let upper = |y: f64| y * y > ys.0 * ys.1;
-    let mut corners = [(UpperRight, 0), (LowerLeft, 0), (UpperLeft, 0), (LowerRight, 0)];
-    for &(x, y) in points {
-        let corner = match (right(x), upper(y)) {
-            (true, true) => 0,
-            (false, false) => 1,
-            (false, true) => 2,
-            (true, false) => 3,
-        };
-        corners[corner].1 += 1;
-    }
-    corners.into_iter().min_by_key(|corner| corner.1).map_or(UpperRight, |corner| corner.0)
 }
 
 /// Lines of slope −1 through a plot, a decade from each other, as their two ends.
@@ -210,15 +192,6 @@ mod tests {
             }
             assert!((line[0].0 * line[0].1 / (line[1].0 * line[1].1) - 1.0).abs() < 1e-9);
         }
-    }
-
-    #[test]
-    fn legends_go_where_fewest_points_are() {
-        let corner = |points: &[(f64, f64)]| emptiest_corner(points.iter(), (1.0, 100.0), (1.0, 100.0));
-        let falling = [(2.0, 50.0), (20.0, 20.0), (50.0, 2.0)];
-        assert!(matches!(corner(&falling), SeriesLabelPosition::LowerLeft));
-        let rising = [(2.0, 2.0), (50.0, 50.0)];
-        assert!(matches!(corner(&rising), SeriesLabelPosition::UpperLeft));
     }
 
     #[test]

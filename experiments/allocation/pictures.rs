@@ -28,7 +28,7 @@ pub fn take(bench: &mut Bench, bed: &Bed, accel: &Accel, spp: u32) -> anyhow::Re
     bench.doing(format!("{}: maps", bed.name));
     let (width, height) = (bed.reference.image.width(), bed.reference.image.height());
     let key = Key::new(&bed.name, 0, format!("maps spp={spp} size={width}x{height}"));
-    let measured = bench.ledger.measure(key, &[path.clone()], || {
+    let measured = bench.ledger.measure(key, std::slice::from_ref(&path), || {
         let [uniform, adaptive] = [Sampling::Uniform, Sampling::Adaptive]
             .map(|sampling| Trial::new(sampling, Denoiser::Prpf, spp, 0).run(bed, accel));
         picture::write(&path, &row(bed, &uniform, &adaptive), 0.0)?;

@@ -33,6 +33,8 @@ struct Subject<'a> {
     of_scene: &'a SceneSettings,
     renderer: &'a Renderer<'a>,
     part: Part,
+    /// Pixels of the whole image.
+    film_pixels: usize,
     reference: &'a Reference,
     pictures: PathBuf,
 }
@@ -73,7 +75,16 @@ pub fn measure(
     scene.film.pixel_bounds = part.outer;
     let accel = Accel::build(&scene);
     let renderer = Renderer::new(&scene, &accel, settings.seed);
-    let subject = Subject { settings, of_scene, renderer: &renderer, part, reference: &reference, pictures };
+    let film_pixels = film.0 * film.1;
+    let subject = Subject {
+        settings,
+        of_scene,
+        renderer: &renderer,
+        part,
+        film_pixels,
+        reference: &reference,
+        pictures,
+    };
     subject.measure(bench, &mut measured)?;
     Ok(measured)
 }
@@ -116,7 +127,13 @@ impl Subject<'_> {
     fn measure(&self, bench: &mut Bench, measured: &mut Measured) -> anyhow::Result<()> {
         let Settings { base_spp, .. } = *self.settings;
         let Reference { mse, relmse, spp, .. } = *self.reference;
-        let stated = [("mse", mse), ("relmse", relmse), ("spp", f64::from(spp))];
+        let stated = [
+            ("mse", mse),
+            ("relmse", relmse),
+            ("spp", f64::from(spp)),
+            ("pixels of the part", self.part.pixels() as f64),
+            ("pixels of the image", self.film_pixels as f64),
+        ];
         let own = bench.ledger.measure(self.key(REFERENCE), &[], || Ok(values(stated)))?;
         measured.runs.insert(REFERENCE.to_owned(), own);
 

@@ -36,6 +36,12 @@ impl Part {
         let ([x0, x1, y0, y1], [left, _, top, _]) = (self.inner, self.outer);
         [x0 - left, x1 - left, y0 - top, y1 - top]
     }
+
+    /// Pixels that are rendered and filtered.
+    pub fn pixels(&self) -> usize {
+        let [x0, x1, y0, y1] = self.outer;
+        (x1 - x0) * (y1 - y0)
+    }
 }
 
 #[cfg(test)]
@@ -47,6 +53,7 @@ mod tests {
         let part = Part::new([10, 110, 50, 150], 1.0, 27, (200, 160));
         assert_eq!(part, Part { inner: [10, 110, 50, 150], outer: [0, 137, 23, 160] });
         assert_eq!(part.within(), [10, 110, 27, 127]);
+        assert_eq!(part.pixels(), 137 * 137);
     }
 
     #[test]

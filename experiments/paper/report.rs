@@ -1,5 +1,7 @@
 //! The report: the claims first, then plots, pictures and tables.
 
+use prpf::filter::PrpfSettings;
+
 use super::claims::{claims, finding};
 use super::data::{EQUAL, Measured, PRPF, READING, REFERENCE, RPF, STANDARD, UNFILTERED, UPSAMPLING, WHOLE};
 use super::measure::PICTURES;
@@ -27,7 +29,15 @@ pub fn write(
 ) -> anyhow::Result<()> {
     let claims = claims(scenes, settings);
     let mut report = Report::new("Do the paper's claims hold here?", &finding(&claims, scenes, settings));
-    let head = ["claim", "paper", "here, its scenes", "here, our scenes", "`standard`", "holds", "why not"];
+    let head = [
+        "claim",
+        "paper",
+        "here, its scenes",
+        "here, our scenes",
+        "`standard`",
+        "holds",
+        "why not, or why more",
+    ];
     let rows = claims.iter().map(|claim| {
         let [theirs, ours] = claim.ours.clone();
         let cells = [claim.claim, claim.paper].map(str::to_owned).into_iter();
@@ -54,14 +64,32 @@ fn conditions(settings: &Settings, scenes: &[Measured], missing: &[String]) -> S
     } else {
         format!(" Not here, and so left out: {}.", missing.join(", "))
     };
+    // By the time for a pixel of the crop.
+    let minutes = |spp: u32| {
+        range(
+            scenes.iter().map(|scene| {
+                let parts =
+                    scene.get(REFERENCE, "pixels of the image") / scene.get(REFERENCE, "pixels of the part");
+                scene.at(RPF, spp, "seconds") * parts / 60.0
+            }),
+            2,
+        )
+    };
+    let reaches = PrpfSettings::paper().windows.iter().all(|window| window / 2 <= settings.margin);
+    let most =
+        scenes.iter().flat_map(|scene| scene.rpf_spp.iter().copied()).max().unwrap_or(settings.base_spp);
     format!(
-        "RPF takes minutes to hours for a whole image, so both methods run on the same crop of each scene with {} pixels of \
-         margin (the largest window reaches as far), and errors are those of the crop without it; only what is said to \
-         be of whole images is. Times are of the filter alone, but at equal time, where they include sampling. \
-         Ranges are over scenes; a claim that names a figure holds from nine tenths of it. References are sampled \
-         uniformly with {} samples per pixel, other seeds, and unfiltered; their own MSE is {} of RPF's at {} samples per \
-         pixel.{left_out}",
+        "RPF would take {} minutes for these images at {} samples per pixel and {} at {most}, so both methods run on the \
+         same crop of each scene with {} pixels of margin ({} as the largest window reaches), and errors are those of the \
+         crop without it; only what is said to be of whole images is. Times are of the filter alone, but at equal time, \
+         where they include sampling. Ranges are over scenes; a claim that names a figure holds from nine tenths of it. \
+         References are sampled uniformly with {} samples per pixel, other seeds, and unfiltered; their own MSE is {} of \
+         RPF's at {} samples per pixel.{left_out}",
+        minutes(settings.base_spp),
+        settings.base_spp,
+        minutes(most),
         settings.margin,
+        if reaches { "as far" } else { "not as far" },
         settings.reference_spp,
         percent_range(&own),
         settings.base_spp,

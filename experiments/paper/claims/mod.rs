@@ -23,7 +23,7 @@ pub struct Claim {
     /// On how many of the scenes that it is about it holds.
     pub holds: usize,
     pub of: usize,
-    /// Where it does not hold.
+    /// Where it does not hold; or what there is to say where it does.
     pub why: String,
 }
 
@@ -45,6 +45,9 @@ enum About {
     One(&'static str),
 }
 
+/// What is to be said of some scenes.
+type Said<'a> = &'a dyn Fn(&[&Measured]) -> String;
+
 /// A claim that is decided by one number of each scene.
 struct Test<'a> {
     claim: &'static str,
@@ -54,7 +57,9 @@ struct Test<'a> {
     holds: &'a dyn Fn(&Measured) -> bool,
     shown: &'a dyn Fn(f64) -> String,
     standard: Option<&'a dyn Fn(&Measured) -> f64>,
-    why: &'a dyn Fn(&[&Measured]) -> String,
+    why: Said<'a>,
+    /// What there is to say where it holds everywhere.
+    remark: Option<Said<'a>>,
 }
 
 impl Test<'_> {
@@ -86,7 +91,11 @@ impl Test<'_> {
             standard,
             holds: known.len() - failing.len(),
             of: known.len(),
-            why: if failing.is_empty() { String::new() } else { format!("{named}{}", (self.why)(&failing)) },
+            why: match self.remark {
+                _ if !failing.is_empty() => format!("{named}{}", (self.why)(&failing)),
+                Some(remark) if !known.is_empty() => remark(&known),
+                _ => String::new(),
+            },
         }
     }
 }

@@ -27,8 +27,10 @@ pub fn claims(scenes: &[Measured], settings: &Settings) -> Vec<Claim> {
             failing.iter().filter_map(|scene| best_reading(scene)).map(|(name, _)| name).collect();
         names.sort_unstable();
         names.dedup();
+        let mended = failing.iter().all(|scene| best(scene) <= 1.1);
         format!(
-            "{} at {base} samples, {} with the best of the other readings ({})",
+            "{}: {} at {base} samples, {} with the best of the other readings ({})",
+            if mended { "the reading is the cause" } else { "no reading mends it everywhere" },
             over(failing, |scene| ratio(scene, PRPF, base), &times),
             over(failing, best, &times),
             names.join("; ")
@@ -62,6 +64,7 @@ pub fn claims(scenes: &[Measured], settings: &Settings) -> Vec<Claim> {
             shown: &times,
             standard: Some(&|scene| worst(scene, STANDARD)),
             why: &other_readings,
+            remark: None,
         }
         .on(scenes),
     ];
@@ -79,6 +82,7 @@ pub fn claims(scenes: &[Measured], settings: &Settings) -> Vec<Claim> {
                 shown: &times,
                 standard: Some(&|scene| equal(scene, STANDARD)),
                 why: &equal_why,
+                remark: None,
             }
             .on(scenes),
         );

@@ -46,6 +46,7 @@ pub fn claims(scenes: &[Measured], settings: &Settings) -> Vec<Claim> {
             shown: &percent,
             standard: None,
             why: &interpolated_elsewhere,
+            remark: None,
         }
         .on(scenes),
         Test {
@@ -57,6 +58,7 @@ pub fn claims(scenes: &[Measured], settings: &Settings) -> Vec<Claim> {
             shown: &times,
             standard: None,
             why: &bound_by_failures,
+            remark: None,
         }
         .on(scenes),
         Test {
@@ -68,6 +70,7 @@ pub fn claims(scenes: &[Measured], settings: &Settings) -> Vec<Claim> {
             shown: &times,
             standard: None,
             why: &share_of_weights,
+            remark: None,
         }
         .on(scenes),
         Test {
@@ -79,6 +82,7 @@ pub fn claims(scenes: &[Measured], settings: &Settings) -> Vec<Claim> {
             shown: &plain,
             standard: None,
             why: &bound_by_failures,
+            remark: None,
         }
         .on(scenes),
         Test {
@@ -90,6 +94,7 @@ pub fn claims(scenes: &[Measured], settings: &Settings) -> Vec<Claim> {
             shown: &plain,
             standard: None,
             why: &against_mse,
+            remark: None,
         }
         .on(scenes),
     ]
