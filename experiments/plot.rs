@@ -25,7 +25,8 @@ const ROOM: f64 = 0.08;
 /// Fewest decades that an axis shows, so that small differences look small.
 const FEWEST_DECADES: f64 = 0.8;
 
-/// A line with a name; the same name has the same colour in all panels of a plot.
+/// A line with a name. Colours follow from the order in which names appear in a plot; a series without
+/// points keeps a colour for its name.
 #[derive(Clone, Debug)]
 pub struct Series {
     pub name: String,
@@ -88,10 +89,15 @@ impl Plot<'_> {
             }
         }
         let (top, area) = area.split_vertically(NAMES.0);
-        for (i, name) in names.iter().enumerate() {
-            let (x, y) = ((12 + i as u32 * NAMES.1) as i32, NAMES.0 as i32 / 2);
+        let has_points = |name: &str| {
+            let mut series = self.panels.iter().flat_map(|panel| &panel.series);
+            series.any(|series| series.name == name && !series.points.is_empty())
+        };
+        let (mut x, y) = (12, NAMES.0 as i32 / 2);
+        for (i, &name) in names.iter().enumerate().filter(|(_, name)| has_points(name)) {
             top.draw(&PathElement::new([(x, y), (x + 16, y)], colour(i).stroke_width(3)))?;
-            top.draw(&Text::new((*name).to_owned(), (x + 20, y - 6), ("sans-serif", 12)))?;
+            top.draw(&Text::new(name.to_owned(), (x + 20, y - 6), ("sans-serif", 12)))?;
+            x += NAMES.1 as i32;
         }
         for (panel, area) in self.panels.iter().zip(area.split_evenly(shape)) {
             let shown = |&(x, y): &(f64, f64)| x > 0.0 && y > 0.0 && x.is_finite() && y.is_finite();

@@ -104,12 +104,12 @@ fn percent_range(shares: &[f64]) -> String {
 fn plots(bench: &Bench, settings: &Settings, scenes: &[Measured], report: &mut Report) -> anyhow::Result<()> {
     let panels = |methods: &[&str], quantity: &str| -> Vec<Panel> {
         let series = |scene: &Measured| {
-            let called = CALLED.iter().filter(|(method, _)| methods.contains(method));
             let line = |&(method, called): &(&str, &str)| {
                 let point = |&spp: &u32| (f64::from(spp), scene.at(method, spp, quantity));
-                Series::new(called, settings.spp.iter().map(point))
+                let shown = settings.spp.iter().filter(|_| methods.contains(&method));
+                Series::new(called, shown.map(point))
             };
-            called.map(line).collect()
+            CALLED.iter().map(line).collect()
         };
         scenes.iter().map(|scene| Panel { title: scene.name.clone(), series: series(scene) }).collect()
     };
