@@ -18,8 +18,8 @@ const COLOURS: [RGBColor; 7] = [
 
 /// Pixels of a panel.
 const PANEL: (u32, u32) = (380, 300);
-/// Pixels at the top for the names of the lines, and of one name.
-const NAMES: (u32, u32) = (26, 96);
+/// Pixels at the top for the names of the lines, of a name's mark and the gaps around it, and of a letter.
+const NAMES: (u32, u32, u32) = (26, 36, 6);
 /// Share that axes go beyond the data, in decades.
 const ROOM: f64 = 0.08;
 /// Fewest decades that an axis shows, so that small differences look small.
@@ -97,7 +97,7 @@ impl Plot<'_> {
         for (i, &name) in names.iter().enumerate().filter(|(_, name)| has_points(name)) {
             top.draw(&PathElement::new([(x, y), (x + 16, y)], colour(i).stroke_width(3)))?;
             top.draw(&Text::new(name.to_owned(), (x + 20, y - 6), ("sans-serif", 12)))?;
-            x += NAMES.1 as i32;
+            x += (NAMES.1 + NAMES.2 * name.len() as u32) as i32;
         }
         for (panel, area) in self.panels.iter().zip(area.split_evenly(shape)) {
             let shown = |&(x, y): &(f64, f64)| x > 0.0 && y > 0.0 && x.is_finite() && y.is_finite();

@@ -81,19 +81,27 @@ impl Front {
         };
         let named = |i: usize| QUALITIES.contains(&self.choices[i].name.as_str());
         let of = |family: Family| points(&|i| self.choices[i].family == family && !named(i));
-        let mut series = vec![
-            Series::new("front", points(&|i| self.front[i])),
-            Series::points("other settings of standard", of(Family::Standard)),
-            Series::points("other settings of paper", of(Family::Paper)),
+        let quality = |name: &str| Series::points(name, points(&|i| self.choices[i].name == name));
+        let [draft, standard, paper] = QUALITIES.map(quality);
+        let panel = |title: &str, series| Panel { title: format!("{title}, {} spp", self.spp), series };
+        let panels = vec![
+            panel(
+                "Settings of standard",
+                vec![
+                    Series::new("front", points(&|i| self.front[i])),
+                    Series::points("of standard", of(Family::Standard)),
+                    draft,
+                    standard.clone(),
+                ],
+            ),
+            panel("Settings of paper", vec![Series::points("of paper", of(Family::Paper)), standard, paper]),
         ];
-        series.extend(QUALITIES.map(|name| Series::points(name, points(&|i| self.choices[i].name == name))));
-        let panels = vec![Panel { title: format!("Filters at {} spp", self.spp), series }];
         Plot {
             x: "seconds per million pixels",
             y: "relMSE over that of standard",
             panels,
             slope: false,
-            columns: 1,
+            columns: 2,
         }
         .write(&bench.out.join("filters.svg"))?;
         report.picture(
