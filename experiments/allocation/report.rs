@@ -170,12 +170,13 @@ fn possible(report: &mut Report, settings: &Settings, all: &[Measured]) {
          variances seen in {spp} samples per pixel. Error over uniform's at equal samples; the share is that of the \
          possible gain which was reached."
     ));
+    /// A share of less than this is a share of noise.
+    const LEAST_GAIN: f64 = 0.05;
     let share = |reached: f64, possible: f64| {
-        if possible < 1.0 {
-            format!("{:.0} %", 100.0 * (1.0 - reached) / (1.0 - possible))
-        } else {
-            "–".into()
+        if 1.0 - possible < LEAST_GAIN {
+            return "–".to_owned();
         }
+        format!("{:.0} %", 100.0 * (1.0 - reached) / (1.0 - possible))
     };
     let row = |m: &Measured| {
         let [default, oracle] =
