@@ -4,7 +4,11 @@
 //! What it runs stands in `experiments/NAME.toml`; it leaves a report, plots, pictures and every
 //! measurement in `experiments/results/NAME/`. It uses only the library's public face.
 
+mod accuracy;
+mod allocation;
 mod bench;
+mod curves;
+mod effects;
 mod ledger;
 mod paper;
 mod picture;
@@ -15,6 +19,8 @@ mod sampling;
 mod scenes;
 mod settings;
 mod stability;
+mod statistics;
+mod trial;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -30,7 +36,13 @@ static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
 type Run = fn(&mut Bench) -> anyhow::Result<()>;
 
 /// Every experiment by its name.
-const EXPERIMENTS: &[(&str, Run)] = &[("paper", paper::run), ("stability", stability::run)];
+const EXPERIMENTS: &[(&str, Run)] = &[
+    ("paper", paper::run),
+    ("allocation", allocation::run),
+    ("accuracy", accuracy::run),
+    ("effects", effects::run),
+    ("stability", stability::run),
+];
 
 /// Runs an experiment and writes its report.
 #[derive(Parser)]

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use prpf::image::{Planes, png_file};
+use prpf::image::{Planes, png_file, tone};
 
 /// Dark blue to yellow, of even steps to the eye: the colour map `viridis` at even distances.
 const COLOURS: [[u8; 3]; 9] = [
@@ -61,6 +61,17 @@ pub fn write(path: &Path, planes: &Planes, exposure: f32) -> anyhow::Result<()> 
 pub fn write_map(path: &Path, planes: &Planes, most: f32) -> anyhow::Result<()> {
     let bytes: Vec<u8> = planes.plane(0).iter().flat_map(|&value| colour(value / most)).collect();
     Ok(png_file::write_srgb8(path, planes.width(), planes.height(), &bytes)?)
+}
+
+/// The first plane in the same colours, as an image: 3 planes of linear light.
+pub fn coloured(planes: &Planes, most: f32) -> Planes {
+    let mut image = Planes::new(planes.width(), planes.height(), 3);
+    for (i, &value) in planes.plane(0).iter().enumerate() {
+        for (c, byte) in colour(value / most).into_iter().enumerate() {
+            image.plane_mut(c)[i] = tone::srgb_decode(f32::from(byte) / 255.0);
+        }
+    }
+    image
 }
 
 /// The colour of a share of the map's range; grey where it is no number.

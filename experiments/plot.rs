@@ -18,8 +18,8 @@ const COLOURS: [RGBColor; 7] = [
 
 /// Pixels of a panel.
 const PANEL: (u32, u32) = (380, 300);
-/// Pixels at the top for the names of the lines, and of one name.
-const NAMES: (u32, u32) = (26, 96);
+/// Pixels at the top for the names of the lines, of a name's mark and the gaps around it, and of a letter.
+const NAMES: (u32, u32, u32) = (26, 36, 6);
 /// Share that axes go beyond the data, in decades.
 const ROOM: f64 = 0.08;
 /// Fewest decades that an axis shows, so that small differences look small.
@@ -31,11 +31,18 @@ const FEWEST_DECADES: f64 = 0.8;
 pub struct Series {
     pub name: String,
     pub points: Vec<(f64, f64)>,
+    /// Whether a line goes from each to the next.
+    joined: bool,
 }
 
 impl Series {
     pub fn new(name: &str, points: impl IntoIterator<Item = (f64, f64)>) -> Self {
-        Self { name: name.to_owned(), points: points.into_iter().collect() }
+        Self { name: name.to_owned(), points: points.into_iter().collect(), joined: true }
+    }
+
+    /// Points without a line.
+    pub fn points(name: &str, points: impl IntoIterator<Item = (f64, f64)>) -> Self {
+        Self { joined: false, ..Self::new(name, points) }
     }
 }
 
@@ -90,7 +97,7 @@ impl Plot<'_> {
         for (i, &name) in names.iter().enumerate().filter(|(_, name)| has_points(name)) {
             top.draw(&PathElement::new([(x, y), (x + 16, y)], colour(i).stroke_width(3)))?;
             top.draw(&Text::new(name.to_owned(), (x + 20, y - 6), ("sans-serif", 12)))?;
-            x += NAMES.1 as i32;
+            x += (NAMES.1 + NAMES.2 * name.len() as u32) as i32;
         }
         for (panel, area) in self.panels.iter().zip(area.split_evenly(shape)) {
             let shown = |&(x, y): &(f64, f64)| x > 0.0 && y > 0.0 && x.is_finite() && y.is_finite();
@@ -122,7 +129,8 @@ impl Plot<'_> {
                 let place = names.iter().position(|name| *name == series.name).unwrap_or(0);
                 let colour = colour(place);
                 let points: Vec<_> = series.points.iter().copied().filter(shown).collect();
-                chart.draw_series(LineSeries::new(points.clone(), colour.stroke_width(2)))?;
+                let line = if series.joined { points.clone() } else { Vec::new() };
+                chart.draw_series(LineSeries::new(line, colour.stroke_width(2)))?;
                 chart.draw_series(points.into_iter().map(|point| Circle::new(point, 3, colour.filled())))?;
             }
         }
