@@ -18,8 +18,11 @@ use prpf::scene::{Camera, Integrator, Scene, Shape, pbrt};
 use prpf::state::{self, Merge};
 use prpf::stats::{Block, Layout, Part, Store};
 
+/// What a target does with an input; it panics if something is wrong.
+pub type Target = fn(&[u8]);
+
 /// Every target by its name, that of its corpus.
-pub const TARGETS: [(&str, fn(&[u8])); 8] = [
+pub const TARGETS: [(&str, Target); 8] = [
     ("scene", scene),
     ("ply", ply),
     ("texture", texture),
@@ -126,7 +129,7 @@ pub fn message(bytes: &[u8]) {
     let mut rigs = CAMERAS.map(|camera| {
         let text = format!("{camera} WorldBegin");
         let scene = pbrt::read_str(&text, Path::new("")).expect("the scene is right");
-        Rig::new(&scene.camera, &scene.film, None, 5.0)
+        Rig::new(&scene.camera, None, 5.0)
     });
     for line in String::from_utf8_lossy(bytes).lines() {
         let Ok(Message::Camera(step)) = Message::parse(line) else { continue };

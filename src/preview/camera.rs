@@ -311,7 +311,7 @@ mod tests {
         };
         for camera in ["Camera \"perspective\"", "Camera \"orthographic\""] {
             let scene = scene(camera);
-            let mut rig = Rig::new(&scene.camera, &scene.film, None, 5.0);
+            let mut rig = Rig::new(&scene.camera, None, 5.0);
             for dolly in [-4.0, 4.0] {
                 let step = Move { dolly: Some(dolly), pan: Some([4.0, -4.0]), ..Move::default() };
                 (0..300).for_each(|_| rig.apply(&step, None));
