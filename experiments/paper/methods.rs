@@ -1,5 +1,6 @@
 //! What is compared, and the other readings of what the papers leave open.
 
+use prpf::filter::rpf::SpikeSettings;
 use prpf::filter::{
     self, Filtered, Gain, OutlierSettings, PrpfSettings, Quality, RpfSettings, prpf as pixelwise, rpf,
 };
@@ -95,6 +96,8 @@ pub fn readings(sigma8_squared: f32) -> Vec<(&'static str, Method)> {
     let whole_window = base.windows.iter().copied().max().unwrap_or(1);
     let own_variance = Gain::OwnVariance { kappa: 8.0, rho: 1e-3 };
     let prpf = |settings| Method::Prpf(settings);
+    let base_rpf = published_rpf(sigma8_squared);
+    let spikes = base_rpf.spikes;
     vec![
         ("P-RPF, the other σ₈² (0.002 or 0.02)", prpf(published(other))),
         (
@@ -103,12 +106,23 @@ pub fn readings(sigma8_squared: f32) -> Vec<(&'static str, Method)> {
         ),
         (ALL_PIXELS, prpf(PrpfSettings { statistics_side: whole_window, ..base.clone() })),
         (
-            "P-RPF, mutual information of 2048 samples",
-            prpf(PrpfSettings { mi_samples: 2048, ..base.clone() }),
+            "P-RPF, mutual information of at most 512 samples",
+            prpf(PrpfSettings { mi_samples: 512, ..base.clone() }),
+        ),
+        (
+            "P-RPF, mutual information of at most 8192 samples",
+            prpf(PrpfSettings { mi_samples: 8192, ..base.clone() }),
         ),
         ("P-RPF, outliers left", prpf(PrpfSettings { outliers: OutlierSettings::off(), ..base.clone() })),
         ("P-RPF, positions up to 50 deviations apart", prpf(PrpfSettings { z_world: 50.0, ..base })),
         ("RPF, the other σ₈² (0.002 or 0.02)", Method::Rpf(published_rpf(other))),
+        (
+            "RPF, the energy of spikes kept",
+            Method::Rpf(RpfSettings {
+                spikes: SpikeSettings { keep_energy: true, ..spikes },
+                ..base_rpf.clone()
+            }),
+        ),
         (RELEASE, Method::Rpf(RpfSettings::release())),
         (
             "RPF, the code of Lehtinen et al. 2012",

@@ -84,7 +84,6 @@ fn run_in_pool(options: &RenderOptions, mode: Mode, start: Instant) -> Result<u8
     options.state.budget(&mut settings.budget).map_err(Failure::Input)?;
     fits_in_memory(renderer.layout(), &settings, renderer.resolution()).map_err(Failure::Input)?;
     let resumed = options.state.resumed(&frame, stream, &renderer, &settings).map_err(Failure::Input)?;
-    let earlier = resumed.as_ref().map_or(0, |memory| memory.store.samples());
     let kept = options.state.keeper(&frame, stream, &renderer, &settings).map_err(Failure::Input)?;
     let interrupt = Arc::new(AtomicBool::new(false));
     listen_to_signals(&interrupt).map_err(Failure::Run)?;
@@ -162,7 +161,7 @@ fn run_in_pool(options: &RenderOptions, mode: Mode, start: Instant) -> Result<u8
             .map_err(Failure::Run)?;
     }
     if !options.quiet {
-        super::say(&summary(&outcome, earlier, seconds, &outfiles, options.verbose)).map_err(Failure::Run)?;
+        super::say(&summary(&outcome, seconds, &outfiles, options.verbose)).map_err(Failure::Run)?;
     }
     kept?;
     Ok(if outcome.stopped_by == StoppedBy::Interrupt { INTERRUPTED } else { 0 })
@@ -349,8 +348,7 @@ fn save(picture: &Picture, outfile: &Path, frame: &Frame, start: Instant) -> Res
     Ok(names.into())
 }
 
-/// `resumed`: samples that an earlier run made.
-fn summary(outcome: &Outcome, resumed: u64, seconds: Times, outfiles: &[PathBuf], verbose: bool) -> String {
+fn summary(outcome: &Outcome, seconds: Times, outfiles: &[PathBuf], verbose: bool) -> String {
     let mut lines = Vec::new();
     let spread = Spread::of(&outcome.store);
     if verbose {
@@ -380,7 +378,7 @@ fn summary(outcome: &Outcome, resumed: u64, seconds: Times, outfiles: &[PathBuf]
         spread.mean,
         spread.min,
         spread.max,
-        (outcome.store.samples() - resumed) as f64 / seconds.render.max(1e-9) / 1e6,
+        outcome.own_samples as f64 / seconds.render.max(1e-9) / 1e6,
     ));
     if outcome.store.drawn() < outcome.store.pixels() as u64 {
         let without = outcome.store.counts(Part::Whole).iter().filter(|&&n| n == 0).count();
@@ -396,6 +394,13 @@ fn summary(outcome: &Outcome, resumed: u64, seconds: Times, outfiles: &[PathBuf]
     }
     let error = outcome.estimate.as_ref().map(|e| said(e, &outcome.store)).unwrap_or_default();
     lines.push(format!("{error}stopped by {}", stopped_by.unwrap_or_default()));
+    if let Some(forecast) = outcome.forecast() {
+        lines.push(format!(
+            "half of that error would take about {:.0} s more (it falls as time to the power -{:.1})",
+            forecast.halving_seconds.ceil(),
+            forecast.power
+        ));
+    }
     for path in outfiles {
         lines.push(format!("{}", path.display()));
     }

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use crate::progressive::{Batch, Outcome, Settings, StoppedBy};
+use crate::progressive::{Batch, Forecast, Outcome, Settings, StoppedBy};
 use crate::state::Frame;
 use crate::stats::{Layout, Part, Store};
 
@@ -59,6 +59,8 @@ pub(super) struct Report<'a> {
     kept_samples_bytes: u64,
     estimated_error: Option<f64>,
     estimated_error_samples: Option<u64>,
+    /// How the error is expected to go on.
+    forecast: Option<Forecast>,
     batches: &'a [Batch],
 }
 
@@ -85,6 +87,7 @@ impl<'a> Report<'a> {
             kept_samples_bytes: store.reservoir_bytes(),
             estimated_error: outcome.estimate.as_ref().map(|e| e.image),
             estimated_error_samples: outcome.estimate.as_ref().map(|e| e.samples),
+            forecast: outcome.forecast(),
             batches: &outcome.batches,
         }
     }

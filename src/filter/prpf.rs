@@ -12,7 +12,7 @@ use super::bilateral;
 use super::colours::Colours;
 use super::neighbourhood::{Guide, Neighbourhood};
 use super::outliers::OutlierSettings;
-use super::padded::Padded;
+use super::padded::{LANES, Padded};
 use super::stages::{Observer, Stage};
 use super::upsampling;
 use super::weights::{self, Evidence};
@@ -93,9 +93,10 @@ impl PrpfSettings {
         }
     }
 
-    /// Pixels that the largest window reaches to each side.
+    /// Pixels that are read to each side of the image: as far as the largest window reaches, and as many
+    /// as are looked at together from any pixel on.
     pub(super) fn margin(&self) -> usize {
-        self.windows.iter().max().map_or(0, |window| window / 2)
+        self.windows.iter().max().map_or(0, |window| window / 2).max(LANES - 1)
     }
 }
 
@@ -296,6 +297,16 @@ mod tests {
             assert!(filtered.image.plane(0).iter().all(|&v| v > 0.2 && v < 2.0), "{width}x{height}");
         }
         assert!(filter(&noisy_wall(0, 0, 1.0, |_, _| 4), &PrpfSettings::paper(), 1).image.data().is_empty());
+    }
+
+    #[test]
+    fn windows_of_any_size_are_filtered() {
+        for windows in [vec![7], vec![17, 7], vec![1], vec![3, 71]] {
+            let settings = PrpfSettings { windows, ..PrpfSettings::paper() };
+            for width in [14, 26, 33] {
+                assert_finite(&filter(&noisy_wall(width, 20, 1.0, |_, _| 4), &settings, 1));
+            }
+        }
     }
 
     #[test]

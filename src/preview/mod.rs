@@ -12,7 +12,6 @@
 
 mod access;
 mod camera;
-mod curve;
 mod director;
 mod frame;
 mod hub;

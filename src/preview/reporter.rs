@@ -5,11 +5,10 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use super::curve::{self, Point};
 use super::hub::Hub;
 use super::publish::Publisher;
 use super::status::{Lens, Notice, Phase, Statistics, Status, memory_bytes};
-use crate::progressive::{Progress, Settings, Shown, StoppedBy};
+use crate::progressive::{Point, Progress, Settings, Shown, StoppedBy, forecast};
 use crate::stats::{Layout, Part, Store};
 
 /// Time between two reports, at least.
@@ -194,7 +193,7 @@ impl Reporter {
             views: self.publisher.views(),
             statistics: self.statistics(store),
             curve: &self.curve,
-            forecast: curve::forecast(&self.curve),
+            forecast: forecast(&self.curve),
             camera: subject.camera,
             region: subject.region,
             notice: &self.notice,

@@ -2,9 +2,8 @@
 
 use serde::Serialize;
 
-use super::curve::{Forecast, Point};
 use super::view::Scale;
-use crate::progressive::Settings;
+use crate::progressive::{Forecast, Point, Settings};
 
 /// Where the render is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]

@@ -1,6 +1,6 @@
 //! What the loop tells of itself: while it runs, and when it is done.
 
-use super::ErrorEstimate;
+use super::{ErrorEstimate, Forecast, Point, forecast};
 use crate::filter::Filtered;
 use crate::stats::Store;
 
@@ -51,11 +51,37 @@ pub struct Outcome {
     /// not interpolate.
     pub filtered: Filtered,
     pub store: Store,
+    /// Samples of the store that this run made; all, unless it went on from a state.
+    pub own_samples: u64,
     pub batches: Vec<Batch>,
     pub stopped_by: StoppedBy,
     pub seconds: Seconds,
     /// The latest estimate of the image's relMSE; of an image with fewer samples than the final one.
     pub estimate: Option<ErrorEstimate>,
+}
+
+impl Outcome {
+    /// How the error is expected to go on, from the estimates on the way; `halving_seconds` counts from the
+    /// final image. Time is taken to go with samples, so that what an interruption or a change of pace cost
+    /// is shared by all.
+    pub fn forecast(&self) -> Option<Forecast> {
+        let spent = self.seconds.render + self.seconds.filter + self.seconds.allocate;
+        let of_sample = (self.own_samples > 0).then(|| spent / self.own_samples as f64)?;
+        let mut points: Vec<Point> = Vec::new();
+        for batch in &self.batches {
+            if let (Some(error), Some(samples)) = (batch.estimated_error, batch.estimated_error_samples) {
+                let seconds = samples as f64 * of_sample;
+                if points.last().is_none_or(|last| last.seconds < seconds) {
+                    points.push(Point { seconds, error });
+                }
+            }
+        }
+        let found = forecast(&points)?;
+        Some(Forecast {
+            halving_seconds: found.halving_after(of_sample * self.store.samples() as f64),
+            ..found
+        })
+    }
 }
 
 /// A sign of life, after every step of a batch.

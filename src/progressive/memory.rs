@@ -108,6 +108,7 @@ impl<'a> Loop<'a> {
             None => Entry::Plan,
         };
         self.schedule.resume(recent);
+        self.resumed_samples = store.samples();
         (self.store, self.batches, self.estimate, self.rerun) = (store, batches, estimate, rerun);
         self
     }

@@ -6,6 +6,7 @@
 mod account;
 mod batches;
 mod estimate;
+mod forecast;
 mod memory;
 mod observer;
 mod passes;
@@ -27,6 +28,7 @@ use crate::stats::Store;
 pub use account::{Batch, Ended, Outcome, Progress, Seconds, StoppedBy};
 use batches::Rendered;
 pub use estimate::{ErrorEstimate, TILE};
+pub use forecast::{Forecast, Point, forecast};
 pub use memory::{Keep, Memory, Rerun, Snapshot, UnderWay};
 pub use observer::{FilterJob, Flow, Observer, Shown};
 pub use region::Region;
@@ -69,6 +71,8 @@ pub struct Loop<'a> {
     entry: Entry,
     /// Shared only with a filter pass, and not for longer unless its observer gave it up.
     store: Arc<Store>,
+    /// Samples of it that an earlier run made.
+    resumed_samples: u64,
     schedule: Schedule,
     rehearsal: Rehearsal,
     batches: Vec<Batch>,
@@ -110,6 +114,7 @@ impl<'a> Loop<'a> {
                 settings.max_spp,
             ),
             store: Arc::new(store),
+            resumed_samples: 0,
             rehearsal: Rehearsal::default(),
             batches: Vec::new(),
             seconds: Seconds::default(),
@@ -215,6 +220,7 @@ impl<'a> Loop<'a> {
     pub fn into_outcome(self, filtered: Filtered, stopped_by: StoppedBy) -> Outcome {
         Outcome {
             filtered,
+            own_samples: self.store.samples() - self.resumed_samples,
             store: Arc::unwrap_or_clone(self.store),
             batches: self.batches,
             stopped_by,

@@ -6,10 +6,10 @@
 
 use serde::Serialize;
 
-/// An estimate of the image's relMSE.
+/// What the image's relMSE was estimated to be at some time.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Point {
-    /// Time spent, in seconds.
+    /// Time spent on samples and on filtering them, in seconds.
     pub seconds: f64,
     pub error: f64,
 }
@@ -32,7 +32,14 @@ pub struct Forecast {
     pub halving_seconds: f64,
 }
 
-/// `None` before the first estimate that is above zero.
+impl Forecast {
+    /// Seconds that halve the error after so many.
+    pub fn halving_after(&self, seconds: f64) -> f64 {
+        seconds * (2f64.powf(1.0 / self.power) - 1.0)
+    }
+}
+
+/// From points in the order of time; `None` before the first estimate that is above zero.
 pub fn forecast(points: &[Point]) -> Option<Forecast> {
     let usable = |p: &&Point| p.error > 0.0 && p.seconds > 0.0;
     let recent: Vec<_> = points.iter().filter(usable).rev().take(LOOK_BACK).collect();
@@ -53,7 +60,8 @@ pub fn forecast(points: &[Point]) -> Option<Forecast> {
     let spread = xx - x * x / w;
     let slope = if spread > 1e-9 { -(xy - x * y / w) / spread } else { PLAIN_POWER };
     let power = slope.clamp(POWERS.0, POWERS.1);
-    Some(Forecast { power, halving_seconds: latest.seconds * (2f64.powf(1.0 / power) - 1.0) })
+    let found = Forecast { power, halving_seconds: 0.0 };
+    Some(Forecast { halving_seconds: found.halving_after(latest.seconds), ..found })
 }
 
 #[cfg(test)]
