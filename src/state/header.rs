@@ -50,7 +50,7 @@ impl Frame {
     pub fn resolution(&self) -> Option<[usize; 2]> {
         let [x0, x1, y0, y1] = self.pixel_bounds;
         let inside = x0 <= x1 && y0 <= y1 && x1 <= self.film[0] && y1 <= self.film[1];
-        inside.then_some([x1 - x0, y1 - y0])
+        inside.then(|| [x1 - x0, y1 - y0])
     }
 
     /// The first thing in which two pictures differ, such that their samples cannot be mixed: its name,

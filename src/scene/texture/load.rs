@@ -19,6 +19,8 @@ const MAX_TEXELS: u64 = 1 << 28;
 const MAX_TEXELS_PER_BYTE: u64 = 8 * 1032;
 /// Most channels of an EXR file: what renderers write stays far below.
 const MAX_CHANNELS: usize = 64;
+/// Values beyond are brought to this: sums of channels and of texels stay finite.
+const LARGEST: f32 = 1e30;
 /// What an infinite value becomes: the largest half float, as most such values overflowed one.
 const LARGEST_HALF: f32 = 65504.0;
 
@@ -120,7 +122,7 @@ fn finite(value: f32) -> f32 {
     match value {
         _ if value.is_nan() => 0.0,
         _ if value.is_infinite() => LARGEST_HALF.copysign(value),
-        _ => value,
+        _ => value.clamp(-LARGEST, LARGEST),
     }
 }
 
@@ -218,6 +220,12 @@ mod tests {
         image.put_pixel(1, 0, ::image::Rgba([0, 0, 0, 0]));
         let (_folder, path) = saved("b.png", &DynamicImage::ImageRgba8(image));
         assert_eq!(load(&path, Encoding::Srgb).unwrap().float(0, 0), 1.0);
+    }
+
+    #[test]
+    fn sums_of_the_largest_values_stay_finite() {
+        assert!((3.0 * finite(f32::MAX)).is_finite() && (3.0 * finite(f32::MIN)).is_finite());
+        assert_eq!(finite(0.25), 0.25);
     }
 
     #[test]
