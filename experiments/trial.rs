@@ -7,7 +7,7 @@ use std::sync::{Arc, Mutex};
 use std::time::Instant;
 
 use prpf::adaptive::{PrioritySettings, Sampling};
-use prpf::filter::{Filtered, Quality};
+use prpf::filter::Filtered;
 use prpf::geometry::Accel;
 use prpf::image::Planes;
 use prpf::image::metrics::Pair;
@@ -124,18 +124,13 @@ impl Trial {
     }
 
     fn settings(&self) -> Settings {
-        /// The floor and the ceiling of the program itself.
-        const SPP: (u32, u32) = (4, 1 << 20);
         Settings {
             budget: Budget { spp: Some(self.spp), ..Budget::default() },
             sampling: self.sampling,
             denoiser: self.denoiser,
-            quality: Quality::Standard,
             seed: self.seed,
-            min_spp: SPP.0,
-            max_spp: SPP.1,
             priority: self.priority,
-            reservoir: 0,
+            ..Settings::default()
         }
     }
 

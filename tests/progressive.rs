@@ -8,10 +8,10 @@ use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
 use common::SCENE;
-use prpf::adaptive::{PrioritySettings, Sampling};
+use prpf::adaptive::Sampling;
 use prpf::filter::Quality;
 use prpf::geometry::Accel;
-use prpf::progressive::{Budget, Denoiser, Loop, Outcome, Settings, StoppedBy};
+use prpf::progressive::{Budget, Loop, Outcome, Settings, StoppedBy};
 use prpf::render::Renderer;
 use prpf::scene::{Scene, pbrt};
 use prpf::stats::Part;
@@ -23,17 +23,7 @@ fn scene() -> Scene {
 }
 
 fn settings(spp: u32, sampling: Sampling, seed: u64) -> Settings {
-    Settings {
-        budget: Budget { spp: Some(spp), ..Budget::default() },
-        sampling,
-        denoiser: Denoiser::Prpf,
-        quality: Quality::Standard,
-        seed,
-        min_spp: 4,
-        max_spp: 1 << 20,
-        priority: PrioritySettings::default(),
-        reservoir: 0,
-    }
+    Settings { budget: Budget { spp: Some(spp), ..Budget::default() }, sampling, seed, ..Settings::default() }
 }
 
 fn run(settings: &Settings) -> Outcome {
@@ -105,4 +95,20 @@ fn a_time_budget_ends_in_an_image() {
     let outcome = run(&settings);
     assert_eq!(outcome.stopped_by, StoppedBy::Time);
     assert!(outcome.store.samples() >= (SIDE * SIDE) as u64);
+}
+
+#[test]
+fn the_forecast_counts_from_the_final_image() {
+    let mut outcome = run(&settings(32, Sampling::Adaptive, 0));
+    let whole = outcome.forecast().expect("estimates on the way");
+    let spent = outcome.seconds.render + outcome.seconds.filter + outcome.seconds.allocate;
+    let expected = spent * (2f64.powf(1.0 / whole.power) - 1.0);
+    assert!((whole.halving_seconds / expected - 1.0).abs() < 1e-9, "{whole:?} {expected}");
+    // Had another run made half of the samples, this one would have taken as long for half as many.
+    outcome.own_samples /= 2;
+    let half = outcome.forecast().expect("the same estimates");
+    assert!((half.halving_seconds / whole.halving_seconds - 2.0).abs() < 1e-9);
+    assert_eq!(half.power, whole.power);
+    outcome.own_samples = 0;
+    assert!(outcome.forecast().is_none(), "nothing says how long a sample takes");
 }

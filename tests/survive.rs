@@ -10,11 +10,10 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use common::SCENE;
-use prpf::adaptive::{PrioritySettings, Sampling};
 use prpf::filter::Quality;
 use prpf::geometry::Accel;
 use prpf::image::Planes;
-use prpf::progressive::{Budget, Denoiser, Loop, Memory, Settings, StoppedBy};
+use prpf::progressive::{Budget, Loop, Memory, Settings, StoppedBy};
 use prpf::render::{Renderer, Share};
 use prpf::scene::pbrt;
 use prpf::state::{self, Frame, State, Stream};
@@ -71,14 +70,9 @@ fn a_render_resumed_from_any_step_ends_in_the_same_image() {
     for quality in [Quality::Standard, Quality::Paper] {
         let settings = Settings {
             budget: Budget { spp: Some(19), ..Budget::default() },
-            sampling: Sampling::Adaptive,
-            denoiser: Denoiser::Prpf,
             quality,
             seed: 5,
-            min_spp: 4,
-            max_spp: 1 << 20,
-            priority: PrioritySettings::default(),
-            reservoir: 0,
+            ..Settings::default()
         };
         let never = AtomicBool::new(false);
         let circle = || Loop::new(&renderer, &settings, Instant::now(), &never, None);
@@ -113,17 +107,8 @@ fn a_batch_that_would_go_on_is_left_when_interrupted_and_resumed_to_the_same_ima
     let scene = pbrt::read_str(SCENE, Path::new(".")).expect("the test's scene is right");
     let accel = Accel::build(&scene);
     let renderer = Renderer::new(&scene, &accel, 5);
-    let settings = Settings {
-        budget: Budget { spp: Some(32), ..Budget::default() },
-        sampling: Sampling::Adaptive,
-        denoiser: Denoiser::Prpf,
-        quality: Quality::Standard,
-        seed: 5,
-        min_spp: 4,
-        max_spp: 1 << 20,
-        priority: PrioritySettings::default(),
-        reservoir: 0,
-    };
+    let settings =
+        Settings { budget: Budget { spp: Some(32), ..Budget::default() }, seed: 5, ..Settings::default() };
     let interrupt = AtomicBool::new(false);
     let circle = || Loop::new(&renderer, &settings, Instant::now(), &interrupt, None);
     let kept = RefCell::new(Vec::new());

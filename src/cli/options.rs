@@ -8,7 +8,7 @@ use clap::{Args, ValueEnum};
 use super::state::StateOptions;
 use crate::adaptive::{PrioritySettings, Sampling};
 use crate::filter::Quality;
-use crate::progressive::{Budget, Denoiser, NO_CEILING, Settings};
+use crate::progressive::{Budget, Denoiser, MIN_SPP, NO_CEILING, Settings};
 use crate::scene::{Integrator, Scene};
 
 /// `prpf render`.
@@ -121,9 +121,6 @@ impl From<DenoiserOption> for Denoiser {
         }
     }
 }
-
-/// Usual floor per pixel.
-const MIN_SPP: u32 = 4;
 
 impl RenderOptions {
     /// Whether the options suit each other.

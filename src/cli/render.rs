@@ -394,7 +394,8 @@ fn summary(outcome: &Outcome, seconds: Times, outfiles: &[PathBuf], verbose: boo
     }
     let error = outcome.estimate.as_ref().map(|e| said(e, &outcome.store)).unwrap_or_default();
     lines.push(format!("{error}stopped by {}", stopped_by.unwrap_or_default()));
-    if let Some(forecast) = outcome.forecast() {
+    let shown = outcome.estimate.as_ref().is_some_and(|estimate| !estimate.is_hidden());
+    if let Some(forecast) = outcome.forecast().filter(|_| shown) {
         lines.push(format!(
             "half of that error would take about {:.0} s more (it falls as time to the power -{:.1})",
             forecast.halving_seconds.ceil(),
@@ -411,8 +412,7 @@ fn summary(outcome: &Outcome, seconds: Times, outfiles: &[PathBuf], verbose: boo
 /// The estimate, and the image that it is of.
 fn said(estimate: &ErrorEstimate, store: &Store) -> String {
     let spp = estimate.samples as f64 / store.pixels().max(1) as f64;
-    if estimate.image <= estimate.standard_error {
-        // Noise hides the error; a number would look like a measured one.
+    if estimate.is_hidden() {
         return format!("estimated relMSE below {:.0e} at {spp:.1} samples per pixel, ", estimate.at_most());
     }
     format!(

@@ -37,6 +37,11 @@ impl ErrorEstimate {
         self.image.max(0.0) + self.standard_error
     }
 
+    /// Whether noise hides the error, so that `image` is not a measured figure.
+    pub fn is_hidden(&self) -> bool {
+        self.image <= self.standard_error
+    }
+
     /// The tiles' estimates at every pixel of an image of the size that they were made for: 1 plane.
     pub fn of_pixels(&self, width: usize, height: usize) -> Planes {
         let mut pixels = Planes::new(width, height, 1);

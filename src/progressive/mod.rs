@@ -35,7 +35,7 @@ pub use region::Region;
 use rehearsal::Rehearsal;
 pub use schedule::Budget;
 use schedule::{Plan, Schedule};
-pub use settings::{Denoiser, NO_CEILING, PixelMemory, RESERVOIR, Settings, reservoir_capacity};
+pub use settings::{Denoiser, MIN_SPP, NO_CEILING, PixelMemory, RESERVOIR, Settings, reservoir_capacity};
 pub use steps::Grain;
 
 /// Where a call of [`Loop::advance`] enters the circle.

@@ -87,9 +87,11 @@ impl Loop<'_> {
     pub(super) fn rehearse(&mut self) {
         let elapsed = self.elapsed();
         let Some(left) = self.schedule.seconds_left(elapsed) else { return };
-        // Pixels without samples have to be filled first, which the last pass will not have to.
-        let filled = self.store.drawn() >= self.store.pixels() as u64;
-        if !filled || !self.rehearsal.is_due(elapsed, left, self.schedule.closing()) {
+        // Pixels without samples have to be filled first, which the last pass will have to do only if they
+        // stay without.
+        let (drawn, pixels) = (self.store.drawn(), self.store.pixels() as u64);
+        let as_at_the_end = drawn >= pixels || drawn > 0 && !self.schedule.fills(elapsed, drawn);
+        if !as_at_the_end || !self.rehearsal.is_due(elapsed, left, self.schedule.closing()) {
             return;
         }
         self.rehearse_now(left);

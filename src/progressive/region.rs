@@ -61,21 +61,15 @@ impl Share {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::adaptive::{self, PrioritySettings, Sampling};
-    use crate::filter::Quality;
-    use crate::progressive::{Budget, Denoiser};
+    use crate::adaptive::{self, Sampling};
+    use crate::progressive::Budget;
 
     fn settings(spp: u32) -> Settings {
         Settings {
             budget: Budget { spp: Some(spp), ..Budget::default() },
             sampling: Sampling::Uniform,
-            denoiser: Denoiser::None,
-            quality: Quality::Draft,
-            seed: 0,
-            min_spp: 4,
             max_spp: 1000,
-            priority: PrioritySettings::default(),
-            reservoir: 0,
+            ..Settings::default()
         }
     }
 

@@ -224,6 +224,12 @@ impl Schedule {
         self.budget.seconds.map(|seconds| (1.0 - MARGIN) * seconds - self.closing() - elapsed)
     }
 
+    /// Whether, under a budget of time, every pixel can get a sample, with so many samples so far.
+    pub fn fills(&self, elapsed: f64, samples: u64) -> bool {
+        let left = self.seconds_left(elapsed).map_or(f64::INFINITY, |seconds| seconds.max(0.0));
+        samples as f64 + left * self.rate().unwrap_or(0.0) >= self.pixels as f64
+    }
+
     /// Share of the nearest budget that is spent.
     pub fn fraction(&self, elapsed: f64, samples: u64) -> f64 {
         let by_spp =

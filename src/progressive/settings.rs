@@ -36,6 +36,26 @@ pub struct Settings {
     pub reservoir: usize,
 }
 
+/// Floor per pixel of adaptive sampling.
+pub const MIN_SPP: u32 = 4;
+
+/// What `prpf render` follows where nothing else is asked for, without any budget.
+impl Default for Settings {
+    fn default() -> Self {
+        Self {
+            budget: Budget::default(),
+            sampling: Sampling::Adaptive,
+            denoiser: Denoiser::Prpf,
+            quality: Quality::Standard,
+            seed: 0,
+            min_spp: MIN_SPP,
+            max_spp: NO_CEILING,
+            priority: PrioritySettings::default(),
+            reservoir: 0,
+        }
+    }
+}
+
 /// Without a ceiling a pixel still cannot count beyond what indices hold.
 pub const NO_CEILING: u32 = u32::MAX / 4;
 
@@ -115,19 +135,8 @@ mod tests {
 
     #[test]
     fn no_ceiling_is_written_as_null_and_read_back() {
-        let settings = |max_spp| Settings {
-            budget: Budget::default(),
-            sampling: Sampling::Uniform,
-            denoiser: Denoiser::None,
-            quality: Quality::Draft,
-            seed: 0,
-            min_spp: 4,
-            max_spp,
-            priority: PrioritySettings::default(),
-            reservoir: 0,
-        };
         for (max_spp, written) in [(NO_CEILING, serde_json::Value::Null), (64, 64.into())] {
-            let value = serde_json::to_value(settings(max_spp)).unwrap();
+            let value = serde_json::to_value(Settings { max_spp, ..Settings::default() }).unwrap();
             assert_eq!(value["max_spp"], written);
             assert_eq!(serde_json::from_value::<Settings>(value).unwrap().max_spp, max_spp);
         }

@@ -3,10 +3,10 @@ use std::sync::{Arc, LazyLock};
 use proptest::prelude::*;
 
 use super::*;
-use crate::adaptive::{Allocation, PrioritySettings, Sampling};
+use crate::adaptive::Allocation;
 use crate::filter::Quality;
 use crate::image::Planes;
-use crate::progressive::{Batch, Budget, Denoiser, ErrorEstimate, Grain, Rerun, Snapshot, UnderWay};
+use crate::progressive::{Batch, Budget, ErrorEstimate, Grain, Rerun, Snapshot, UnderWay};
 use crate::render::Share;
 use crate::stats::{Block, Layout, Part, Store};
 
@@ -29,14 +29,11 @@ fn frame() -> Frame {
 fn settings() -> Settings {
     Settings {
         budget: Budget { spp: Some(8), seconds: Some(0.1), target_error: None },
-        sampling: Sampling::Adaptive,
-        denoiser: Denoiser::Prpf,
         quality: Quality::Paper,
         seed: u64::MAX - 1,
-        min_spp: 4,
         max_spp: 99,
-        priority: PrioritySettings::default(),
         reservoir: 3,
+        ..Settings::default()
     }
 }
 

@@ -4,11 +4,11 @@ use std::cell::RefCell;
 use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 
-use prpf::adaptive::{PrioritySettings, Sampling, allocate};
+use prpf::adaptive::{Sampling, allocate};
 use prpf::filter::Quality;
 use prpf::geometry::Accel;
 use prpf::image::Planes;
-use prpf::progressive::{Budget, Denoiser, Loop, Memory, Outcome, Settings, StoppedBy};
+use prpf::progressive::{Budget, Loop, Memory, Outcome, Settings, StoppedBy};
 use prpf::render::Renderer;
 use prpf::scene::Scene;
 use prpf::stats::{Part, Store};
@@ -34,13 +34,8 @@ pub fn settings(samples: u32, sampling: Sampling, seed: u64) -> Settings {
     Settings {
         budget: Budget { spp: Some(samples), ..Budget::default() },
         sampling,
-        denoiser: Denoiser::Prpf,
-        quality: Quality::Standard,
         seed,
-        min_spp: 4,
-        max_spp: 1 << 20,
-        priority: PrioritySettings::default(),
-        reservoir: 0,
+        ..Settings::default()
     }
 }
 
