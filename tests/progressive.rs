@@ -5,13 +5,13 @@ mod common;
 
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use common::SCENE;
 use prpf::adaptive::Sampling;
 use prpf::filter::Quality;
 use prpf::geometry::Accel;
-use prpf::progressive::{Budget, Loop, Outcome, Settings, StoppedBy};
+use prpf::progressive::{Budget, Denoiser, Loop, Outcome, Settings, StoppedBy};
 use prpf::render::Renderer;
 use prpf::scene::{Scene, pbrt};
 use prpf::stats::Part;
@@ -111,4 +111,31 @@ fn the_forecast_counts_from_the_final_image() {
     assert_eq!(half.power, whole.power);
     outcome.own_samples = 0;
     assert!(outcome.forecast().is_none(), "nothing says how long a sample takes");
+}
+
+#[test]
+fn where_the_time_does_not_suffice_the_last_pass_is_a_draft() {
+    let started = Instant::now().checked_sub(Duration::from_secs(60)).expect("a clock that began earlier");
+    let scene = scene();
+    let accel = Accel::build(&scene);
+    let of = |denoiser, quality, seconds| {
+        let budget = Budget { spp: Some(1), seconds: Some(seconds), target_error: None };
+        let settings = Settings { budget, denoiser, quality, ..Settings::default() };
+        let renderer = Renderer::new(&scene, &accel, settings.seed);
+        Loop::new(&renderer, &settings, started, &AtomicBool::new(false), None).run(&mut |_| ())
+    };
+    // The budget was spent before the start, so there is a sixteenth of the samples and no more.
+    let draft = of(Denoiser::Prpf, Quality::Draft, 1.0);
+    assert!(draft.store.samples() < (SIDE * SIDE) as u64 && !draft.hurried);
+    for (denoiser, quality) in [
+        (Denoiser::Prpf, Quality::Standard),
+        (Denoiser::Prpf, Quality::Paper),
+        (Denoiser::Rpf, Quality::Paper),
+    ] {
+        let hurried = of(denoiser, quality, 1.0);
+        assert!(hurried.hurried, "{denoiser:?} {quality:?}");
+        assert_eq!(hurried.filtered.image, draft.filtered.image);
+    }
+    assert!(!of(Denoiser::None, Quality::Standard, 1.0).hurried, "there is no filter to save time by");
+    assert!(!of(Denoiser::Prpf, Quality::Standard, 1e6).hurried);
 }

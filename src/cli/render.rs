@@ -380,6 +380,11 @@ fn summary(outcome: &Outcome, seconds: Times, outfiles: &[PathBuf], verbose: boo
         spread.max,
         outcome.own_samples as f64 / seconds.render.max(1e-9) / 1e6,
     ));
+    if outcome.hurried {
+        lines.push(
+            "the time was too short for the filter that was asked for: this is `--quality draft`".to_owned(),
+        );
+    }
     if outcome.store.drawn() < outcome.store.pixels() as u64 {
         let without = outcome.store.counts(Part::Whole).iter().filter(|&&n| n == 0).count();
         lines.push(format!(

@@ -59,6 +59,8 @@ pub(super) struct Report<'a> {
     kept_samples_bytes: u64,
     estimated_error: Option<f64>,
     estimated_error_samples: Option<u64>,
+    /// Whether the time sufficed only for a draft in place of the filter that was asked for.
+    hurried: bool,
     /// How the error is expected to go on.
     forecast: Option<Forecast>,
     batches: &'a [Batch],
@@ -87,6 +89,7 @@ impl<'a> Report<'a> {
             kept_samples_bytes: store.reservoir_bytes(),
             estimated_error: outcome.estimate.as_ref().map(|e| e.image),
             estimated_error_samples: outcome.estimate.as_ref().map(|e| e.samples),
+            hurried: outcome.hurried,
             forecast: outcome.forecast(),
             batches: &outcome.batches,
         }

@@ -58,6 +58,8 @@ pub struct Outcome {
     pub seconds: Seconds,
     /// The latest estimate of the image's relMSE; of an image with fewer samples than the final one.
     pub estimate: Option<ErrorEstimate>,
+    /// Whether the time did not suffice for the filter that was asked for, and it is a draft.
+    pub hurried: bool,
 }
 
 impl Outcome {

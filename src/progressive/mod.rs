@@ -82,6 +82,8 @@ pub struct Loop<'a> {
     interim_seconds: Option<f64>,
     estimate: Option<ErrorEstimate>,
     rerun: Option<Rerun>,
+    /// Whether the last filter pass will be a draft, because there is no time for another.
+    hurried: bool,
     /// Pixels that get all samples, see [`Self::favour`].
     favoured: Option<Region>,
 }
@@ -122,6 +124,7 @@ impl<'a> Loop<'a> {
             interim_seconds: None,
             estimate: None,
             rerun: None,
+            hurried: false,
             favoured: None,
         }
     }
@@ -135,6 +138,7 @@ impl<'a> Loop<'a> {
 
     /// Follows other settings from now on. The seed and what the reservoir keeps stay as they are.
     pub fn change(&mut self, settings: &Settings) {
+        self.take_time();
         self.schedule.change(&settings.budget);
         self.settings = Settings { seed: self.settings.seed, ..settings.clone() };
     }
@@ -226,6 +230,7 @@ impl<'a> Loop<'a> {
             stopped_by,
             seconds: self.seconds,
             estimate: self.estimate,
+            hurried: self.hurried,
         }
     }
 

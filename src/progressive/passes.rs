@@ -2,7 +2,7 @@
 
 use std::time::Instant;
 
-use super::{Batch, Denoiser, FilterJob, Loop, Observer, Rerun, Shown, observer};
+use super::{Batch, Denoiser, FilterJob, Loop, Observer, Rerun, Settings, Shown, observer};
 use crate::filter::{Filtered, Quality};
 use crate::image::Planes;
 use crate::image::metrics::Pair;
@@ -13,19 +13,37 @@ const RERUN_SHARE: f64 = 0.1;
 /// The one before the last batch may take this share by itself, however short the budget: without it
 /// nothing is known of the error of an image like the last one.
 const LAST_RERUN_SHARE: f64 = 0.08;
+/// Of the time that filtering at another quality and writing take, a draft and writing take about this share.
+const DRAFT_COST: f64 = 0.5;
 /// A rerun must be followed by at least this many times its time for the samples that it directs.
 const LEAST_USE_OF_RERUN: f64 = 3.0;
 
 impl Loop<'_> {
-    /// The last filter pass: a filter that takes pixels without samples for black ones is of no use
-    /// where the time was too short for one sample per pixel.
+    /// The last filter pass. Where there is no sample for every pixel the image is a coarse one, and others
+    /// than the draft and what is built like it would take pixels without samples for black ones.
     fn last_filter(&self) -> (Denoiser, Quality) {
         let sparse = self.store.drawn() < self.store.pixels() as u64;
-        match (self.settings.denoiser, self.settings.quality) {
-            (Denoiser::Rpf, _) | (Denoiser::Prpf, Quality::Paper) if sparse => {
-                (Denoiser::Prpf, Quality::Standard)
-            }
-            chosen => chosen,
+        match self.settings.denoiser {
+            Denoiser::None => (Denoiser::None, self.settings.quality),
+            _ if sparse || self.hurried => (Denoiser::Prpf, Quality::Draft),
+            denoiser => (denoiser, self.settings.quality),
+        }
+    }
+
+    /// The time does not suffice for the last pass as asked for: it will be a draft.
+    fn hurry(&mut self) {
+        let Settings { denoiser, quality, .. } = self.settings;
+        let draft = denoiser == Denoiser::None || (denoiser, quality) == (Denoiser::Prpf, Quality::Draft);
+        if !self.hurried && !draft {
+            self.hurried = true;
+            self.schedule.closing_changes(DRAFT_COST);
+        }
+    }
+
+    /// The time may suffice again.
+    pub(super) fn take_time(&mut self) {
+        if std::mem::take(&mut self.hurried) {
+            self.schedule.closing_changes(1.0 / DRAFT_COST);
         }
     }
 
@@ -53,7 +71,7 @@ impl Loop<'_> {
         let interim = self.interim_quality();
         let ending = match self.settings.denoiser {
             Denoiser::Rpf => interim,
-            _ => self.settings.quality,
+            _ => self.last_filter().1,
         };
         if self.favoured.is_some() && again && self.reruns > RERUN_SHARE * self.elapsed() {
             // A region's batches are small.
@@ -87,10 +105,14 @@ impl Loop<'_> {
     pub(super) fn rehearse(&mut self) {
         let elapsed = self.elapsed();
         let Some(left) = self.schedule.seconds_left(elapsed) else { return };
+        let drawn = self.store.drawn();
+        let sparse = drawn < self.store.pixels() as u64;
+        if sparse && !self.schedule.fills(elapsed, drawn) {
+            self.hurry();
+        }
         // Pixels without samples have to be filled first, which the last pass will have to do only if they
         // stay without.
-        let (drawn, pixels) = (self.store.drawn(), self.store.pixels() as u64);
-        let as_at_the_end = drawn >= pixels || drawn > 0 && !self.schedule.fills(elapsed, drawn);
+        let as_at_the_end = !sparse || !self.schedule.fills(elapsed, drawn);
         if !as_at_the_end || !self.rehearsal.is_due(elapsed, left, self.schedule.closing()) {
             return;
         }
@@ -98,6 +120,9 @@ impl Loop<'_> {
         let left = self.schedule.seconds_left(self.elapsed()).unwrap_or(left);
         if self.rehearsal.is_doubtful(left) {
             self.rehearse_now(left);
+        }
+        if self.schedule.is_late(self.elapsed()) {
+            self.hurry();
         }
         self.seconds.filter += self.elapsed() - elapsed;
     }

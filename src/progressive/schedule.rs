@@ -86,7 +86,7 @@ impl Schedule {
             min_spp,
             max_spp,
             recent: (0.0, 0.0),
-            closing: 0.0,
+            closing: CLOSING_SECONDS_PER_PIXEL * pixels as f64,
             deviation: 0.0,
             rehearsals: 0.0,
         }
@@ -125,6 +125,12 @@ impl Schedule {
     pub fn corrected(&mut self, seconds: f64) {
         self.closing = (self.closing - seconds).max(0.0);
         self.deviation = 0.0;
+    }
+
+    /// What comes after the last batch will take so many times as long, since another filter will be used.
+    pub fn closing_changes(&mut self, factor: f64) {
+        self.closing *= factor;
+        self.deviation *= factor;
     }
 
     /// The next batch, or what ended the render.
@@ -212,11 +218,7 @@ impl Schedule {
 
     /// Seconds that what comes after the last batch will take, as far as is known.
     pub fn closing(&self) -> f64 {
-        if self.rehearsals > 0.0 {
-            self.closing + self.deviation
-        } else {
-            CLOSING_SECONDS_PER_PIXEL * self.pixels as f64
-        }
+        self.closing + self.deviation
     }
 
     /// Seconds left for samples, with a budget of time.
@@ -224,10 +226,16 @@ impl Schedule {
         self.budget.seconds.map(|seconds| (1.0 - MARGIN) * seconds - self.closing() - elapsed)
     }
 
+    /// Whether what comes after the last batch would end beyond the budget if it began now.
+    pub fn is_late(&self, elapsed: f64) -> bool {
+        self.budget.seconds.is_some_and(|seconds| elapsed + self.closing() > seconds)
+    }
+
     /// Whether, under a budget of time, every pixel can get a sample, with so many samples so far.
     pub fn fills(&self, elapsed: f64, samples: u64) -> bool {
-        let left = self.seconds_left(elapsed).map_or(f64::INFINITY, |seconds| seconds.max(0.0));
-        samples as f64 + left * self.rate().unwrap_or(0.0) >= self.pixels as f64
+        self.seconds_left(elapsed).is_none_or(|seconds| {
+            samples as f64 + seconds.max(0.0) * self.rate().unwrap_or(0.0) >= self.pixels as f64
+        })
     }
 
     /// Share of the nearest budget that is spent.
@@ -339,6 +347,21 @@ mod tests {
         assert!((left(&schedule) - (9.8 - 1.2 - 4.0)).abs() < 1e-9);
         schedule.corrected(5.0);
         assert!((left(&schedule) - (9.8 - 4.0)).abs() < 1e-9, "nothing takes less than no time");
+    }
+
+    #[test]
+    fn it_is_known_early_whether_every_pixel_gets_a_sample_and_whether_a_quicker_filter_helps() {
+        let budget = Budget { seconds: Some(4.0), ..Budget::default() };
+        // Predicted without rehearsal: 3 seconds for the filter and the file.
+        let mut schedule = Schedule::new(&budget, 1_000_000, 4, u32::MAX);
+        schedule.rendered(100_000, 0.1);
+        assert!(schedule.fills(0.01, 100_000), "0.9 seconds for 0.9 million samples");
+        assert!(!schedule.fills(0.1, 100_000) && !schedule.is_late(0.1));
+        assert!(schedule.is_late(1.1));
+        schedule.closing_changes(0.5);
+        assert!(schedule.fills(0.1, 100_000) && !schedule.is_late(1.1));
+        let without = Schedule::new(&Budget::default(), 1_000_000, 4, u32::MAX);
+        assert!(without.fills(9.0, 0) && !without.is_late(9.0));
     }
 
     #[test]
