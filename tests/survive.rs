@@ -328,3 +328,32 @@ fn an_export_is_an_archive_of_numpy_arrays() {
         assert!(bytes_of(name).starts_with(b"\x93NUMPY"), "{name}");
     }
 }
+
+#[test]
+fn a_render_that_is_looked_at_keeps_its_state_and_ends_in_the_same_image() {
+    let folder = folder();
+    let folder = folder.path();
+    done(folder, &render(&["-o", "whole.exr"]));
+    let live = render(&["--preview", "--state", "a.state", "--resume", "-o", "out.exr"]);
+    done(folder, &live);
+    assert!(image(folder, "out.exr") == image(folder, "whole.exr"), "looked at from the start");
+    std::fs::remove_file(folder.join("out.exr")).expect("an image");
+    // There is nothing left to render, but what there is has been taken over.
+    done(folder, &live);
+    assert!(image(folder, "out.exr") == image(folder, "whole.exr"), "looked at again");
+}
+
+#[cfg(unix)]
+#[test]
+fn a_preview_that_is_closed_leaves_what_it_has_rendered() {
+    let folder = folder();
+    let folder = folder.path();
+    let arguments = ["preview", "scene.pbrt", "--spp", "0", "--state", "a.state", "--quiet"];
+    let mut child = command(folder, &arguments).spawn().expect("the program starts");
+    std::thread::sleep(Duration::from_millis(500));
+    let interrupt = Command::new("kill").args(["-INT", &child.id().to_string()]).status();
+    assert!(interrupt.expect("a signal can be sent").success());
+    assert_eq!(child.wait().expect("a child ends").code(), Some(0));
+    let state = State::read(&folder.join("a.state")).expect("a state");
+    assert!(state.memory.store.samples() > 0);
+}

@@ -21,7 +21,7 @@ use crate::image::formats::OutputFormat;
 use crate::image::{self, Planes};
 use crate::preview::{Director, Hub, Picture, Stage};
 use crate::progressive::{
-    Denoiser, ErrorEstimate, Loop, NO_CEILING, Outcome, PixelMemory, Progress, Settings, StoppedBy,
+    Denoiser, ErrorEstimate, Keep, Loop, NO_CEILING, Outcome, PixelMemory, Progress, Settings, StoppedBy,
 };
 use crate::render::Renderer;
 use crate::scene::{Scene, pbrt};
@@ -70,7 +70,6 @@ fn run_in_pool(options: &RenderOptions, mode: Mode, start: Instant) -> Result<u8
 
     let accel = Accel::build(&scene);
     let serves = mode == Mode::Preview || options.preview.is_some();
-    options.state.suits(serves || options.display_server.is_some()).map_err(Failure::Input)?;
     let stream = options.state.stream(options.seed);
     let renderer = Renderer::new(&scene, &accel, options.seed).of_share(stream.share);
     let frame = Frame::of(&scene, &renderer);
@@ -93,6 +92,8 @@ fn run_in_pool(options: &RenderOptions, mode: Mode, start: Instant) -> Result<u8
         outfiles.par_iter().for_each(|path| encode(path, &layers, filtered));
         kept.iter().for_each(|kept| kept.rehearse(store));
     };
+    let keep = |memory| kept.iter().for_each(|kept| kept.keep(&memory));
+    let keeping = kept.as_ref().map(|kept| (kept.every, &keep as Keep));
     let mut listen = |progress| show(&bar, progress, interrupt.load(Ordering::Relaxed));
     let outcome = if serves || options.display_server.is_some() {
         let hub = Arc::new(Hub::default());
@@ -112,6 +113,9 @@ fn run_in_pool(options: &RenderOptions, mode: Mode, start: Instant) -> Result<u8
             settings: settings.clone(),
             reference: reference.as_ref(),
             closing: Some(&rehearse),
+            share: stream.share,
+            keeping,
+            resumed,
             start,
             interrupt: &interrupt,
             stays: mode == Mode::Preview,
@@ -121,10 +125,9 @@ fn run_in_pool(options: &RenderOptions, mode: Mode, start: Instant) -> Result<u8
         Director::new(hub, stage).run()
     } else {
         let circle = Loop::new(&renderer, &settings, start, &interrupt, reference.as_ref());
-        let keep = |memory| kept.iter().for_each(|kept| kept.keep(&memory));
         let mut circle = circle.closing_with(&rehearse);
-        if let Some(kept) = &kept {
-            circle = circle.keeping(kept.every, &keep);
+        if let Some((seconds, keep)) = keeping {
+            circle = circle.keeping(seconds, keep);
         }
         if let Some(memory) = resumed {
             circle = circle.resuming(memory);
@@ -132,8 +135,10 @@ fn run_in_pool(options: &RenderOptions, mode: Mode, start: Instant) -> Result<u8
         Some(circle.run(&mut listen))
     };
     bar.finish_and_clear();
-    // A preview that was closed.
-    let Some(outcome) = outcome else { return Ok(0) };
+    let Some(outcome) = outcome else {
+        // A preview that was closed.
+        return kept.map_or(Ok(()), Kept::finish).map(|()| 0);
+    };
 
     let writing = Instant::now();
     let Outcome { filtered, store, estimate, .. } = &outcome;

@@ -55,16 +55,6 @@ impl StateOptions {
         Stream { seed, share: self.shard }
     }
 
-    /// Whether these options go with a render that is looked at and steered.
-    pub fn suits(&self, watched: bool) -> anyhow::Result<()> {
-        let used = self.state.is_some() || self.shard != Share::WHOLE;
-        ensure!(
-            !(watched && used),
-            "--state and --shard: found a live view beside them, which may change the picture; accepted is one or the other"
-        );
-        Ok(())
-    }
-
     /// Turns a budget of all shares into that of this one.
     pub fn budget(&self, budget: &mut Budget) -> anyhow::Result<()> {
         if let Some(spp) = &mut budget.spp {

@@ -79,7 +79,8 @@ impl<'a> Director<'a> {
         loop {
             let (scene, accel) = (self.stage.scene, self.stage.accel);
             let camera = self.rig.as_ref().map_or(&scene.camera, Rig::camera);
-            let renderer = Renderer::with_camera(scene, camera, accel, self.stage.settings.seed);
+            let renderer = Renderer::with_camera(scene, camera, accel, self.stage.settings.seed)
+                .of_share(self.stage.share);
             let rig = self.rig.take().unwrap_or_else(|| {
                 let (width, height) = renderer.resolution();
                 let seen = renderer.seen_at(accel, width / 2, height / 2).map(|p| p.as_dvec3());
@@ -90,6 +91,13 @@ impl<'a> Director<'a> {
                 Loop::new(&renderer, &self.stage.settings, start, self.stage.interrupt, self.stage.reference);
             if let Some(closing) = self.stage.closing {
                 circle = circle.closing_with(closing);
+            }
+            let keeping = self.stage.keeping.take();
+            if let Some((seconds, keep)) = keeping {
+                circle = circle.keeping(seconds, keep);
+            }
+            if let Some(memory) = self.stage.resumed.take() {
+                circle = circle.resuming(memory);
             }
             self.begin(&renderer);
             circle.favour(self.region_of(renderer.resolution()));
@@ -112,10 +120,16 @@ impl<'a> Director<'a> {
                     Ended::Left => circle.hold(std::mem::take(&mut self.held)),
                 }
                 if self.wishes.quit {
+                    circle.keep_now();
                     return None;
                 }
                 self.save_if_wished(circle.store(), &renderer);
                 if self.begins_anew(&renderer, &circle) {
+                    circle.keep_now();
+                    if keeping.is_some() {
+                        self.reporter
+                            .notice("the state is kept of the first view, up to here".to_owned(), false);
+                    }
                     break;
                 }
                 circle.change(&self.stage.settings);

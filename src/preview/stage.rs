@@ -7,7 +7,8 @@ use std::time::Instant;
 use crate::filter::Filtered;
 use crate::geometry::Accel;
 use crate::image::Planes;
-use crate::progressive::{Closing, Progress, Settings};
+use crate::progressive::{Closing, Keep, Memory, Progress, Settings};
+use crate::render::Share;
 use crate::scene::Scene;
 use crate::stats::Store;
 
@@ -31,6 +32,13 @@ pub struct Stage<'a> {
     pub reference: Option<&'a Planes>,
     /// What is done with the image at the end, for the loop to rehearse.
     pub closing: Option<Closing<'a>>,
+    /// Which of a pixel's samples are rendered.
+    pub share: Share,
+    /// Seconds from one memory that is kept to the next, and what keeps it: those of the first view, since of
+    /// another the samples would not be the scene's.
+    pub keeping: Option<(f64, Keep<'a>)>,
+    /// What the first view goes on from.
+    pub resumed: Option<Memory>,
     /// When the program started.
     pub start: Instant,
     pub interrupt: &'a AtomicBool,

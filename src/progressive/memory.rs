@@ -113,6 +113,12 @@ impl<'a> Loop<'a> {
         self
     }
 
+    /// Hands over what it knows between two calls of [`Self::advance`]. Who goes on from it plans the next batch
+    /// anew.
+    pub fn keep_now(&mut self) {
+        self.keep(None);
+    }
+
     pub(super) fn keep(&mut self, under_way: Option<&UnderWay>) {
         let Some((_, keep)) = self.keep else { return };
         keep(Memory {
