@@ -1,0 +1,121 @@
+"""What a viewer of the live page costs, and how often it sees something new.
+
+    python3 experiments/preview/preview_cost.py PRPF SCENE [--time SECONDS] [--runs N] [--views raw,filtered]
+
+Renders the scene with the same budget of time, alternately without a live page and with one viewer that
+takes every frame as fast as it comes (no browser: what a browser draws with is not the renderer's).
+Prints, as medians of the runs: samples with a viewer over samples without, seconds from the address being
+printed to the first frame, updates of the unfiltered image per second, and the longest wait for one. Standard library only.
+"""
+
+import argparse
+import base64
+import json
+import os
+import socket
+import statistics
+import struct
+import subprocess
+import tempfile
+import time
+import urllib.parse
+
+# Where a frame's header has its view, and the unfiltered image there: the view that changes with every step.
+VIEW_BYTE, RAW = 1, 1
+
+
+class Socket:
+    """As much of a WebSocket (RFC 6455) as a viewer needs."""
+
+    def __init__(self, address):
+        url = urllib.parse.urlsplit(address)
+        self.stream = socket.create_connection((url.hostname, url.port))
+        target = "/live" + ("?" + url.query if url.query else "")
+        key = base64.b64encode(os.urandom(16)).decode()
+        lines = [
+            f"GET {target} HTTP/1.1", f"Host: {url.netloc}", f"Origin: {url.scheme}://{url.netloc}",
+            "Upgrade: websocket", "Connection: Upgrade", "Sec-WebSocket-Version: 13", f"Sec-WebSocket-Key: {key}",
+        ]
+        self.stream.sendall(("\r\n".join(lines) + "\r\n\r\n").encode())
+        self.file = self.stream.makefile("rb")
+        status = self.file.readline().decode().strip()
+        if " 101 " not in status:
+            raise RuntimeError(f"the server said {status}; accepted is 101")
+        while self.file.readline() not in (b"\r\n", b""):
+            pass
+
+    def send(self, content):
+        data, mask = json.dumps(content).encode(), os.urandom(4)
+        length = bytes([0x80 | len(data)]) if len(data) < 126 else bytes([0x80 | 126]) + struct.pack(">H", len(data))
+        self.stream.sendall(b"\x81" + length + mask + bytes(b ^ mask[i % 4] for i, b in enumerate(data)))
+
+    def receive(self):
+        """A message's kind (1 text, 2 binary) and bytes; None at the end."""
+        kind, data = 0, b""
+        while True:
+            head = self.file.read(2)
+            if len(head) < 2 or head[0] & 15 == 8:
+                return None
+            length = head[1] & 127
+            if length == 126:
+                length = struct.unpack(">H", self.file.read(2))[0]
+            elif length == 127:
+                length = struct.unpack(">Q", self.file.read(8))[0]
+            data += self.file.read(length)
+            kind = kind or head[0] & 15
+            if head[0] & 128:
+                return kind, data
+
+
+def render(arguments, folder, watched):
+    """Samples of a render, and when frames came, counted from the address being printed."""
+    report = os.path.join(folder, "report.json")
+    command = [arguments.prpf, "render", arguments.scene, "--time", f"{arguments.time}s", "--report", report]
+    command += ["-o", os.path.join(folder, "image.png")] + (["--preview"] if watched else [])
+    program = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
+    frames = []
+    if watched:
+        address = next(line for line in program.stdout if line.startswith("preview at ")).split()[2]
+        began, viewer = time.monotonic(), Socket(address)
+        viewer.send({"type": "look", "views": arguments.views.split(",")})
+        viewer.send({"type": "ready"})
+        try:
+            while (message := viewer.receive()) is not None:
+                if message[0] == 2:
+                    if message[1][VIEW_BYTE] == RAW:
+                        frames.append(time.monotonic() - began)
+                    viewer.send({"type": "ready"})
+        except OSError:
+            pass  # The render is over.
+    program.stdout.read()
+    if program.wait() != 0:
+        raise RuntimeError(f"{' '.join(command)}: ended with {program.returncode}")
+    with open(report) as file:
+        return json.load(file)["samples_total"], frames
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("prpf")
+    parser.add_argument("scene")
+    parser.add_argument("--time", type=int, default=15)
+    parser.add_argument("--runs", type=int, default=5)
+    parser.add_argument("--views", default="raw,filtered")
+    arguments = parser.parse_args()
+    ratios, firsts, rates, waits = [], [], [], []
+    with tempfile.TemporaryDirectory() as folder:
+        for _ in range(arguments.runs):
+            alone, _ = render(arguments, folder, False)
+            watched, frames = render(arguments, folder, True)
+            ratios.append(watched / alone)
+            firsts.append(frames[0])
+            rates.append((len(frames) - 1) / (frames[-1] - frames[0]))
+            waits.append(max(b - a for a, b in zip(frames, frames[1:])))
+    median = statistics.median
+    print(f"samples with a viewer over without: {median(ratios):.3f} ({min(ratios):.3f} to {max(ratios):.3f})")
+    print(f"first frame after {median(firsts):.3f} s, {median(rates):.1f} updates a second, "
+          f"longest wait {median(waits):.2f} s")
+
+
+if __name__ == "__main__":
+    main()
