@@ -3,11 +3,21 @@
 use std::process::ExitCode;
 use std::time::Instant;
 
-/// The filters take and give back planes of many megabytes with every batch; an allocator that keeps
-/// its pages saves the system clearing them each time.
+/// The filters take and give back planes of many megabytes with every pass; an allocator that keeps its pages
+/// saves the system clearing them each time.
 #[global_allocator]
 static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
 
+/// `mi_option_purge_delay` of mimalloc's header, for which its binding has no name.
+const PURGE_DELAY: libmimalloc_sys::mi_option_t = 15;
+/// As a delay: never.
+const NEVER: std::ffi::c_long = -1;
+
 fn main() -> ExitCode {
-    prpf::cli::run(std::env::args_os(), Instant::now())
+    let start = Instant::now();
+    // By default what has been free for some seconds goes back to the system, and passes of the filter are
+    // farther apart than that.
+    // SAFETY: writes a number into the allocator's table of options, while there is no other thread.
+    unsafe { libmimalloc_sys::mi_option_set(PURGE_DELAY, NEVER) };
+    prpf::cli::run(std::env::args_os(), start)
 }
