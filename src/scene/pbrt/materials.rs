@@ -341,7 +341,11 @@ impl Reader {
         let Some(param) = params.get(name) else { return Ok(default as f32) };
         let eta = match param.kind {
             ParamType::Float | ParamType::Integer => params.float_or(name, default)?,
-            _ => self.spectrum(params, name)?.map_or(default, |spectrum| spectrum.refractive_index()),
+            _ => {
+                self.warnings
+                    .add(param.place, "dispersion is not simulated: of a spectrum the d line counts");
+                self.spectrum(params, name)?.map_or(default, |spectrum| spectrum.refractive_index())
+            }
         };
         if eta > 0.0 { Ok(eta as f32) } else { Err(param.fault(eta, "an index of refraction above 0")) }
     }
@@ -395,6 +399,10 @@ mod tests {
         assert_eq!(scene.textures.constant_rgb(*reflectance), Some(Vec3::new(0.1, 0.2, 0.3)));
         assert_eq!(*eta, 1.5);
         assert!(matches!(kinds[3], MaterialKind::Mix { .. }));
-        assert!(scene.warnings.is_empty(), "{:?}", scene.warnings);
+        assert!(
+            scene.warnings.len() == 1 && scene.warnings[0].contains("dispersion"),
+            "{:?}",
+            scene.warnings
+        );
     }
 }
