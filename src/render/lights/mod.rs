@@ -251,6 +251,7 @@ mod tests {
         };
         (0..60).for_each(&mut add);
         world += "LightSource \"infinite\" \"rgb L\" [ .1 .1 .1 ] LightSource \"distant\" ";
+        world += "LightSource \"infinite\" \"point3 portal\" [ -2 -1 3  -2 1 3  1 1 3  1 -1 3 ] ";
         scene(&world)
     }
 
