@@ -12,12 +12,12 @@ use glam::{DAffine3, DVec3, Vec3};
 use prpf::geometry::Accel;
 use prpf::render::Renderer;
 use prpf::scene::camera::Projection;
-use prpf::scene::light::Environment;
+use prpf::scene::light::{Environment, EnvironmentMap, Portal};
 use prpf::scene::material::{Metal, Roughness, RoughnessScale};
 use prpf::scene::texture::Texture;
 use prpf::scene::{
     AnimatedTransform, AreaLight, Camera, Disk, Film, Integrator, Light, Material, MaterialId, MaterialKind,
-    Object, PixelFilter, Primitive, SamplerKind, Scene, Shape, Sphere, Textures, TriangleMesh,
+    Object, PixelFilter, Primitive, SamplerKind, Scene, Shape, Sphere, TextureImage, Textures, TriangleMesh,
 };
 use prpf::stats::{Part, Store};
 use statrs::distribution::{ContinuousCDF, StudentsT};
@@ -81,7 +81,7 @@ fn mirror(scene: &mut Scene, reflectance: f32) -> MaterialId {
 }
 
 fn add(scene: &mut Scene, shape: Shape, material: MaterialId, emission: Option<f32>) {
-    let area_light = emission.map(|e| AreaLight { radiance: Vec3::splat(e), two_sided: true });
+    let area_light = emission.map(|e| AreaLight { radiance: Vec3::splat(e), image: None, two_sided: true });
     scene.primitives.push(Primitive { shape, material, alpha: None, area_light, flip_normal: false });
     scene.objects[0].primitives.end += 1;
 }
@@ -201,8 +201,63 @@ fn a_sphere_in_a_uniform_environment_reflects_its_albedo() {
             to_render: glam::Affine3A::IDENTITY,
             scale: Vec3::ONE,
             map: None,
+            portal: None,
         }));
         assert_radiance(&furnace, 128, f64::from(albedo), &format!("{integrator:?}"));
+    }
+}
+
+/// Environments of radiance 1, each seen through a rectangle of its own two units above the floor:
+/// from `x` to `x` + 3 / `count`, and so on, and from -0.5 to 1.5 in y.
+fn sky_lights(scene: &mut Scene, x: f32, count: usize, map: Option<EnvironmentMap>) {
+    let width = 3.0 / count as f32;
+    for i in 0..count {
+        let right = x + (i + 1) as f32 * width;
+        let portal = Some(Portal {
+            corner: Vec3::new(right, -0.5, FLOOR - 2.0),
+            edges: [Vec3::X * -width, Vec3::Y * 2.0],
+        });
+        let to_render = glam::Affine3A::from_rotation_x(0.3);
+        scene.lights.push(Light::Environment(Environment { to_render, scale: Vec3::ONE, map, portal }));
+    }
+}
+
+#[test]
+fn a_floor_sees_an_environment_through_its_portals_only() {
+    // Form factor of a rectangle above a point, one corner in its normal (Howell, B-3).
+    let corner = |a: f64, b: f64| {
+        let [a, b] = [a / 2.0, b / 2.0];
+        let part = |a: f64, b: f64| a / a.hypot(1.0) * (b / a.hypot(1.0)).atan();
+        (part(a, b) + part(b, a)) / std::f64::consts::TAU
+    };
+    let seen = corner(1.0, 0.5) + corner(1.0, 1.5) + corner(2.0, 0.5) + corner(2.0, 1.5);
+    for (count, image) in [(1, false), (3, false), (1, true)] {
+        for integrator in [Integrator::Path { max_depth: 1 }, Integrator::Path { max_depth: 4 }] {
+            let mut view = floor_scene(1, 0.8);
+            view.integrator = integrator;
+            let map = image.then(|| {
+                let texels = TextureImage::from_floats(8, 8, 1, vec![1.0; 64]);
+                EnvironmentMap::EqualArea(view.textures.add_image(texels))
+            });
+            sky_lights(&mut view, -1.0, count, map);
+            assert_radiance(
+                &view,
+                64,
+                0.8 * seen,
+                &format!("{count} portals, image {image}, {integrator:?}"),
+            );
+        }
+    }
+}
+
+#[test]
+fn a_mirror_shows_the_environment_where_the_portal_is_and_nothing_beside_it() {
+    for (x, expected) in [(-1.0, 0.8), (0.1, 0.0), (-3.1, 0.0)] {
+        let mut view = scene(3);
+        let silver = mirror(&mut view, 0.8);
+        add(&mut view, square(Vec3::Z * FLOOR, 10.0), silver, None);
+        sky_lights(&mut view, x, 1, None);
+        assert_radiance(&view, 8, expected, &format!("portal from {x}"));
     }
 }
 
@@ -291,6 +346,7 @@ fn what_is_seen_in_a_mirror_is_visible_emission() {
             to_render: glam::Affine3A::IDENTITY,
             scale: Vec3::splat(2.0),
             map: None,
+            portal: None,
         }));
         assert_radiance(&view, 8, 1.6, "radiance");
         let store = render(&view, 8, 0);

@@ -161,7 +161,8 @@ impl<'s> Accel<'s> {
     }
 
     /// The point of a hit without its parametrisation, which takes half of the work: texture
-    /// coordinates are 0, and tangents any that are perpendicular to the normal.
+    /// coordinates are 0 unless an image is emitted there, and tangents any that are perpendicular to
+    /// the normal.
     #[inline]
     pub fn plain_surface(&self, ray: &Ray, hit: &Hit) -> SurfacePoint {
         surface::surface_point(self.scene, &self.objects, ray, hit, Detail::Plain)

@@ -42,6 +42,9 @@ fn local_point(
 ) -> (LocalPoint, u32) {
     let primitive = &scene.primitives[hit.primitive as usize];
     let flip = primitive.flip_normal;
+    // An image that is emitted is looked up by texture coordinates, whatever the material.
+    let shows_image = primitive.area_light.is_some_and(|light| light.image.is_some());
+    let detail = if shows_image { Detail::Full } else { detail };
     match &primitive.shape {
         Shape::Mesh(mesh) => {
             (mesh::local_point(mesh, hit.element, hit.barycentric, flip, detail), hit.element)

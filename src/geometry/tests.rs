@@ -105,7 +105,21 @@ fn no_ray_leaves_a_closed_mesh_that_is_moved_or_moves() {
     let far = DAffine3::from_translation(DVec3::new(1e4, 50.0, -30.0))
         * DAffine3::from_rotation_y(1.0)
         * DAffine3::from_scale(DVec3::new(3.0, 0.2, 1.0));
-    for transform in [AnimatedTransform::fixed(far), turning()] {
+    let sized = |at: f64, size: f64| {
+        DAffine3::from_translation(DVec3::new(at, -at, at / 3.0))
+            * DAffine3::from_rotation_z(0.7)
+            * DAffine3::from_scale(DVec3::splat(size))
+    };
+    let moving = |start, end| AnimatedTransform::new(start, end, 0.0, 1.0);
+    for transform in [
+        AnimatedTransform::fixed(far),
+        AnimatedTransform::fixed(sized(1e6, 100.0)),
+        AnimatedTransform::fixed(sized(0.0, 1e-3)),
+        AnimatedTransform::fixed(sized(0.0, 1e3)),
+        turning(),
+        moving(sized(1e6, 100.0), sized(1.001e6, 150.0)),
+        moving(sized(0.0, 1e-3), sized(0.01, 1e-3)),
+    ] {
         let mesh = closed_sphere_mesh(Vec3::splat(50.0), 1.0, 12, 24);
         let scene = instanced(Shape::Mesh(mesh.clone()), vec![transform.clone()]);
         let accel = Accel::build(&scene);
@@ -118,7 +132,7 @@ fn no_ray_leaves_a_closed_mesh_that_is_moved_or_moves() {
                 let place = |p: Vec3| to_render.transform_point3(p.as_dvec3()).as_vec3();
                 let origin = place(Vec3::splat(50.0) + numbers.in_cube(0.4));
                 let ray = Ray { origin, direction: place(target) - origin, t_max: f32::INFINITY, time };
-                assert!(accel.intersect(&ray).is_some(), "{ray:?}");
+                assert!(accel.intersect(&ray).is_some() && accel.occluded(&ray), "{ray:?}");
             }
         }
     }

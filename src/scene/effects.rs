@@ -193,7 +193,7 @@ impl<'s> Looks<'s> {
         let values: Option<Vec<Vec3>> = colours.map(|id| self.scene.textures.constant_rgb(id)).collect();
         match values {
             Some(values) => self.reflects_constant(values.into_iter().sum()),
-            None => self.varied = true,
+            None => self.textured = true,
         }
     }
 
@@ -260,7 +260,7 @@ mod tests {
     #[test]
     fn each_effect_is_called_for_by_what_makes_it() {
         let light = "AreaLightSource \"diffuse\" Shape \"sphere\"";
-        let cases: [(&str, &str, &[&str]); 9] = [
+        let cases: [(&str, &str, &[&str]); 10] = [
             ("Camera \"perspective\" \"float lensradius\" 1", SPHERE, &["depth-of-field"]),
             ("", "ActiveTransform EndTime Translate 1 0 0 Shape \"sphere\"", &["motion-blur"]),
             ("", light, &["area-lights", "visible-emission"]),
@@ -277,6 +277,11 @@ mod tests {
                 "Texture \"t\" \"spectrum\" \"checkerboard\" Material \"diffuse\" \"texture reflectance\" \"t\" \
                  Shape \"sphere\"",
                 &["textures", "varied-albedo"],
+            ),
+            (
+                "",
+                "Texture \"t\" \"color\" \"marble\" Material \"plastic\" \"texture Kd\" \"t\" Shape \"sphere\"",
+                &["glossy", "textures", "varied-albedo"],
             ),
             ("", "Shape \"sphere\" \"float alpha\" .5", &["alpha"]),
         ];

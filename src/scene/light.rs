@@ -1,8 +1,8 @@
 //! Lights that are not surfaces, and the emission of those that are.
 
-use glam::{Affine3A, Vec3};
+use glam::{Affine3A, Vec2, Vec3};
 
-use super::texture::ImageId;
+use super::texture::{ImageId, Textures, Wrap};
 
 /// A light without a surface, in render space. Radiometric quantities are linear RGB.
 #[derive(Clone, Debug)]
@@ -52,6 +52,16 @@ pub struct Environment {
     /// Radiance, or factor of the image's.
     pub scale: Vec3,
     pub map: Option<EnvironmentMap>,
+    /// It is seen through this rectangle and nowhere else.
+    pub portal: Option<Portal>,
+}
+
+/// A rectangle in render space, seen from inside: its edges and the way out are right-handed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Portal {
+    pub corner: Vec3,
+    /// At right angles to each other.
+    pub edges: [Vec3; 2],
 }
 
 /// How an image wraps around the sphere of directions of light space.
@@ -66,8 +76,29 @@ pub enum EnvironmentMap {
 /// Emission of a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AreaLight {
-    /// Emitted radiance.
+    /// Emitted radiance, or factor of the image's.
     pub radiance: Vec3,
+    /// On the surface by its texture coordinates, v = 0 at the bottom row.
+    pub image: Option<ImageId>,
     /// Emits from both sides, not only from the side the normal points to.
     pub two_sided: bool,
+}
+
+impl AreaLight {
+    /// Emitted radiance at a point with these texture coordinates.
+    #[inline]
+    pub fn radiance_at(&self, textures: &Textures, uv: Vec2) -> Vec3 {
+        match self.image {
+            None => self.radiance,
+            Some(id) => {
+                let st = Vec2::new(uv.x, 1.0 - uv.y);
+                self.radiance * textures.image(id).bilinear::<Vec3>(st, Wrap::Clamp).max(Vec3::ZERO)
+            }
+        }
+    }
+
+    /// Emitted radiance, on average over the image.
+    pub fn mean_radiance(&self, textures: &Textures) -> Vec3 {
+        self.radiance * self.image.map_or(Vec3::ONE, |id| textures.image(id).mean().max(Vec3::ZERO))
+    }
 }

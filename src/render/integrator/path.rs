@@ -315,7 +315,7 @@ impl<'s> PathTracer<'s> {
     #[inline]
     fn escape<S: Source>(&self, path: &mut Path<S>) {
         let direction = path.ray.direction;
-        for (i, radiance) in self.lights.environments(direction) {
+        for (i, radiance) in self.lights.environments(path.ray.origin, direction) {
             let share = path.arrival.share(|from| self.lights.pdf_environment(from, i, direction));
             path.add(radiance * share);
         }

@@ -5,7 +5,9 @@ use std::f32::consts::PI;
 use glam::{Mat3A, Vec2, Vec3, Vec3A};
 
 use super::brightness;
+use super::choice::Reach;
 use super::distribution::Distribution2d;
+use super::portal::PortalView;
 use super::sphere_map::SphereMap;
 use crate::scene::Scene;
 use crate::scene::light::{Environment, EnvironmentMap};
@@ -17,7 +19,11 @@ pub struct EnvironmentLight {
     from_render: Mat3A,
     scale: Vec3,
     image: Option<EnvironmentImage>,
+    portal: Option<PortalView>,
 }
+
+/// Rows of the table of what is seen through a portal, where there is no image to have any.
+const PLAIN_ROWS: usize = 64;
 
 impl EnvironmentLight {
     pub fn new(scene: &Scene, environment: &Environment) -> Self {
@@ -30,19 +36,43 @@ impl EnvironmentLight {
             let image = scene.textures.image(id);
             EnvironmentImage::new(map, image.width(), image.height(), |x, y| image.rgb(x, y))
         });
-        Self { to_render, from_render: to_render.inverse(), scale: environment.scale, image }
+        let rows = image.as_ref().map_or(PLAIN_ROWS, |image| image.height);
+        let mut light = Self {
+            to_render,
+            from_render: to_render.inverse(),
+            scale: environment.scale,
+            image,
+            portal: None,
+        };
+        light.portal = environment
+            .portal
+            .map(|portal| PortalView::new(&portal, rows, |direction| brightness(light.unhidden(direction))));
+        light
     }
 
-    /// Radiance from a unit direction.
+    /// Radiance at a point from a unit direction.
     #[inline]
-    pub fn radiance(&self, direction: Vec3) -> Vec3 {
+    pub fn radiance(&self, from: Vec3, direction: Vec3) -> Vec3 {
+        match &self.portal {
+            Some(portal) if !portal.shows(from, direction) => Vec3::ZERO,
+            _ => self.unhidden(direction),
+        }
+    }
+
+    /// Radiance from a unit direction, where no portal hides it.
+    #[inline]
+    fn unhidden(&self, direction: Vec3) -> Vec3 {
         let Some(image) = &self.image else { return self.scale };
         self.scale * image.lookup(image.map.uv(self.local(direction)))
     }
 
-    /// A direction, the radiance from there and the density per solid angle.
+    /// A direction from a point, the radiance from there and the density per solid angle.
     #[inline]
-    pub fn sample(&self, u: Vec2) -> Option<(Vec3, Vec3, f32)> {
+    pub fn sample(&self, from: Vec3, u: Vec2) -> Option<(Vec3, Vec3, f32)> {
+        if let Some(portal) = &self.portal {
+            let (direction, pdf) = portal.sample(from, u)?;
+            return Some((direction, self.unhidden(direction), pdf));
+        }
         let Some(image) = &self.image else {
             return Some((uniform_direction(u), self.scale, 1.0 / (4.0 * PI)));
         };
@@ -54,7 +84,10 @@ impl EnvironmentLight {
 
     /// Density with which [`Self::sample`] gives a unit direction.
     #[inline]
-    pub fn pdf(&self, direction: Vec3) -> f32 {
+    pub fn pdf(&self, from: Vec3, direction: Vec3) -> f32 {
+        if let Some(portal) = &self.portal {
+            return portal.pdf(from, direction);
+        }
         let Some(image) = &self.image else { return 1.0 / (4.0 * PI) };
         let Some(distribution) = &image.distribution else { return 0.0 };
         let uv = image.map.uv(self.local(direction));
@@ -62,7 +95,16 @@ impl EnvironmentLight {
         if solid_angle > 0.0 { distribution.density(uv) / solid_angle } else { 0.0 }
     }
 
-    /// Brightness of the irradiance, on average over surfaces of all orientations.
+    /// What it is chosen by: through a portal it shines as a lamp of that shape would.
+    pub fn reach(&self) -> Reach {
+        match &self.portal {
+            Some(portal) => Reach::Within(portal.bounds()),
+            None => Reach::Around { direction: None, irradiance: self.mean_irradiance() },
+        }
+    }
+
+    /// Brightness of the irradiance, on average over surfaces of all orientations and as if there
+    /// were no portal.
     pub fn mean_irradiance(&self) -> f32 {
         PI * brightness(self.image.as_ref().map_or(self.scale, |image| self.scale * image.mean))
     }
@@ -154,6 +196,7 @@ mod tests {
             from_render: to_render.inverse(),
             scale: Vec3::new(1.0, 2.0, 3.0),
             image,
+            portal: None,
         }
     }
 
@@ -193,7 +236,7 @@ mod tests {
     fn the_density_integrates_to_one() {
         let n = 200_000;
         for (k, light) in lights().iter().enumerate() {
-            let sum: f64 = uniform_directions(n).map(|d| f64::from(light.pdf(d))).sum();
+            let sum: f64 = uniform_directions(n).map(|d| f64::from(light.pdf(Vec3::ZERO, d))).sum();
             let integral = sum / f64::from(n) * f64::from(4.0 * PI);
             assert!((integral - 1.0).abs() < 0.01, "light {k}: {integral}");
         }
@@ -208,17 +251,18 @@ mod tests {
             let m = 2_000_000;
             for d in uniform_directions(m) {
                 expected[bin(d)] +=
-                    f64::from(light.pdf(d)) * f64::from(4.0 * PI) * f64::from(n) / f64::from(m);
+                    f64::from(light.pdf(Vec3::ZERO, d)) * f64::from(4.0 * PI) * f64::from(n) / f64::from(m);
             }
             let mut counts = [0.0; 64];
             let mut rng = rand_pcg::Pcg32::seed_from_u64(k as u64);
             let mut strays = 0;
             for _ in 0..n {
-                let (d, radiance, pdf) = light.sample(Vec2::new(rng.random(), rng.random())).unwrap();
+                let (d, radiance, pdf) =
+                    light.sample(Vec3::ZERO, Vec2::new(rng.random(), rng.random())).unwrap();
                 counts[bin(d)] += 1.0;
                 // Rounding carries a few samples into the neighbouring cell.
-                strays += u32::from((pdf / light.pdf(d) - 1.0).abs() > 0.05);
-                assert!(radiance.distance(light.radiance(d)) < 0.02 * radiance.length() + 1e-3);
+                strays += u32::from((pdf / light.pdf(Vec3::ZERO, d) - 1.0).abs() > 0.05);
+                assert!(radiance.distance(light.radiance(Vec3::ZERO, d)) < 0.02 * radiance.length() + 1e-3);
             }
             assert!(strays < n / 1000, "light {k}: {strays} samples of another density");
             let used: Vec<(f64, f64)> = expected.into_iter().zip(counts).filter(|(e, _)| *e > 10.0).collect();
@@ -232,7 +276,8 @@ mod tests {
     fn the_mean_irradiance_is_a_quarter_of_the_integral_of_the_brightness() {
         let n = 200_000;
         for (k, light) in lights().iter().enumerate() {
-            let sum: f64 = uniform_directions(n).map(|d| f64::from(brightness(light.radiance(d)))).sum();
+            let sum: f64 =
+                uniform_directions(n).map(|d| f64::from(brightness(light.radiance(Vec3::ZERO, d)))).sum();
             let expected = sum / f64::from(n) * f64::from(PI);
             let found = f64::from(light.mean_irradiance());
             assert!((expected / found - 1.0).abs() < 0.02, "light {k}: {expected} {found}");
@@ -242,7 +287,7 @@ mod tests {
     #[test]
     fn a_black_image_is_never_sampled() {
         let black = light(Some(EnvironmentImage::new(SphereMap::LatLong, 4, 2, |_, _| Vec3::ZERO)));
-        assert!(black.sample(Vec2::splat(0.5)).is_none());
-        assert_eq!((black.pdf(Vec3::Z), black.mean_irradiance()), (0.0, 0.0));
+        assert!(black.sample(Vec3::ZERO, Vec2::splat(0.5)).is_none());
+        assert_eq!((black.pdf(Vec3::ZERO, Vec3::Z), black.mean_irradiance()), (0.0, 0.0));
     }
 }

@@ -7,9 +7,11 @@ mod delta;
 mod distribution;
 mod environment;
 mod extent;
+mod portal;
 mod sphere_map;
 mod surface;
 mod tree;
+mod windowed;
 
 use glam::{Vec2, Vec3};
 
@@ -38,7 +40,7 @@ pub struct Lights<'s> {
 /// A light without a surface.
 enum Source {
     Delta(DeltaLight),
-    Environment(EnvironmentLight),
+    Environment(Box<EnvironmentLight>),
 }
 
 /// Light that could arrive at a point, if nothing is in between.
@@ -75,7 +77,7 @@ impl<'s> Lights<'s> {
             .iter()
             .map(|light| match light {
                 Light::Environment(environment) => {
-                    Source::Environment(EnvironmentLight::new(scene, environment))
+                    Source::Environment(Box::new(EnvironmentLight::new(scene, environment)))
                 }
                 Light::Point { .. } | Light::Spot { .. } | Light::Distant { .. } => {
                     Source::Delta(DeltaLight::new(light))
@@ -85,9 +87,7 @@ impl<'s> Lights<'s> {
         let surfaces = SurfaceLights::new(scene);
         let reach = |source: &Source| match source {
             Source::Delta(light) => light.reach(),
-            Source::Environment(light) => {
-                Reach::Around { direction: None, irradiance: light.mean_irradiance() }
-            }
+            Source::Environment(light) => light.reach(),
         };
         let shines =
             |i: &usize| matches!(&sources[*i], Source::Environment(light) if light.mean_irradiance() > 0.0);
@@ -125,7 +125,7 @@ impl<'s> Lights<'s> {
         match self.sources.get(light) {
             Some(Source::Delta(delta)) => delta.sample(from),
             Some(Source::Environment(environment)) => {
-                let (wi, radiance, pdf) = environment.sample(u)?;
+                let (wi, radiance, pdf) = environment.sample(from, u)?;
                 Some(LightSample { wi, radiance, pdf, found_by_rays: true, target: None })
             }
             None => self.surfaces.sample(light - self.sources.len(), from, u),
@@ -146,11 +146,12 @@ impl<'s> Lights<'s> {
             .map_or(0.0, |(light, pdf)| pdf * self.choice.probability(self.sources.len() + light, receiver))
     }
 
-    /// The environments: radiance from a unit direction, and what [`Self::pdf_environment`] takes.
+    /// The environments: radiance at a point from a unit direction, and what
+    /// [`Self::pdf_environment`] takes.
     #[inline]
-    pub fn environments(&self, direction: Vec3) -> impl Iterator<Item = (usize, Vec3)> {
+    pub fn environments(&self, from: Vec3, direction: Vec3) -> impl Iterator<Item = (usize, Vec3)> {
         self.environments.iter().filter_map(move |&i| match &self.sources[i] {
-            Source::Environment(light) => Some((i, light.radiance(direction))),
+            Source::Environment(light) => Some((i, light.radiance(from, direction))),
             Source::Delta(_) => None,
         })
     }
@@ -160,7 +161,7 @@ impl<'s> Lights<'s> {
     pub fn pdf_environment(&self, receiver: &Receiver, environment: usize, direction: Vec3) -> f32 {
         match &self.sources[environment] {
             Source::Environment(light) => {
-                light.pdf(direction) * self.choice.probability(environment, receiver)
+                light.pdf(receiver.position, direction) * self.choice.probability(environment, receiver)
             }
             Source::Delta(_) => 0.0,
         }
@@ -250,6 +251,7 @@ mod tests {
         };
         (0..60).for_each(&mut add);
         world += "LightSource \"infinite\" \"rgb L\" [ .1 .1 .1 ] LightSource \"distant\" ";
+        world += "LightSource \"infinite\" \"point3 portal\" [ -2 -1 3  -2 1 3  1 1 3  1 -1 3 ] ";
         scene(&world)
     }
 

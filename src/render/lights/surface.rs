@@ -40,6 +40,8 @@ struct Surface {
     /// Its first element's index into [`SurfaceLights::of_element`].
     first: usize,
     emission: AreaLight,
+    /// Brightness of its radiance, on average.
+    mean: f32,
     /// Where it is cut out, it does not emit.
     alpha: Option<FloatTextureId>,
     /// It is not cut out everywhere. One that is lights the scene without being seen, which scenes
@@ -69,13 +71,14 @@ impl<'s> SurfaceLights<'s> {
                 primitive: i,
                 first: lights.of_element.len(),
                 emission,
+                mean: brightness(emission.mean_radiance(&scene.textures)),
                 alpha: primitive.alpha.filter(|_| !hidden),
                 found_by_rays: !hidden,
             });
             match &primitive.shape {
                 Shape::Mesh(mesh) => {
-                    // What is cut out depends on the texture coordinates of each triangle.
-                    let merges = primitive.alpha.is_none() || hidden;
+                    // What is cut out, and an image, go by the texture coordinates of each triangle.
+                    let merges = (primitive.alpha.is_none() || hidden) && emission.image.is_none();
                     lights.add_triangles(surface, mesh, primitive.flip_normal, merges);
                 }
                 Shape::Sphere(_) | Shape::Disk(_) => lights.add(surface, 0..1, None),
@@ -123,7 +126,7 @@ impl<'s> SurfaceLights<'s> {
     }
 
     fn element_bounds(&self, surface: u32, element: u32) -> LightBounds {
-        let Surface { primitive, emission, .. } = self.surfaces[surface as usize];
+        let Surface { primitive, emission, mean, .. } = self.surfaces[surface as usize];
         let Extent { centre, radius, normal, seen_share } = Extent::of(self.scene, primitive, element);
         LightBounds {
             centre,
@@ -132,7 +135,7 @@ impl<'s> SurfaceLights<'s> {
             cos_axes: if normal.is_some() { 1.0 } else { -1.0 },
             cos_emission: 0.0,
             two_sided: emission.two_sided,
-            intensity: area(self.scene, primitive, element) * seen_share * brightness(emission.radiance),
+            intensity: area(self.scene, primitive, element) * seen_share * mean,
         }
     }
 
@@ -146,7 +149,7 @@ impl<'s> SurfaceLights<'s> {
             None => sample_shape(self.scene, surface.primitive, light.elements.start, from, u)?,
         };
         let wi = (point.position - from).try_normalize()?;
-        let radiance = surface.radiance(point.normal.dot(-wi))?;
+        let radiance = surface.radiance(self.scene, point.normal.dot(-wi), point.uv)?;
         // On average over the rays that meet a half-transparent surface.
         let opacity = surface.alpha.map_or(1.0, |alpha| {
             let at = TexturePoint { uv: point.uv, position: point.position };
@@ -164,7 +167,7 @@ impl<'s> SurfaceLights<'s> {
     /// Radiance in direction `wo`; `None` if the point is not on a light.
     #[inline]
     pub fn emitted(&self, point: &SurfacePoint, wo: Vec3) -> Option<Vec3> {
-        self.at(point)?.radiance(point.geometric_normal.dot(wo))
+        self.at(point)?.radiance(self.scene, point.geometric_normal.dot(wo), point.uv)
     }
 
     /// The light that a point is on, and the density with which [`Self::sample`] gives the
@@ -187,9 +190,97 @@ impl<'s> SurfaceLights<'s> {
 }
 
 impl Surface {
-    /// Radiance in a direction with this cosine to the normal; `None` on a side that is dark.
+    /// Radiance at a point in a direction with this cosine to the normal; `None` on a side that is dark.
     #[inline]
-    fn radiance(&self, cos: f32) -> Option<Vec3> {
-        (self.emission.two_sided || cos > 0.0).then_some(self.emission.radiance)
+    fn radiance(&self, scene: &Scene, cos: f32, uv: Vec2) -> Option<Vec3> {
+        (self.emission.two_sided || cos > 0.0).then(|| self.emission.radiance_at(&scene.textures, uv))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::f32::consts::PI;
+
+    use glam::Vec2;
+    use rand::{RngExt, SeedableRng};
+    use rand_pcg::Pcg32;
+
+    use super::*;
+    use crate::geometry::{Accel, Ray};
+    use crate::scene::pbrt::read_str;
+
+    /// A scene whose light emits an image of 2×2 texels: red and green above, blue and white below.
+    fn scene(shape: &str) -> Scene {
+        let folder = tempfile::tempdir().unwrap();
+        let texels: [[f32; 3]; 4] = [[0.0, 0.0, 1.0], [1.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+        let mut file = b"PF\n2 2\n-1.0\n".to_vec();
+        file.extend(texels.as_flattened().iter().flat_map(|v| v.to_le_bytes()));
+        std::fs::write(folder.path().join("a.pfm"), file).unwrap();
+        let light = "AreaLightSource \"diffuse\" \"string filename\" \"a.pfm\" \"float scale\" 3";
+        read_str(&format!("WorldBegin Material \"diffuse\" {light} {shape}"), folder.path()).unwrap()
+    }
+
+    /// Two triangles whose texture coordinates do not continue each other, not even beyond [0, 1].
+    const MESH: &str = "Shape \"trianglemesh\" \"point3 P\" [-1 -1 0 1 -1 0 1 1 .3 -1 1 .3]
+        \"integer indices\" [0 1 2 0 2 3] \"point2 uv\" [0 0 1.3 0 .8 1 0 .4]";
+
+    #[test]
+    fn an_image_stands_upright_on_its_surface() {
+        let scene = scene("Shape \"disk\"");
+        let light = scene.primitives[0].area_light.unwrap();
+        let at = |u: f32, v: f32| light.radiance_at(&scene.textures, Vec2::new(u, v));
+        let [red, green, blue, white] =
+            [(0.1, 0.9), (0.9, 0.9), (0.1, 0.1), (0.9, 0.1)].map(|(u, v)| at(u, v));
+        assert_eq!([red, green, blue, white], [Vec3::X, Vec3::Y, Vec3::Z, Vec3::ONE].map(|c| 3.0 * c));
+        assert_eq!(light.mean_radiance(&scene.textures), Vec3::splat(1.5));
+    }
+
+    #[test]
+    fn light_sampled_from_an_image_is_the_light_that_rays_find() {
+        let from = Vec3::new(0.3, 0.2, 1.5);
+        for shape in [
+            MESH,
+            "Shape \"disk\"",
+            "Shape \"sphere\" \"float radius\" .9",
+            "Shape \"sphere\" \"float zmax\" .8",
+        ] {
+            let scene = scene(shape);
+            let lights = SurfaceLights::new(&scene);
+            let accel = Accel::build(&scene);
+            let mut rng = Pcg32::seed_from_u64(1);
+            let count = lights.bounds().count();
+            let side = 300;
+            let mut stratified = |i: usize| {
+                Vec2::new((i % side) as f32 + rng.random::<f32>(), (i / side) as f32 + rng.random::<f32>())
+                    / side as f32
+            };
+
+            let mut sampled = Vec3::ZERO;
+            for i in 0..side * side {
+                let u = stratified(i);
+                for light in 0..count {
+                    if let Some(sample) = lights.sample(light, from, u) {
+                        sampled += sample.radiance / sample.pdf;
+                    }
+                }
+            }
+            let mut found = Vec3::ZERO;
+            for i in 0..4 * side * side {
+                let u = stratified(i / 4);
+                let z = 1.0 - 2.0 * u.x;
+                let (sin, cos) = (2.0 * PI * u.y).sin_cos();
+                let direction = Vec3::new((1.0 - z * z).sqrt() * cos, (1.0 - z * z).sqrt() * sin, z);
+                let ray = Ray { origin: from, direction, t_max: f32::INFINITY, time: 0.0 };
+                // The material does not ask for texture coordinates.
+                if let Some(hit) = accel.intersect(&ray) {
+                    let point = accel.plain_surface(&ray, &hit);
+                    found += lights.emitted(&point, -direction).unwrap_or_default() * PI;
+                }
+            }
+            let [sampled, found] = [sampled, found].map(|sum| sum / (side * side) as f32);
+            let difference = (sampled - found).abs().max_element();
+            let size = found.max_element();
+            assert!(size > 0.2 && difference < 0.02 * size, "{shape}: {sampled} {found}");
+        }
     }
 }

@@ -22,6 +22,8 @@ pub fn mesh(params: &Params) -> Result<MeshDescription> {
     let positions = params
         .triples("P")?
         .ok_or_else(|| fault("a bilinear mesh without points; \"point3 P\" would be accepted".into()))?;
+    // An image by which pbrt samples what the patch emits; what it emits is said elsewhere.
+    params.get("emissionfilename");
     let normals = params.triples("N")?.unwrap_or_default();
     let uvs = params.pairs("uv")?.unwrap_or_default();
     for (name, length) in [("normals", normals.len()), ("uvs", uvs.len())] {

@@ -263,12 +263,13 @@ fn half_short_side(film: &Film) -> f64 {
 fn integrator(reader: &mut Reader, entry: &Entry) -> Result<Integrator> {
     let Entry { kind, params, place, .. } = entry;
     let max_depth = params.integer_in("maxdepth", 5, 0..=MAX_DEPTH)?;
+    let events = reader.dialect.scattering_events(max_depth);
     Ok(match *kind {
-        "path" | "volpath" => Integrator::Path { max_depth },
+        "path" | "volpath" => Integrator::Path { max_depth: events },
         "directlighting" => Integrator::Direct { max_depth },
         other => {
             reader.warnings.add(*place, format!("integrator \"{other}\" is read as \"path\""));
-            Integrator::Path { max_depth }
+            Integrator::Path { max_depth: events }
         }
     })
 }

@@ -149,6 +149,12 @@ impl Dialect {
         }
     }
 
+    /// The largest number of scattering events of a path. v2 looks at its limit only after the
+    /// light of the last event was gathered, so that there is one more.
+    pub fn scattering_events(self, max_depth: u32) -> u32 {
+        if self == Dialect::V2 { max_depth + 1 } else { max_depth }
+    }
+
     /// The size of the film, where it is not given.
     pub fn default_resolution(self) -> [u32; 2] {
         match self {
@@ -309,6 +315,7 @@ impl Reader {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scene::Integrator;
     use crate::scene::pbrt::read_str;
 
     /// The materials that a main file of each older dialect makes, without the default one.
@@ -391,6 +398,20 @@ mod tests {
         let wide = "PixelFilter \"box\" \"float xwidth\" 2 WorldBegin WorldEnd";
         let wide = read_str(wide, Path::new("")).unwrap().film.filter;
         assert_eq!(wide, PixelFilter::Box { radius: [2.0, 0.5] });
+    }
+
+    #[test]
+    fn paths_of_v2_scatter_once_more_than_their_depth_says() {
+        let integrator = |header: &str| {
+            read_str(&format!("{header} WorldBegin WorldEnd"), Path::new("")).unwrap().integrator
+        };
+        let depth = "\"integer maxdepth\" 3";
+        let path = |max_depth| Integrator::Path { max_depth };
+        assert_eq!(integrator("SurfaceIntegrator \"path\""), path(6));
+        assert_eq!(integrator(&format!("SurfaceIntegrator \"path\" {depth}")), path(4));
+        assert_eq!(integrator(&format!("Integrator \"path\" {depth}")), path(3));
+        let direct = format!("SurfaceIntegrator \"directlighting\" {depth}");
+        assert_eq!(integrator(&direct), Integrator::Direct { max_depth: 3 });
     }
 
     #[test]

@@ -2,15 +2,15 @@
 
 use std::f64::consts::PI;
 
-use glam::{Affine3A, DVec3, Vec3};
+use glam::{Affine3A, DVec3, Vec2, Vec3};
 
 use super::directives::Statement;
 use super::params::{ParamType, Params};
 use super::state::{Emission, Reader};
 use super::textures::encoding;
 use super::{Fault, Result};
-use crate::scene::Light;
-use crate::scene::light::{AreaLight, Environment, EnvironmentMap};
+use crate::scene::light::{AreaLight, Environment, EnvironmentMap, Portal};
+use crate::scene::{Light, TextureImage};
 
 impl Reader {
     pub fn area_light_source(&mut self, statement: &Statement) -> Result<()> {
@@ -25,7 +25,9 @@ impl Reader {
         let radiance = self.light_color(&params, "L")?;
         let two_sided = params.bool_or("twosided", false)?;
         let power = params.float("power")?.filter(|&power| power > 0.0);
-        let light = AreaLight { radiance, two_sided };
+        let image = params.string("filename")?.filter(|file| !file.is_empty());
+        let image = image.map(|file| self.image(file, self.dialect.default_encoding(), params.place));
+        let light = AreaLight { radiance, image, two_sided };
         self.state.area_light = (radiance != Vec3::ZERO).then_some(Emission { light, power });
         statement.params.mark_used_in(&params);
         Ok(())
@@ -62,6 +64,30 @@ impl Reader {
         }
         statement.params.mark_used_in(params);
         Ok(())
+    }
+
+    /// Brings lights whose power is given to it, once their images are read: pbrt-v4 takes the
+    /// mean luminance of the image for that of the surface.
+    pub fn normalise_lights(&mut self) {
+        for index in std::mem::take(&mut self.powered_images) {
+            let Some(light) = &mut self.groups[0].primitives[index].area_light else { continue };
+            let Some(id) = light.image else { continue };
+            let mean = luminance(self.textures.image(id).mean());
+            if mean > 0.0 {
+                light.radiance /= mean;
+            }
+        }
+        for (index, illuminance) in std::mem::take(&mut self.lit_environments) {
+            let Light::Environment(Environment { scale, map: Some(EnvironmentMap::EqualArea(id)), .. }) =
+                &mut self.lights[index]
+            else {
+                continue;
+            };
+            let mapped = upper_illuminance(self.textures.image(*id));
+            if mapped > 0.0 {
+                *scale *= (illuminance / mapped) as f32;
+            }
+        }
     }
 
     /// Colour times `scale`, per channel not below 0.
@@ -158,15 +184,13 @@ impl Reader {
                 }
             }
         };
-        if params.get("portal").is_some() {
-            // It tells where light can come from, which changes the noise only.
-            self.warnings.add(params.place, "a portal is not made use of: the whole environment is sampled");
-        }
-        // Of an image it would need a sum over a hemisphere; left to the warning on unused ones.
-        if map.is_none()
-            && let Some(illuminance) = params.float("illuminance")?
-        {
-            scale *= (illuminance / PI) as f32;
+        let portal = self.portal(params)?;
+        match (map, params.float("illuminance")?.filter(|&illuminance| illuminance > 0.0)) {
+            (None, Some(illuminance)) => scale *= (illuminance / PI) as f32,
+            (Some(_), Some(illuminance)) if scale != Vec3::ZERO => {
+                self.lit_environments.push((self.lights.len(), illuminance))
+            }
+            _ => {}
         }
         // Directions have no size.
         let to_render = self.to_render().matrix3;
@@ -175,8 +199,57 @@ impl Reader {
             to_render: Affine3A::from_mat3(to_render.as_mat3()),
             scale,
             map,
+            portal,
         }))
     }
+
+    /// The rectangle that an environment is seen through. It stands in world space, whatever the
+    /// current transform (as in pbrt-v4).
+    fn portal(&self, params: &Params) -> Result<Option<Portal>> {
+        /// Largest cosine of what passes for a right angle, and largest gap, as a share of an edge,
+        /// of what passes for closed.
+        const TOLERANCE: f64 = 1e-3;
+        let Some(corners) = params.triples("portal")? else { return Ok(None) };
+        let param = params.get("portal").expect("its numbers were just found");
+        let &[corner, up, opposite, along] = &corners[..] else {
+            return Err(param.fault(format_args!("{} points", corners.len()), "four"));
+        };
+        let edges = [along - corner, up - corner];
+        let [length, height] = edges.map(DVec3::length);
+        let closes = (corner + edges[0] + edges[1]).distance(opposite) <= TOLERANCE * length.min(height);
+        let is_right = edges[0].dot(edges[1]).abs() <= TOLERANCE * length * height;
+        if !(closes && is_right && length > 0.0 && height > 0.0) {
+            return Err(param.fault("no rectangle", "its corners, one after the other,"));
+        }
+        Ok(Some(Portal { corner: (corner - self.origin()).as_vec3(), edges: edges.map(|e| e.as_vec3()) }))
+    }
+}
+
+/// Illuminance that an environment image gives to what faces the top of its sphere.
+fn upper_illuminance(image: &TextureImage) -> f64 {
+    let size = Vec2::new(image.width() as f32, image.height() as f32);
+    let texels = (0..image.height()).flat_map(|y| (0..image.width()).map(move |x| (x, y)));
+    let sum: f64 = texels
+        .map(|(x, y)| {
+            let up = equal_area_height((Vec2::new(x as f32, y as f32) + 0.5) / size);
+            f64::from(up.max(0.0) * luminance(image.rgb(x, y).max(Vec3::ZERO)))
+        })
+        .sum();
+    sum * 4.0 * PI / f64::from(size.x * size.y)
+}
+
+/// Cosine to the top of the direction at a point of an equal-area octahedral map (Clarberg 2008).
+fn equal_area_height(uv: Vec2) -> f32 {
+    let from_middle = (2.0 * uv - 1.0).abs();
+    // Signed distance from the equator, which is a square on its corner.
+    let inside = 1.0 - from_middle.x - from_middle.y;
+    let r = 1.0 - inside.abs();
+    (1.0 - r * r).copysign(inside)
+}
+
+/// Relative luminance of linear sRGB.
+fn luminance(colour: Vec3) -> f32 {
+    colour.dot(Vec3::new(0.2126, 0.7152, 0.0722))
 }
 
 fn emission(light: &Light) -> Vec3 {
@@ -194,8 +267,9 @@ mod tests {
 
     use glam::Vec3;
 
-    use crate::scene::Scene;
+    use crate::scene::light::Portal;
     use crate::scene::pbrt::read_str;
+    use crate::scene::{Light, Scene, TextureImage};
 
     fn world(text: &str) -> Scene {
         read_str(&format!("WorldBegin {text}"), Path::new("")).unwrap_or_else(|error| panic!("{error}"))
@@ -233,8 +307,59 @@ mod tests {
     }
 
     #[test]
-    fn portals_are_read_and_said_to_be_left_out() {
-        let scene = world("LightSource \"infinite\" \"point3 portal\" [0 0 0 1 0 0 1 1 0 0 1 0]");
-        assert!(scene.warnings.len() == 1 && scene.warnings[0].contains("portal"), "{:?}", scene.warnings);
+    fn portals_are_rectangles_in_world_space() {
+        let light = |portal: &str| {
+            let light = format!("LightSource \"infinite\" \"point3 portal\" [{portal}]");
+            read_str(
+                &format!("LookAt 1 0 0 2 0 0 0 0 1 Camera \"perspective\" WorldBegin Scale 9 9 9 {light}"),
+                Path::new(""),
+            )
+        };
+        let scene = light("0 0 0 0 1 0 2 1 0 2 0 0").unwrap();
+        assert!(scene.warnings.is_empty(), "{:?}", scene.warnings);
+        let Light::Environment(environment) = &scene.lights[0] else { panic!() };
+        let expected = Portal { corner: Vec3::NEG_X, edges: [2.0 * Vec3::X, Vec3::Y] };
+        assert_eq!(environment.portal, Some(expected));
+        for wrong in [
+            "0 0 0 0 1 0 2 1 0",
+            "0 0 0 0 1 0 2 1 0 1 0 0",
+            "0 0 0 1 1 0 3 1 0 2 0 0",
+            "0 0 0 0 0 0 2 0 0 2 0 0",
+        ] {
+            assert!(light(wrong).unwrap_err().message.contains("portal"), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn images_of_lights_are_brought_to_the_power_that_is_given() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut file = b"PF\n2 2\n-1.0\n".to_vec();
+        let texels: [[f32; 3]; 4] = [[4.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 1.0], [1.0; 3]];
+        file.extend(texels.as_flattened().iter().flat_map(|v| v.to_le_bytes()));
+        std::fs::write(folder.path().join("a.pfm"), file).unwrap();
+        let light = "AreaLightSource \"diffuse\" \"string filename\" \"a.pfm\" \"float power\" 12";
+        let mut even = b"PF\n4 4\n-1.0\n".to_vec();
+        even.extend([2.0f32; 48].iter().flat_map(|v| v.to_le_bytes()));
+        std::fs::write(folder.path().join("sky.pfm"), even).unwrap();
+        let sky = "LightSource \"infinite\" \"string filename\" \"sky.pfm\" \"float illuminance\" 5";
+        let text = format!("WorldBegin {sky} {light} Shape \"disk\" Shape \"sphere\" \"float radius\" 2");
+        let scene = read_str(&text, folder.path()).unwrap();
+        assert!(scene.warnings.is_empty(), "{:?}", scene.warnings);
+        let mean = (4.0 * 0.2126 + 2.0 * 0.7152 + 0.0722 + 1.0) / 4.0;
+        for (primitive, area) in scene.primitives.iter().zip([PI, 16.0 * PI]) {
+            let radiance = primitive.area_light.unwrap().radiance;
+            let expected = 12.0 / (PI * area * mean);
+            assert!((radiance / expected - 1.0).abs().max_element() < 1e-5, "{radiance} {expected}");
+        }
+        let Light::Environment(environment) = &scene.lights[0] else { panic!() };
+        let mapped = super::upper_illuminance(&scene.textures.images()[0]) as f32;
+        assert!((environment.scale * mapped / 5.0 - 1.0).abs().max_element() < 1e-5, "{mapped}");
+    }
+
+    #[test]
+    fn an_even_image_gives_the_illuminance_of_an_even_sky() {
+        let image = TextureImage::from_floats(64, 64, 1, vec![2.0; 64 * 64]);
+        let illuminance = super::upper_illuminance(&image);
+        assert!((illuminance / (2.0 * std::f64::consts::PI) - 1.0).abs() < 1e-3, "{illuminance}");
     }
 }

@@ -17,6 +17,19 @@ use crate::scene::{Material, MaterialId};
 const MAX_MIX_DEPTH: usize = 8;
 /// Index of refraction where none is given.
 const DEFAULT_ETA: f64 = 1.5;
+/// Absorption of the pigments of hair, by channel and concentration, and the concentration in hair
+/// that nothing is said of (pbrt-v4, section 9.9).
+const EUMELANIN: Vec3 = Vec3::new(0.419, 0.697, 1.37);
+const PHEOMELANIN: Vec3 = Vec3::new(0.187, 0.4, 1.05);
+const DEFAULT_EUMELANIN: f64 = 1.3;
+
+/// Colour of a volume of hair, by absorption and azimuthal roughness (the fit of Chiang et al.
+/// 2016).
+fn hair_colour(absorption: Vec3, roughness: f32) -> Vec3 {
+    let coefficients = [5.969, -0.215, 2.532, -10.73, 5.574, 0.245];
+    let fit = coefficients.iter().rev().fold(0.0, |sum, c| sum * roughness + c);
+    absorption.map(|a| (-a.max(0.0).sqrt() * fit).exp().min(1.0))
+}
 
 impl Reader {
     /// The material of a scene that names none.
@@ -181,7 +194,8 @@ impl Reader {
             "mix" => self.mix(params, place)?,
             "interface" | "" | "none" => MaterialKind::Interface,
             "measured" => self.measured(params, place)?,
-            "subsurface" | "kdsubsurface" | "hair" | "disney" | "fourier" => {
+            "hair" => self.hair(params, place)?,
+            "subsurface" | "kdsubsurface" | "disney" | "fourier" => {
                 self.warnings.add(place, format!("material \"{kind}\" is read as \"diffuse\""));
                 let named =
                     ["color", "Kd", "reflectance"].into_iter().find(|name| params.get(name).is_some());
@@ -225,6 +239,38 @@ impl Reader {
         let table = Arc::new(measured::read(&path).map_err(named)?);
         self.measured_brdfs.insert(path, table.clone());
         Ok(MaterialKind::Measured(table))
+    }
+
+    /// Hair is a surface of the colour that much of it has together.
+    fn hair(&mut self, params: &Params, place: Place) -> Result<MaterialKind> {
+        self.warnings.add(place, "material \"hair\" is read as \"diffuse\" of the hair's colour");
+        for name in ["eta", "beta_m", "alpha"] {
+            params.get(name);
+        }
+        let number = |name, default: f64| match params.get(name) {
+            Some(param) if param.kind == ParamType::Texture => Ok(default),
+            _ => params.float_or(name, default),
+        };
+        let roughness = number("beta_n", 0.3)?;
+        let absorption = match params.get("sigma_a").map(|param| param.kind) {
+            Some(kind) if kind != ParamType::Texture => {
+                self.spectrum(params, "sigma_a")?.map(|s| s.unadapted())
+            }
+            _ => None,
+        };
+        let named = ["reflectance", "color"].into_iter().find(|name| params.get(name).is_some());
+        let reflectance = match (absorption, named) {
+            (None, Some(name)) => self.rgb_texture_or(params, name, Vec3::splat(0.5))?,
+            (absorption, _) => {
+                let is_dyed = ["eumelanin", "pheomelanin"].iter().any(|name| params.get(name).is_some());
+                let brown = if is_dyed { 0.0 } else { DEFAULT_EUMELANIN };
+                let pigments = number("eumelanin", brown)? as f32 * EUMELANIN
+                    + number("pheomelanin", 0.0)? as f32 * PHEOMELANIN;
+                let colour = hair_colour(absorption.unwrap_or(pigments), roughness as f32);
+                self.textures.add(Texture::Constant(colour))
+            }
+        };
+        Ok(MaterialKind::Diffuse { reflectance })
     }
 
     fn mix(&mut self, params: &Params, place: Place) -> Result<MaterialKind> {
@@ -295,7 +341,11 @@ impl Reader {
         let Some(param) = params.get(name) else { return Ok(default as f32) };
         let eta = match param.kind {
             ParamType::Float | ParamType::Integer => params.float_or(name, default)?,
-            _ => self.spectrum(params, name)?.map_or(default, |spectrum| spectrum.refractive_index()),
+            _ => {
+                self.warnings
+                    .add(param.place, "dispersion is not simulated: of a spectrum the d line counts");
+                self.spectrum(params, name)?.map_or(default, |spectrum| spectrum.refractive_index())
+            }
         };
         if eta > 0.0 { Ok(eta as f32) } else { Err(param.fault(eta, "an index of refraction above 0")) }
     }
@@ -307,6 +357,23 @@ mod tests {
 
     use super::*;
     use crate::scene::pbrt::read_str;
+
+    #[test]
+    fn hair_has_its_colour_and_says_that_it_is_a_surface() {
+        let colour = |params: &str| {
+            let scene = read_str(&format!("WorldBegin Material \"hair\" {params}"), Path::new("")).unwrap();
+            assert_eq!(scene.warnings.len(), 1, "{:?}", scene.warnings);
+            assert!(scene.warnings[0].starts_with("<text>:1:") && scene.warnings[0].contains("\"hair\""));
+            let MaterialKind::Diffuse { reflectance } = scene.materials[1].kind else { panic!() };
+            scene.textures.constant_rgb(reflectance).unwrap()
+        };
+        assert_eq!(colour("\"rgb color\" [.3 .2 .1] \"float beta_n\" .2"), Vec3::new(0.3, 0.2, 0.1));
+        let brown = colour("\"float beta_m\" .4");
+        assert!(brown.x > 2.0 * brown.z && brown.x < 0.2, "{brown}");
+        assert_eq!(colour("\"float eumelanin\" 1.3"), brown);
+        assert_eq!(colour("\"rgb sigma_a\" [0 0 0] \"float eumelanin\" 8"), Vec3::ONE);
+        assert!(colour("\"float eumelanin\" 8").max_element() < 0.01);
+    }
 
     #[test]
     fn materials_have_their_parameters_and_defaults() {
@@ -332,6 +399,10 @@ mod tests {
         assert_eq!(scene.textures.constant_rgb(*reflectance), Some(Vec3::new(0.1, 0.2, 0.3)));
         assert_eq!(*eta, 1.5);
         assert!(matches!(kinds[3], MaterialKind::Mix { .. }));
-        assert!(scene.warnings.is_empty(), "{:?}", scene.warnings);
+        assert!(
+            scene.warnings.len() == 1 && scene.warnings[0].contains("dispersion"),
+            "{:?}",
+            scene.warnings
+        );
     }
 }

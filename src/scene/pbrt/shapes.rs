@@ -146,6 +146,9 @@ impl Reader {
             if let Some(power) = power {
                 let sides = if light.two_sided { 2.0 } else { 1.0 };
                 light.radiance *= (power / (PI * sides * shape.area())) as f32;
+                if light.image.is_some() {
+                    self.powered_images.push(self.groups[group].primitives.len());
+                }
             }
             light
         });
@@ -193,8 +196,6 @@ fn triangle_mesh(params: &Params) -> Result<MeshDescription> {
             return Err(Fault::new(params.place, message));
         }
     };
-    // Tangents are not made use of.
-    params.get("S");
     let uvs = match params.pairs("uv")? {
         Some(uvs) => uvs,
         None => params.pairs("st")?.unwrap_or_default(),

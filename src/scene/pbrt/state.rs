@@ -113,6 +113,10 @@ pub struct Reader {
     pub mix_depths: Vec<usize>,
     pub measured_brdfs: HashMap<PathBuf, Arc<MeasuredBrdf>>,
     pub lights: Vec<Light>,
+    /// Primitives of the static part that emit an image and have their power given, and environment
+    /// images that have their illuminance given: brought to it when the images are read.
+    pub powered_images: Vec<usize>,
+    pub lit_environments: Vec<(usize, f64)>,
     /// `groups[0]` is the static part of the scene.
     pub groups: Vec<Group>,
     pub instances: Vec<Instance>,
@@ -157,6 +161,8 @@ impl Reader {
             mix_depths: Vec::new(),
             measured_brdfs: HashMap::new(),
             lights: Vec::new(),
+            powered_images: Vec::new(),
+            lit_environments: Vec::new(),
             groups: vec![Group::new("".into())],
             instances: Vec::new(),
             objects: HashMap::new(),
@@ -171,7 +177,10 @@ impl Reader {
     /// Reads the main file.
     pub fn read(mut self, text: &[u8]) -> std::result::Result<Scene, SceneError> {
         match self.read_text(text, 0).and_then(|()| self.check_end()).and_then(|()| self.load_images()) {
-            Ok(()) => Ok(self.into_scene()),
+            Ok(()) => {
+                self.normalise_lights();
+                Ok(self.into_scene())
+            }
             Err(Fault { place, message }) => Err(SceneError {
                 file: self.files[place.file as usize].clone(),
                 line: place.line as usize,

@@ -10,11 +10,13 @@ use super::spectrum::{Spectrum, rgb_from_xyz};
 use super::state::Reader;
 use super::{Fault, Place, Result, files};
 use crate::scene::texture::{
-    Encoding, FloatTextureId, ImageTexture, Mapping, RgbTextureId, Texture, TextureValue, Wrap,
+    Encoding, FloatTextureId, ImageTexture, Mapping, Procedural, RgbTextureId, Texture, TextureValue, Wrap,
 };
 
 /// Deepest texture of textures: a lookup follows both branches of each.
 const MAX_TEXTURE_DEPTH: usize = 12;
+/// Most octaves of noise: beyond, they are finer than any number can tell.
+const MAX_OCTAVES: u32 = 64;
 
 /// Named textures of one kind, with their depths.
 type Names<Id> = HashMap<String, (Id, usize)>;
@@ -172,6 +174,21 @@ impl Reader {
                 even: self.texture_or(params, "tex1", one)?,
                 odd: self.texture_or(params, "tex2", zero)?,
             },
+            "dots" => Texture::Dots {
+                mapping: self.mapping(params, false)?,
+                inside: self.texture_or(params, "inside", one)?,
+                outside: self.texture_or(params, "outside", zero)?,
+            },
+            "bilerp" => {
+                let corners = [("v00", zero), ("v01", one), ("v10", zero), ("v11", one)]
+                    .map(|(name, default)| V::value(self, params, name, default));
+                let [v00, v01, v10, v11] = corners;
+                Texture::Bilinear { mapping: self.mapping(params, false)?, corners: [v00?, v01?, v10?, v11?] }
+            }
+            "fbm" | "wrinkled" | "windy" | "marble" => Texture::Procedural {
+                to_texture: self.to_texture(params.place)?.as_affine3a(),
+                kind: procedural(kind, params)?,
+            },
             other => {
                 // A mean value keeps the scene readable.
                 self.warnings.add(statement.place, format!("texture \"{other}\" is read as a constant 0.5"));
@@ -242,6 +259,14 @@ impl Reader {
         }
         match params.string("mapping")? {
             None | Some("uv") => {}
+            Some("spherical") => {
+                let to_texture = self.to_texture(params.place)?.as_affine3a();
+                return Ok(Mapping::Spherical { to_texture, flip });
+            }
+            Some("cylindrical") => {
+                let to_texture = self.to_texture(params.place)?.as_affine3a();
+                return Ok(Mapping::Cylindrical { to_texture, flip });
+            }
             Some(other) => {
                 self.warnings.add(params.place, format!("texture mapping \"{other}\" is read as \"uv\""));
             }
@@ -262,6 +287,25 @@ impl Reader {
         }
         Err(Fault::new(place, "a singular transform; one that can be inverted would be accepted"))
     }
+}
+
+fn procedural(kind: &str, params: &Params) -> Result<Procedural> {
+    if kind == "windy" {
+        return Ok(Procedural::Windy);
+    }
+    let octaves = params.integer_in("octaves", 8, 0..=MAX_OCTAVES)?;
+    let number = |name, default| -> Result<f32> { Ok(params.float_or(name, default)? as f32) };
+    let roughness = number("roughness", 0.5)?;
+    Ok(match kind {
+        "fbm" => Procedural::Fbm { octaves, roughness },
+        "wrinkled" => Procedural::Wrinkled { octaves, roughness },
+        _ => Procedural::Marble {
+            octaves,
+            roughness,
+            scale: number("scale", 1.0)?,
+            variation: number("variation", 0.2)?,
+        },
+    })
 }
 
 fn spectrum_of_numbers(param: &Param, numbers: &[f64]) -> Result<Spectrum> {
@@ -293,5 +337,62 @@ pub fn encoding(params: &Params, default: Encoding) -> Result<Encoding> {
                 }
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use glam::{Vec2, Vec3};
+
+    use crate::scene::MaterialKind;
+    use crate::scene::pbrt::read_str;
+    use crate::scene::texture::TexturePoint;
+
+    const ONE_OCTAVE: &str = "\"spectrum\" \"fbm\" \"integer octaves\" 1";
+
+    /// The colour of a texture at a place.
+    fn colour(texture: &str, position: Vec3, uv: Vec2) -> Vec3 {
+        let text =
+            format!("WorldBegin Texture \"t\" {texture} Material \"diffuse\" \"texture reflectance\" \"t\"");
+        let scene = read_str(&text, Path::new("")).unwrap_or_else(|error| panic!("{error}"));
+        assert!(scene.warnings.is_empty(), "{texture}: {:?}", scene.warnings);
+        let MaterialKind::Diffuse { reflectance } = scene.materials[1].kind else { panic!() };
+        scene.textures.rgb(reflectance, TexturePoint { uv, position })
+    }
+
+    #[test]
+    fn procedural_textures_are_read_with_their_parameters() {
+        let place = Vec3::new(0.5, 0.25, 0.75);
+        let at = |texture: &str| colour(texture, place, Vec2::ZERO);
+        // The noise there, which is tested with the noise itself.
+        let noise = -0.375_078_7;
+        let near =
+            |found: Vec3, expected: f32| assert!((found - expected).abs().max_element() < 1e-5, "{found}");
+        near(at(ONE_OCTAVE), noise);
+        near(at("\"spectrum\" \"wrinkled\" \"integer octaves\" 1 \"float roughness\" 0"), noise.abs());
+        // The texture's space is that of its directive.
+        let moved =
+            format!("{ONE_OCTAVE} TransformBegin Translate 1 2 3 Texture \"t\" {ONE_OCTAVE} TransformEnd");
+        near(colour(&moved, place + Vec3::new(1.0, 2.0, 3.0), Vec2::ZERO), noise);
+        let marble = at("\"spectrum\" \"marble\" \"float scale\" 4 \"float variation\" 0.1");
+        assert!(marble.min_element() > 0.2 && marble.max_element() < 1.0 && marble.z > marble.x, "{marble}");
+        assert_ne!(at("\"spectrum\" \"windy\""), Vec3::splat(0.5));
+    }
+
+    #[test]
+    fn dots_corners_and_mappings_are_read() {
+        let corners = "\"spectrum\" \"bilerp\" \"rgb v01\" [0 0 0] \"rgb v10\" [0 1 0]
+            \"rgb v11\" [0 1 1] \"rgb v00\" [1 0 0]";
+        let at = |uv: Vec2| colour(corners, Vec3::ZERO, uv);
+        assert_eq!([at(Vec2::ZERO), at(Vec2::X), at(Vec2::Y)], [Vec3::X, Vec3::Y, Vec3::ZERO]);
+        let dots = "\"spectrum\" \"dots\" \"rgb inside\" [1 0 0] \"rgb outside\" [0 0 1]
+            \"string mapping\" \"spherical\"";
+        let value = colour(dots, Vec3::X, Vec2::ZERO);
+        assert!(value == Vec3::X || value == Vec3::Z, "{value}");
+        let board = "\"spectrum\" \"checkerboard\" \"string mapping\" \"cylindrical\"";
+        let at = |z: f32| colour(board, Vec3::new(1.0, 0.0, z), Vec2::ZERO);
+        assert_eq!([at(0.5), at(1.5)], [Vec3::ONE, Vec3::ZERO]);
     }
 }

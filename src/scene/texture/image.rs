@@ -1,6 +1,6 @@
 //! An image in memory, as compact as the file it came from, and its lookup by coordinates.
 
-use glam::{Vec2, Vec3};
+use glam::{DVec3, Vec2, Vec3};
 
 use super::TextureValue;
 
@@ -82,6 +82,13 @@ impl TextureImage {
         } else {
             Vec3::new(self.channel(first), self.channel(first + 1), self.channel(first + 2))
         }
+    }
+
+    /// Linear RGB, on average over the texels.
+    pub fn mean(&self) -> Vec3 {
+        let cells = (0..self.height).flat_map(|y| (0..self.width).map(move |x| (x, y)));
+        let sum: DVec3 = cells.map(|(x, y)| self.rgb(x, y).as_dvec3()).sum();
+        (sum / (self.width * self.height).max(1) as f64).as_vec3()
     }
 
     /// Scalar value of a texel: the gray value, the mean of R, G and B, or alpha if there is one

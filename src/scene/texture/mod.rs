@@ -7,13 +7,16 @@
 mod image;
 mod load;
 mod pfm;
+mod procedural;
 
+use std::f32::consts::{PI, TAU};
 use std::ops::{Add, Mul};
 
 use glam::{Affine3A, Vec2, Vec3};
 
 pub use self::image::{TextureImage, Wrap};
 pub use self::load::{Encoding, load};
+pub use self::procedural::Procedural;
 
 /// Index into the pool of scalar textures.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -43,6 +46,10 @@ pub enum Mapping {
     /// (s, t) = the first two coordinates of the point in the texture's space; all three for a
     /// solid texture.
     Space(Affine3A),
+    /// (s, t) = angle from z and azimuth in the texture's space, as shares of their ranges.
+    Spherical { to_texture: Affine3A, flip: bool },
+    /// (s, t) = azimuth, as a share of its range, and height along z in the texture's space.
+    Cylindrical { to_texture: Affine3A, flip: bool },
 }
 
 impl Mapping {
@@ -50,8 +57,23 @@ impl Mapping {
         match self {
             Mapping::Uv { scale, offset } => (*scale * at.uv + *offset).extend(0.0),
             Mapping::Space(to_texture) => to_texture.transform_point3(at.position),
+            Mapping::Spherical { to_texture, flip } => {
+                let p = to_texture.transform_point3(at.position);
+                let azimuth = p.y.atan2(p.x) / TAU;
+                let polar = p.truncate().length().atan2(p.z) / PI;
+                st(polar, if azimuth < 0.0 { azimuth + 1.0 } else { azimuth }, *flip)
+            }
+            Mapping::Cylindrical { to_texture, flip } => {
+                let p = to_texture.transform_point3(at.position);
+                st(0.5 + p.y.atan2(p.x) / TAU, p.z, *flip)
+            }
         }
     }
+}
+
+/// Coordinates of an image, whose t is counted from the other end if `flip`.
+fn st(s: f32, t: f32, flip: bool) -> Vec3 {
+    Vec3::new(s, if flip { 1.0 - t } else { t }, 0.0)
 }
 
 /// A texture whose values are `V`: `f32` or linear RGB.
@@ -64,6 +86,22 @@ pub enum Texture<V: TextureValue> {
         mapping: Mapping,
         even: V::Id,
         odd: V::Id,
+    },
+    /// `inside` scattered dots, and `outside`.
+    Dots {
+        mapping: Mapping,
+        inside: V::Id,
+        outside: V::Id,
+    },
+    /// Values at (s, t) of (0, 0), (0, 1), (1, 0) and (1, 1), and in straight lines between them.
+    Bilinear {
+        mapping: Mapping,
+        corners: [V; 4],
+    },
+    /// By the place in the texture's space.
+    Procedural {
+        to_texture: Affine3A,
+        kind: Procedural,
     },
     Product {
         first: V::Id,
@@ -96,6 +134,8 @@ pub trait TextureValue: Copy + Add<Output = Self> + Mul<Output = Self> + Mul<f32
     type Id: Copy + std::fmt::Debug;
 
     fn splat(value: f32) -> Self;
+    /// The colour, or the mean of its channels.
+    fn of_colour(colour: Vec3) -> Self;
     fn not_below_zero(self) -> Self;
     /// The image's value at a texel that exists.
     fn texel(image: &TextureImage, x: usize, y: usize) -> Self;
@@ -109,6 +149,9 @@ impl TextureValue for f32 {
 
     fn splat(value: f32) -> Self {
         value
+    }
+    fn of_colour(colour: Vec3) -> Self {
+        colour.element_sum() / 3.0
     }
     fn not_below_zero(self) -> Self {
         self.max(0.0)
@@ -132,6 +175,9 @@ impl TextureValue for Vec3 {
 
     fn splat(value: f32) -> Self {
         Vec3::splat(value)
+    }
+    fn of_colour(colour: Vec3) -> Self {
+        colour
     }
     fn not_below_zero(self) -> Self {
         self.max(Vec3::ZERO)
@@ -224,7 +270,12 @@ impl Textures {
                 .zip(self.constant_float(*amount))
                 .map(|((a, b), t)| a * (1.0 - t) + b * t),
             Texture::Gray(float) => self.constant_float(*float).map(V::splat),
-            Texture::Constant(_) | Texture::Image(_) | Texture::Checkerboard { .. } => None,
+            Texture::Constant(_)
+            | Texture::Image(_)
+            | Texture::Checkerboard { .. }
+            | Texture::Dots { .. }
+            | Texture::Bilinear { .. }
+            | Texture::Procedural { .. } => None,
         };
         value.map_or(texture, Texture::Constant)
     }
@@ -247,6 +298,15 @@ impl Textures {
                 let is_even = (cell.x + cell.y + cell.z).rem_euclid(2.0) == 0.0;
                 self.value::<V>(if is_even { *even } else { *odd }, at)
             }
+            Texture::Dots { mapping, inside, outside } => {
+                let is_inside = procedural::in_dot(mapping.coordinates(at).truncate());
+                self.value::<V>(if is_inside { *inside } else { *outside }, at)
+            }
+            Texture::Bilinear { mapping, corners: [c00, c01, c10, c11] } => {
+                let Vec3 { x: s, y: t, .. } = mapping.coordinates(at);
+                (*c00 * (1.0 - t) + *c01 * t) * (1.0 - s) + (*c10 * (1.0 - t) + *c11 * t) * s
+            }
+            Texture::Procedural { to_texture, kind } => kind.value(to_texture.transform_point3(at.position)),
             Texture::Product { first, second } => self.value::<V>(*first, at) * self.value::<V>(*second, at),
             Texture::Mix { first, second, amount } => {
                 let t = self.float(*amount, at);
@@ -295,6 +355,42 @@ mod tests {
         let values = [(0.1, 0.1), (0.6, 0.1), (0.6, 0.6), (-0.1, 0.1), (-0.1, -0.1)]
             .map(|(u, v)| textures.float(board, at(u, v)));
         assert_eq!(values, [1.0, 0.0, 1.0, 0.0, 1.0]);
+    }
+
+    #[test]
+    fn angles_around_the_texture_are_shares_of_their_ranges() {
+        let to_texture = Affine3A::from_translation(Vec3::new(0.0, 0.0, -1.0));
+        let at = |mapping: Mapping, x: f32, y: f32, z: f32| {
+            let position = Vec3::new(x, y, z);
+            mapping.coordinates(TexturePoint { uv: Vec2::ZERO, position }).truncate()
+        };
+        let sphere = |flip| Mapping::Spherical { to_texture, flip };
+        let cylinder = |flip| Mapping::Cylindrical { to_texture, flip };
+        assert_eq!(at(sphere(false), 2.0, 0.0, 1.0), Vec2::new(0.5, 0.0));
+        assert_eq!(at(sphere(false), 0.0, -2.0, 1.0), Vec2::new(0.5, 0.75));
+        assert_eq!(at(sphere(true), 0.0, 0.1, 1.0), Vec2::new(0.5, 0.75));
+        assert_eq!(at(sphere(false), 0.0, 0.0, 4.0).x, 0.0);
+        assert_eq!(at(cylinder(false), 3.0, 0.0, 1.25), Vec2::new(0.5, 0.25));
+        assert_eq!(at(cylinder(true), 0.0, 3.0, 1.25), Vec2::new(0.75, 0.75));
+    }
+
+    #[test]
+    fn dots_are_one_texture_on_another_and_corners_are_met() {
+        let mut textures = Textures::default();
+        let [inside, outside] = [1.0, 0.0].map(|value| textures.add(Texture::Constant(value)));
+        let mapping = Mapping::Uv { scale: Vec2::splat(20.0), offset: Vec2::ZERO };
+        let dots = textures.add(Texture::<f32>::Dots { mapping, inside, outside });
+        let n = 200;
+        let values: Vec<f32> = (0..n * n)
+            .map(|i| textures.float(dots, at((i % n) as f32 / n as f32, (i / n) as f32 / n as f32)))
+            .collect();
+        let mean = values.iter().sum::<f32>() / values.len() as f32;
+        assert!(values.iter().all(|v| *v == 0.0 || *v == 1.0) && mean > 0.1 && mean < 0.35, "{mean}");
+
+        let mapping = Mapping::Uv { scale: Vec2::ONE, offset: Vec2::ZERO };
+        let plane = textures.add(Texture::<f32>::Bilinear { mapping, corners: [1.0, 2.0, 4.0, 8.0] });
+        let found = [(0.0, 0.0), (0.0, 1.0), (1.0, 0.0), (1.0, 1.0), (0.5, 0.5)];
+        assert_eq!(found.map(|(u, v)| textures.float(plane, at(u, v))), [1.0, 2.0, 4.0, 8.0, 3.75]);
     }
 
     #[test]
