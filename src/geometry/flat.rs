@@ -10,12 +10,10 @@ use glam::{DAffine3, DVec3, Vec2, Vec3};
 use multiversion::multiversion;
 
 use super::bvh::NO_ITEM;
+use super::lanes::{HitLanes, LANES, Lanes, RayLanes};
 use super::object::ObjectAccel;
 use super::rounding::gamma;
 use super::{Hit, Ray, sphere};
-
-/// Rays that are searched together.
-const LANES: usize = 16;
 
 /// Surfaces beyond which a tree is quicker, a sphere counting as two triangles.
 const MOST_TRIANGLES: usize = 48;
@@ -25,8 +23,6 @@ const FEWEST: usize = 4;
 
 /// No surface.
 const NOTHING: u32 = u32::MAX;
-
-type Lanes<T = f32> = [T; LANES];
 
 /// The surfaces of a scene that has few.
 #[derive(Debug)]
@@ -91,35 +87,25 @@ impl FlatAccel {
         (triangles.len() + 2 * spheres.len() <= MOST_TRIANGLES).then_some(Self { triangles, spheres })
     }
 
-    /// Passes on the nearest hit of each ray, in their order. `by_tree` searches for one that this
+    /// Finds the nearest hit of each of the first `count` rays. `by_tree` searches for one that this
     /// cannot, or not as quickly, tell.
     #[inline]
     pub fn find(
         &self,
-        mut rays: impl Iterator<Item = Ray>,
+        rays: &RayLanes,
+        count: usize,
         by_tree: impl Fn(&Ray) -> Option<Hit>,
-        mut found: impl FnMut(Option<Hit>),
+        hits: &mut HitLanes,
     ) {
-        let mut packet = Packet::new();
-        let mut batch = [Ray { origin: Vec3::ZERO, direction: Vec3::ZERO, t_max: 0.0, time: 0.0 }; LANES];
-        loop {
-            let mut count = 0;
-            for (slot, ray) in batch.iter_mut().zip(rays.by_ref()) {
-                *slot = ray;
-                count += 1;
-            }
-            match &batch[..count] {
-                [] => return,
-                rays if count < FEWEST => rays.iter().for_each(|ray| found(by_tree(ray))),
-                rays => {
-                    packet.load(rays);
-                    search(self, &mut packet);
-                    for (lane, ray) in rays.iter().enumerate() {
-                        let decided = packet.undecided[lane] == 0;
-                        found(if decided { self.hit(&packet, lane) } else { by_tree(ray) });
-                    }
-                }
-            }
+        if count < FEWEST {
+            (0..count).for_each(|lane| hits.set(lane, by_tree(&rays.at(lane))));
+            return;
+        }
+        let mut packet = Packet::of(rays, count);
+        search(self, &mut packet);
+        for lane in 0..count {
+            let decided = packet.undecided[lane] == 0;
+            hits.set(lane, if decided { self.hit(&packet, lane) } else { by_tree(&rays.at(lane)) });
         }
     }
 
@@ -142,31 +128,23 @@ impl FlatAccel {
 }
 
 impl Packet {
-    fn new() -> Self {
+    /// Lanes from `count` on have a ray that can hit nothing.
+    fn of(rays: &RayLanes, count: usize) -> Self {
         let zero = [0.0; LANES];
         let none = [0; LANES];
+        let (o, d) = (&rays.origin, &rays.direction);
+        let mut t_max = rays.t_max;
+        t_max[count..].fill(0.0);
         Self {
-            origin: [zero; 3],
-            direction: [zero; 3],
+            origin: [o.x, o.y, o.z],
+            direction: [d.x, d.y, d.z],
             major: none,
             shear: [zero; 2],
             scale: zero,
-            t_max: zero,
+            t_max,
             surface: none,
             weights: [zero; 3],
             undecided: none,
-        }
-    }
-
-    /// Lanes without a ray keep one, which can hit nothing.
-    fn load(&mut self, rays: &[Ray]) {
-        self.t_max = [0.0; LANES];
-        for (lane, ray) in rays.iter().enumerate() {
-            for axis in 0..3 {
-                self.origin[axis][lane] = ray.origin[axis];
-                self.direction[axis][lane] = ray.direction[axis];
-            }
-            self.t_max[lane] = ray.t_max;
         }
     }
 

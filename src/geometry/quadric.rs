@@ -65,14 +65,14 @@ impl Quadric {
     }
 
     /// The surface at a point near it, all in the object's space.
-    #[inline]
+    #[inline(always)]
     pub fn local_point(&self, near: DVec3, flip: bool, detail: Detail) -> LocalPoint {
         let point = self.shape_point(near, detail).transformed(&self.to_object, &self.to_shape);
         if flip { point.flipped() } else { point }
     }
 
     /// The surface in its own space at a point of the object's space near it.
-    #[inline]
+    #[inline(always)]
     fn shape_point(&self, near: DVec3, detail: Detail) -> LocalPoint {
         let p = self.to_shape.transform_point3(near);
         match &self.extent {

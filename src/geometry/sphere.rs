@@ -60,11 +60,13 @@ impl SphereExtent {
     }
 
     /// The point of the sphere closest to `p`.
+    #[inline(always)]
     pub fn projected(&self, p: DVec3) -> DVec3 {
         p * (self.radius / p.length())
     }
 
     /// The surface at `p`, a point on the sphere.
+    #[inline(always)]
     pub fn local_point(&self, p: DVec3, detail: Detail) -> LocalPoint {
         let n = (p / self.radius).as_vec3();
         LocalPoint {
@@ -116,6 +118,7 @@ pub fn azimuth(p: DVec3) -> f64 {
 }
 
 /// Bound on the error of a position that is computed in double precision and used in single.
+#[inline(always)]
 pub fn rounding_error(p: DVec3) -> Vec3 {
     super::rounding::gamma(3) * p.as_vec3().abs()
 }

@@ -7,6 +7,7 @@ use glam::{Mat3A, Vec2, Vec3, Vec3A};
 use super::brightness;
 use super::distribution::Distribution2d;
 use super::sphere_map::SphereMap;
+use crate::render::disk::sin_cos_of_turns;
 use crate::scene::Scene;
 use crate::scene::light::{Environment, EnvironmentMap};
 
@@ -33,6 +34,12 @@ impl EnvironmentLight {
         Self { to_render, from_render: to_render.inverse(), scale: environment.scale, image }
     }
 
+    /// Radiance, if it is the same from everywhere.
+    #[inline]
+    pub fn constant(&self) -> Option<Vec3> {
+        self.image.is_none().then_some(self.scale)
+    }
+
     /// Radiance from a unit direction.
     #[inline]
     pub fn radiance(&self, direction: Vec3) -> Vec3 {
@@ -44,7 +51,8 @@ impl EnvironmentLight {
     #[inline]
     pub fn sample(&self, u: Vec2) -> Option<(Vec3, Vec3, f32)> {
         let Some(image) = &self.image else {
-            return Some((uniform_direction(u), self.scale, 1.0 / (4.0 * PI)));
+            let (direction, pdf) = uniform_direction(u);
+            return Some((direction, self.scale, pdf));
         };
         let (uv, density) = image.distribution.as_ref()?.sample(u);
         let solid_angle = image.map.solid_angle(uv);
@@ -135,11 +143,13 @@ impl EnvironmentImage {
     }
 }
 
-fn uniform_direction(u: Vec2) -> Vec3 {
+/// A direction of the unit sphere, with its density.
+#[inline(always)]
+pub fn uniform_direction(u: Vec2) -> (Vec3, f32) {
     let z = 1.0 - 2.0 * u.x;
-    let (sin, cos) = (2.0 * PI * u.y).sin_cos();
+    let (sin, cos) = sin_cos_of_turns(u.y);
     let r = (1.0 - z * z).max(0.0).sqrt();
-    Vec3::new(r * cos, r * sin, z)
+    (Vec3::new(r * cos, r * sin, z), 1.0 / (4.0 * PI))
 }
 
 #[cfg(test)]
@@ -186,7 +196,7 @@ mod tests {
     }
 
     fn uniform_directions(n: u32) -> impl Iterator<Item = Vec3> {
-        (0..n).map(|i| uniform_direction(Vec2::new(halton(i, 2), halton(i, 3))))
+        (0..n).map(|i| uniform_direction(Vec2::new(halton(i, 2), halton(i, 3))).0)
     }
 
     #[test]

@@ -7,6 +7,7 @@ mod delta;
 mod distribution;
 mod environment;
 mod extent;
+mod lanes;
 mod sphere_map;
 mod surface;
 mod tree;
@@ -14,11 +15,12 @@ mod tree;
 use glam::{Vec2, Vec3};
 
 pub use self::bounds::Receiver;
+pub use self::lanes::{LightSamples, Receivers};
 use self::choice::{LightChoice, Reach};
 use self::delta::DeltaLight;
 use self::environment::EnvironmentLight;
 use self::surface::SurfaceLights;
-use crate::geometry::{Ray, SurfacePoint};
+use crate::geometry::SurfacePoint;
 use crate::scene::{Light, Scene};
 
 /// Shadow rays towards a point end this share of the way before it, beyond the error bounds of
@@ -41,31 +43,18 @@ enum Source {
     Environment(EnvironmentLight),
 }
 
-/// Light that could arrive at a point, if nothing is in between.
+/// Light from one of the lights that could arrive at a point, if nothing is in between.
 #[derive(Clone, Copy, Debug)]
-pub struct LightSample {
+struct LightSample {
     /// Unit direction towards the light.
-    pub wi: Vec3,
-    pub radiance: Vec3,
-    /// Density per solid angle, or probability for a light without extent; the choice of the
-    /// light is included.
-    pub pdf: f32,
+    wi: Vec3,
+    radiance: Vec3,
+    /// Density per solid angle; 1 for a light without extent.
+    pdf: f32,
     /// A scattered ray can find this light as well.
-    pub found_by_rays: bool,
+    found_by_rays: bool,
     /// Where the shadow ray ends; `None` is infinitely far.
     target: Option<Vec3>,
-}
-
-impl LightSample {
-    /// The ray whose way must be free for the light to arrive at `point`.
-    #[inline]
-    pub fn shadow_ray(&self, point: &SurfacePoint, time: f32) -> Ray {
-        let origin = point.offset_origin(self.wi);
-        match self.target {
-            None => Ray { origin, direction: self.wi, t_max: f32::INFINITY, time },
-            Some(target) => Ray { origin, direction: target - origin, t_max: 1.0 - SHADOW_EPSILON, time },
-        }
-    }
 }
 
 impl<'s> Lights<'s> {
@@ -109,17 +98,7 @@ impl<'s> Lights<'s> {
         !self.environments.is_empty() || self.surfaces.found_by_rays()
     }
 
-    /// Light at a receiver: `choice` picks the light, `u` a point of it. `None` if the sampled
-    /// light cannot send any.
-    #[inline]
-    pub fn sample(&self, receiver: &Receiver, choice: f32, u: Vec2) -> Option<LightSample> {
-        let (light, probability) = self.choice.sample(receiver, choice)?;
-        let mut sample = self.sample_light(light, receiver.position, u)?;
-        sample.pdf *= probability;
-        Some(sample)
-    }
-
-    /// Light from one light only, whose choice is not part of the density.
+    /// Light from one light.
     #[inline]
     fn sample_light(&self, light: usize, from: Vec3, u: Vec2) -> Option<LightSample> {
         match self.sources.get(light) {
@@ -130,6 +109,12 @@ impl<'s> Lights<'s> {
             }
             None => self.surfaces.sample(light - self.sources.len(), from, u),
         }
+    }
+
+    /// Whether a primitive is a light.
+    #[inline]
+    pub fn is_light(&self, primitive: u32) -> bool {
+        self.surfaces.is_light(primitive)
     }
 
     /// Radiance that a surface emits at a point in direction `wo`; `None` if it is no light.
