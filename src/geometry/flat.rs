@@ -195,8 +195,9 @@ impl Packet {
             let u = x_2 * y_1 - y_2 * x_1;
             let v = x_0 * y_2 - y_0 * x_2;
             let w = x_1 * y_0 - y_1 * x_0;
-            let inside = ((u >= 0.0) & (v >= 0.0) & (w >= 0.0)) | ((u <= 0.0) & (v <= 0.0) & (w <= 0.0));
-            let on_edge = (u == 0.0) | (v == 0.0) | (w == 0.0);
+            let (least, greatest) = (smaller(u, smaller(v, w)), larger(u, larger(v, w)));
+            let inside = (least > 0.0) | (greatest < 0.0);
+            let on_edge = (least == 0.0) | (greatest == 0.0);
             let determinant = u + v + w;
             let weighted = u * z_0 + v * z_1 + w * z_2;
             let t = weighted * self.scale[lane] / determinant;
@@ -210,9 +211,9 @@ impl Packet {
                 ahead = ((z_0 * scale > 0.0) & (z_1 * scale > 0.0) & (z_2 * scale > 0.0))
                     | (weighted.abs() > 3.0 * weighted_error(size, largest(u, v, w)));
             }
-            let hits = inside & in_range & ahead & !on_edge;
+            let hits = inside & in_range & ahead;
             doubts |= (inside & in_range & !ahead) as u32;
-            self.undecided[lane] |= (inside & on_edge & (t_max > 0.0)) as u32;
+            self.undecided[lane] |= (on_edge & (t_max > 0.0)) as u32;
             self.t_max[lane] = if hits { t } else { t_max };
             self.surface[lane] = if hits { index } else { self.surface[lane] };
             self.weights[0][lane] = if hits { v } else { self.weights[0][lane] };
@@ -288,7 +289,12 @@ fn weighted_error([x, y, z]: [f32; 3], edge: f32) -> f32 {
     2.0 * gamma(3) * edge * z + error_edge * z
 }
 
-/// Without what [`f32::max`] does for NaN.
+/// Without what [`f32::min`] and [`f32::max`] do for NaN.
+#[inline(always)]
+fn smaller(a: f32, b: f32) -> f32 {
+    if a < b { a } else { b }
+}
+
 #[inline(always)]
 fn larger(a: f32, b: f32) -> f32 {
     if a > b { a } else { b }

@@ -127,6 +127,7 @@ pub struct PointLanes {
     pub position_error: Lanes3,
     pub geometric_normal: Lanes3,
     pub shading_normal: Lanes3,
+    pub element: Lanes<u32>,
 }
 
 impl PointLanes {
@@ -135,6 +136,7 @@ impl PointLanes {
         position_error: Lanes3::ZERO,
         geometric_normal: Lanes3::ZERO,
         shading_normal: Lanes3::ZERO,
+        element: [0; LANES],
     };
 
     #[inline(always)]
@@ -143,10 +145,11 @@ impl PointLanes {
         self.position_error.set(lane, point.position_error);
         self.geometric_normal.set(lane, point.geometric_normal);
         self.shading_normal.set(lane, point.shading_normal);
+        self.element[lane] = point.element;
     }
 
-    /// The point of a hit. Its tangents are any that are perpendicular to the normal.
-    pub fn at(&self, lane: usize, hits: &HitLanes) -> SurfacePoint {
+    /// The point, which is on this primitive. Its tangents are any that are perpendicular to the normal.
+    pub fn at(&self, lane: usize, primitive: u32) -> SurfacePoint {
         let geometric_normal = self.geometric_normal.at(lane);
         let (dpdu, dpdv) = geometric_normal.any_orthonormal_pair();
         SurfacePoint {
@@ -157,8 +160,8 @@ impl PointLanes {
             dpdu,
             dpdv,
             uv: Vec2::ZERO,
-            primitive: hits.primitive[lane],
-            element: hits.element[lane],
+            primitive,
+            element: self.element[lane],
         }
     }
 

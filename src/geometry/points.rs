@@ -6,7 +6,7 @@ use multiversion::multiversion;
 use super::lanes::{HitLanes, LANES, Lanes, Lanes3, PointLanes, RayLanes, groups, lanes_of, mask_of};
 use super::local::{Detail, facing, unit, with_rounding};
 use super::object::ObjectAccel;
-use super::quadric::Quadric;
+use super::quadric::PlacedSphere;
 use super::{Hit, mesh, surface};
 use crate::scene::{Scene, Shape};
 
@@ -37,6 +37,7 @@ pub fn plain_points(
     for lane in lanes_of(mask) {
         let primitive = &scene.primitives[hits.primitive[lane] as usize];
         let Shape::Mesh(mesh) = &primitive.shape else {
+            points.element[lane] = 0;
             on_quadrics |= u32::from(hits.instance[lane] == Hit::STATIC) << lane;
             others |= u32::from(hits.instance[lane] != Hit::STATIC) << lane;
             continue;
@@ -47,6 +48,7 @@ pub fn plain_points(
         }
         on_triangles |= 1 << lane;
         let element = hits.element[lane];
+        points.element[lane] = element;
         let [a, b, c] = mesh::corners(mesh, element);
         triangles.corners[0].set(lane, a);
         triangles.corners[1].set(lane, b);
@@ -65,12 +67,14 @@ pub fn plain_points(
     groups(&hits.element, on_quadrics, |element, lanes| {
         let quadric = objects[0].quadric(element);
         let flip = scene.primitives[quadric.primitive as usize].flip_normal;
-        quadric_points(quadric, flip, rays, &hits.t, lanes, points);
+        match quadric.sphere() {
+            Some(sphere) => sphere_points(&sphere, flip, rays, &hits.t, lanes, points),
+            None => others |= lanes,
+        }
     });
     for lane in lanes_of(others) {
         if let Some(hit) = hits.at(lane) {
-            points
-                .set(lane, &surface::surface_point(scene, objects, &rays.at(lane), &hit, Detail::Plain));
+            points.set(lane, &surface::surface_point(scene, objects, &rays.at(lane), &hit, Detail::Plain));
         }
     }
 }
@@ -104,27 +108,31 @@ fn triangle_points(triangles: &Triangles, hits: &HitLanes, mask: u32, points: &m
     mask_of(|lane| inexact[lane] != 0)
 }
 
-/// Points of one sphere or disk.
+/// Points of one sphere.
 #[multiversion(targets(
     "x86_64+avx512f+avx512bw+avx512dq+avx512vl+bmi1+bmi2+fma+avx2+popcnt+lzcnt",
     "x86_64+avx2+fma+bmi1+bmi2+popcnt+lzcnt"
 ))]
-fn quadric_points(
-    quadric: &Quadric,
+fn sphere_points(
+    sphere: &PlacedSphere,
     flip: bool,
     rays: &RayLanes,
     t: &Lanes,
     mask: u32,
     points: &mut PointLanes,
 ) {
+    let PlacedSphere { extent, to_object, to_shape } = *sphere;
     for lane in 0..LANES {
         let (origin, direction) = (rays.origin.at(lane), rays.direction.at(lane));
         let near = origin.as_dvec3() + f64::from(t[lane]) * direction.as_dvec3();
-        let point = quadric.local_point(near, flip, Detail::Plain).rounded(0, 0);
+        let on_sphere = extent.projected(to_shape.transform_point3(near));
+        let point = extent.local_point(on_sphere, Detail::Plain).transformed(&to_object, &to_shape);
+        let normal = if flip { -point.geometric_normal } else { point.geometric_normal };
+        let position = point.position.as_vec3();
         let is_on = mask >> lane & 1 == 1;
-        points.position.put(lane, is_on, point.position);
-        points.position_error.put(lane, is_on, point.position_error);
-        points.geometric_normal.put(lane, is_on, point.geometric_normal);
-        points.shading_normal.put(lane, is_on, point.shading_normal);
+        points.position.put(lane, is_on, position);
+        points.position_error.put(lane, is_on, with_rounding(point.error, position));
+        points.geometric_normal.put(lane, is_on, normal);
+        points.shading_normal.put(lane, is_on, normal);
     }
 }

@@ -18,6 +18,14 @@ pub struct Quadric {
     extent: Extent,
 }
 
+/// A sphere in its object.
+#[derive(Clone, Copy, Debug)]
+pub struct PlacedSphere {
+    pub extent: SphereExtent,
+    pub to_object: DAffine3,
+    pub to_shape: DAffine3,
+}
+
 #[derive(Clone, Copy, Debug)]
 enum Extent {
     Sphere(SphereExtent),
@@ -59,20 +67,30 @@ impl Quadric {
         }
     }
 
+    /// If it is a sphere, or a part of one.
+    pub fn sphere(&self) -> Option<PlacedSphere> {
+        match self.extent {
+            Extent::Sphere(extent) => {
+                Some(PlacedSphere { extent, to_object: self.to_object, to_shape: self.to_shape })
+            }
+            Extent::Disk(_) => None,
+        }
+    }
+
     pub fn uv(&self, ray: &TraversalRay, t: f32) -> Vec2 {
         let point = self.shape_point((ray.origin + t * ray.direction).as_dvec3(), Detail::Full);
         point.parametrisation.map_or(Vec2::ZERO, |it| it.uv)
     }
 
     /// The surface at a point near it, all in the object's space.
-    #[inline(always)]
+    #[inline]
     pub fn local_point(&self, near: DVec3, flip: bool, detail: Detail) -> LocalPoint {
         let point = self.shape_point(near, detail).transformed(&self.to_object, &self.to_shape);
         if flip { point.flipped() } else { point }
     }
 
     /// The surface in its own space at a point of the object's space near it.
-    #[inline(always)]
+    #[inline]
     fn shape_point(&self, near: DVec3, detail: Detail) -> LocalPoint {
         let p = self.to_shape.transform_point3(near);
         match &self.extent {

@@ -166,8 +166,16 @@ impl<'s> Renderer<'s> {
         }
         let mut rays = RayLanes::NONE;
         self.camera.rays(&film, &camera.lens, &camera.time, &mut rays);
-        let mut records = Records { film, lens: camera.lens, time: camera.time, ..Records::NONE };
-        self.tracer.record_numbers::<S>(&starts.samples, &mut records);
+        // The first hit's numbers are there even if there is none: that they were not used must not show in
+        // their distribution.
+        let records = Records {
+            film,
+            lens: camera.lens,
+            time: camera.time,
+            light1: camera.light_uv,
+            bsdf1: camera.bsdf_uv,
+            ..Records::NONE
+        };
         wave.start(&rays, &starts.samples, &records, count);
     }
 

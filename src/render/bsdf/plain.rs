@@ -168,14 +168,7 @@ impl<'m> PlainSurfaces<'m> {
     }
 
     /// Draws directions in a mask's lanes.
-    pub fn sample(
-        &self,
-        mask: u32,
-        rays: &RayLanes,
-        normals: &Lanes3,
-        u: &[Lanes; 2],
-        into: &mut Scattered,
-    ) {
+    pub fn sample(&self, mask: u32, rays: &RayLanes, normals: &Lanes3, u: &[Lanes; 2], into: &mut Scattered) {
         groups(&self.kinds, mask, |kind, lanes| match self.metal(kind) {
             None => sample_diffuse(lanes, &self.reflectance, &rays.direction, normals, u, into),
             Some(metal) => sample_metal(lanes, metal, &rays.direction, normals, u, into),

@@ -72,8 +72,12 @@ impl Flights {
 /// Paths that are to be followed. Those that came last go on first, so that few wait.
 #[derive(Default)]
 pub struct Waiting {
-    packets: Vec<Flights>,
+    #[expect(clippy::vec_box, reason = "packets are taken out and given back without being copied")]
+    packets: Vec<Box<Flights>>,
     len: usize,
+    /// Packets that are not in use.
+    #[expect(clippy::vec_box, reason = "as above")]
+    spare: Vec<Box<Flights>>,
 }
 
 impl Waiting {
@@ -89,29 +93,28 @@ impl Waiting {
     pub fn push_packet(&mut self, packet: &Flights, count: usize) {
         debug_assert!(self.len.is_multiple_of(LANES), "packets are full but for the last");
         self.reserve();
-        self.packets[self.len / LANES] = *packet;
+        *self.packets[self.len / LANES] = *packet;
         self.len += count;
     }
 
     /// Takes a packet, a full one if there is one, and tells how many are in it.
     #[inline]
-    pub fn pop(&mut self) -> Option<(Flights, usize)> {
-        let (full, rest) = (self.len / LANES, self.len % LANES);
-        if full == 0 {
-            self.len = 0;
-            return (rest > 0).then(|| (self.packets[0], rest));
-        }
-        let packet = self.packets[full - 1];
-        if rest > 0 {
-            self.packets[full - 1] = self.packets[full];
-        }
-        self.len -= LANES;
-        Some((packet, LANES))
+    pub fn pop(&mut self) -> Option<(Box<Flights>, usize)> {
+        let count = self.len.min(LANES);
+        let last_full = (self.len / LANES).saturating_sub(1);
+        let packet = (count > 0).then(|| self.packets.swap_remove(last_full));
+        self.len -= count;
+        packet.map(|packet| (packet, count))
+    }
+
+    /// Takes back a packet that is not needed any more, to be used again.
+    pub fn give_back(&mut self, packet: Box<Flights>) {
+        self.spare.push(packet);
     }
 
     fn reserve(&mut self) {
         if self.len == self.packets.len() * LANES {
-            self.packets.push(Flights::NONE);
+            self.packets.push(self.spare.pop().unwrap_or_else(|| Box::new(Flights::NONE)));
         }
     }
 }
@@ -149,8 +152,7 @@ pub struct Shadows {
 }
 
 impl Shadows {
-    pub const NONE: Self =
-        Self { path: [0; LANES], light: Lanes3::ZERO, rays: RayLanes::NONE, count: 0 };
+    pub const NONE: Self = Self { path: [0; LANES], light: Lanes3::ZERO, rays: RayLanes::NONE, count: 0 };
 
     #[inline]
     pub fn push(&mut self, path: u32, shadows: &Self, lane: usize) {

@@ -10,7 +10,7 @@ mod flights;
 mod path;
 mod shade;
 
-use crate::geometry::{Accel, LANES, SurfacePoint};
+use crate::geometry::{Accel, SurfacePoint};
 use crate::scene::material::{Metal, Roughness};
 use crate::scene::{Effects, Integrator, Material, MaterialKind, Primitive, Scene, Shape};
 use crate::stats::{Block, Layout};
@@ -18,8 +18,7 @@ use crate::stats::{Block, Layout};
 use self::events::Rules;
 use super::bsdf::Plain;
 use super::lights::Lights;
-use super::record::Records;
-use super::sampler::{Addresses, Dimensions, Needs, Source};
+use super::sampler::{Dimensions, Needs};
 
 pub use path::Wavefront;
 
@@ -41,8 +40,6 @@ pub struct PathTracer<'s> {
     /// Some material lets light pass unchanged.
     has_interfaces: bool,
     records_albedo: bool,
-    /// Numbers of the first hit are recorded, and so have to be made even if there is none.
-    records_numbers: bool,
     inverse_diameter: f32,
 }
 
@@ -92,7 +89,6 @@ impl<'s> PathTracer<'s> {
             plain_materials,
             has_interfaces: some_material(|kind| matches!(kind, MaterialKind::Interface)),
             records_albedo: alive(Block::Albedo),
-            records_numbers: alive(Block::Light1) || alive(Block::Bsdf1),
             inverse_diameter: 1.0 / diameter,
             lights,
         }
@@ -101,15 +97,6 @@ impl<'s> PathTracer<'s> {
     /// Where the numbers of a sample stand.
     pub fn dimensions(&self) -> &Dimensions {
         &self.dimensions
-    }
-
-    /// Remembers the numbers of the first hit, which have to be there even if there is none: that they
-    /// were not used must not show in their distribution.
-    pub fn record_numbers<S: Source>(&self, samples: &Addresses, records: &mut Records) {
-        if self.records_numbers {
-            let numbers = self.dimensions.bounce::<S>(samples, &[0; LANES]);
-            (records.light1, records.bsdf1) = (numbers.light_uv, numbers.bsdf_uv);
-        }
     }
 
     /// What recorded positions are divided by, in scene units.

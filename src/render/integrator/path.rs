@@ -13,7 +13,7 @@ use super::PathTracer;
 use super::direct::power_heuristic;
 use super::flights::{Arrivals, Flights, SEEN_DIRECTLY, Shadows, Waiting};
 use super::shade::Other;
-use crate::geometry::{HitLanes, LANES, RayLanes};
+use crate::geometry::{HitLanes, LANES, Lanes3, RayLanes, lanes_of, mask_of};
 use crate::render::lights::Receiver;
 use crate::render::record::Records;
 use crate::render::sampler::{Addresses, Source};
@@ -30,6 +30,8 @@ pub struct Wavefront<'s> {
     pub(super) arrivals: Arrivals,
     pub(super) shadows: Shadows,
     pub(super) others: Vec<Other<'s>>,
+    /// The packet that is being shaded, after that.
+    pub(super) next: Box<Flights>,
 }
 
 impl Default for Wavefront<'_> {
@@ -41,6 +43,7 @@ impl Default for Wavefront<'_> {
             arrivals: Arrivals::NONE,
             shadows: Shadows::NONE,
             others: Vec::new(),
+            next: Box::new(Flights::NONE),
         }
     }
 }
@@ -57,7 +60,7 @@ impl Wavefront<'_> {
         let first = (self.records.len() * LANES) as u32;
         let mut flights = Flights {
             rays: *rays,
-            throughput: crate::geometry::Lanes3 { x: [1.0; LANES], y: [1.0; LANES], z: [1.0; LANES] },
+            throughput: Lanes3 { x: [1.0; LANES], y: [1.0; LANES], z: [1.0; LANES] },
             flags: [SEEN_DIRECTLY; LANES],
             ..Flights::NONE
         };
@@ -85,6 +88,7 @@ impl<'s> PathTracer<'s> {
         loop {
             if let Some((flights, count)) = wave.waiting.pop() {
                 self.fly::<S>(wave, &flights, count);
+                wave.waiting.give_back(flights);
             } else if wave.arrivals.count > 0 {
                 self.shade::<S>(wave);
             } else {
@@ -98,11 +102,13 @@ impl<'s> PathTracer<'s> {
     fn fly<S: Source>(&self, wave: &mut Wavefront<'s>, flights: &Flights, count: usize) {
         let mut hits = HitLanes::NONE;
         self.accel.intersect_lanes(&flights.rays, count, &mut hits);
-        for lane in 0..count {
-            if hits.primitive[lane] == HitLanes::NOTHING {
-                self.escape(flights, lane, &mut wave.records);
-                continue;
-            }
+        let missed = |lane| hits.primitive[lane] == HitLanes::NOTHING;
+        let escapes = mask_of(|lane| lane < count && missed(lane));
+        if escapes != 0 {
+            let within = self.lights.expected_within(&flights.from);
+            lanes_of(escapes).for_each(|lane| self.escape(flights, within[lane], lane, &mut wave.records));
+        }
+        for lane in (0..count).filter(|&lane| !missed(lane)) {
             wave.arrivals.push(flights, &hits, lane);
             if wave.arrivals.count == LANES {
                 self.shade::<S>(wave);
@@ -112,12 +118,12 @@ impl<'s> PathTracer<'s> {
 
     /// Light from around the scene, where nothing is hit.
     #[inline]
-    fn escape(&self, flights: &Flights, lane: usize, records: &mut [Records]) {
+    fn escape(&self, flights: &Flights, within: f32, lane: usize, records: &mut [Records]) {
         let (packet, place) = place(flights.path[lane]);
         let records = &mut records[packet];
         let direction = flights.rays.direction.at(lane);
         for (i, radiance) in self.lights.environments(direction) {
-            let share = share(flights, lane, |from| self.lights.pdf_environment(from, i, direction));
+            let share = share(flights, lane, |from| self.lights.pdf_environment(from, within, i, direction));
             add(records, place, flights, lane, radiance * share);
         }
         match flights.depth[lane] {

@@ -7,10 +7,10 @@ use glam::{Vec2, Vec3};
 use super::PathTracer;
 use super::direct::{MAX_PASSES, turned};
 use super::events::{receive, scattered_on};
-use super::flights::{Flights, LIGHT_SAMPLING, SCATTERED};
+use super::flights::{Arrivals, Flights, LIGHT_SAMPLING, SCATTERED, Waiting};
 use super::path::{Wavefront, add, place, share};
-use crate::geometry::{HitLanes, LANES, PointLanes, SurfacePoint, lanes_of, mask_of};
-use crate::render::bsdf::{Bsdf, PlainSurfaces, Scattered};
+use crate::geometry::{HitLanes, LANES, Lanes3, PointLanes, SurfacePoint, lanes_of, mask_of};
+use crate::render::bsdf::{Bsdf, Evaluated, PlainSurfaces, Scattered};
 use crate::render::lights::Receivers;
 use crate::render::record::Records;
 use crate::render::sampler::{Addresses, BounceNumbers, Source};
@@ -27,7 +27,7 @@ pub struct Other<'s> {
 pub(super) struct Places<'a> {
     pub points: PointLanes,
     /// After bump or normal maps.
-    pub normals: crate::geometry::Lanes3,
+    pub normals: Lanes3,
     pub surfaces: PlainSurfaces<'a>,
     /// Lanes with paths on plain surfaces.
     pub plain: u32,
@@ -40,8 +40,15 @@ impl<'s> PathTracer<'s> {
     pub(super) fn shade<S: Source>(&self, wave: &mut Wavefront<'s>) {
         let count = std::mem::take(&mut wave.arrivals.count);
         let all = (1 << count) - 1;
-        let mut places = self.places(wave, all);
-        let Wavefront { samples, records, waiting, arrivals, shadows, others } = wave;
+        let Wavefront { samples, records, waiting, arrivals, shadows, others, next } = wave;
+        let mut places = Places {
+            points: PointLanes::NONE,
+            normals: Lanes3::ZERO,
+            surfaces: PlainSurfaces::new(&self.plain_materials),
+            plain: 0,
+            receivers: Receivers::NONE,
+        };
+        self.find_places(arrivals, all, others, &mut places);
         let (flights, hits) = (&arrivals.flights, &arrivals.hits);
         for lane in 0..count {
             if self.lights.is_light(hits.primitive[lane]) {
@@ -103,26 +110,19 @@ impl<'s> PathTracer<'s> {
         receive(&flights.rays, &places.points, &places.normals, &mut places.receivers);
         self.sample_lights(scatters & lit, flights, &places, others, &numbers, shadows, records);
         if self.follows {
-            let next = self.scatter(scatters, flights, &places, others, &numbers);
-            lanes_of(next.1).for_each(|lane| waiting.push(&next.0, lane));
+            let alive = self.scatter(scatters, flights, &places, others, &numbers, next);
+            lanes_of(alive).for_each(|lane| waiting.push(next, lane));
         }
     }
 
     /// The points at which paths arrived, and which of them are plain; the others are listed.
-    fn places(&self, wave: &mut Wavefront<'s>, all: u32) -> Places<'_> {
-        let (flights, hits) = (&wave.arrivals.flights, &wave.arrivals.hits);
-        let mut places = Places {
-            points: PointLanes::NONE,
-            normals: crate::geometry::Lanes3::ZERO,
-            surfaces: PlainSurfaces::new(&self.plain_materials),
-            plain: 0,
-            receivers: Receivers::NONE,
-        };
+    fn find_places(&self, arrivals: &Arrivals, all: u32, others: &mut Vec<Other>, places: &mut Places) {
+        let (flights, hits) = (&arrivals.flights, &arrivals.hits);
         for lane in lanes_of(all) {
             places.plain |= u32::from(self.is_plain[hits.primitive[lane] as usize]) << lane;
         }
         self.accel.plain_surfaces(&flights.rays, hits, places.plain, &mut places.points);
-        wave.others.clear();
+        others.clear();
         for lane in lanes_of(all & !places.plain) {
             let (ray, hit) = (flights.rays.at(lane), hits.at(lane).expect("the path arrived"));
             let point = if self.parametrised[self.material(hit.primitive) as usize] {
@@ -131,13 +131,12 @@ impl<'s> PathTracer<'s> {
                 self.accel.plain_surface(&ray, &hit)
             };
             places.points.set(lane, &point);
-            wave.others.push(Other { lane, point, bsdf: None });
+            others.push(Other { lane, point, bsdf: None });
         }
         places.normals = places.points.shading_normal;
-        places
     }
 
-    /// Draws directions to go on in: paths, and the lanes of those that do.
+    /// Draws directions to go on in; returns the lanes of the paths that do.
     fn scatter(
         &self,
         mask: u32,
@@ -145,7 +144,8 @@ impl<'s> PathTracer<'s> {
         places: &Places,
         others: &[Other],
         numbers: &BounceNumbers,
-    ) -> (Flights, u32) {
+        next: &mut Flights,
+    ) -> u32 {
         let mut scattered = Scattered::NOTHING;
         let (surfaces, normals) = (&places.surfaces, &places.normals);
         surfaces.sample(mask & places.plain, &flights.rays, normals, &numbers.bsdf_uv, &mut scattered);
@@ -154,10 +154,7 @@ impl<'s> PathTracer<'s> {
             let u = numbers.bsdf_uv_at(*lane);
             scattered.set(*lane, bsdf.as_ref().and_then(|bsdf| bsdf.sample(wo, numbers.lobe[*lane], u)));
         }
-        let mut next = Flights::NONE;
-        let alive =
-            scattered_on(mask, &self.rules, flights, places, &scattered, &numbers.roulette, &mut next);
-        (next, alive)
+        scattered_on(mask, &self.rules, flights, places, &scattered, &numbers.roulette, next)
     }
 
     /// What the BSDFs of paths that are not plain say to light from `wi`.
@@ -165,8 +162,8 @@ impl<'s> PathTracer<'s> {
         others: &[Other],
         mask: u32,
         flights: &Flights,
-        wi: &crate::geometry::Lanes3,
-        into: &mut crate::render::bsdf::Evaluated,
+        wi: &Lanes3,
+        into: &mut Evaluated,
     ) {
         for Other { lane, bsdf, .. } in others.iter().filter(|other| mask >> other.lane & 1 == 1) {
             let wo = -flights.rays.direction.at(*lane);
@@ -182,7 +179,7 @@ impl<'s> PathTracer<'s> {
     }
 
     /// Goes straight on through a boundary without effect.
-    fn pass(&self, flights: &Flights, lane: usize, point: &SurfacePoint, waiting: &mut super::flights::Waiting) {
+    fn pass(&self, flights: &Flights, lane: usize, point: &SurfacePoint, waiting: &mut Waiting) {
         let mut next = *flights;
         next.passes[lane] += 1;
         if next.passes[lane] > MAX_PASSES {
@@ -206,7 +203,7 @@ impl<'s> PathTracer<'s> {
         lane: usize,
         records: &mut [Records],
     ) {
-        let point = points.at(lane, hits);
+        let point = points.at(lane, hits.primitive[lane]);
         if let Some(emitted) = self.lights.emitted(&point, -flights.rays.direction.at(lane)) {
             let share = share(flights, lane, |from| self.lights.pdf_surface(from, &point));
             let (packet, place) = place(flights.path[lane]);
@@ -239,7 +236,7 @@ impl<'s> PathTracer<'s> {
                 Some(bsdf) => bsdf.albedo(),
             };
             let emits = || {
-                let point = places.points.at(lane, hits);
+                let point = places.points.at(lane, hits.primitive[lane]);
                 self.lights.is_light(point.primitive) && self.lights.emitted(&point, wo).is_some()
             };
             let only_emits = albedo == Vec3::ZERO && emits();
@@ -250,7 +247,13 @@ impl<'s> PathTracer<'s> {
     /// Position and normal of the hit, if it is the path's second. The normal is the interpolated
     /// one: what bends it further is not looked up where a path ends.
     #[inline]
-    fn record_second_hit(&self, flights: &Flights, points: &PointLanes, lane: usize, records: &mut [Records]) {
+    fn record_second_hit(
+        &self,
+        flights: &Flights,
+        points: &PointLanes,
+        lane: usize,
+        records: &mut [Records],
+    ) {
         if flights.depth[lane] == 1 {
             let (packet, place) = place(flights.path[lane]);
             let records = &mut records[packet];

@@ -3,10 +3,11 @@
 use glam::{Vec2, Vec3};
 use multiversion::multiversion;
 
-use super::surface::PlainLight;
+use super::bounds::LightBounds;
+use super::environment::uniform_direction;
+use super::surface::{PlainLight, PlainSample};
 use super::{LightSample, Lights, Receiver, Source};
-use crate::geometry::{LANES, Lanes, Lanes3, groups, lanes_of};
-use crate::render::lights::environment::uniform_direction;
+use crate::geometry::{LANES, Lanes, Lanes3, TriangleSampler, groups, lanes_of};
 
 /// Receivers in lanes.
 #[derive(Clone, Copy)]
@@ -26,13 +27,6 @@ impl Receivers {
             normal: self.normal.at(lane),
             transmits: self.transmits[lane] != 0,
         }
-    }
-
-    #[inline(always)]
-    pub fn set(&mut self, lane: usize, receiver: &Receiver) {
-        self.position.set(lane, receiver.position);
-        self.normal.set(lane, receiver.normal);
-        self.transmits[lane] = u32::from(receiver.transmits);
     }
 }
 
@@ -80,6 +74,15 @@ impl LightSamples {
 }
 
 impl Lights<'_> {
+    /// What [`super::choice::LightChoice::expected_within`] gives for each receiver.
+    pub fn expected_within(&self, receivers: &Receivers) -> Lanes {
+        let mut expected = [0.0; LANES];
+        if let Some(bounds) = self.choice.bounds_within() {
+            importances(bounds, receivers, &mut expected);
+        }
+        expected
+    }
+
     /// Light at the receivers of a mask's lanes: `choice` picks the lights, `u` points of them.
     pub fn sample(
         &self,
@@ -90,8 +93,9 @@ impl Lights<'_> {
         samples: &mut LightSamples,
     ) {
         let (mut lights, mut probabilities) = ([0; LANES], [0.0; LANES]);
+        let within = self.expected_within(receivers);
         for lane in lanes_of(mask) {
-            let chosen = self.choice.sample(&receivers.at(lane), choice[lane]);
+            let chosen = self.choice.sample(&receivers.at(lane), within[lane], choice[lane]);
             let (light, probability) = chosen.unwrap_or((0, 0.0));
             (lights[lane], probabilities[lane]) = (light as u32, probability);
         }
@@ -104,7 +108,8 @@ impl Lights<'_> {
                 }
                 None if self.surfaces.plain(light - self.sources.len()).is_some() => {
                     if let Some(plain) = self.surfaces.plain(light - self.sources.len()) {
-                        sample_surface(lanes, &plain, &receivers.position, u, samples);
+                        let shape = plain.shape;
+                        sample_surface(lanes, &plain, shape, &receivers.position, u, samples);
                     }
                 }
                 _ => {
@@ -118,6 +123,17 @@ impl Lights<'_> {
         for lane in 0..LANES {
             samples.pdf[lane] *= probabilities[lane];
         }
+    }
+}
+
+#[multiversion(targets(
+    "x86_64+avx512f+avx512bw+avx512dq+avx512vl+bmi1+bmi2+fma+avx2+popcnt+lzcnt",
+    "x86_64+avx2+fma+bmi1+bmi2+popcnt+lzcnt"
+))]
+fn importances(bounds: &LightBounds, receivers: &Receivers, importances: &mut Lanes) {
+    let bounds = *bounds;
+    for lane in 0..LANES {
+        importances[lane] = bounds.importance(&receivers.at(lane));
     }
 }
 
@@ -146,17 +162,19 @@ fn sample_everywhere(mask: u32, radiance: Vec3, u: &[Lanes; 2], samples: &mut Li
 fn sample_surface(
     mask: u32,
     light: &PlainLight,
+    shape: &TriangleSampler,
     from: &Lanes3,
     u: &[Lanes; 2],
     samples: &mut LightSamples,
 ) {
     let [u_x, u_y] = u;
-    let found_by_rays = u32::from(light.found_by_rays);
+    let PlainLight { radiance, two_sided, found_by_rays, .. } = *light;
+    let found_by_rays = u32::from(found_by_rays);
     for lane in 0..LANES {
-        let sample = light.sample(from.at(lane), Vec2::new(u_x[lane], u_y[lane]));
+        let sample = PlainSample::of(shape, two_sided, from.at(lane), Vec2::new(u_x[lane], u_y[lane]));
         let is_on = mask >> lane & 1 == 1;
         samples.wi.put(lane, is_on, sample.wi);
-        samples.radiance.put(lane, is_on, light.radiance);
+        samples.radiance.put(lane, is_on, radiance);
         samples.pdf[lane] = if is_on { sample.pdf } else { samples.pdf[lane] };
         samples.target.put(lane, is_on, sample.target);
         samples.found_by_rays[lane] = if is_on { found_by_rays } else { samples.found_by_rays[lane] };

@@ -15,10 +15,10 @@ mod tree;
 use glam::{Vec2, Vec3};
 
 pub use self::bounds::Receiver;
-pub use self::lanes::{LightSamples, Receivers};
 use self::choice::{LightChoice, Reach};
 use self::delta::DeltaLight;
 use self::environment::EnvironmentLight;
+pub use self::lanes::{LightSamples, Receivers};
 use self::surface::SurfaceLights;
 use crate::geometry::SurfacePoint;
 use crate::scene::{Light, Scene};
@@ -126,9 +126,10 @@ impl<'s> Lights<'s> {
     /// Density with which [`Self::sample`] gives the direction to a point of an emissive surface.
     #[inline]
     pub fn pdf_surface(&self, receiver: &Receiver, point: &SurfacePoint) -> f32 {
-        self.surfaces
-            .pdf(receiver.position, point)
-            .map_or(0.0, |(light, pdf)| pdf * self.choice.probability(self.sources.len() + light, receiver))
+        self.surfaces.pdf(receiver.position, point).map_or(0.0, |(light, pdf)| {
+            let within = self.choice.expected_within(receiver);
+            pdf * self.choice.probability(self.sources.len() + light, receiver, within)
+        })
     }
 
     /// The environments: radiance from a unit direction, and what [`Self::pdf_environment`] takes.
@@ -140,12 +141,19 @@ impl<'s> Lights<'s> {
         })
     }
 
-    /// Density with which [`Self::sample`] gives a unit direction to an environment.
+    /// Density with which [`Self::sample`] gives a unit direction to an environment; `within` is
+    /// [`Self::expected_within`] of the receiver.
     #[inline]
-    pub fn pdf_environment(&self, receiver: &Receiver, environment: usize, direction: Vec3) -> f32 {
+    pub fn pdf_environment(
+        &self,
+        receiver: &Receiver,
+        within: f32,
+        environment: usize,
+        direction: Vec3,
+    ) -> f32 {
         match &self.sources[environment] {
             Source::Environment(light) => {
-                light.pdf(direction) * self.choice.probability(environment, receiver)
+                light.pdf(direction) * self.choice.probability(environment, receiver, within)
             }
             Source::Delta(_) => 0.0,
         }
@@ -238,6 +246,14 @@ mod tests {
         scene(&world)
     }
 
+    fn choose(lights: &Lights, receiver: &Receiver, u: f32) -> Option<(usize, f32)> {
+        lights.choice.sample(receiver, lights.choice.expected_within(receiver), u)
+    }
+
+    fn probability(lights: &Lights, light: usize, receiver: &Receiver) -> f32 {
+        lights.choice.probability(light, receiver, lights.choice.expected_within(receiver))
+    }
+
     fn count(lights: &Lights) -> usize {
         lights.sources.len() + lights.surfaces.bounds().count()
     }
@@ -250,12 +266,12 @@ mod tests {
         for _ in 0..20 {
             let receiver = receiver(&mut rng);
             let probabilities: Vec<f32> =
-                (0..count(&lights)).map(|light| lights.choice.probability(light, &receiver)).collect();
+                (0..count(&lights)).map(|light| probability(&lights, light, &receiver)).collect();
             let n = 20_000;
             let mut frequencies = vec![0.0; probabilities.len()];
             let mut dead_ends = 0.0;
             for i in 0..n {
-                let sampled = lights.choice.sample(&receiver, (i as f32 + 0.5) / n as f32);
+                let sampled = choose(&lights, &receiver, (i as f32 + 0.5) / n as f32);
                 let Some((light, p)) = sampled else {
                     dead_ends += 1.0 / n as f32;
                     continue;
@@ -283,7 +299,7 @@ mod tests {
             let receiver = receiver(&mut rng);
             for light in 0..count(&lights) {
                 let u = Vec2::new(rng.random(), rng.random());
-                let probability = lights.choice.probability(light, &receiver);
+                let probability = probability(&lights, light, &receiver);
                 let arrives = lights
                     .sample_light(light, receiver.position, u)
                     .is_some_and(|s| receiver.transmits || s.wi.dot(receiver.normal) > 1e-6);
@@ -309,11 +325,11 @@ mod tests {
             let lights = Lights::new(&scene);
             assert!(!lights.need_choice(), "{light}");
             for u in [0.0, 0.5, BELOW_ONE] {
-                let (_, probability) = lights.choice.sample(&receiver(&mut rng), u).unwrap();
+                let (_, probability) = choose(&lights, &receiver(&mut rng), u).unwrap();
                 assert!((probability - 1.0).abs() < 1e-6, "{light}: {probability}");
             }
         }
-        assert!(Lights::new(&scene("")).choice.sample(&receiver(&mut rng), 0.5).is_none());
+        assert!(choose(&Lights::new(&scene("")), &receiver(&mut rng), 0.5).is_none());
     }
 
     #[test]
@@ -322,7 +338,7 @@ mod tests {
         let scene = scene(&(at(1.0) + &at(3.0) + &at(-1.0)));
         let lights = Lights::new(&scene);
         let facing = Receiver { position: Vec3::ZERO, normal: Vec3::Z, transmits: false };
-        let probabilities = |receiver| [0, 1, 2].map(|light| lights.choice.probability(light, &receiver));
+        let probabilities = |receiver| [0, 1, 2].map(|light| probability(&lights, light, &receiver));
         let [near, far, below] = probabilities(facing);
         assert!(near > far && far > 0.0, "{near} {far}");
         assert_eq!(below, 0.0);
@@ -330,7 +346,7 @@ mod tests {
         assert!(below > 0.0 && near > 0.0);
         // Whatever number is drawn, a probability of 0 is not chosen.
         for u in [0.0, 0.3, BELOW_ONE] {
-            assert_ne!(lights.choice.sample(&facing, u).unwrap().0, 2);
+            assert_ne!(choose(&lights, &facing, u).unwrap().0, 2);
         }
     }
 
@@ -343,6 +359,6 @@ mod tests {
         let scene = scene(world);
         let lights = Lights::new(&scene);
         let below = Receiver { position: Vec3::ZERO, normal: Vec3::Z, transmits: false };
-        assert!(lights.choice.probability(1, &below) > 0.8);
+        assert!(probability(&lights, 1, &below) > 0.8);
     }
 }

@@ -207,9 +207,9 @@ impl<'s> SurfaceLights<'s> {
 
 /// A light of triangles that is the same everywhere.
 pub struct PlainLight<'l> {
-    shape: &'l TriangleSampler,
+    pub shape: &'l TriangleSampler,
     pub radiance: Vec3,
-    two_sided: bool,
+    pub two_sided: bool,
     pub found_by_rays: bool,
 }
 
@@ -223,17 +223,17 @@ pub struct PlainSample {
     pub target: Vec3,
 }
 
-impl PlainLight<'_> {
+impl PlainSample {
     /// Without a branch, so that it can be done for many points at once.
     #[inline(always)]
-    pub fn sample(&self, from: Vec3, u: Vec2) -> PlainSample {
-        let position = self.shape.point(u).0;
+    pub fn of(shape: &TriangleSampler, two_sided: bool, from: Vec3, u: Vec2) -> Self {
+        let position = shape.point(u).0;
         let wi = (position - from).normalize_or_zero();
-        let (normal, error) = (self.shape.normal(), self.shape.position_error());
-        let is_lit = self.two_sided | (normal.dot(-wi) > 0.0);
-        let pdf = self.shape.pdf(from, position);
+        let (normal, error) = (shape.normal(), shape.position_error());
+        let is_lit = two_sided | (normal.dot(-wi) > 0.0);
+        let pdf = shape.pdf(from, position);
         let target = offset_origin(position, error, normal, -wi);
-        PlainSample { wi, pdf: if is_lit { pdf } else { 0.0 }, target }
+        Self { wi, pdf: if is_lit { pdf } else { 0.0 }, target }
     }
 }
 

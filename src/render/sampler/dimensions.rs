@@ -27,12 +27,14 @@ pub struct Needs {
     pub roulette: bool,
 }
 
-/// Numbers of camera rays.
+/// Numbers of camera rays, and those of the first scattering event that are recorded.
 #[derive(Clone, Copy, Debug)]
 pub struct CameraNumbers {
     pub film: [Lanes; 2],
     pub lens: [Lanes; 2],
     pub time: Lanes,
+    pub light_uv: [Lanes; 2],
+    pub bsdf_uv: [Lanes; 2],
 }
 
 /// Numbers of one scattering event of each of sixteen paths; 0 where the scene does not call for one.
@@ -47,11 +49,6 @@ pub struct BounceNumbers {
 }
 
 impl BounceNumbers {
-    #[inline(always)]
-    pub fn light_uv_at(&self, lane: usize) -> Vec2 {
-        Vec2::new(self.light_uv[0][lane], self.light_uv[1][lane])
-    }
-
     #[inline(always)]
     pub fn bsdf_uv_at(&self, lane: usize) -> Vec2 {
         Vec2::new(self.bsdf_uv[0][lane], self.bsdf_uv[1][lane])
@@ -102,12 +99,15 @@ impl Dimensions {
     }
 
     pub fn camera<S: Source>(&self, samples: &Addresses) -> CameraNumbers {
-        let numbers = block::<S>(samples, &[FILM; LANES], self.first_bounce);
+        // Both pairs come first in their block.
+        let numbers = block::<S>(samples, &[FILM; LANES], self.first_bounce + 4);
         let pair = |d: Option<u32>| d.map_or([[0.0; LANES]; 2], |d| two(&numbers, d));
         CameraNumbers {
             film: two(&numbers, FILM),
             lens: pair(self.lens),
             time: self.time.map_or([0.0; LANES], |d| numbers[d as usize]),
+            light_uv: pair(self.light_uv.map(|d| self.first_bounce + d)),
+            bsdf_uv: pair(self.bsdf_uv.map(|d| self.first_bounce + d)),
         }
     }
 

@@ -108,8 +108,7 @@ mod tests {
             let source = S::for_pixel(7, 0, 0);
             let n = 4096;
             for dimension in [0, 1, 17, 1000] {
-                let values: Vec<f64> =
-                    (0..n).map(|i| f64::from(number(&source, i, dimension))).collect();
+                let values: Vec<f64> = (0..n).map(|i| f64::from(number(&source, i, dimension))).collect();
                 assert!(values.iter().all(|v| (0.0..1.0).contains(v)));
                 let mean = values.iter().sum::<f64>() / f64::from(n);
                 let square = values.iter().map(|v| v * v).sum::<f64>() / f64::from(n);

@@ -74,8 +74,7 @@ fn scrambled(points: &BytePoints, samples: &Addresses, sets: &Lanes<u32>, number
     let mut shuffled: Lanes<u32> = [0; LANES];
     for lane in 0..LANES {
         let index = samples.indices[lane] & ((1 << SEQUENCE_BITS) - 1);
-        shuffled[lane] =
-            parts::owen_scramble_rev(index.reverse_bits(), parts::hash(seeds[lane] ^ SHUFFLE));
+        shuffled[lane] = parts::owen_scramble_rev(index.reverse_bits(), parts::hash(seeds[lane] ^ SHUFFLE));
     }
     let (low, high) = (&points[0], &points[1]);
     for d in 0..SET as usize {
