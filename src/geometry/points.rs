@@ -1,6 +1,8 @@
 //! From hits to the points on surfaces, a lane for each: [`super::surface`] for what has no instance and
 //! needs no parametrisation.
 
+#![expect(clippy::needless_range_loop, reason = "a lane is one of several arrays' at once")]
+
 use multiversion::multiversion;
 
 use super::lanes::{HitLanes, LANES, Lanes, Lanes3, PointLanes, RayLanes, groups, lanes_of, mask_of};

@@ -89,9 +89,8 @@ impl CameraRays {
         match &self.to_render {
             Motion::Still(placement) => {
                 still_rays(&self.lens, placement, film, lens, rays);
-                for lane in 0..LANES {
-                    rays.time[lane] = self.shutter_open + self.shutter * time[lane];
-                }
+                let times = rays.time.iter_mut().zip(time);
+                times.for_each(|(to, time)| *to = self.shutter_open + self.shutter * time);
             }
             Motion::Moving(_) => {
                 let at = |pair: &[Lanes; 2], lane: usize| Vec2::new(pair[0][lane], pair[1][lane]);

@@ -159,10 +159,10 @@ impl<'s> Renderer<'s> {
     fn start<S: Source>(&self, starts: &Starts, count: usize, wave: &mut Wavefront<'s>) {
         let camera = self.tracer.dimensions().camera::<S>(&starts.samples);
         let mut film = starts.centres;
-        for lane in 0..LANES {
+        let [film_x, film_y] = &mut film;
+        for (lane, (x, y)) in film_x.iter_mut().zip(film_y).enumerate() {
             let offset = self.filter.sample(glam::Vec2::new(camera.film[0][lane], camera.film[1][lane]));
-            film[0][lane] += offset.x;
-            film[1][lane] += offset.y;
+            (*x, *y) = (*x + offset.x, *y + offset.y);
         }
         let mut rays = RayLanes::NONE;
         self.camera.rays(&film, &camera.lens, &camera.time, &mut rays);

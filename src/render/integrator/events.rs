@@ -1,5 +1,7 @@
 //! The arithmetic of scattering events, a lane for each.
 
+#![expect(clippy::needless_range_loop, reason = "a lane is one of several arrays' at once")]
+
 use multiversion::multiversion;
 
 use super::direct::{power_heuristic, turned};

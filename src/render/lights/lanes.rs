@@ -1,5 +1,7 @@
 //! Light at many points, a lane for each: those that chose the same light are served together.
 
+#![expect(clippy::needless_range_loop, reason = "a lane is one of several arrays' at once")]
+
 use glam::{Vec2, Vec3};
 use multiversion::multiversion;
 
