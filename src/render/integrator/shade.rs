@@ -52,7 +52,8 @@ impl<'s> PathTracer<'s> {
         let (flights, hits) = (&arrivals.flights, &arrivals.hits);
         for lane in 0..count {
             if self.lights.is_light(hits.primitive[lane]) {
-                self.gather_emission(flights, hits, &places.points, lane, records);
+                let point = point_at(others, &places.points, hits, lane);
+                self.gather_emission(flights, &point, lane, records);
             }
         }
 
@@ -195,17 +196,9 @@ impl<'s> PathTracer<'s> {
     }
 
     /// Light from a surface that is hit.
-    fn gather_emission(
-        &self,
-        flights: &Flights,
-        hits: &HitLanes,
-        points: &PointLanes,
-        lane: usize,
-        records: &mut [Records],
-    ) {
-        let point = points.at(lane, hits.primitive[lane]);
-        if let Some(emitted) = self.lights.emitted(&point, -flights.rays.direction.at(lane)) {
-            let share = share(flights, lane, |from| self.lights.pdf_surface(from, &point));
+    fn gather_emission(&self, flights: &Flights, point: &SurfacePoint, lane: usize, records: &mut [Records]) {
+        if let Some(emitted) = self.lights.emitted(point, -flights.rays.direction.at(lane)) {
+            let share = share(flights, lane, |from| self.lights.pdf_surface(from, point));
             let (packet, place) = place(flights.path[lane]);
             add(&mut records[packet], place, flights, lane, emitted * share);
         }
@@ -236,7 +229,7 @@ impl<'s> PathTracer<'s> {
                 Some(bsdf) => bsdf.albedo(),
             };
             let emits = || {
-                let point = places.points.at(lane, hits.primitive[lane]);
+                let point = point_at(others, &places.points, hits, lane);
                 self.lights.is_light(point.primitive) && self.lights.emitted(&point, wo).is_some()
             };
             let only_emits = albedo == Vec3::ZERO && emits();
@@ -262,6 +255,12 @@ impl<'s> PathTracer<'s> {
             records.normal2.set(place, normal);
         }
     }
+}
+
+/// The point at which a path arrived, as far as it is known.
+fn point_at(others: &[Other], points: &PointLanes, hits: &HitLanes, lane: usize) -> SurfacePoint {
+    let other = others.iter().find(|other| other.lane == lane);
+    other.map_or_else(|| points.at(lane, hits.primitive[lane]), |other| other.point)
 }
 
 const _: () = assert!(LANES < u32::BITS as usize, "a mask has a bit for every lane");
