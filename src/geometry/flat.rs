@@ -10,12 +10,10 @@ use glam::{DAffine3, DVec3, Vec2, Vec3};
 use multiversion::multiversion;
 
 use super::bvh::NO_ITEM;
+use super::lanes::{HitLanes, LANES, Lanes, RayLanes};
 use super::object::ObjectAccel;
 use super::rounding::gamma;
 use super::{Hit, Ray, sphere};
-
-/// Rays that are searched together.
-const LANES: usize = 16;
 
 /// Surfaces beyond which a tree is quicker, a sphere counting as two triangles.
 const MOST_TRIANGLES: usize = 48;
@@ -25,8 +23,6 @@ const FEWEST: usize = 4;
 
 /// No surface.
 const NOTHING: u32 = u32::MAX;
-
-type Lanes<T = f32> = [T; LANES];
 
 /// The surfaces of a scene that has few.
 #[derive(Debug)]
@@ -91,35 +87,25 @@ impl FlatAccel {
         (triangles.len() + 2 * spheres.len() <= MOST_TRIANGLES).then_some(Self { triangles, spheres })
     }
 
-    /// Passes on the nearest hit of each ray, in their order. `by_tree` searches for one that this
+    /// Finds the nearest hit of each of the first `count` rays. `by_tree` searches for one that this
     /// cannot, or not as quickly, tell.
     #[inline]
     pub fn find(
         &self,
-        mut rays: impl Iterator<Item = Ray>,
+        rays: &RayLanes,
+        count: usize,
         by_tree: impl Fn(&Ray) -> Option<Hit>,
-        mut found: impl FnMut(Option<Hit>),
+        hits: &mut HitLanes,
     ) {
-        let mut packet = Packet::new();
-        let mut batch = [Ray { origin: Vec3::ZERO, direction: Vec3::ZERO, t_max: 0.0, time: 0.0 }; LANES];
-        loop {
-            let mut count = 0;
-            for (slot, ray) in batch.iter_mut().zip(rays.by_ref()) {
-                *slot = ray;
-                count += 1;
-            }
-            match &batch[..count] {
-                [] => return,
-                rays if count < FEWEST => rays.iter().for_each(|ray| found(by_tree(ray))),
-                rays => {
-                    packet.load(rays);
-                    search(self, &mut packet);
-                    for (lane, ray) in rays.iter().enumerate() {
-                        let decided = packet.undecided[lane] == 0;
-                        found(if decided { self.hit(&packet, lane) } else { by_tree(ray) });
-                    }
-                }
-            }
+        if count < FEWEST {
+            (0..count).for_each(|lane| hits.set(lane, by_tree(&rays.at(lane))));
+            return;
+        }
+        let mut packet = Packet::of(rays, count);
+        search(self, &mut packet);
+        for lane in 0..count {
+            let decided = packet.undecided[lane] == 0;
+            hits.set(lane, if decided { self.hit(&packet, lane) } else { by_tree(&rays.at(lane)) });
         }
     }
 
@@ -142,31 +128,23 @@ impl FlatAccel {
 }
 
 impl Packet {
-    fn new() -> Self {
+    /// Lanes from `count` on have a ray that can hit nothing.
+    fn of(rays: &RayLanes, count: usize) -> Self {
         let zero = [0.0; LANES];
         let none = [0; LANES];
+        let (o, d) = (&rays.origin, &rays.direction);
+        let mut t_max = rays.t_max;
+        t_max[count..].fill(0.0);
         Self {
-            origin: [zero; 3],
-            direction: [zero; 3],
+            origin: [o.x, o.y, o.z],
+            direction: [d.x, d.y, d.z],
             major: none,
             shear: [zero; 2],
             scale: zero,
-            t_max: zero,
+            t_max,
             surface: none,
             weights: [zero; 3],
             undecided: none,
-        }
-    }
-
-    /// Lanes without a ray keep one, which can hit nothing.
-    fn load(&mut self, rays: &[Ray]) {
-        self.t_max = [0.0; LANES];
-        for (lane, ray) in rays.iter().enumerate() {
-            for axis in 0..3 {
-                self.origin[axis][lane] = ray.origin[axis];
-                self.direction[axis][lane] = ray.direction[axis];
-            }
-            self.t_max[lane] = ray.t_max;
         }
     }
 
@@ -217,8 +195,9 @@ impl Packet {
             let u = x_2 * y_1 - y_2 * x_1;
             let v = x_0 * y_2 - y_0 * x_2;
             let w = x_1 * y_0 - y_1 * x_0;
-            let inside = ((u >= 0.0) & (v >= 0.0) & (w >= 0.0)) | ((u <= 0.0) & (v <= 0.0) & (w <= 0.0));
-            let on_edge = (u == 0.0) | (v == 0.0) | (w == 0.0);
+            let (least, greatest) = (smaller(u, smaller(v, w)), larger(u, larger(v, w)));
+            let inside = (least > 0.0) | (greatest < 0.0);
+            let on_edge = (least == 0.0) | (greatest == 0.0);
             let determinant = u + v + w;
             let weighted = u * z_0 + v * z_1 + w * z_2;
             let t = weighted * self.scale[lane] / determinant;
@@ -232,9 +211,9 @@ impl Packet {
                 ahead = ((z_0 * scale > 0.0) & (z_1 * scale > 0.0) & (z_2 * scale > 0.0))
                     | (weighted.abs() > 3.0 * weighted_error(size, largest(u, v, w)));
             }
-            let hits = inside & in_range & ahead & !on_edge;
+            let hits = inside & in_range & ahead;
             doubts |= (inside & in_range & !ahead) as u32;
-            self.undecided[lane] |= (inside & on_edge & (t_max > 0.0)) as u32;
+            self.undecided[lane] |= (on_edge & (t_max > 0.0)) as u32;
             self.t_max[lane] = if hits { t } else { t_max };
             self.surface[lane] = if hits { index } else { self.surface[lane] };
             self.weights[0][lane] = if hits { v } else { self.weights[0][lane] };
@@ -310,7 +289,12 @@ fn weighted_error([x, y, z]: [f32; 3], edge: f32) -> f32 {
     2.0 * gamma(3) * edge * z + error_edge * z
 }
 
-/// Without what [`f32::max`] does for NaN.
+/// Without what [`f32::min`] and [`f32::max`] do for NaN.
+#[inline(always)]
+fn smaller(a: f32, b: f32) -> f32 {
+    if a < b { a } else { b }
+}
+
 #[inline(always)]
 fn larger(a: f32, b: f32) -> f32 {
     if a > b { a } else { b }

@@ -49,7 +49,7 @@ impl LocalPoint {
     ///
     /// Rays come back to this space through a rounded origin, so the error bound covers a rounding
     /// here as well as in the other space.
-    #[inline]
+    #[inline(always)]
     pub fn transformed(self, transform: &DAffine3, inverse: &DAffine3) -> Self {
         let linear = transform.matrix3.as_mat3();
         let normal_matrix = inverse.matrix3.as_mat3().transpose();
@@ -70,18 +70,17 @@ impl LocalPoint {
     }
 
     /// Turns the geometric normal over.
+    #[inline(always)]
     pub fn flipped(self) -> Self {
         Self { geometric_normal: -self.geometric_normal, ..self }
     }
 
     /// Rounds to single precision; turns the shading normal to the geometric one's side, and
     /// replaces tangents that span no plane.
-    #[inline]
+    #[inline(always)]
     pub fn rounded(self, primitive: u32, element: u32) -> SurfacePoint {
         let geometric_normal = self.geometric_normal;
         let shading_normal = self.shading_normal.map_or(geometric_normal, unit);
-        let facing =
-            if shading_normal.dot(geometric_normal) < 0.0 { -shading_normal } else { shading_normal };
         let Parametrisation { uv, dpdu, dpdv } =
             self.parametrisation.filter(Parametrisation::spans_a_plane).unwrap_or_else(|| {
                 let (dpdu, dpdv) = geometric_normal.any_orthonormal_pair();
@@ -91,9 +90,9 @@ impl LocalPoint {
         let position = self.position.as_vec3();
         SurfacePoint {
             position,
-            position_error: self.error + UNIT_ROUNDOFF * position.abs(),
+            position_error: with_rounding(self.error, position),
             geometric_normal,
-            shading_normal: facing,
+            shading_normal: facing(shading_normal, geometric_normal),
             dpdu,
             dpdv,
             uv,
@@ -111,8 +110,20 @@ impl Parametrisation {
     }
 }
 
+/// A bound on the error of a position, with that of its rounding to single precision.
+#[inline(always)]
+pub fn with_rounding(error: Vec3, position: Vec3) -> Vec3 {
+    error + UNIT_ROUNDOFF * position.abs()
+}
+
+/// The normal on the side of another one.
+#[inline(always)]
+pub fn facing(normal: Vec3, side: Vec3) -> Vec3 {
+    if normal.dot(side) < 0.0 { -normal } else { normal }
+}
+
 /// The vector's direction; any unit vector where it has none.
-#[inline]
-fn unit(v: Vec3) -> Vec3 {
-    v.try_normalize().unwrap_or(Vec3::Z)
+#[inline(always)]
+pub fn unit(v: Vec3) -> Vec3 {
+    v.normalize_or(Vec3::Z)
 }

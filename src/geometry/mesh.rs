@@ -47,15 +47,45 @@ pub fn scaled_normal(corners: [Vec3; 3]) -> DVec3 {
 /// The direction of [`scaled_normal`].
 #[inline]
 fn unit_normal(corners: [Vec3; 3]) -> Vec3 {
-    let [a, b, c] = corners;
+    let (normal, is_exact) = single_normal(corners);
+    if is_exact { normal } else { scaled_normal(corners).normalize_or_zero().as_vec3() }
+}
+
+/// The unit normal in single precision, which does not hold the square that it takes where a triangle is
+/// tiny or huge: whether it does.
+#[inline(always)]
+pub fn single_normal([a, b, c]: [Vec3; 3]) -> (Vec3, bool) {
     let normal = (b - a).cross(c - a);
     let squared = normal.length_squared();
-    // Of triangles that are tiny or huge the square does not fit single precision.
-    if squared > 1e-30 && squared < 1e30 {
-        normal * squared.sqrt().recip()
-    } else {
-        scaled_normal(corners).normalize_or_zero().as_vec3()
-    }
+    (normal * squared.sqrt().recip(), (squared > 1e-30) & (squared < 1e30))
+}
+
+/// The interpolated normal of any length, whether there is one that can be used, and the geometric normal on
+/// its side. A mesh without vertex normals has that of its winding, or the opposite if `flip_normal`.
+#[inline(always)]
+pub fn sides(winding: Vec3, blended: Option<Vec3>, flip_normal: bool) -> (Vec3, bool, Vec3) {
+    let normal = blended.unwrap_or(Vec3::ZERO);
+    let has_normal = normal.length_squared() > 0.0;
+    let flip = if has_normal { winding.dot(normal) < 0.0 } else { flip_normal & blended.is_none() };
+    (normal, has_normal, if flip { -winding } else { winding })
+}
+
+/// Weights of the corners.
+#[inline(always)]
+pub fn weights(barycentric: Vec2) -> [f32; 3] {
+    [1.0 - barycentric.x - barycentric.y, barycentric.x, barycentric.y]
+}
+
+#[inline(always)]
+pub fn blend(weights: [f32; 3], values: [Vec3; 3]) -> Vec3 {
+    weights[0] * values[0] + weights[1] * values[1] + weights[2] * values[2]
+}
+
+/// Bound on the error of a point of a triangle. pbrt weighs the corners; this is simpler, and hardly ever
+/// larger by much.
+#[inline(always)]
+pub fn position_error(corners: [Vec3; 3]) -> Vec3 {
+    gamma(8) * corners[0].abs().max(corners[1].abs()).max(corners[2].abs())
 }
 
 /// The surface at a point of a triangle. A mesh with vertex normals takes their side; another's
@@ -69,17 +99,9 @@ pub fn local_point(
     detail: Detail,
 ) -> LocalPoint {
     let corners = corners(mesh, triangle);
-    let weights = [1.0 - barycentric.x - barycentric.y, barycentric.x, barycentric.y];
-    let blend = |values: [Vec3; 3]| weights[0] * values[0] + weights[1] * values[1] + weights[2] * values[2];
-    // pbrt weighs the corners; the bound is simpler, and hardly ever larger by much.
-    let size = corners[0].abs().max(corners[1].abs()).max(corners[2].abs());
-    let winding = unit_normal(corners);
-    let shading_normal =
-        corner_normals(mesh, triangle).map(blend).filter(|normal| normal.length_squared() > 0.0);
-    let flip = match shading_normal {
-        Some(normal) => winding.dot(normal) < 0.0,
-        None => flip_normal && mesh.normals.is_empty(),
-    };
+    let weights = weights(barycentric);
+    let blended = corner_normals(mesh, triangle).map(|normals| blend(weights, normals));
+    let (normal, has_normal, geometric_normal) = sides(unit_normal(corners), blended, flip_normal);
 
     let parametrisation = detail.then(|| {
         let uvs = corner_uvs(mesh, triangle);
@@ -87,10 +109,10 @@ pub fn local_point(
         Parametrisation { uv: weights[0] * uvs[0] + weights[1] * uvs[1] + weights[2] * uvs[2], dpdu, dpdv }
     });
     LocalPoint {
-        position: blend(corners).as_dvec3(),
-        error: gamma(8) * size,
-        geometric_normal: if flip { -winding } else { winding },
-        shading_normal,
+        position: blend(weights, corners).as_dvec3(),
+        error: position_error(corners),
+        geometric_normal,
+        shading_normal: has_normal.then_some(normal),
         parametrisation,
     }
 }

@@ -8,9 +8,11 @@ mod disk;
 mod flat;
 mod instances;
 mod kernels;
+mod lanes;
 mod local;
 mod mesh;
 mod object;
+mod points;
 mod quadric;
 mod query;
 mod rounding;
@@ -29,11 +31,13 @@ mod triangle_sampling;
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
-use crate::scene::Scene;
+use crate::scene::{Scene, Shape};
 use flat::FlatAccel;
 use instances::InstanceAccel;
+pub use lanes::{HitLanes, LANES, Lanes, Lanes3, PointLanes, RayLanes, groups, lanes_of, mask_of};
 use local::Detail;
 use object::ObjectAccel;
+pub use rounding::offset_origin;
 pub use sampling::{ShapeSample, area, pdf_shape, sample_shape};
 pub use triangle_sampling::TriangleSampler;
 
@@ -131,11 +135,35 @@ impl<'s> Accel<'s> {
     /// [`Self::intersect`] for many rays, which is faster than one by one: passes on the hit of
     /// each, in their order.
     #[inline]
-    pub fn intersect_all(&self, rays: impl Iterator<Item = Ray>, found: impl FnMut(Option<Hit>)) {
-        match &self.flat {
-            Some(flat) => flat.find(rays, |ray| self.intersect(ray), found),
-            None => search::find(self, rays, false, found),
+    pub fn intersect_all(&self, mut rays: impl Iterator<Item = Ray>, mut found: impl FnMut(Option<Hit>)) {
+        if self.flat.is_none() {
+            return search::find(self, rays, false, found);
         }
+        let (mut packet, mut hits) = (RayLanes::NONE, HitLanes::NONE);
+        loop {
+            let mut count = 0;
+            for (lane, ray) in rays.by_ref().take(LANES).enumerate() {
+                packet.set(lane, ray);
+                count += 1;
+            }
+            if count == 0 {
+                return;
+            }
+            self.intersect_lanes(&packet, count, &mut hits);
+            (0..count).for_each(|lane| found(hits.at(lane)));
+        }
+    }
+
+    /// [`Self::intersect`] for the first `count` of some rays in lanes.
+    #[inline]
+    pub fn intersect_lanes(&self, rays: &RayLanes, count: usize, hits: &mut HitLanes) {
+        if let Some(flat) = &self.flat {
+            return flat.find(rays, count, |ray| self.intersect(ray), hits);
+        }
+        let mut lanes = 0..count;
+        search::find(self, (0..count).map(|lane| rays.at(lane)), false, |hit| {
+            lanes.by_ref().take(1).for_each(|lane| hits.set(lane, hit));
+        });
     }
 
     /// Whether anything lies between the ray's origin and `t_max`.
@@ -149,9 +177,26 @@ impl<'s> Accel<'s> {
     #[inline]
     pub fn occluded_all(&self, rays: impl Iterator<Item = Ray>, mut found: impl FnMut(bool)) {
         match &self.flat {
-            Some(flat) => flat.find(rays, |ray| self.intersect(ray), |hit| found(hit.is_some())),
+            Some(_) => self.intersect_all(rays, |hit| found(hit.is_some())),
             None => search::find(self, rays, true, |hit| found(hit.is_some())),
         }
+    }
+
+    /// [`Self::occluded`] for the first `count` of some rays in lanes: the mask of those for which it
+    /// holds.
+    #[inline]
+    pub fn occluded_lanes(&self, rays: &RayLanes, count: usize) -> u32 {
+        if self.flat.is_some() {
+            let mut hits = HitLanes::NONE;
+            self.intersect_lanes(rays, count, &mut hits);
+            return mask_of(|lane| hits.primitive[lane] != HitLanes::NOTHING);
+        }
+        let (mut mask, mut lane) = (0, 0);
+        self.occluded_all((0..count).map(|lane| rays.at(lane)), |occluded| {
+            mask |= u32::from(occluded) << lane;
+            lane += 1;
+        });
+        mask
     }
 
     /// The point of a hit.
@@ -166,6 +211,21 @@ impl<'s> Accel<'s> {
     #[inline]
     pub fn plain_surface(&self, ray: &Ray, hit: &Hit) -> SurfacePoint {
         surface::surface_point(self.scene, &self.objects, ray, hit, Detail::Plain)
+    }
+
+    /// [`Self::plain_surface`] for the lanes of a mask.
+    #[inline]
+    pub fn plain_surfaces(&self, rays: &RayLanes, hits: &HitLanes, mask: u32, points: &mut PointLanes) {
+        points::plain_points(self.scene, &self.objects, rays, hits, mask, points);
+    }
+
+    /// Texture coordinates of a hit on a triangle of a mesh; 0 on other shapes.
+    #[inline]
+    pub fn uv_of_triangle(&self, hit: &Hit) -> Vec2 {
+        match &self.scene.primitives[hit.primitive as usize].shape {
+            Shape::Mesh(mesh) => mesh::uv(mesh, hit.element, hit.barycentric),
+            Shape::Sphere(_) | Shape::Disk(_) => Vec2::ZERO,
+        }
     }
 
     /// Smallest box around everything at any time of the shutter, in render space;

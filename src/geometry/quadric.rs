@@ -18,6 +18,14 @@ pub struct Quadric {
     extent: Extent,
 }
 
+/// A sphere in its object.
+#[derive(Clone, Copy, Debug)]
+pub struct PlacedSphere {
+    pub extent: SphereExtent,
+    pub to_object: DAffine3,
+    pub to_shape: DAffine3,
+}
+
 #[derive(Clone, Copy, Debug)]
 enum Extent {
     Sphere(SphereExtent),
@@ -56,6 +64,16 @@ impl Quadric {
         match self.extent {
             Extent::Sphere(sphere) if sphere.is_full() => Some((self.to_shape, sphere.radius)),
             Extent::Sphere(_) | Extent::Disk(_) => None,
+        }
+    }
+
+    /// If it is a sphere, or a part of one.
+    pub fn sphere(&self) -> Option<PlacedSphere> {
+        match self.extent {
+            Extent::Sphere(extent) => {
+                Some(PlacedSphere { extent, to_object: self.to_object, to_shape: self.to_shape })
+            }
+            Extent::Disk(_) => None,
         }
     }
 

@@ -13,7 +13,7 @@ pub const fn gamma(n: u32) -> f32 {
 
 /// `position` moved along `normal`, to the side of `w`, so far that the true surface within
 /// `error` of it lies behind, whatever the sum's own rounding does.
-#[inline]
+#[inline(always)]
 pub fn offset_origin(position: Vec3, error: Vec3, normal: Vec3, w: Vec3) -> Vec3 {
     // γ(2): the rounding of the result, and of what is computed here.
     let distance = normal.abs().dot(error + gamma(2) * position.abs());

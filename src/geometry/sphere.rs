@@ -60,11 +60,13 @@ impl SphereExtent {
     }
 
     /// The point of the sphere closest to `p`.
+    #[inline(always)]
     pub fn projected(&self, p: DVec3) -> DVec3 {
         p * (self.radius / p.length())
     }
 
     /// The surface at `p`, a point on the sphere.
+    #[inline(always)]
     pub fn local_point(&self, p: DVec3, detail: Detail) -> LocalPoint {
         let n = (p / self.radius).as_vec3();
         LocalPoint {
@@ -99,13 +101,14 @@ impl SphereExtent {
 pub fn distances(radius: f64, origin: DVec3, direction: DVec3) -> [f64; 2] {
     let squared_radius = radius * radius;
     let a = direction.length_squared();
+    let inverse_a = 1.0 / a;
     let half_b = origin.dot(direction);
     let c = origin.length_squared() - squared_radius;
     // The point closest to the centre gives a discriminant without cancellation.
-    let closest = origin - direction * (half_b / a);
+    let closest = origin - direction * (half_b * inverse_a);
     let root = ((squared_radius - closest.length_squared()) * a).sqrt();
     let q = -(half_b + root.copysign(half_b));
-    let (t0, t1) = (q / a, c / q);
+    let (t0, t1) = (q * inverse_a, c / q);
     if t0 <= t1 { [t0, t1] } else { [t1, t0] }
 }
 
@@ -116,6 +119,7 @@ pub fn azimuth(p: DVec3) -> f64 {
 }
 
 /// Bound on the error of a position that is computed in double precision and used in single.
+#[inline(always)]
 pub fn rounding_error(p: DVec3) -> Vec3 {
     super::rounding::gamma(3) * p.as_vec3().abs()
 }

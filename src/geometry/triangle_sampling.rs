@@ -85,9 +85,8 @@ impl TriangleSampler {
     /// or is seen edge-on.
     #[inline]
     pub fn sample(&self, reference: Vec3, u: Vec2) -> Option<ShapeSample> {
-        let b = if self.is_parallelogram { u } else { uniform_barycentric(u) };
+        let (position, b) = self.point(u);
         let weights = [1.0 - b.x - b.y, b.x, b.y];
-        let position = self.corner + b.x * self.edges[0] + b.y * self.edges[1];
         let normal = match &self.disagreeing {
             None => self.normal,
             Some(n) => {
@@ -105,9 +104,35 @@ impl TriangleSampler {
         })
     }
 
+    /// A point, uniform by area, and its coordinates along the edges.
+    #[inline(always)]
+    pub fn point(&self, u: Vec2) -> (Vec3, Vec2) {
+        let barycentric = uniform_barycentric(u);
+        let b = if self.is_parallelogram { u } else { barycentric };
+        (self.corner + b.x * self.edges[0] + b.y * self.edges[1], b)
+    }
+
+    /// Whether it has the same side everywhere: that of [`Self::normal`].
+    #[inline]
+    pub fn is_flat(&self) -> bool {
+        self.disagreeing.is_none()
+    }
+
+    /// Unit geometric normal.
+    #[inline(always)]
+    pub fn normal(&self) -> Vec3 {
+        self.normal
+    }
+
+    /// Bound on the error of a point, per axis.
+    #[inline(always)]
+    pub fn position_error(&self) -> Vec3 {
+        self.position_error
+    }
+
     /// Density by solid angle with which [`Self::sample`] draws the direction from `reference` to
     /// a point of the triangle; 0 if it never does.
-    #[inline]
+    #[inline(always)]
     pub fn pdf(&self, reference: Vec3, position: Vec3) -> f32 {
         let to_point = position - reference;
         let squared = to_point.length_squared();
@@ -117,7 +142,7 @@ impl TriangleSampler {
 }
 
 /// Uniform by area (Heitz 2019): keeps the stratification of `u` better than a square root.
-#[inline]
+#[inline(always)]
 fn uniform_barycentric(u: Vec2) -> Vec2 {
     let (b0, b1) = if u.x < u.y { (0.5 * u.x, u.y - 0.5 * u.x) } else { (u.x - 0.5 * u.y, 0.5 * u.y) };
     Vec2::new(b1, 1.0 - b0 - b1)

@@ -1,30 +1,46 @@
 //! Camera rays: from a place on the film, a point on the lens and a moment of the shutter to a ray
 //! in render space.
 
-use glam::{Affine3A, Vec2, Vec3};
+use glam::{Mat3, Vec2, Vec3};
+use multiversion::multiversion;
 
 use super::disk::concentric_disk;
-use crate::geometry::Ray;
+use crate::geometry::{LANES, Lanes, Ray, RayLanes};
 use crate::scene::{AnimatedTransform, Camera, Film, camera::Projection};
 
 /// What is left of camera and film when all that is the same for every ray has been computed.
 #[derive(Clone, Debug)]
 pub struct CameraRays {
     to_render: Motion,
-    projection: Projection,
-    /// Film position times this plus `offset` is the position in the screen window.
-    scale: Vec2,
-    offset: Vec2,
-    lens_radius: f32,
-    focal_distance: f32,
+    lens: Lens,
     shutter_open: f32,
     shutter: f32,
 }
 
+/// From film and lens to a ray in the camera's space.
+#[derive(Clone, Debug)]
+struct Lens {
+    /// What the position in the screen window is times in origin and direction.
+    screen_in_origin: f32,
+    screen_in_direction: f32,
+    /// Film position times this plus `offset` is the position in the screen window.
+    scale: Vec2,
+    offset: Vec2,
+    radius: f32,
+    /// Of the focal distance; 0 for a pinhole.
+    inverse_focus: f32,
+}
+
 #[derive(Clone, Debug)]
 enum Motion {
-    Still(Affine3A),
+    Still(Placement),
     Moving(AnimatedTransform),
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Placement {
+    linear: Mat3,
+    origin: Vec3,
 }
 
 impl CameraRays {
@@ -33,16 +49,24 @@ impl CameraRays {
         let to_render = if camera.to_render.is_animated() {
             Motion::Moving(camera.to_render.clone())
         } else {
-            Motion::Still(camera.to_render.at(camera.shutter_open))
+            Motion::Still(Placement::of(camera.to_render.at(camera.shutter_open)))
         };
-        Self {
-            to_render,
-            projection: camera.projection,
+        let (screen_in_origin, screen_in_direction) = match camera.projection {
+            Projection::Perspective { tan_half_fov } => (0.0, tan_half_fov),
+            Projection::Orthographic => (1.0, 0.0),
+        };
+        let lens = Lens {
+            screen_in_origin,
+            screen_in_direction,
             // Rows run downwards on the film, y upwards in the window.
             scale: Vec2::new((x_max - x_min) / film.width as f32, (y_min - y_max) / film.height as f32),
             offset: Vec2::new(x_min, y_max),
-            lens_radius: camera.lens_radius,
-            focal_distance: camera.focal_distance,
+            radius: camera.lens_radius.max(0.0),
+            inverse_focus: if camera.lens_radius > 0.0 { 1.0 / camera.focal_distance } else { 0.0 },
+        };
+        Self {
+            to_render,
+            lens,
             shutter_open: camera.shutter_open,
             shutter: camera.shutter_close - camera.shutter_open,
         }
@@ -52,29 +76,75 @@ impl CameraRays {
     /// `time` are numbers in [0, 1); a pinhole does not look at `lens`.
     #[inline]
     pub fn ray(&self, film: Vec2, lens: Vec2, time: f32) -> Ray {
-        let screen = film * self.scale + self.offset;
-        // Both projections give a direction with z = 1, so that distances along z are multiples.
-        let (mut origin, mut direction) = match self.projection {
-            Projection::Perspective { tan_half_fov } => (Vec3::ZERO, (screen * tan_half_fov).extend(1.0)),
-            Projection::Orthographic => (screen.extend(0.0), Vec3::Z),
-        };
-        if self.lens_radius > 0.0 {
-            // From the point on the lens towards the point in focus, over the focal distance.
-            let on_lens = (self.lens_radius * concentric_disk(lens)).extend(0.0);
-            origin += on_lens;
-            direction -= on_lens / self.focal_distance;
-        }
         let time = self.shutter_open + self.shutter * time;
-        let to_render = match &self.to_render {
-            Motion::Still(transform) => *transform,
-            Motion::Moving(transform) => transform.at(time),
+        let placement = match &self.to_render {
+            Motion::Still(placement) => *placement,
+            Motion::Moving(transform) => Placement::of(transform.at(time)),
         };
+        self.lens.ray(&placement, film, lens, time)
+    }
+
+    /// [`Self::ray`] in lanes.
+    pub fn rays(&self, film: &[Lanes; 2], lens: &[Lanes; 2], time: &Lanes, rays: &mut RayLanes) {
+        match &self.to_render {
+            Motion::Still(placement) => {
+                still_rays(&self.lens, placement, film, lens, rays);
+                let times = rays.time.iter_mut().zip(time);
+                times.for_each(|(to, time)| *to = self.shutter_open + self.shutter * time);
+            }
+            Motion::Moving(_) => {
+                let at = |pair: &[Lanes; 2], lane: usize| Vec2::new(pair[0][lane], pair[1][lane]);
+                (0..LANES).for_each(|lane| {
+                    rays.set(lane, self.ray(at(film, lane), at(lens, lane), time[lane]));
+                });
+            }
+        }
+    }
+}
+
+impl Placement {
+    #[inline]
+    fn of(transform: glam::Affine3A) -> Self {
+        Self { linear: transform.matrix3.into(), origin: transform.translation.into() }
+    }
+}
+
+impl Lens {
+    #[inline(always)]
+    fn ray(&self, placement: &Placement, film: Vec2, lens: Vec2, time: f32) -> Ray {
+        let screen = film * self.scale + self.offset;
+        // From the point on the lens towards the point in focus. Both projections give a direction with
+        // z = 1, so that distances along z are multiples.
+        let on_lens = self.radius * concentric_disk(lens);
+        let origin = screen * self.screen_in_origin + on_lens;
+        let direction = screen * self.screen_in_direction - on_lens * self.inverse_focus;
         Ray {
-            origin: to_render.transform_point3(origin),
-            direction: to_render.transform_vector3(direction).normalize(),
+            origin: placement.linear * origin.extend(0.0) + placement.origin,
+            direction: (placement.linear * direction.extend(1.0)).normalize(),
             t_max: f32::INFINITY,
             time,
         }
+    }
+}
+
+#[multiversion(targets(
+    "x86_64+avx512f+avx512bw+avx512dq+avx512vl+bmi1+bmi2+fma+avx2+popcnt+lzcnt",
+    "x86_64+avx2+fma+bmi1+bmi2+popcnt+lzcnt"
+))]
+fn still_rays(
+    camera: &Lens,
+    placement: &Placement,
+    film: &[Lanes; 2],
+    lens: &[Lanes; 2],
+    rays: &mut RayLanes,
+) {
+    let ([film_x, film_y], [lens_x, lens_y]) = (film, lens);
+    for lane in 0..LANES {
+        let (film, lens) = (Vec2::new(film_x[lane], film_y[lane]), Vec2::new(lens_x[lane], lens_y[lane]));
+        let ray = camera.ray(placement, film, lens, 0.0);
+        rays.origin.set(lane, ray.origin);
+        rays.direction.set(lane, ray.direction);
+        rays.t_max[lane] = ray.t_max;
     }
 }
 

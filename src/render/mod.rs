@@ -20,17 +20,17 @@ use rayon::prelude::*;
 use self::camera::CameraRays;
 use self::integrator::{PathTracer, Wavefront};
 use self::pixel_filter::FilterSampler;
-use self::record::Record;
-use self::sampler::{Independent, Sobol, Source, Stream};
-use crate::geometry::Accel;
+use self::record::Records;
+use self::sampler::{Addresses, Independent, Sobol, Source};
+use crate::geometry::{Accel, LANES, Lanes, RayLanes};
 use crate::scene::{Camera, Effects, SamplerKind, Scene};
 use crate::stats::{Layout, Row, Store};
 
 pub use share::Share;
 
-/// Samples that are traced together: enough for the stages to overlap, few enough to stay in the
-/// first-level cache.
-const WAVEFRONT: usize = 64;
+/// Samples that are traced together: enough for most packets to be full, few enough for what is known of
+/// them to stay in the first-level cache.
+const WAVEFRONT: usize = 128;
 
 /// Renders samples of one scene.
 pub struct Renderer<'s> {
@@ -46,7 +46,7 @@ pub struct Renderer<'s> {
     filter: FilterSampler,
     camera: CameraRays,
     tracer: PathTracer<'s>,
-    /// For each of the layout's dimensions, its place in [`Record::values`].
+    /// For each of the layout's dimensions, its place in [`Records::values`].
     alive: Vec<usize>,
 }
 
@@ -73,7 +73,7 @@ impl<'s> Renderer<'s> {
             filter: FilterSampler::new(&scene.film.filter),
             camera: CameraRays::new(camera, &scene.film),
             tracer: PathTracer::new(scene, accel, &effects, &layout),
-            alive: Record::alive(&layout),
+            alive: Records::alive(&layout),
             layout,
         }
     }
@@ -129,56 +129,92 @@ impl<'s> Renderer<'s> {
     }
 
     fn render_row<S: Source>(&self, y: usize, counts: &[u32], row: &mut Row) {
-        let mut wave = Wavefront::<S>::with_capacity(WAVEFRONT);
-        let mut columns = Vec::with_capacity(WAVEFRONT);
-        let mut samples = Vec::with_capacity(WAVEFRONT * self.layout.len());
+        let mut batch = Batch::default();
+        let mut starts = Starts { samples: Addresses::NONE, centres: [[0.0; LANES]; 2] };
         for (column, &count) in counts.iter().enumerate() {
             let (x, y) = (column + self.corner[0], y + self.corner[1]);
             let source = S::for_pixel(self.seed, x as u32, y as u32);
             let first = row.next_index(column);
             for index in first..first.saturating_add(count) {
-                self.start(x, y, Stream::new(source, self.share.in_sequence(index)), &mut wave);
-                columns.push(column);
-                if columns.len() == WAVEFRONT {
-                    self.finish(&mut wave, &mut columns, &mut samples, row);
+                let lane = batch.columns.len() % LANES;
+                starts.samples.set(lane, source.address(self.share.in_sequence(index)));
+                (starts.centres[0][lane], starts.centres[1][lane]) = (x as f32 + 0.5, y as f32 + 0.5);
+                batch.columns.push(column);
+                if lane == LANES - 1 {
+                    self.start::<S>(&starts, LANES, &mut batch.wave);
+                }
+                if batch.columns.len() == WAVEFRONT {
+                    self.finish::<S>(&mut batch, row);
                 }
             }
         }
-        self.finish(&mut wave, &mut columns, &mut samples, row);
+        let rest = batch.columns.len() % LANES;
+        if rest > 0 {
+            self.start::<S>(&starts, rest, &mut batch.wave);
+        }
+        self.finish::<S>(&mut batch, row);
     }
 
-    /// Starts one sample of the pixel at (`x`, `y`) of the whole image.
-    #[inline]
-    fn start<S: Source>(&self, x: usize, y: usize, mut numbers: Stream<S>, wave: &mut Wavefront<'s, S>) {
-        let camera = self.tracer.dimensions().camera(&mut numbers);
-        let centre = glam::Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
-        let film = centre + self.filter.sample(camera.film);
-        let ray = self.camera.ray(film, camera.lens, camera.time);
-        let record = Record { film, lens: camera.lens, time: camera.time, ..Record::default() };
-        wave.start(ray, numbers, record);
+    /// Starts the first `count` of some samples.
+    fn start<S: Source>(&self, starts: &Starts, count: usize, wave: &mut Wavefront<'s>) {
+        let camera = self.tracer.dimensions().camera::<S>(&starts.samples);
+        let mut film = starts.centres;
+        let [film_x, film_y] = &mut film;
+        for (lane, (x, y)) in film_x.iter_mut().zip(film_y).enumerate() {
+            let offset = self.filter.sample(glam::Vec2::new(camera.film[0][lane], camera.film[1][lane]));
+            (*x, *y) = (*x + offset.x, *y + offset.y);
+        }
+        let mut rays = RayLanes::NONE;
+        self.camera.rays(&film, &camera.lens, &camera.time, &mut rays);
+        // The first hit's numbers are there even if there is none: that they were not used must not show in
+        // their distribution.
+        let records = Records {
+            film,
+            lens: camera.lens,
+            time: camera.time,
+            light1: camera.light_uv,
+            bsdf1: camera.bsdf_uv,
+            ..Records::NONE
+        };
+        wave.start(&rays, &starts.samples, &records, count);
     }
 
-    /// Traces what was started, one path for each of `columns`, and takes it into the store.
-    fn finish<S: Source>(
-        &self,
-        wave: &mut Wavefront<'s, S>,
-        columns: &mut Vec<usize>,
-        samples: &mut Vec<f32>,
-        row: &mut Row,
-    ) {
-        self.tracer.trace(wave);
-        for record in wave.records() {
-            let values = record.values(self.exposure);
-            samples.extend(self.alive.iter().map(|&i| values[i]));
+    /// Traces what was started, one path for each of the columns, and takes it into the store.
+    fn finish<S: Source>(&self, batch: &mut Batch<'s>, row: &mut Row) {
+        let Batch { wave, columns, samples } = batch;
+        self.tracer.trace::<S>(wave);
+        let dims = self.layout.len();
+        samples.resize(columns.len().next_multiple_of(LANES) * dims, 0.0);
+        for (records, samples) in wave.records().iter().zip(samples.chunks_exact_mut(LANES * dims)) {
+            let values = records.values(self.exposure);
+            for (dim, &place) in self.alive.iter().enumerate() {
+                let lanes = samples[dim..].iter_mut().step_by(dims);
+                lanes.zip(&values[place]).for_each(|(to, from)| *to = *from);
+            }
         }
         let mut rest = &samples[..];
         for pixel in columns.chunk_by(|a, b| a == b) {
-            let (samples, others) = rest.split_at(pixel.len() * self.layout.len());
+            let (samples, others) = rest.split_at(pixel.len() * dims);
             row.push(pixel[0], samples);
             rest = others;
         }
         wave.clear();
         columns.clear();
-        samples.clear();
     }
+}
+
+/// Samples that are to be started: where their numbers come from, and the centres of their pixels.
+struct Starts {
+    samples: Addresses,
+    centres: [Lanes; 2],
+}
+
+/// Samples that are traced together.
+#[derive(Default)]
+struct Batch<'s> {
+    wave: Wavefront<'s>,
+    /// Of each sample's pixel.
+    columns: Vec<usize>,
+    /// Their values, one after the other.
+    samples: Vec<f32>,
 }

@@ -1,47 +1,78 @@
 //! What is remembered of one path: all that a sample vector can hold.
 
-use glam::{Vec2, Vec3};
-
+use crate::geometry::{LANES, Lanes, Lanes3};
 use crate::stats::{Layout, MAX_DIMENSIONS};
 
-/// Everything that the blocks of a [`Layout`] ask for.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Record {
+/// Everything that the blocks of a [`Layout`] ask for, of sixteen paths.
+#[derive(Clone, Copy, Debug)]
+pub struct Records {
     /// In pixels of the whole image.
-    pub film: Vec2,
-    /// Radiance without directly visible emission.
-    pub colour: Vec3,
+    pub film: [Lanes; 2],
+    /// Radiance from lights that were sampled.
+    pub sampled: Lanes3,
+    /// Radiance from lights that scattered rays found.
+    pub found: Lanes3,
     /// Emission seen by the camera, directly or by way of perfectly specular surfaces only.
-    pub visible: Vec3,
+    pub visible: Lanes3,
     /// Positions are in scene diameters.
-    pub position1: Vec3,
-    pub normal1: Vec3,
-    pub albedo: Vec3,
-    pub position2: Vec3,
-    pub normal2: Vec3,
+    pub position1: Lanes3,
+    pub normal1: Lanes3,
+    pub albedo: Lanes3,
+    pub position2: Lanes3,
+    pub normal2: Lanes3,
     /// Numbers in [0, 1).
-    pub lens: Vec2,
-    pub time: f32,
-    pub light1: Vec2,
-    pub bsdf1: Vec2,
-    /// The camera ray met a surface.
-    pub hit: bool,
+    pub lens: [Lanes; 2],
+    pub time: Lanes,
+    pub light1: [Lanes; 2],
+    pub bsdf1: [Lanes; 2],
+    /// 1 where the camera ray met a surface.
+    pub hit: Lanes,
 }
 
-impl Record {
-    /// The sample vector of a layout in which everything is alive; `exposure` is the factor from
-    /// radiance to pixel value.
+impl Records {
+    pub const NONE: Self = {
+        let (zero, pair, vector) = ([0.0; LANES], [[0.0; LANES]; 2], Lanes3::ZERO);
+        Self {
+            film: pair,
+            sampled: vector,
+            found: vector,
+            visible: vector,
+            position1: vector,
+            normal1: vector,
+            albedo: vector,
+            position2: vector,
+            normal2: vector,
+            lens: pair,
+            time: zero,
+            light1: pair,
+            bsdf1: pair,
+            hit: zero,
+        }
+    };
+
+    /// The sample vectors of a layout in which everything is alive, by dimension; `exposure` is the
+    /// factor from radiance to pixel value.
     #[inline]
-    pub fn values(&self, exposure: f32) -> [f32; MAX_DIMENSIONS] {
-        let [film, lens, light1, bsdf1] = [self.film, self.lens, self.light1, self.bsdf1];
-        let (colour, visible) = (exposure * self.colour, exposure * self.visible);
+    pub fn values(&self, exposure: f32) -> [Lanes; MAX_DIMENSIONS] {
+        let mut colour = Lanes3::ZERO;
+        let mut visible = Lanes3::ZERO;
+        let mut radiance = Lanes3::ZERO;
+        for lane in 0..LANES {
+            let seen = exposure * self.visible.at(lane);
+            // Two sums, so that the order in which they come in makes no difference.
+            let rest = exposure * (self.sampled.at(lane) + self.found.at(lane));
+            colour.set(lane, rest);
+            visible.set(lane, seen);
+            radiance.set(lane, rest + seen);
+        }
+        let ([film_x, film_y], [lens_u, lens_v]) = (self.film, self.lens);
+        let ([light_u, light_v], [bsdf_u, bsdf_v]) = (self.light1, self.bsdf1);
         let [c, p1, n1, a] = [colour, self.position1, self.normal1, self.albedo];
-        let [p2, n2, e, r] = [self.position2, self.normal2, visible, colour + visible];
-        let hit = if self.hit { 1.0 } else { 0.0 };
+        let [p2, n2, e, r] = [self.position2, self.normal2, visible, radiance];
         [
-            film.x, film.y, c.x, c.y, c.z, p1.x, p1.y, p1.z, n1.x, n1.y, n1.z, a.x, a.y, a.z, p2.x, p2.y,
-            p2.z, n2.x, n2.y, n2.z, lens.x, lens.y, self.time, light1.x, light1.y, bsdf1.x, bsdf1.y, r.x,
-            r.y, r.z, e.x, e.y, e.z, hit,
+            film_x, film_y, c.x, c.y, c.z, p1.x, p1.y, p1.z, n1.x, n1.y, n1.z, a.x, a.y, a.z, p2.x, p2.y,
+            p2.z, n2.x, n2.y, n2.z, lens_u, lens_v, self.time, light_u, light_v, bsdf_u, bsdf_v, r.x, r.y,
+            r.z, e.x, e.y, e.z, self.hit,
         ]
     }
 
@@ -56,28 +87,31 @@ impl Record {
 
 #[cfg(test)]
 mod tests {
+    use glam::Vec3;
+
     use super::*;
     use crate::stats::Block;
 
     #[test]
     fn values_stand_where_the_layout_has_them() {
-        let record = Record {
-            film: Vec2::new(1.0, 2.0),
-            colour: Vec3::new(3.0, 4.0, 5.0),
-            visible: Vec3::splat(10.0),
-            position1: Vec3::splat(6.0),
-            normal1: Vec3::splat(7.0),
-            albedo: Vec3::splat(8.0),
-            position2: Vec3::splat(9.0),
-            normal2: Vec3::splat(10.0),
-            lens: Vec2::splat(11.0),
-            time: 12.0,
-            light1: Vec2::splat(13.0),
-            bsdf1: Vec2::new(14.0, 15.0),
-            hit: true,
-        };
+        let mut records = Records::NONE;
+        let lane = 5;
+        records.film = [[1.0; LANES], [2.0; LANES]];
+        records.sampled.set(lane, Vec3::new(2.0, 4.0, 4.0));
+        records.found.set(lane, Vec3::new(1.0, 0.0, 1.0));
+        records.visible.set(lane, Vec3::splat(10.0));
+        records.position1.set(lane, Vec3::splat(6.0));
+        records.normal1.set(lane, Vec3::splat(7.0));
+        records.albedo.set(lane, Vec3::splat(8.0));
+        records.position2.set(lane, Vec3::splat(9.0));
+        records.normal2.set(lane, Vec3::splat(10.0));
+        records.lens = [[11.0; LANES]; 2];
+        records.time = [12.0; LANES];
+        records.light1 = [[13.0; LANES]; 2];
+        records.bsdf1 = [[14.0; LANES]; 2];
+        records.hit[lane] = 1.0;
+        let values = records.values(1.0).map(|lanes| lanes[lane]);
         let layout = Layout::with_blocks(|_| true);
-        let values = record.values(1.0);
         assert_eq!(layout.len(), values.len());
         let expected: [(Block, &[f32]); 14] = [
             (Block::Film, &[1.0, 2.0]),
@@ -90,7 +124,7 @@ mod tests {
             (Block::Lens, &[11.0; 2]),
             (Block::Time, &[12.0]),
             (Block::Light1, &[13.0; 2]),
-            (Block::Bsdf1, &[14.0, 15.0]),
+            (Block::Bsdf1, &[14.0; 2]),
             (Block::Radiance, &[13.0, 14.0, 15.0]),
             (Block::Emission, &[10.0; 3]),
             (Block::Hit, &[1.0]),
@@ -103,6 +137,6 @@ mod tests {
     #[test]
     fn dead_dimensions_are_left_out() {
         let layout = Layout::with_blocks(|block| block == Block::Hit);
-        assert_eq!(Record::alive(&layout), [0, 1, 2, 3, 4, 33]);
+        assert_eq!(Records::alive(&layout), [0, 1, 2, 3, 4, 33]);
     }
 }

@@ -7,10 +7,10 @@ use super::{BsdfSample, Scatter, fresnel, microfacet::Ggx};
 
 /// A conductor of complex index `eta` + i `k` relative to what is around it.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Conductor {
-    pub eta: Vec3,
-    pub k: Vec3,
-    pub ggx: Ggx,
+pub struct Conductor {
+    pub(super) eta: Vec3,
+    pub(super) k: Vec3,
+    pub(super) ggx: Ggx,
 }
 
 impl Scatter for Conductor {

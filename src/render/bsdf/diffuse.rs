@@ -1,10 +1,11 @@
 //! Lambertian reflection and transmission, the same from both sides.
 
-use std::f32::consts::{FRAC_1_PI, FRAC_PI_2, FRAC_PI_4};
+use std::f32::consts::FRAC_1_PI;
 
 use glam::{Vec2, Vec3};
 
 use super::{BsdfSample, Scatter, frame::on_side_of, frame::same_side};
+use crate::render::disk::concentric_disk;
 
 /// A diffuse surface; colours in [0, 1]. As in pbrt-v4, their sum is the caller's business.
 #[derive(Clone, Copy, Debug)]
@@ -26,6 +27,7 @@ impl Diffuse {
 }
 
 impl Scatter for Diffuse {
+    #[inline(always)]
     fn eval(&self, wo: Vec3, wi: Vec3) -> Vec3 {
         let albedo = if same_side(wo, wi) { self.reflectance } else { self.transmittance };
         albedo * (FRAC_1_PI * wi.z.abs())
@@ -62,22 +64,14 @@ impl Scatter for Diffuse {
 }
 
 /// Density of [`cosine_sample`] on either side.
+#[inline(always)]
 pub(super) fn cosine_pdf(wi: Vec3) -> f32 {
     FRAC_1_PI * wi.z.abs()
 }
 
-/// A direction of the upper hemisphere, cosine-distributed: Shirley and Chiu's concentric disk
-/// (1997), lifted.
+/// A direction of the upper hemisphere, cosine-distributed: a point of the disk, lifted.
+#[inline(always)]
 pub(super) fn cosine_sample(u: Vec2) -> Vec3 {
-    let d = 2.0 * u - 1.0;
-    if d == Vec2::ZERO {
-        return Vec3::Z;
-    }
-    let (radius, angle) = if d.x.abs() > d.y.abs() {
-        (d.x, FRAC_PI_4 * (d.y / d.x))
-    } else {
-        (d.y, FRAC_PI_2 - FRAC_PI_4 * (d.x / d.y))
-    };
-    let (sin, cos) = angle.sin_cos();
-    Vec3::new(radius * cos, radius * sin, (1.0 - radius * radius).max(0.0).sqrt())
+    let p = concentric_disk(u);
+    p.extend((1.0 - p.length_squared()).max(0.0).sqrt())
 }

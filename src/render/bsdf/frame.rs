@@ -20,21 +20,32 @@ impl Frame {
         Self { x, y: normal.cross(x), z: normal }
     }
 
+    /// Any frame whose z is the unit `normal`, without a branch.
+    #[inline(always)]
+    pub fn around(normal: Vec3) -> Self {
+        let (x, y) = normal.any_orthonormal_pair();
+        Self { x, y, z: normal }
+    }
+
+    #[inline(always)]
     pub fn to_local(self, w: Vec3) -> Vec3 {
         Vec3::new(w.dot(self.x), w.dot(self.y), w.dot(self.z))
     }
 
+    #[inline(always)]
     pub fn to_render(self, w: Vec3) -> Vec3 {
         self.x * w.x + self.y * w.y + self.z * w.z
     }
 }
 
 /// Whether two local directions are on the same side of the surface.
+#[inline(always)]
 pub(super) fn same_side(a: Vec3, b: Vec3) -> bool {
     a.z * b.z > 0.0
 }
 
 /// The local direction with its z turned to the side of `like`.
+#[inline(always)]
 pub(super) fn on_side_of(w: Vec3, like: Vec3) -> Vec3 {
     Vec3::new(w.x, w.y, w.z.abs().copysign(like.z))
 }

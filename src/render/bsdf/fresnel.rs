@@ -52,11 +52,13 @@ pub(super) fn dielectric_mean(eta: f32) -> f32 {
 
 /// Unpolarised reflectance of a conductor by channel, of complex index `eta` + i `k` relative to
 /// the near side.
+#[inline(always)]
 pub(super) fn conductor(cos: f32, eta: Vec3, k: Vec3) -> Vec3 {
     let channel = |i: usize| conductor_channel(cos.clamp(0.0, 1.0), eta[i], k[i]);
     Vec3::new(channel(0), channel(1), channel(2))
 }
 
+#[inline(always)]
 fn conductor_channel(cos: f32, eta: f32, k: f32) -> f32 {
     if cos == 0.0 {
         return 1.0;

@@ -12,6 +12,7 @@ use glam::{Vec2, Vec3};
 
 use super::bounded;
 use super::frame::{on_side_of, same_side};
+use crate::render::disk::sin_cos_of_turns;
 
 /// A surface whose larger alpha is below this is a perfect mirror (pbrt-v4).
 const SMOOTH_BELOW: f32 = 1e-3;
@@ -72,21 +73,25 @@ impl Ggx {
     }
 
     /// Density of microfacet normals over projected area, per steradian.
+    #[inline(always)]
     pub fn density(self, m: Vec3) -> f32 {
         let e = (m.x / self.x).powi(2) + (m.y / self.y).powi(2) + m.z * m.z;
         1.0 / (PI * self.x * self.y * e * e)
     }
 
+    #[inline(always)]
     fn length(self, w: Vec3) -> f32 {
         (w.z * w.z + (self.x * w.x).powi(2) + (self.y * w.y).powi(2)).sqrt()
     }
 
     /// G(wo, wi) / |cos wo cos wi|: Smith's height-correlated masking.
+    #[inline(always)]
     pub fn masking_over_cosines(self, wo: Vec3, wi: Vec3) -> f32 {
         2.0 / (self.length(wo) * wi.z.abs() + self.length(wi) * wo.z.abs()).max(f32::MIN_POSITIVE)
     }
 
     /// G(wo, wi) / G1(wo).
+    #[inline(always)]
     pub fn masking_ratio(self, wo: Vec3, wi: Vec3) -> f32 {
         let g1 = 2.0 / (wo.z.abs() + self.length(wo)); // over |cos wo|
         self.masking_over_cosines(wo, wi) * wi.z.abs() / g1
@@ -98,17 +103,19 @@ impl Ggx {
     }
 
     /// D(m) G(wo, wi) / |cos wo|: the factor that reflection and transmission share.
+    #[inline(always)]
     pub fn projected(self, wo: Vec3, wi: Vec3, m: Vec3) -> f32 {
         self.density(m) * self.masking_over_cosines(wo, wi) * wi.z.abs()
     }
 
     /// A normal visible from `w`, on its side.
+    #[inline(always)]
     pub fn sample_visible(self, w: Vec3, u: Vec2) -> Vec3 {
         // Stretch to the sphere, where the visible normals are a cap's reflections.
         let stretched = Vec3::new(self.x * w.x, self.y * w.y, w.z.abs()).normalize_or(Vec3::Z);
         let height = (1.0 - u.y) * (1.0 + stretched.z); // of the normal; the cap's point is lower
         let z = height - stretched.z;
-        let (sin_phi, cos_phi) = (2.0 * PI * u.x).sin_cos();
+        let (sin_phi, cos_phi) = sin_cos_of_turns(u.x);
         let radius = (1.0 - z * z).max(0.0).sqrt();
         let m = Vec3::new(
             self.x * (radius * cos_phi + stretched.x),
@@ -120,23 +127,32 @@ impl Ggx {
 
     /// f |cos wi| but for Fresnel's factor, and the cosine to the microfacet that it depends on.
     /// Both directions are on the same side.
+    #[inline(always)]
     pub fn reflect_eval(self, wo: Vec3, wi: Vec3) -> (f32, f32) {
-        let Some(m) = (wo + wi).try_normalize() else { return (0.0, 1.0) };
+        let m = (wo + wi).normalize_or(Vec3::Z);
         (self.projected(wo, wi, m) / 4.0, wo.dot(m))
     }
 
-    /// Density of [`Self::reflect_sample`], per steradian of `wi`.
+    /// Density of [`Self::reflect_sample`], per steradian of `wi`. Both directions are on the same side.
+    #[inline(always)]
     pub fn reflect_pdf(self, wo: Vec3, wi: Vec3) -> f32 {
-        let Some(m) = (wo + wi).try_normalize() else { return 0.0 };
+        let m = (wo + wi).normalize_or(Vec3::Z);
         self.density(m) / (2.0 * (wo.z.abs() + self.length(wo)))
     }
 
     /// Reflects at a visible normal; `None` where that leads below the surface.
     pub fn reflect_sample(self, wo: Vec3, u: Vec2) -> Option<Reflection> {
+        let reflection = self.reflect(wo, u);
+        same_side(wo, reflection.wi).then_some(reflection)
+    }
+
+    /// Reflects at a visible normal, wherever that leads.
+    #[inline(always)]
+    pub fn reflect(self, wo: Vec3, u: Vec2) -> Reflection {
         let m = self.sample_visible(wo, u);
         let cos = wo.dot(m);
         let wi = (m * (2.0 * cos) - wo).normalize_or(m);
-        same_side(wo, wi).then(|| Reflection { wi, cos, weight: self.masking_ratio(wo, wi) })
+        Reflection { wi, cos, weight: self.masking_ratio(wo, wi) }
     }
 }
 

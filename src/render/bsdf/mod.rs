@@ -24,6 +24,7 @@ mod measured;
 mod microfacet;
 mod mirror;
 mod oren_nayar;
+mod plain;
 mod shading_frame;
 #[cfg(test)]
 mod statistical_tests;
@@ -50,6 +51,7 @@ use measured::Measured;
 use microfacet::Ggx;
 use mirror::Mirror;
 use oren_nayar::OrenNayar;
+pub use plain::{Evaluated, Plain, PlainSurfaces, Scattered};
 use sum::{Straight, Sum};
 
 /// Cosines below this are lost in the rounding of the change of frame, and so is the side of the
@@ -391,6 +393,7 @@ impl<'s> Bsdf<'s> {
     }
 }
 
+#[inline(always)]
 fn on_horizon(w: Vec3) -> bool {
     w.z.is_nan() || w.z.abs() <= HORIZON
 }

@@ -4,9 +4,14 @@
 use glam::Vec3;
 
 use super::PathTracer;
-use crate::geometry::{Ray, SurfacePoint};
-use crate::render::bsdf::Bsdf;
-use crate::render::lights::Receiver;
+use super::events::direct_light;
+use super::flights::{Flights, Shadows};
+use super::path::place;
+use super::shade::{Other, Places};
+use crate::geometry::{LANES, Ray, lanes_of};
+use crate::render::bsdf::Evaluated;
+use crate::render::lights::LightSamples;
+use crate::render::record::Records;
 use crate::render::sampler::BounceNumbers;
 
 /// Boundaries without effect that a ray passes at most. More than any scene nests; the limit is
@@ -14,35 +19,55 @@ use crate::render::sampler::BounceNumbers;
 pub(super) const MAX_PASSES: u32 = 256;
 
 impl PathTracer<'_> {
-    /// Radiance in direction `wo` that comes from one sampled light by way of `bsdf`, if nothing is
-    /// in the way of the ray. Lights are sampled as seen from the receiver, see [`receiver`].
-    #[inline]
-    pub(super) fn direct_light(
+    /// Samples a light for each path in a mask's lanes. What arrives from there is kept back until enough
+    /// has come together for its way to be searched.
+    #[expect(clippy::too_many_arguments, reason = "the packet's parts, of which each stage needs others")]
+    pub(super) fn sample_lights(
         &self,
-        point: &SurfacePoint,
-        receiver: &Receiver,
-        bsdf: &Bsdf,
-        wo: Vec3,
+        mask: u32,
+        flights: &Flights,
+        places: &Places,
+        others: &[Other],
         numbers: &BounceNumbers,
-        time: f32,
-    ) -> Option<(Vec3, Ray)> {
-        let light = self.lights.sample(receiver, numbers.light, numbers.light_uv)?;
-        let (value, pdf) = bsdf.eval_and_pdf(wo, light.wi);
-        let scattered = value * light.radiance;
-        if scattered == Vec3::ZERO {
-            return None;
+        shadows: &mut Shadows,
+        records: &mut [Records],
+    ) {
+        if mask == 0 {
+            return;
         }
-        let share = if light.found_by_rays { power_heuristic(light.pdf, pdf) } else { 1.0 };
-        Some((scattered * (share / light.pdf), light.shadow_ray(point, time)))
+        let mut lights = LightSamples::NONE;
+        self.lights.sample(mask, &places.receivers, &numbers.light, &numbers.light_uv, &mut lights);
+        let mut bsdfs = Evaluated::NOTHING;
+        let (rays, normals) = (&flights.rays, &places.normals);
+        places.surfaces.eval(mask & places.plain, rays, normals, &lights.wi, &mut bsdfs);
+        Self::eval_others(others, mask, flights, &lights.wi, &mut bsdfs);
+        let mut new = Shadows::NONE;
+        let arrives = direct_light(mask, flights, &places.points, &lights, &bsdfs, &mut new);
+        for lane in lanes_of(arrives) {
+            shadows.push(flights.path[lane], &new, lane);
+            if shadows.count == LANES {
+                self.add_visible_light(shadows, records);
+            }
+        }
     }
 
-    /// Passes on, for each ray, whether nothing but boundaries without effect is in its way.
-    #[inline]
-    pub(super) fn are_visible(&self, rays: impl Iterator<Item = Ray>, mut found: impl FnMut(bool)) {
-        if self.has_interfaces {
-            rays.for_each(|ray| found(self.is_visible_through_interfaces(ray)));
+    /// Adds what was kept back where nothing but boundaries without effect is in its way.
+    pub(super) fn add_visible_light(&self, shadows: &mut Shadows, records: &mut [Records]) {
+        let count = std::mem::take(&mut shadows.count);
+        if count == 0 {
+            return;
+        }
+        let all = (1 << count) - 1;
+        let visible = if self.has_interfaces {
+            let is_visible = |lane: &usize| self.is_visible_through_interfaces(shadows.rays.at(*lane));
+            (0..count).filter(is_visible).fold(0, |mask, lane| mask | 1 << lane)
         } else {
-            self.accel.occluded_all(rays, |occluded| found(!occluded));
+            all & !self.accel.occluded_lanes(&shadows.rays, count)
+        };
+        for lane in lanes_of(visible) {
+            let (packet, place) = place(shadows.path[lane]);
+            let sum = &mut records[packet].sampled;
+            sum.set(place, sum.at(place) + shadows.light.at(lane));
         }
     }
 
@@ -64,25 +89,14 @@ impl PathTracer<'_> {
     }
 }
 
-/// How a point receives light. It is moved to the viewer's side of the surface, so that a surface
-/// that is itself a light is not seen from its other side.
-#[inline]
-pub(super) fn receiver(point: &SurfacePoint, bsdf: &Bsdf, wo: Vec3) -> Receiver {
-    Receiver {
-        position: point.offset_origin(wo),
-        normal: turned(bsdf.shading_normal(), wo),
-        transmits: bsdf.transmits(),
-    }
-}
-
 /// The normal on the side of `w`.
-#[inline]
+#[inline(always)]
 pub(super) fn turned(normal: Vec3, w: Vec3) -> Vec3 {
     if normal.dot(w) < 0.0 { -normal } else { normal }
 }
 
 /// Share of the technique with density `pdf` against another one.
-#[inline]
+#[inline(always)]
 pub(super) fn power_heuristic(pdf: f32, other: f32) -> f32 {
     let ratio = other / pdf;
     1.0 / (1.0 + ratio * ratio)

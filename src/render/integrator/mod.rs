@@ -5,13 +5,18 @@
 //! not perfectly specular.
 
 mod direct;
+mod events;
+mod flights;
 mod path;
+mod shade;
 
 use crate::geometry::{Accel, SurfacePoint};
 use crate::scene::material::{Metal, Roughness};
-use crate::scene::{Effects, Integrator, Material, MaterialKind, Scene};
+use crate::scene::{Effects, Integrator, Material, MaterialKind, Primitive, Scene, Shape};
 use crate::stats::{Block, Layout};
 
+use self::events::Rules;
+use super::bsdf::Plain;
 use super::lights::Lights;
 use super::sampler::{Dimensions, Needs};
 
@@ -23,19 +28,18 @@ pub struct PathTracer<'s> {
     accel: &'s Accel<'s>,
     lights: Lights<'s>,
     dimensions: Dimensions,
-    max_depth: u32,
-    /// Light arrives by one scattering event that is not perfectly specular.
-    direct_only: bool,
+    rules: Rules,
     /// Paths go on from where they scatter.
     follows: bool,
     /// For each material, whether it looks at texture coordinates or tangents.
     parametrised: Vec<bool>,
+    /// For each material, what it is if it is plain.
+    plain_materials: Vec<Option<Plain>>,
+    /// For each primitive, whether it is shaded as plain.
+    is_plain: Vec<bool>,
     /// Some material lets light pass unchanged.
     has_interfaces: bool,
     records_albedo: bool,
-    records_second_hit: bool,
-    /// Numbers of the first hit are recorded, and so have to be made even if there is none.
-    records_numbers: bool,
     inverse_diameter: f32,
 }
 
@@ -59,21 +63,35 @@ impl<'s> PathTracer<'s> {
             lobe: some_material(has_lobes),
             bsdf_uv: follows,
             mix: some_material(|kind| matches!(kind, MaterialKind::Mix { .. })),
-            roulette: !direct_only && max_depth >= path::ROULETTE_DEPTH,
+            roulette: !direct_only && max_depth >= events::ROULETTE_DEPTH,
         };
         let alive = |block| layout.block(block).is_some();
+        let plain_materials: Vec<_> =
+            scene.materials.iter().map(|material| Plain::of(&scene.textures, material)).collect();
+        // Of other shapes, texture coordinates are not computed in lanes, and for light from an image of none.
+        let is_plain = |primitive: &Primitive| {
+            if primitive.area_light.is_some_and(|light| light.image.is_some()) {
+                return false;
+            }
+            let plain = plain_materials[primitive.material.0 as usize];
+            plain.is_some_and(|plain| plain.is_constant() || matches!(primitive.shape, Shape::Mesh(_)))
+        };
         Self {
             scene,
             accel,
             dimensions: Dimensions::new(&needs),
-            max_depth,
-            direct_only,
+            rules: Rules {
+                max_depth,
+                direct_only,
+                lights_are_found: lights.found_by_rays(),
+                records_second_hit: alive(Block::Position2),
+            },
             follows,
             parametrised: scene.materials.iter().map(|m| is_parametrised(scene, m)).collect(),
+            is_plain: scene.primitives.iter().map(is_plain).collect(),
+            plain_materials,
             has_interfaces: some_material(|kind| matches!(kind, MaterialKind::Interface)),
             records_albedo: alive(Block::Albedo),
-            records_second_hit: alive(Block::Position2),
-            records_numbers: alive(Block::Light1) || alive(Block::Bsdf1),
             inverse_diameter: 1.0 / diameter,
             lights,
         }
@@ -87,6 +105,12 @@ impl<'s> PathTracer<'s> {
     /// What recorded positions are divided by, in scene units.
     pub fn diameter(&self) -> f32 {
         1.0 / self.inverse_diameter
+    }
+
+    /// Index of a primitive's material.
+    #[inline]
+    fn material(&self, primitive: u32) -> u32 {
+        self.scene.primitives[primitive as usize].material.0
     }
 
     fn is_interface(&self, point: &SurfacePoint) -> bool {

@@ -26,7 +26,7 @@ pub struct Receiver {
 impl Receiver {
     /// Bound on the cosine at which light arrives from one of the unit directions around `wi` with
     /// this largest angle; 0 only if none counts.
-    #[inline]
+    #[inline(always)]
     pub fn cosine(&self, wi: Vec3, spread: Angle) -> f32 {
         let cos = self.normal.dot(wi);
         let angle = Angle::from_cos(if self.transmits { cos.abs() } else { cos });
@@ -44,21 +44,17 @@ pub struct Angle {
 impl Angle {
     pub const ZERO: Self = Self { cos: 1.0, sin: 0.0 };
 
-    #[inline]
+    #[inline(always)]
     fn from_cos(cos: f32) -> Self {
         Self { cos, sin: (1.0 - cos * cos).max(0.0).sqrt() }
     }
 
     /// The difference, or 0 if it is negative.
-    #[inline]
+    #[inline(always)]
     fn minus(self, other: Self) -> Self {
-        if self.cos >= other.cos {
-            return Self::ZERO;
-        }
-        Self {
-            cos: self.cos * other.cos + self.sin * other.sin,
-            sin: self.sin * other.cos - self.cos * other.sin,
-        }
+        let cos = self.cos * other.cos + self.sin * other.sin;
+        let sin = self.sin * other.cos - self.cos * other.sin;
+        if self.cos >= other.cos { Self::ZERO } else { Self { cos, sin } }
     }
 }
 
@@ -82,27 +78,25 @@ pub struct LightBounds {
 }
 
 impl LightBounds {
-    /// What could arrive at a point, about as irradiance; 0 only if nothing can.
-    #[inline]
+    /// What could arrive at a point, about as irradiance; 0 only if nothing can. Without a branch, so
+    /// that it can be done for many points at once.
+    #[inline(always)]
     pub fn importance(&self, receiver: &Receiver) -> f32 {
         let to_centre = self.centre - receiver.position;
         let squared = to_centre.length_squared();
         let squared_radius = self.radius * self.radius;
-        if squared <= squared_radius {
-            return if squared_radius > 0.0 { self.intensity / squared_radius } else { 0.0 };
-        }
+        let inside = if squared_radius > 0.0 { self.intensity / squared_radius } else { 0.0 };
         let wi = to_centre / squared.sqrt();
         let squared_sin = squared_radius / squared;
-        let spread = Angle { cos: (1.0 - squared_sin).sqrt(), sin: squared_sin.sqrt() };
+        let spread = Angle { cos: (1.0 - squared_sin).max(0.0).sqrt(), sin: squared_sin.sqrt() };
         let cos_receiver = receiver.cosine(wi, spread);
         let cos = -self.axis.dot(wi);
         let from_axis = Angle::from_cos(if self.two_sided { cos.abs() } else { cos });
         let cos_light = from_axis.minus(Angle::from_cos(self.cos_axes)).minus(spread).cos + COS_TOLERANCE;
-        if cos_light <= self.cos_emission {
-            return 0.0;
-        }
         // A wide spot light shines backwards as well.
-        self.intensity * cos_light.max(COS_TOLERANCE) * cos_receiver / squared
+        let outside = self.intensity * cos_light.max(COS_TOLERANCE) * cos_receiver / squared;
+        let outside = if cos_light <= self.cos_emission { 0.0 } else { outside };
+        if squared <= squared_radius { inside } else { outside }
     }
 
     /// Bounds of both; `centre` is that of the sphere.

@@ -69,13 +69,28 @@ impl LightChoice {
         self.around.len() + self.tree.len()
     }
 
-    /// A light for a number in [0, 1), with its probability; `None` if none can reach the receiver.
+    /// Bounds of all lights within the scene, if what is to be expected of them makes a difference: there
+    /// are others as well.
     #[inline]
-    pub fn sample(&self, receiver: &Receiver, mut u: f32) -> Option<(usize, f32)> {
+    pub fn bounds_within(&self) -> Option<&LightBounds> {
+        self.tree.bounds().filter(|_| !self.around.is_empty())
+    }
+
+    /// Irradiance to be expected from the lights within the scene, where that makes a difference: the
+    /// importance of [`Self::bounds_within`], which is 0 if there are none.
+    #[inline]
+    pub fn expected_within(&self, receiver: &Receiver) -> f32 {
+        self.bounds_within().map_or(0.0, |bounds| bounds.importance(receiver))
+    }
+
+    /// A light for a number in [0, 1), with its probability; `None` if none can reach the receiver.
+    /// `within` is [`Self::expected_within`].
+    #[inline]
+    pub fn sample(&self, receiver: &Receiver, within: f32, mut u: f32) -> Option<(usize, f32)> {
         if self.around.is_empty() {
             return self.tree.sample(receiver, u);
         }
-        let shares = self.shares(receiver);
+        let shares = self.shares(receiver, within);
         for around in &self.around {
             let share = shares.of(around.expected(receiver));
             if u < share {
@@ -96,11 +111,11 @@ impl LightChoice {
 
     /// Probability with which [`Self::sample`] chooses a light.
     #[inline]
-    pub fn probability(&self, light: usize, receiver: &Receiver) -> f32 {
+    pub fn probability(&self, light: usize, receiver: &Receiver, within: f32) -> f32 {
         if self.around.is_empty() {
             return self.tree.probability(light, receiver);
         }
-        let shares = self.shares(receiver);
+        let shares = self.shares(receiver, within);
         match self.around.iter().find(|around| around.light == light) {
             Some(around) => shares.of(around.expected(receiver)),
             None => shares.of(shares.tree) * self.tree.probability(light, receiver),
@@ -108,9 +123,8 @@ impl LightChoice {
     }
 
     #[inline]
-    fn shares(&self, receiver: &Receiver) -> Shares {
+    fn shares(&self, receiver: &Receiver, tree: f32) -> Shares {
         let around = self.around.iter().map(|around| around.expected(receiver));
-        let tree = self.tree.importance(receiver);
         let (mut total, mut count) = (0.0, 0.0);
         for expected in around.chain([tree]).filter(|&e| e > 0.0) {
             total += expected;

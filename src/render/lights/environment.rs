@@ -9,6 +9,7 @@ use super::choice::Reach;
 use super::distribution::Distribution2d;
 use super::portal::PortalView;
 use super::sphere_map::SphereMap;
+use crate::render::disk::sin_cos_of_turns;
 use crate::scene::Scene;
 use crate::scene::light::{Environment, EnvironmentMap};
 
@@ -50,6 +51,12 @@ impl EnvironmentLight {
         light
     }
 
+    /// Radiance, if it is the same at every point and from everywhere.
+    #[inline]
+    pub fn constant(&self) -> Option<Vec3> {
+        (self.image.is_none() && self.portal.is_none()).then_some(self.scale)
+    }
+
     /// Radiance at a point from a unit direction.
     #[inline]
     pub fn radiance(&self, from: Vec3, direction: Vec3) -> Vec3 {
@@ -74,7 +81,8 @@ impl EnvironmentLight {
             return Some((direction, self.unhidden(direction), pdf));
         }
         let Some(image) = &self.image else {
-            return Some((uniform_direction(u), self.scale, 1.0 / (4.0 * PI)));
+            let (direction, pdf) = uniform_direction(u);
+            return Some((direction, self.scale, pdf));
         };
         let (uv, density) = image.distribution.as_ref()?.sample(u);
         let solid_angle = image.map.solid_angle(uv);
@@ -177,11 +185,13 @@ impl EnvironmentImage {
     }
 }
 
-fn uniform_direction(u: Vec2) -> Vec3 {
+/// A direction of the unit sphere, with its density.
+#[inline(always)]
+pub fn uniform_direction(u: Vec2) -> (Vec3, f32) {
     let z = 1.0 - 2.0 * u.x;
-    let (sin, cos) = (2.0 * PI * u.y).sin_cos();
+    let (sin, cos) = sin_cos_of_turns(u.y);
     let r = (1.0 - z * z).max(0.0).sqrt();
-    Vec3::new(r * cos, r * sin, z)
+    (Vec3::new(r * cos, r * sin, z), 1.0 / (4.0 * PI))
 }
 
 #[cfg(test)]
@@ -229,7 +239,7 @@ mod tests {
     }
 
     fn uniform_directions(n: u32) -> impl Iterator<Item = Vec3> {
-        (0..n).map(|i| uniform_direction(Vec2::new(halton(i, 2), halton(i, 3))))
+        (0..n).map(|i| uniform_direction(Vec2::new(halton(i, 2), halton(i, 3))).0)
     }
 
     #[test]

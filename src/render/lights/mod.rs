@@ -7,6 +7,7 @@ mod delta;
 mod distribution;
 mod environment;
 mod extent;
+mod lanes;
 mod portal;
 mod sphere_map;
 mod surface;
@@ -19,8 +20,9 @@ pub use self::bounds::Receiver;
 use self::choice::{LightChoice, Reach};
 use self::delta::DeltaLight;
 use self::environment::EnvironmentLight;
+pub use self::lanes::{LightSamples, Receivers};
 use self::surface::SurfaceLights;
-use crate::geometry::{Ray, SurfacePoint};
+use crate::geometry::SurfacePoint;
 use crate::scene::{Light, Scene};
 
 /// Shadow rays towards a point end this share of the way before it, beyond the error bounds of
@@ -43,31 +45,18 @@ enum Source {
     Environment(Box<EnvironmentLight>),
 }
 
-/// Light that could arrive at a point, if nothing is in between.
+/// Light from one of the lights that could arrive at a point, if nothing is in between.
 #[derive(Clone, Copy, Debug)]
-pub struct LightSample {
+struct LightSample {
     /// Unit direction towards the light.
-    pub wi: Vec3,
-    pub radiance: Vec3,
-    /// Density per solid angle, or probability for a light without extent; the choice of the
-    /// light is included.
-    pub pdf: f32,
+    wi: Vec3,
+    radiance: Vec3,
+    /// Density per solid angle; 1 for a light without extent.
+    pdf: f32,
     /// A scattered ray can find this light as well.
-    pub found_by_rays: bool,
+    found_by_rays: bool,
     /// Where the shadow ray ends; `None` is infinitely far.
     target: Option<Vec3>,
-}
-
-impl LightSample {
-    /// The ray whose way must be free for the light to arrive at `point`.
-    #[inline]
-    pub fn shadow_ray(&self, point: &SurfacePoint, time: f32) -> Ray {
-        let origin = point.offset_origin(self.wi);
-        match self.target {
-            None => Ray { origin, direction: self.wi, t_max: f32::INFINITY, time },
-            Some(target) => Ray { origin, direction: target - origin, t_max: 1.0 - SHADOW_EPSILON, time },
-        }
-    }
 }
 
 impl<'s> Lights<'s> {
@@ -109,17 +98,7 @@ impl<'s> Lights<'s> {
         !self.environments.is_empty() || self.surfaces.found_by_rays()
     }
 
-    /// Light at a receiver: `choice` picks the light, `u` a point of it. `None` if the sampled
-    /// light cannot send any.
-    #[inline]
-    pub fn sample(&self, receiver: &Receiver, choice: f32, u: Vec2) -> Option<LightSample> {
-        let (light, probability) = self.choice.sample(receiver, choice)?;
-        let mut sample = self.sample_light(light, receiver.position, u)?;
-        sample.pdf *= probability;
-        Some(sample)
-    }
-
-    /// Light from one light only, whose choice is not part of the density.
+    /// Light from one light.
     #[inline]
     fn sample_light(&self, light: usize, from: Vec3, u: Vec2) -> Option<LightSample> {
         match self.sources.get(light) {
@@ -132,6 +111,12 @@ impl<'s> Lights<'s> {
         }
     }
 
+    /// Whether a primitive is a light.
+    #[inline]
+    pub fn is_light(&self, primitive: u32) -> bool {
+        self.surfaces.is_light(primitive)
+    }
+
     /// Radiance that a surface emits at a point in direction `wo`; `None` if it is no light.
     #[inline]
     pub fn emitted(&self, point: &SurfacePoint, wo: Vec3) -> Option<Vec3> {
@@ -141,9 +126,10 @@ impl<'s> Lights<'s> {
     /// Density with which [`Self::sample`] gives the direction to a point of an emissive surface.
     #[inline]
     pub fn pdf_surface(&self, receiver: &Receiver, point: &SurfacePoint) -> f32 {
-        self.surfaces
-            .pdf(receiver.position, point)
-            .map_or(0.0, |(light, pdf)| pdf * self.choice.probability(self.sources.len() + light, receiver))
+        self.surfaces.pdf(receiver.position, point).map_or(0.0, |(light, pdf)| {
+            let within = self.choice.expected_within(receiver);
+            pdf * self.choice.probability(self.sources.len() + light, receiver, within)
+        })
     }
 
     /// The environments: radiance at a point from a unit direction, and what
@@ -156,12 +142,20 @@ impl<'s> Lights<'s> {
         })
     }
 
-    /// Density with which [`Self::sample`] gives a unit direction to an environment.
+    /// Density with which [`Self::sample`] gives a unit direction to an environment; `within` is
+    /// [`Self::expected_within`] of the receiver.
     #[inline]
-    pub fn pdf_environment(&self, receiver: &Receiver, environment: usize, direction: Vec3) -> f32 {
+    pub fn pdf_environment(
+        &self,
+        receiver: &Receiver,
+        within: f32,
+        environment: usize,
+        direction: Vec3,
+    ) -> f32 {
         match &self.sources[environment] {
             Source::Environment(light) => {
-                light.pdf(receiver.position, direction) * self.choice.probability(environment, receiver)
+                light.pdf(receiver.position, direction)
+                    * self.choice.probability(environment, receiver, within)
             }
             Source::Delta(_) => 0.0,
         }
@@ -255,6 +249,14 @@ mod tests {
         scene(&world)
     }
 
+    fn choose(lights: &Lights, receiver: &Receiver, u: f32) -> Option<(usize, f32)> {
+        lights.choice.sample(receiver, lights.choice.expected_within(receiver), u)
+    }
+
+    fn probability(lights: &Lights, light: usize, receiver: &Receiver) -> f32 {
+        lights.choice.probability(light, receiver, lights.choice.expected_within(receiver))
+    }
+
     fn count(lights: &Lights) -> usize {
         lights.sources.len() + lights.surfaces.bounds().count()
     }
@@ -267,12 +269,12 @@ mod tests {
         for _ in 0..20 {
             let receiver = receiver(&mut rng);
             let probabilities: Vec<f32> =
-                (0..count(&lights)).map(|light| lights.choice.probability(light, &receiver)).collect();
+                (0..count(&lights)).map(|light| probability(&lights, light, &receiver)).collect();
             let n = 20_000;
             let mut frequencies = vec![0.0; probabilities.len()];
             let mut dead_ends = 0.0;
             for i in 0..n {
-                let sampled = lights.choice.sample(&receiver, (i as f32 + 0.5) / n as f32);
+                let sampled = choose(&lights, &receiver, (i as f32 + 0.5) / n as f32);
                 let Some((light, p)) = sampled else {
                     dead_ends += 1.0 / n as f32;
                     continue;
@@ -300,7 +302,7 @@ mod tests {
             let receiver = receiver(&mut rng);
             for light in 0..count(&lights) {
                 let u = Vec2::new(rng.random(), rng.random());
-                let probability = lights.choice.probability(light, &receiver);
+                let probability = probability(&lights, light, &receiver);
                 let arrives = lights
                     .sample_light(light, receiver.position, u)
                     .is_some_and(|s| receiver.transmits || s.wi.dot(receiver.normal) > 1e-6);
@@ -326,11 +328,11 @@ mod tests {
             let lights = Lights::new(&scene);
             assert!(!lights.need_choice(), "{light}");
             for u in [0.0, 0.5, BELOW_ONE] {
-                let (_, probability) = lights.choice.sample(&receiver(&mut rng), u).unwrap();
+                let (_, probability) = choose(&lights, &receiver(&mut rng), u).unwrap();
                 assert!((probability - 1.0).abs() < 1e-6, "{light}: {probability}");
             }
         }
-        assert!(Lights::new(&scene("")).choice.sample(&receiver(&mut rng), 0.5).is_none());
+        assert!(choose(&Lights::new(&scene("")), &receiver(&mut rng), 0.5).is_none());
     }
 
     #[test]
@@ -339,7 +341,7 @@ mod tests {
         let scene = scene(&(at(1.0) + &at(3.0) + &at(-1.0)));
         let lights = Lights::new(&scene);
         let facing = Receiver { position: Vec3::ZERO, normal: Vec3::Z, transmits: false };
-        let probabilities = |receiver| [0, 1, 2].map(|light| lights.choice.probability(light, &receiver));
+        let probabilities = |receiver| [0, 1, 2].map(|light| probability(&lights, light, &receiver));
         let [near, far, below] = probabilities(facing);
         assert!(near > far && far > 0.0, "{near} {far}");
         assert_eq!(below, 0.0);
@@ -347,7 +349,7 @@ mod tests {
         assert!(below > 0.0 && near > 0.0);
         // Whatever number is drawn, a probability of 0 is not chosen.
         for u in [0.0, 0.3, BELOW_ONE] {
-            assert_ne!(lights.choice.sample(&facing, u).unwrap().0, 2);
+            assert_ne!(choose(&lights, &facing, u).unwrap().0, 2);
         }
     }
 
@@ -360,6 +362,6 @@ mod tests {
         let scene = scene(world);
         let lights = Lights::new(&scene);
         let below = Receiver { position: Vec3::ZERO, normal: Vec3::Z, transmits: false };
-        assert!(lights.choice.probability(1, &below) > 0.8);
+        assert!(probability(&lights, 1, &below) > 0.8);
     }
 }

@@ -8,7 +8,7 @@ use glam::{Vec2, Vec3};
 use super::bounds::LightBounds;
 use super::extent::Extent;
 use super::{LightSample, brightness};
-use crate::geometry::{SurfacePoint, TriangleSampler, area, pdf_shape, sample_shape};
+use crate::geometry::{SurfacePoint, TriangleSampler, area, offset_origin, pdf_shape, sample_shape};
 use crate::scene::texture::TexturePoint;
 use crate::scene::{AreaLight, FloatTextureId, Scene, Shape, TriangleMesh};
 
@@ -164,6 +164,26 @@ impl<'s> SurfaceLights<'s> {
         })
     }
 
+    /// A light as [`PlainLight`], if it is one.
+    #[inline]
+    pub fn plain(&self, light: usize) -> Option<PlainLight<'_>> {
+        let light = &self.lights[light];
+        let surface = &self.surfaces[light.surface as usize];
+        let is_plain = surface.alpha.is_none() && surface.emission.image.is_none();
+        let shape = light.triangle.as_ref().filter(|shape| is_plain && shape.is_flat())?;
+        Some(PlainLight {
+            shape,
+            radiance: surface.emission.radiance,
+            two_sided: surface.emission.two_sided,
+            found_by_rays: surface.found_by_rays,
+        })
+    }
+
+    #[inline]
+    pub fn is_light(&self, primitive: u32) -> bool {
+        self.of_primitive[primitive as usize] != NO_LIGHT
+    }
+
     /// Radiance in direction `wo`; `None` if the point is not on a light.
     #[inline]
     pub fn emitted(&self, point: &SurfacePoint, wo: Vec3) -> Option<Vec3> {
@@ -186,6 +206,38 @@ impl<'s> SurfaceLights<'s> {
     #[inline]
     fn at(&self, point: &SurfacePoint) -> Option<&Surface> {
         self.surfaces.get(self.of_primitive[point.primitive as usize] as usize)
+    }
+}
+
+/// A light of triangles that is the same everywhere.
+pub struct PlainLight<'l> {
+    pub shape: &'l TriangleSampler,
+    pub radiance: Vec3,
+    pub two_sided: bool,
+    pub found_by_rays: bool,
+}
+
+/// A point of a [`PlainLight`].
+pub struct PlainSample {
+    /// Unit direction towards it.
+    pub wi: Vec3,
+    /// Density per solid angle; 0 if it sends no light.
+    pub pdf: f32,
+    /// Where the shadow ray ends.
+    pub target: Vec3,
+}
+
+impl PlainSample {
+    /// Without a branch, so that it can be done for many points at once.
+    #[inline(always)]
+    pub fn of(shape: &TriangleSampler, two_sided: bool, from: Vec3, u: Vec2) -> Self {
+        let position = shape.point(u).0;
+        let wi = (position - from).normalize_or_zero();
+        let (normal, error) = (shape.normal(), shape.position_error());
+        let is_lit = two_sided | (normal.dot(-wi) > 0.0);
+        let pdf = shape.pdf(from, position);
+        let target = offset_origin(position, error, normal, -wi);
+        Self { wi, pdf: if is_lit { pdf } else { 0.0 }, target }
     }
 }
 

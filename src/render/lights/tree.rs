@@ -76,10 +76,10 @@ impl LightTree {
         self.nodes.len().div_ceil(2)
     }
 
-    /// What could arrive from all lights together, about as irradiance; 0 only if nothing can.
+    /// Bounds of all lights together.
     #[inline]
-    pub fn importance(&self, receiver: &Receiver) -> f32 {
-        self.nodes.first().map_or(0.0, |root| root.bounds.importance(receiver))
+    pub fn bounds(&self) -> Option<&LightBounds> {
+        self.nodes.first().map(|root| &root.bounds)
     }
 
     /// A light for a number in [0, 1), with its probability; `None` if none can reach the receiver.

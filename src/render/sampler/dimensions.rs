@@ -6,7 +6,8 @@
 
 use glam::Vec2;
 
-use super::{Source, Stream};
+use super::{Addresses, SET, Source};
+use crate::geometry::{LANES, Lanes};
 
 /// What the scene calls for.
 #[derive(Clone, Copy, Debug)]
@@ -26,24 +27,39 @@ pub struct Needs {
     pub roulette: bool,
 }
 
-/// Numbers of the camera ray.
+/// Numbers of camera rays, and those of the first scattering event that are recorded.
 #[derive(Clone, Copy, Debug)]
 pub struct CameraNumbers {
-    pub film: Vec2,
-    pub lens: Vec2,
-    pub time: f32,
+    pub film: [Lanes; 2],
+    pub lens: [Lanes; 2],
+    pub time: Lanes,
+    pub light_uv: [Lanes; 2],
+    pub bsdf_uv: [Lanes; 2],
 }
 
-/// Numbers of one scattering event; 0 where the scene does not call for one.
+/// Numbers of one scattering event of each of sixteen paths; 0 where the scene does not call for one.
 #[derive(Clone, Copy, Debug)]
 pub struct BounceNumbers {
-    pub light_uv: Vec2,
-    pub bsdf_uv: Vec2,
-    pub light: f32,
-    pub lobe: f32,
-    pub mix: f32,
-    pub roulette: f32,
+    pub light_uv: [Lanes; 2],
+    pub bsdf_uv: [Lanes; 2],
+    pub light: Lanes,
+    pub lobe: Lanes,
+    pub mix: Lanes,
+    pub roulette: Lanes,
 }
+
+impl BounceNumbers {
+    #[inline(always)]
+    pub fn bsdf_uv_at(&self, lane: usize) -> Vec2 {
+        Vec2::new(self.bsdf_uv[0][lane], self.bsdf_uv[1][lane])
+    }
+}
+
+/// Sets that a block of numbers takes at most: that of a bounce has eight, and may start in the middle of one.
+const MOST_SETS: usize = 3;
+
+/// A block of numbers of each of sixteen samples.
+type NumberBlock = [Lanes; MOST_SETS * SET as usize];
 
 /// The dimension of each purpose. Those of a bounce count from the start of its block.
 #[derive(Clone, Debug)]
@@ -82,31 +98,69 @@ impl Dimensions {
         }
     }
 
-    #[inline]
-    pub fn camera<S: Source>(&self, numbers: &mut Stream<S>) -> CameraNumbers {
+    pub fn camera<S: Source>(&self, samples: &Addresses) -> CameraNumbers {
+        // Both pairs come first in their block.
+        let numbers = block::<S>(samples, &[FILM; LANES], self.first_bounce + 4);
+        let pair = |d: Option<u32>| d.map_or([[0.0; LANES]; 2], |d| two(&numbers, d));
         CameraNumbers {
-            film: numbers.two(FILM),
-            lens: self.lens.map_or(Vec2::ZERO, |d| numbers.two(d)),
-            time: self.time.map_or(0.0, |d| numbers.one(d)),
+            film: two(&numbers, FILM),
+            lens: pair(self.lens),
+            time: self.time.map_or([0.0; LANES], |d| numbers[d as usize]),
+            light_uv: pair(self.light_uv.map(|d| self.first_bounce + d)),
+            bsdf_uv: pair(self.bsdf_uv.map(|d| self.first_bounce + d)),
         }
     }
 
-    /// Numbers of the scattering event after `bounce` others.
-    #[inline]
-    pub fn bounce<S: Source>(&self, numbers: &mut Stream<S>, bounce: u32) -> BounceNumbers {
-        let start = self.first_bounce + bounce * self.bounce_size;
-        let mut pair = |d: Option<u32>| d.map_or(Vec2::ZERO, |d| numbers.two(start + d));
-        let (light_uv, bsdf_uv) = (pair(self.light_uv), pair(self.bsdf_uv));
-        let mut single = |d: Option<u32>| d.map_or(0.0, |d| numbers.one(start + d));
+    /// Numbers of the scattering event after `bounces` others.
+    pub fn bounce<S: Source>(&self, samples: &Addresses, bounces: &Lanes<u32>) -> BounceNumbers {
+        let mut starts = [0; LANES];
+        for lane in 0..LANES {
+            starts[lane] = self.first_bounce + bounces[lane] * self.bounce_size;
+        }
+        let numbers = block::<S>(samples, &starts, self.bounce_size);
+        let pair = |d: Option<u32>| d.map_or([[0.0; LANES]; 2], |d| two(&numbers, d));
+        let single = |d: Option<u32>| d.map_or([0.0; LANES], |d| numbers[d as usize]);
         BounceNumbers {
-            light_uv,
-            bsdf_uv,
+            light_uv: pair(self.light_uv),
+            bsdf_uv: pair(self.bsdf_uv),
             light: single(self.light),
             lobe: single(self.lobe),
             mix: single(self.mix),
             roulette: single(self.roulette),
         }
     }
+}
+
+fn two(numbers: &NumberBlock, dimension: u32) -> [Lanes; 2] {
+    [numbers[dimension as usize], numbers[dimension as usize + 1]]
+}
+
+/// The `size` dimensions from `starts` on, which are even: pairs are stratified together, and never straddle
+/// two sets.
+fn block<S: Source>(samples: &Addresses, starts: &Lanes<u32>, size: u32) -> NumberBlock {
+    let mut sets = [0; LANES];
+    let mut late = [0; LANES];
+    let mut most = 0;
+    for lane in 0..LANES {
+        sets[lane] = starts[lane] / SET;
+        late[lane] = starts[lane] % SET;
+        most |= late[lane];
+    }
+    let mut numbers: NumberBlock = [[0.0; LANES]; MOST_SETS * SET as usize];
+    let (made, _) = numbers.as_chunks_mut();
+    for set in made.iter_mut().take((size + most).div_ceil(SET) as usize) {
+        S::numbers(samples, &sets, set);
+        sets.iter_mut().for_each(|set| *set += 1);
+    }
+    if most > 0 {
+        for d in 0..size as usize {
+            for lane in 0..LANES {
+                let there = numbers[d + 2][lane];
+                numbers[d][lane] = if late[lane] == 0 { numbers[d][lane] } else { there };
+            }
+        }
+    }
+    numbers
 }
 
 /// Gives out dimensions one after the other.
@@ -133,6 +187,13 @@ impl Allotment {
 mod tests {
     use super::super::Sobol;
     use super::*;
+
+    /// The same sample in every lane.
+    fn sample() -> Addresses {
+        let mut samples = Addresses::NONE;
+        (0..LANES).for_each(|lane| samples.set(lane, Sobol::for_pixel(0, 0, 0).address(0)));
+        samples
+    }
 
     const NOTHING: Needs = Needs {
         lens: false,
@@ -167,14 +228,15 @@ mod tests {
             roulette: true,
         };
         let dimensions = Dimensions::new(&all);
-        let source = Sobol::for_pixel(0, 0, 0);
-        let mut stream = Stream::new(source, 0);
-        let camera = dimensions.camera(&mut stream);
-        let mut values = vec![camera.film.x, camera.film.y, camera.lens.x, camera.lens.y, camera.time];
-        for bounce in 0..8 {
-            let b = dimensions.bounce(&mut stream, bounce);
-            values.extend([b.light_uv.x, b.light_uv.y, b.bsdf_uv.x, b.bsdf_uv.y]);
-            values.extend([b.light, b.lobe, b.mix, b.roulette]);
+        let samples = sample();
+        let camera = dimensions.camera::<Sobol>(&samples);
+        let mut values = vec![camera.film[0][0], camera.film[1][0], camera.lens[0][0], camera.lens[1][0]];
+        values.push(camera.time[0]);
+        // Of eight bounces, each in a lane.
+        let b = dimensions.bounce::<Sobol>(&samples, &std::array::from_fn(|lane| lane as u32));
+        for lane in 0..8 {
+            values.extend([b.light_uv[0][lane], b.light_uv[1][lane], b.bsdf_uv[0][lane], b.bsdf_uv[1][lane]]);
+            values.extend([b.light[lane], b.lobe[lane], b.mix[lane], b.roulette[lane]]);
         }
         let count = values.len();
         values.sort_by(f32::total_cmp);
@@ -186,9 +248,7 @@ mod tests {
     fn what_is_not_needed_is_not_made() {
         let dimensions = Dimensions::new(&NOTHING);
         assert_eq!((dimensions.first_bounce, dimensions.bounce_size), (2, 0));
-        let source = Sobol::for_pixel(0, 0, 0);
-        let mut stream = Stream::new(source, 0);
-        let b = dimensions.bounce(&mut stream, 3);
-        assert_eq!((b.light_uv, b.lobe, b.roulette), (Vec2::ZERO, 0.0, 0.0));
+        let b = dimensions.bounce::<Sobol>(&sample(), &[3; LANES]);
+        assert_eq!((b.light_uv[0][0], b.light_uv[1][0], b.lobe[0], b.roulette[0]), (0.0, 0.0, 0.0, 0.0));
     }
 }

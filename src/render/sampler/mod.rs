@@ -5,60 +5,60 @@ mod dimensions;
 mod independent;
 mod sobol;
 
-use glam::Vec2;
+use crate::geometry::{LANES, Lanes};
 
 pub use dimensions::{BounceNumbers, Dimensions, Needs};
 pub use independent::Independent;
 pub use sobol::Sobol;
 
-/// Dimensions are made four at a time.
+/// Dimensions are made four at a time, of sixteen samples.
 const SET: u32 = 4;
+
+/// Four numbers in [0, 1) of each of sixteen samples.
+type NumberSet = [Lanes; SET as usize];
 
 /// The numbers of all samples of one pixel.
 pub trait Source: Copy {
     /// The source of the pixel at (`x`, `y`) of the whole image.
     fn for_pixel(seed: u64, x: u32, y: u32) -> Self;
 
-    /// Four numbers in [0, 1): dimensions `4 set` to `4 set + 3` of a sample.
-    fn numbers(&self, index: u32, set: u32) -> [f32; SET as usize];
+    /// What the numbers of one of the pixel's samples follow from, besides the dimension.
+    fn address(&self, index: u32) -> Address;
+
+    /// Dimensions `4 set` to `4 set + 3` of each sample.
+    fn numbers(samples: &Addresses, sets: &Lanes<u32>, numbers: &mut NumberSet);
 }
 
-/// The numbers of one sample.
-pub struct Stream<S> {
-    source: S,
-    index: u32,
-    /// The last set that was made, as neighbouring dimensions are asked for one after the other.
-    set: u32,
-    numbers: [f32; SET as usize],
+/// See [`Source::address`].
+#[derive(Clone, Copy)]
+pub struct Address {
+    pub key: u64,
+    pub index: u32,
 }
 
-impl<S: Source> Stream<S> {
-    #[inline]
-    pub fn new(source: S, index: u32) -> Self {
-        Self { numbers: source.numbers(index, 0), source, index, set: 0 }
+/// Addresses of sixteen samples.
+#[derive(Clone, Copy)]
+pub struct Addresses {
+    keys: Lanes<u64>,
+    indices: Lanes<u32>,
+}
+
+impl Addresses {
+    pub const NONE: Self = Self { keys: [0; LANES], indices: [0; LANES] };
+
+    #[inline(always)]
+    pub fn set(&mut self, lane: usize, Address { key, index }: Address) {
+        (self.keys[lane], self.indices[lane]) = (key, index);
     }
 
-    /// One number.
-    #[inline]
-    pub fn one(&mut self, dimension: u32) -> f32 {
-        let set = dimension / SET;
-        if set != self.set {
-            self.set = set;
-            self.numbers = self.source.numbers(self.index, set);
-        }
-        self.numbers[(dimension % SET) as usize]
-    }
-
-    /// Two numbers that are stratified together; `dimension` is even.
-    #[inline]
-    pub fn two(&mut self, dimension: u32) -> Vec2 {
-        debug_assert!(dimension.is_multiple_of(2), "a pair must not straddle two sets");
-        Vec2::new(self.one(dimension), self.one(dimension + 1))
+    #[inline(always)]
+    pub fn at(&self, lane: usize) -> Address {
+        Address { key: self.keys[lane], index: self.indices[lane] }
     }
 }
 
 /// The finaliser of SplitMix64 (Steele, Lea and Flood 2014).
-#[inline]
+#[inline(always)]
 fn hash(x: u64) -> u64 {
     let mut z = x.wrapping_add(0x9e37_79b9_7f4a_7c15);
     z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -76,20 +76,23 @@ fn pixel_key(seed: u64, x: u32, y: u32) -> u64 {
 mod tests {
     use super::*;
 
+    /// One number, in a lane of its own choice.
+    pub(super) fn number<S: Source>(source: &S, index: u32, dimension: u32) -> f32 {
+        let (mut samples, mut numbers) = (Addresses::NONE, [[0.0; LANES]; SET as usize]);
+        let lane = (index + dimension) as usize % LANES;
+        samples.set(lane, source.address(index));
+        S::numbers(&samples, &[dimension / SET; LANES], &mut numbers);
+        numbers[(dimension % SET) as usize][lane]
+    }
+
     fn all<S: Source>(seed: u64, index: u32) -> Vec<f32> {
         let source = S::for_pixel(seed, 3, 5);
-        let mut stream = Stream::new(source, index);
-        (0..40).map(|d| stream.one(d)).collect()
+        (0..40).map(|d| number(&source, index, d)).collect()
     }
 
     #[test]
-    fn the_same_address_gives_the_same_number_in_any_order() {
-        let source = Sobol::for_pixel(1, 3, 5);
-        let (mut forward, mut backward) = (Stream::new(source, 9), Stream::new(source, 9));
-        let a: Vec<f32> = (0..40).map(|d| forward.one(d)).collect();
-        let mut b: Vec<f32> = (0..40).rev().map(|d| backward.one(d)).collect();
-        b.reverse();
-        assert_eq!(a, b);
+    fn the_same_address_gives_the_same_number() {
+        assert_eq!(all::<Sobol>(1, 9), all::<Sobol>(1, 9));
         assert_eq!(all::<Independent>(1, 9), all::<Independent>(1, 9));
     }
 
@@ -105,8 +108,7 @@ mod tests {
             let source = S::for_pixel(7, 0, 0);
             let n = 4096;
             for dimension in [0, 1, 17, 1000] {
-                let values: Vec<f64> =
-                    (0..n).map(|i| f64::from(Stream::new(source, i).one(dimension))).collect();
+                let values: Vec<f64> = (0..n).map(|i| f64::from(number(&source, i, dimension))).collect();
                 assert!(values.iter().all(|v| (0.0..1.0).contains(v)));
                 let mean = values.iter().sum::<f64>() / f64::from(n);
                 let square = values.iter().map(|v| v * v).sum::<f64>() / f64::from(n);

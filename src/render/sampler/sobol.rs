@@ -15,7 +15,8 @@ use std::sync::LazyLock;
 use multiversion::multiversion;
 use sobol_burley::parts;
 
-use super::{SET, Source, hash, pixel_key};
+use super::{Address, Addresses, NumberSet, SET, Source, hash, pixel_key};
+use crate::geometry::{LANES, Lanes};
 
 /// log₂ of the length of one sequence.
 const SEQUENCE_BITS: u32 = 16;
@@ -35,51 +36,66 @@ static BYTE_POINTS: LazyLock<Box<BytePoints>> = LazyLock::new(|| {
 /// See the module.
 #[derive(Clone, Copy)]
 pub struct Sobol {
-    points: &'static BytePoints,
     halves: [u64; 2],
 }
 
 impl Source for Sobol {
     fn for_pixel(seed: u64, x: u32, y: u32) -> Self {
         let key = pixel_key(seed, x, y);
-        Self { points: &BYTE_POINTS, halves: [key, hash(key)] }
+        Self { halves: [key, hash(key)] }
     }
 
     #[inline]
-    fn numbers(&self, index: u32, set: u32) -> [f32; SET as usize] {
-        let half = self.halves[(index & 1) as usize];
-        let index = index >> 1;
-        let sequence = index >> SEQUENCE_BITS;
-        let seed = hash(half ^ (u64::from(sequence) << 32 | u64::from(set)));
-        scrambled(self.points, index & ((1 << SEQUENCE_BITS) - 1), (seed >> 32) as u32)
+    fn address(&self, index: u32) -> Address {
+        Address { key: self.halves[(index & 1) as usize], index: index >> 1 }
+    }
+
+    #[inline]
+    fn numbers(samples: &Addresses, sets: &Lanes<u32>, numbers: &mut NumberSet) {
+        scrambled(&BYTE_POINTS, samples, sets, numbers);
     }
 }
 
-/// `sobol_burley::sample_4d(index, 0, seed)`; its constants are repeated here. The four dimensions are
-/// the lanes of a vector.
+/// `sobol_burley::sample_4d(index, 0, seed)` with a seed from the rest of the address; the crate's constants
+/// are repeated here.
 #[multiversion(targets(
     "x86_64+avx512f+avx512bw+avx512dq+avx512vl+bmi1+bmi2+fma+avx2+popcnt+lzcnt",
     "x86_64+avx2+fma+bmi1+bmi2+popcnt+lzcnt"
 ))]
-fn scrambled(points: &BytePoints, index: u32, seed: u32) -> [f32; SET as usize] {
+fn scrambled(points: &BytePoints, samples: &Addresses, sets: &Lanes<u32>, numbers: &mut NumberSet) {
     const SHUFFLE: u32 = 0x79c6_8e4a;
     const SPREAD: u32 = 0x9c8f_2d3b;
     const SCRAMBLES: [u32; SET as usize] = [0x912f_69ba, 0x174f_18ab, 0x691e_72ca, 0xb40c_c1b8];
-    let shuffled = parts::owen_scramble_rev(index.reverse_bits(), parts::hash(seed ^ SHUFFLE));
-    let low = &points[0][(shuffled >> SEQUENCE_BITS) as usize & 0xff];
-    let high = &points[1][(shuffled >> (SEQUENCE_BITS + 8)) as usize];
-    let spread = seed.wrapping_mul(SPREAD);
-    let mut numbers = [0.0; SET as usize];
-    for (d, number) in numbers.iter_mut().enumerate() {
-        let scramble = parts::hash(spread ^ SCRAMBLES[d]);
-        let scrambled = parts::owen_scramble_rev(low[d] ^ high[d], scramble);
-        *number = parts::u32_to_f32_norm(scrambled.reverse_bits());
+    let mut seeds: Lanes<u32> = [0; LANES];
+    for lane in 0..LANES {
+        let sequence = u64::from(samples.indices[lane] >> SEQUENCE_BITS);
+        seeds[lane] = (hash(samples.keys[lane] ^ (sequence << 32 | u64::from(sets[lane]))) >> 32) as u32;
     }
-    numbers
+    let mut shuffled: Lanes<u32> = [0; LANES];
+    for lane in 0..LANES {
+        let index = samples.indices[lane] & ((1 << SEQUENCE_BITS) - 1);
+        shuffled[lane] = parts::owen_scramble_rev(index.reverse_bits(), parts::hash(seeds[lane] ^ SHUFFLE));
+    }
+    let (low, high) = (&points[0], &points[1]);
+    for d in 0..SET as usize {
+        let mut point: Lanes<u32> = [0; LANES];
+        for lane in 0..LANES {
+            let [low_byte, high_byte] =
+                [shuffled[lane] >> SEQUENCE_BITS & 0xff, shuffled[lane] >> (SEQUENCE_BITS + 8)];
+            point[lane] = low[low_byte as usize][d] ^ high[high_byte as usize][d];
+        }
+        let lanes = &mut numbers[d];
+        for lane in 0..LANES {
+            let scramble = parts::hash(seeds[lane].wrapping_mul(SPREAD) ^ SCRAMBLES[d]);
+            let scrambled = parts::owen_scramble_rev(point[lane], scramble);
+            lanes[lane] = parts::u32_to_f32_norm(scrambled.reverse_bits());
+        }
+    }
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::tests::number;
     use super::*;
 
     /// Counts points of a range of one half in a grid of `w` by `h` cells over two dimensions.
@@ -87,7 +103,7 @@ mod tests {
         let source = Sobol::for_pixel(11, 2, 3);
         let mut cells = vec![0; w * h];
         for i in range {
-            let [x, y, ..] = source.numbers(2 * i + half, set);
+            let [x, y] = [0, 1].map(|d| number(&source, 2 * i + half, SET * set + d));
             cells[(y * h as f32) as usize * w + (x * w as f32) as usize] += 1;
         }
         cells
@@ -107,18 +123,22 @@ mod tests {
 
     #[test]
     fn points_are_those_of_the_crate() {
-        let source = Sobol::for_pixel(0, 0, 0);
+        let source = Sobol::for_pixel(0, 7, 3);
         for i in (0..1 << SEQUENCE_BITS).step_by(41) {
-            assert_eq!(scrambled(source.points, i, i), sobol_burley::sample_4d(i, 0, i));
+            let (half, set) = (i & 1, i % 5);
+            let seed = (hash(source.halves[half as usize] ^ u64::from(set)) >> 32) as u32;
+            let expected = sobol_burley::sample_4d(i, 0, seed);
+            let found = [0, 1, 2, 3].map(|d| number(&source, 2 * i + half, SET * set + d));
+            assert_eq!(found, expected);
         }
     }
 
     #[test]
     fn halves_sets_and_sequences_differ() {
         let source = Sobol::for_pixel(11, 2, 3);
-        let base = source.numbers(0, 0);
         for (index, set) in [(1, 0), (0, 1), (2 << SEQUENCE_BITS, 0)] {
-            assert!(base.iter().zip(source.numbers(index, set)).all(|(a, b)| *a != b), "{index} {set}");
+            let differs = |d| number(&source, 0, d) != number(&source, index, SET * set + d);
+            assert!((0..SET).all(differs), "{index} {set}");
         }
     }
 
@@ -128,7 +148,7 @@ mod tests {
         let n = 4096;
         let sum: f64 = (0..n)
             .map(|i| {
-                let (a, b) = (source.numbers(2 * i, 0)[0], source.numbers(2 * i + 1, 0)[0]);
+                let (a, b) = (number(&source, 2 * i, 0), number(&source, 2 * i + 1, 0));
                 f64::from(a - 0.5) * f64::from(b - 0.5)
             })
             .sum();

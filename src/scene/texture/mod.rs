@@ -295,7 +295,8 @@ impl Textures {
             Texture::Image(texture) => self.image_value(texture, at),
             Texture::Checkerboard { mapping, even, odd } => {
                 let cell = mapping.coordinates(at).floor();
-                let is_even = (cell.x + cell.y + cell.z).rem_euclid(2.0) == 0.0;
+                let half = 0.5 * (cell.x + cell.y + cell.z);
+                let is_even = half == half.floor();
                 self.value::<V>(if is_even { *even } else { *odd }, at)
             }
             Texture::Dots { mapping, inside, outside } => {
