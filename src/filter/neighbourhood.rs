@@ -460,4 +460,67 @@ mod tests {
             assert!((mean * 12.0 - 1.0).abs() < 0.15, "{n}: {mean}");
         }
     }
+
+    #[test]
+    fn variances_are_pooled_with_the_neighbours_by_their_samples() {
+        let (width, height) = (7, 5);
+        let number = |i: usize, by: usize| (i * by % 13) as f32;
+        let means: Vec<f32> = (0..35).map(|i| number(i, 5)).collect();
+        let counts: Vec<u32> =
+            (0..35).map(|i| if i % 7 < 3 { [1, 0][i % 2] } else { [2, 5, 1][i % 3] }).collect();
+        let variances: Vec<f32> =
+            (0..35).map(|i| if counts[i] > 1 { 1.0 + number(i, 3) } else { 0.0 }).collect();
+        let mut pooled = vec![0.0; 35];
+        pool(&mut pooled, &means, &variances, &counts, width);
+        for i in 0..35 {
+            let near: Vec<usize> = (0..35)
+                .filter(|j| (j % width).abs_diff(i % width) <= 1 && (j / width).abs_diff(i / width) <= 1)
+                .collect();
+            let mean = |of: Vec<f32>| of.iter().sum::<f32>() / of.len().max(1) as f32;
+            let known: Vec<f32> = near.iter().filter(|&&j| counts[j] > 1).map(|&j| variances[j]).collect();
+            let single = near.iter().filter(|&&j| j != i && counts[j] == 1);
+            let pairs: Vec<f32> = single.map(|&j| (means[j] - means[i]).powi(2) / 2.0).collect();
+            let pool = if !known.is_empty() {
+                mean(known)
+            } else if counts[i] > 0 {
+                mean(pairs)
+            } else {
+                0.0
+            };
+            let own = counts[i].saturating_sub(1) as f32;
+            let expected = (2.0 * pool + own * variances[i]) / (2.0 + own);
+            assert!((pooled[i] - expected).abs() < 1e-4, "{i}: {} for {expected}", pooled[i]);
+        }
+        assert_eq!(height * width, 35);
+    }
+
+    #[test]
+    fn thresholds_are_the_deviations_that_are_set_and_what_hardly_varies_may_always_be_a_little_apart() {
+        let (store, guide) = noisy(12, 9, |x, y| if (x, y) == (5, 4) { 0 } else { 4 });
+        let albedo = guide
+            .feature_dims()
+            .iter()
+            .position(|&dim| store.layout().block(Block::Albedo).is_some_and(|b| b.start == dim));
+        let albedo = albedo.expect("a feature");
+        for (x, y) in (0..9).flat_map(|y| (0..12).map(move |x| (x, y))) {
+            let at = |k: usize| guide.thresholds.at(k, x, y);
+            if (x, y) == (5, 4) {
+                assert!((0..guide.features()).all(|k| at(k) == f32::INFINITY));
+                assert_eq!((guide.hit.at(0, x, y), guide.own_hit.at(0, x, y)), (Guide::NOTHING, 0.5));
+                assert_eq!(guide.means.at(albedo, x, y), 0.0);
+                continue;
+            }
+            assert_eq!((guide.hit.at(0, x, y), guide.own_hit.at(0, x, y)), (1.0, 1.0));
+            assert_eq!(guide.counts.at(0, x, y), 4.0);
+            // World positions: 30 deviations, or 0.001 where they vary less than that.
+            let v = guide.variances.at(0, x, y);
+            let least = if v <= 1e-6 { 1e-6 } else { 0.0 };
+            assert!((at(0) / (900.0 * v).max(least) - 1.0).abs() < 1e-5, "{x} {y}");
+            // Albedos: one constant, one of deviation 0.06 with 3 of which it is further apart than 0.1.
+            assert!((at(albedo) - 0.01).abs() < 1e-8);
+            let v = guide.variances.at(albedo + 1, x, y);
+            assert!((at(albedo + 1) - (9.0 * v).max(0.01)).abs() < 1e-5);
+        }
+        assert!(guide.tolerances[..3] == [30.0; 3] && guide.tolerances[albedo] == 3.0);
+    }
 }
