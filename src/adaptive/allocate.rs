@@ -231,9 +231,9 @@ mod tests {
         let probes = a.probes.iter().filter(|&&probe| probe).count();
         // 15 % of 1800 pairs over 900 pixels: a chance of 0.3, to four deviations.
         assert!((215..325).contains(&probes), "{probes}");
-        for i in 0..900 {
-            assert!(a.counts[i] % 2 == 0 && (!a.probes[i] || a.counts[i] >= 2), "{i}");
-            assert!(priority[i] > 0.0 || a.counts[i] == 2 * u32::from(a.probes[i]), "{i}: {}", a.counts[i]);
+        for ((&count, &probe), &priority) in a.counts.iter().zip(&a.probes).zip(&priority) {
+            assert!(count.is_multiple_of(2) && (!probe || count >= 2), "{count}");
+            assert!(priority > 0.0 || count == 2 * u32::from(probe), "{count}");
         }
         let other = allocate(&priority, &[0; 900], 30, 3600, NO_CEILING, 6);
         assert_ne!(a.probes, other.probes);

@@ -401,10 +401,10 @@ mod tests {
         let n = [5.0, 4.0];
         let of_mean = n.map(|n| planes(|k| variance.data()[k] / n));
         let agreement = agreement(&mean, &of_mean, &counts);
-        for h in 0..2 {
-            for (k, &found) in halves.variance[h].data().iter().enumerate() {
-                let expected = of_mean[h].data()[k] * agreement[k % PIXELS];
-                assert!((found / expected - 1.0).abs() < 1e-5, "{h} {k}: {found} for {expected}");
+        for (found, of_mean) in halves.variance.iter().zip(&of_mean) {
+            for (k, (&found, &of_mean)) in found.data().iter().zip(of_mean.data()).enumerate() {
+                let expected = of_mean * agreement[k % PIXELS];
+                assert!((found / expected - 1.0).abs() < 1e-5, "{k}: {found} for {expected}");
             }
         }
 

@@ -320,8 +320,9 @@ mod tests {
         let settings = DistanceSettings { radius, k: 1.0, epsilon: 1e-2, cautious: false };
         let fitted = fit(width, height, original.each_ref().map(Vec::as_slice), guide, settings);
 
-        // Regressors, values, and weight of each neighbour of each pixel.
-        let mut rows: Vec<Vec<([f64; K], [f64; 3], f64)>> = vec![Vec::new(); pixels];
+        /// Regressors, values, and weight of a neighbour.
+        type Equation = ([f64; K], [f64; 3], f64);
+        let mut rows: Vec<Vec<Equation>> = vec![Vec::new(); pixels];
         let weights = distance::Guide {
             value: guide.value,
             variance: guide.variance,

@@ -221,4 +221,15 @@ fn samples_are_as_many_as_are_wanted_or_there() {
         });
         assert_eq!(taken, expected, "{side} {count} {wanted}");
     }
+
+    // Of a store that keeps none, none, however many are wanted of a larger cluster.
+    let mut none = Store::new(9, 9, layout.clone(), 0, 1);
+    let mut rng = rand_pcg::Pcg32::new(1, 1);
+    (0..81).for_each(|i| none.push(i % 9, i / 9, &wall(&layout, i % 9, i / 9, [0.5; 3], &mut rng)));
+    let settings = PrpfSettings { mi_samples: 20, ..PrpfSettings::paper() };
+    let taken = with_evidence(&none, &settings, 55, (4, 4), |evidence, scratch| {
+        let standard = evidence.standard((4, 4), scratch);
+        evidence.gather((4, 4), &standard, scratch)
+    });
+    assert_eq!(taken, 0);
 }
