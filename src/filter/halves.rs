@@ -444,4 +444,13 @@ mod tests {
         assert!((halves.variance[1].at(2, 3, 3) - 0.1).abs() < 1e-6);
         assert!((halves.mean[1].at(2, 3, 3) - first / 3.0).abs() < 1e-6);
     }
+
+    #[test]
+    fn a_single_column_of_single_samples_has_no_neighbour_to_differ_from() {
+        let layout = Layout::with_blocks(|_| false);
+        let store =
+            store(1, 5, layout.clone(), |_, _| 1, |x, y, _, rng| wall(&layout, x, y, [y as f32; 3], rng));
+        let halves = Halves::of(&store, layout.colour(), &Counts::of(&store));
+        assert!(halves.variance.iter().all(|half| half.data().iter().all(|&v| v == 0.0)));
+    }
 }

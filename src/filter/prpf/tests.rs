@@ -137,6 +137,12 @@ fn interpolation_succeeds_everywhere_on_a_wall_and_agrees_with_direct_weights() 
     let even = store(60, 60, layout.clone(), |_, _| 8, |x, y, _, rng| wall(&layout, x, y, [1.0; 3], rng));
     for window in [55, 35, 17, 7] {
         assert_eq!(interpolation_failure(&even, &paper, window).1, 1.0);
+        // Whatever windows the filter itself would have.
+        let other = PrpfSettings { windows: vec![1], ..paper.clone() };
+        assert_eq!(
+            interpolation_failure(&even, &other, window),
+            interpolation_failure(&even, &paper, window)
+        );
     }
     let store = noisy_wall(60, 60, 1.0, |_, _| 8);
     let interpolated = filter(&store, &paper, 1);
