@@ -222,4 +222,86 @@ mod tests {
             prop_assert!(spend > room_for_pairs || priority.iter().all(|&p| p == 0.0) || odd <= 1);
         }
     }
+
+    #[test]
+    fn every_probe_gets_a_pair_and_without_priority_nothing_else_does() {
+        let priority: Vec<f32> = (0..900).map(|i| if i % 30 < 15 { 1.0 } else { 0.0 }).collect();
+        let a = allocate(&priority, &[0; 900], 30, 3600, NO_CEILING, 5);
+        assert_eq!(total(&a), 3600);
+        let probes = a.probes.iter().filter(|&&probe| probe).count();
+        // 15 % of 1800 pairs over 900 pixels: a chance of 0.3, to four deviations.
+        assert!((215..325).contains(&probes), "{probes}");
+        for ((&count, &probe), &priority) in a.counts.iter().zip(&a.probes).zip(&priority) {
+            assert!(count.is_multiple_of(2) && (!probe || count >= 2), "{count}");
+            assert!(priority > 0.0 || count == 2 * u32::from(probe), "{count}");
+        }
+        let other = allocate(&priority, &[0; 900], 30, 3600, NO_CEILING, 6);
+        assert_ne!(a.probes, other.probes);
+    }
+
+    #[test]
+    fn targets_are_what_priority_asks_for_beyond_what_is_there() {
+        // λ·(1 + 2 + 3) − (2 + 1 + 0) = 9 for λ = 2; the last has nothing to ask for.
+        let found = targets(&[1.0, 2.0, 3.0, 0.0], &[4, 2, 0, 8], 9.0, |_| 100.0);
+        for (found, expected) in found.iter().zip([0.0, 3.0, 6.0, 0.0]) {
+            assert!((found - expected).abs() < 1e-6, "{found} for {expected}");
+        }
+        // Ceilings leave it to others: λ·(1 + 2) − 3 + 4 = 13 for λ = 4.
+        let found = targets(&[1.0, 2.0, 3.0], &[4, 2, 0], 13.0, |i| if i == 2 { 4.0 } else { 100.0 });
+        for (found, expected) in found.iter().zip([2.0, 7.0, 4.0]) {
+            assert!((found - expected).abs() < 1e-6, "{found} for {expected}");
+        }
+        // Small priorities ask for as much as large ones.
+        let found = targets(&[1e-20, 3e-20], &[0, 0], 8.0, |_| 100.0);
+        assert!((found[0] - 2.0).abs() < 1e-6 && (found[1] - 6.0).abs() < 1e-6, "{found:?}");
+    }
+
+    #[test]
+    fn rounding_errors_are_carried_along_a_serpentine_path_and_rooms_hold() {
+        assert_eq!(round(&[0.5; 8], 4, 4, |_| 9.0), [1, 0, 1, 0, 0, 1, 0, 1]);
+        assert_eq!(round(&[0.4, 0.4, 0.4, 2.8], 2, 4, |_| 9.0), [0, 1, 0, 3]);
+        // What finds no room is carried on.
+        assert_eq!(round(&[3.0, 1.0, 1.0], 3, 5, |i| if i == 0 { 1.0 } else { 9.0 }), [1, 3, 1]);
+        // Targets that fall short of the pairs are not blown up, and none is no target at all.
+        assert_eq!(round(&[1.0; 4], 2, 100, |_| 9.0), [1; 4]);
+        assert_eq!(round(&[0.0; 4], 2, 100, |_| 9.0), [0; 4]);
+    }
+
+    #[test]
+    fn draws_are_uniform_over_pixels_and_keys() {
+        for keys in [false, true] {
+            let mut bins = [0_u32; 64];
+            for i in 0..64_000 {
+                let v = if keys { draw(7, i) } else { draw(i as usize, 3) };
+                bins[(v * 64.0) as usize] += 1;
+            }
+            // 63 degrees of freedom: 1 in 10⁵ exceed 120, and as few are below 25.
+            let chi2: f64 = bins.iter().map(|&n| (f64::from(n) - 1000.0).powi(2) / 1000.0).sum();
+            assert!((25.0..120.0).contains(&chi2), "{chi2}");
+        }
+    }
+
+    #[test]
+    fn full_pixels_get_nothing_and_what_is_left_goes_to_the_highest_priorities() {
+        let mut have = [4; 100];
+        have[..50].fill(10);
+        let priority: Vec<f32> = (0..100).map(|i| 1.0 + i as f32).collect();
+        let a = allocate(&priority, &have, 10, 303, 10, 1);
+        // 50 pixels with room for 6 are all there is.
+        assert_eq!(total(&a), 300);
+        assert!(a.counts[..50].iter().all(|&n| n == 0) && a.counts[50..].iter().all(|&n| n == 6));
+        let odd = allocate(&priority, &[4; 100], 10, 401, NO_CEILING, 1);
+        assert_eq!(total(&odd), 401);
+        assert_eq!((0..100).filter(|&i| odd.counts[i] % 2 == 1).collect::<Vec<_>>(), [99]);
+        let unknown = allocate(&[f32::NAN; 4], &[0; 4], 2, 8, 9, 1);
+        assert_eq!(unknown.counts, [2; 4]);
+    }
+
+    #[test]
+    fn uniform_batches_pass_over_full_pixels_and_tell_which_got_some() {
+        let a = uniform(10, &[8, 0, 7, 0], 8);
+        assert_eq!(a.counts, [0, 5, 1, 4]);
+        assert_eq!(a.probes, [false, true, true, true]);
+        assert_eq!(uniform(100, &[8, 0], 8).counts, [0, 8]);
+    }
 }

@@ -193,4 +193,72 @@ mod tests {
         assert!(p[32 * 64 + 60] > 1.05 * p[32 * 64 + 32]);
         assert!(p[32 * 64 + 4] > 1.05 * p[32 * 64 + 32]);
     }
+
+    #[test]
+    fn priorities_are_those_of_the_formula() {
+        let (width, height, pixels) = (13, 9, 117);
+        let number = |k: usize, by: usize| (k * by % 101) as f32 / 101.0;
+        let planes = |count: usize, by: usize, scale: f32| {
+            let mut planes = Planes::new(width, height, count);
+            planes.data_mut().iter_mut().enumerate().for_each(|(k, v)| *v = scale * number(k, by));
+            planes
+        };
+        let counts: Vec<u32> = (0..pixels).map(|i| (i * 5 % 9) as u32).collect();
+        let (image, filtered, raw) = (planes(3, 37, 2.0), planes(3, 29, 0.01), planes(3, 43, 0.2));
+        let (residual, failure) = (planes(1, 31, 30.0), planes(1, 23, 1.0));
+        let settings = PrioritySettings {
+            filtered_variance: 0.8,
+            raw_variance: 0.3,
+            interpolation_failure: 0.7,
+            residual: 0.2,
+            blur: 1.5,
+            epsilon: 0.1,
+            cap_quantile: 0.9,
+        };
+        let maps = Maps {
+            counts: &counts,
+            image: &image,
+            filtered_variance: &filtered,
+            raw_variance: &raw,
+            residual: &residual,
+            interpolation_failure: Some(&failure),
+        };
+        let found = priority(maps, &settings);
+
+        let smooth = |value: &dyn Fn(usize) -> f32| {
+            blur::gaussian(width, height, &(0..pixels).map(value).collect::<Vec<_>>(), 1.5)
+        };
+        let mean = |planes: &Planes, i: usize| (0..3).map(|c| planes.plane(c)[i]).sum::<f32>() / 3.0;
+        let level = smooth(&|i| mean(&image, i));
+        let average = level.iter().sum::<f32>() / pixels as f32;
+        let relative = |v: &Planes| smooth(&|i| mean(v, i) / (level[i].powi(2) + 0.1 * average * average));
+        let (f, r) = (relative(&filtered), relative(&raw));
+        let scale = f.iter().sum::<f32>() / r.iter().sum::<f32>();
+        let excess = smooth(&|i| (residual.data()[i] - 1.0).clamp(0.0, 10.0));
+        let failed = smooth(&|i| failure.data()[i]);
+        let expected: Vec<f32> = (0..pixels)
+            .map(|i| {
+                let e = f[i] * (0.8 + 0.7 * failed[i] + 0.2 * excess[i]) + 0.3 * scale * r[i];
+                (counts[i].max(1) as f32 * e).sqrt()
+            })
+            .collect();
+        let mut sorted = expected.clone();
+        sorted.sort_by(f32::total_cmp);
+        // The 0.9 quantile of 117 numbers.
+        let most = sorted[104];
+        for (found, expected) in found.iter().zip(expected) {
+            assert!((found / expected.min(most) - 1.0).abs() < 1e-4, "{found} for {expected}");
+        }
+    }
+
+    #[test]
+    fn the_cap_is_the_quantile_unless_that_is_nothing() {
+        let mut values = [5.0, 1.0, 4.0, 2.0, 3.0];
+        cap(&mut values, 0.5);
+        assert_eq!(values, [3.0, 1.0, 3.0, 2.0, 3.0]);
+        let mut mostly_none = [0.0, 0.0, 0.0, 7.0];
+        cap(&mut mostly_none, 0.5);
+        assert_eq!(mostly_none, [0.0, 0.0, 0.0, 7.0]);
+        cap(&mut [], 0.5);
+    }
 }

@@ -420,4 +420,48 @@ mod tests {
             }
         }
     }
+
+    #[test]
+    fn gains_are_weights_times_counts_over_the_variance_of_either_reading() {
+        let layout = Layout::with_blocks(|b| matches!(b, Block::Albedo));
+        let count = |x: usize, _: usize| 2 + x as u32;
+        let store = store(9, 5, layout.clone(), count, |x, y, _, rng| {
+            let mut sample = wall(&layout, x, y, [rng.random(), 0.1 * rng.random::<f32>(), 1.0], rng);
+            layout.write(&mut sample, Block::Albedo, &[0.5, rng.random(), x as f32]);
+            sample
+        });
+        let settings = PrpfSettings::paper();
+        let guide = Guide::new(&store, Colours::new(&store, &settings.outliers).guide(), &settings);
+        let hood = Neighbourhood::new(&guide, 7, 9);
+        let dims = guide.features() + 3;
+        let mut weights = Padded::new(9, 5, dims + 1, 0, 0.0);
+        for (k, x, y) in (0..=dims).flat_map(|k| (0..45).map(move |i| (k, i % 9, i / 9))) {
+            weights.set(k, x, y, 0.05 * (1 + k + x) as f32);
+        }
+        for gain in [Gain::RpfSigma { sigma8_squared: 0.003 }, Gain::OwnVariance { kappa: 3.0, rho: 0.2 }] {
+            let found = gains(&guide, &hood, &weights, gain);
+            let mut constant = 0;
+            for (k, x, y) in (0..dims).flat_map(|k| (0..45).map(move |i| (k, i % 9, i / 9))) {
+                let variance = hood.variance(k, x, y);
+                // A deviation of less than 10⁻⁶ beside the mean, or beside 1, is none.
+                let is_constant = variance.sqrt() <= 1e-6 * hood.mean(k, x, y).abs().max(1.0);
+                let measure = match gain {
+                    // 8 σ₈² ∕ (1 − W)² of the neighbourhood's, twice.
+                    Gain::RpfSigma { .. } => {
+                        2.0 * variance * 8.0 * 0.003 / (1.0 - weights.at(dims, x, y)).powi(2)
+                    }
+                    Gain::OwnVariance { .. } => 2.0 * 3.0 * (guide.variances.at(k, x, y) + 0.2 * variance),
+                };
+                let expected = if is_constant { 0.0 } else { weights.at(k, x, y) * (2 + x) as f32 / measure };
+                let error = (found.at(k, x, y) - expected).abs();
+                assert!(
+                    error <= 1e-4 * expected,
+                    "{gain:?} {k} {x} {y}: {} for {expected}",
+                    found.at(k, x, y)
+                );
+                constant += usize::from(is_constant);
+            }
+            assert!(constant > 45 && constant < 45 * (dims - 2), "{constant} tell little");
+        }
+    }
 }

@@ -65,3 +65,37 @@ fn pad(width: usize, height: usize, plane: &[f32], margin: usize, fill: Margin) 
     }
     padded
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn spans_reach_into_margins_of_either_kind_from_any_pixel() {
+        let (width, height, margin) = (5_isize, 3_isize, 4_isize);
+        let plane: Vec<f32> = (0..15).map(|i| i as f32).collect();
+        let other: Vec<f32> = plane.iter().map(|v| 100.0 + v).collect();
+        for fill in [Margin::Nearest, Margin::Value(-1.0)] {
+            let planes = [plane.as_slice(), other.as_slice()];
+            let bordered = Bordered::new(width as usize, height as usize, &planes, margin as usize, fill);
+            assert_eq!(bordered.count(), 2);
+            for (x, y) in
+                (-margin..height + margin).flat_map(|y| (-margin..width + margin).map(move |x| (x, y)))
+            {
+                let inside = (0..width).contains(&x) && (0..height).contains(&y);
+                let nearest = (y.clamp(0, height - 1) * width + x.clamp(0, width - 1)) as f32;
+                for (p, base) in [0.0, 100.0].into_iter().enumerate() {
+                    let expected = match fill {
+                        Margin::Value(value) if !inside => value,
+                        _ => base + nearest,
+                    };
+                    assert_eq!(bordered.span(p, x, y, 1), [expected], "{p} {x} {y} {fill:?}");
+                    let to_end = (width + margin - x) as usize;
+                    assert_eq!(bordered.span(p, x, y, to_end)[0], expected);
+                }
+            }
+            // Behind the last row there is what vectors may read.
+            assert_eq!(bordered.span(1, width + margin, height + margin - 1, SLACK).len(), SLACK);
+        }
+    }
+}

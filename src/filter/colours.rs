@@ -170,3 +170,152 @@ fn blur(planes: &mut Planes, deviation: f32) {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use rand::RngExt;
+
+    use super::super::synthetic::{store, wall};
+    use super::*;
+    use crate::stats::Layout;
+
+    const WIDTH: usize = 11;
+    const PIXELS: usize = WIDTH * 8;
+
+    /// Noise of mean `level`; in column 2 are single samples, in column 5 none.
+    fn noise(level: f32) -> Store {
+        let layout = Layout::with_blocks(|_| false);
+        let count = |x: usize, y: usize| match x {
+            2 => 1,
+            5 => 0,
+            _ => 2 + (x + y) as u32 % 4,
+        };
+        store(WIDTH, 8, layout.clone(), count, |x, y, _, rng| {
+            let light = level * (0.5 + rng.random::<f32>());
+            wall(&layout, x, y, [light, 0.5 * light, 0.1 * light], rng)
+        })
+    }
+
+    fn colours(level: f32) -> (Store, Colours) {
+        let store = noise(level);
+        let colours = Colours::new(&store, &OutlierSettings::off());
+        (store, colours)
+    }
+
+    fn close(found: f32, expected: f32) -> bool {
+        (found - expected).abs() <= 1e-5 * expected.abs()
+    }
+
+    #[test]
+    fn the_exposure_is_a_power_of_two_and_scales_what_distances_are_measured_by() {
+        for level in [1e-6, 0.3, 7.0, 3e5] {
+            let (store, colours) = colours(level);
+            let exposure = colours.exposure();
+            assert_eq!(exposure.log2().fract(), 0.0);
+            let mean = colours.mean.data().iter().sum::<f32>() / (3 * PIXELS) as f32;
+            assert!((0.7..1.42).contains(&(mean * exposure)), "{level}: {}", mean * exposure);
+            let dims = store.layout().radiance();
+            let [means, variances] = colours.guide();
+            let expected = [store.means(Part::Whole, dims.clone()), store.variances(Part::Whole, dims)];
+            for i in 0..3 * PIXELS {
+                assert!(close(means.data()[i], expected[0].data()[i] * exposure));
+                assert!(close(variances.data()[i], expected[1].data()[i] * exposure * exposure));
+            }
+        }
+        let black = Colours::new(&noise(0.0), &OutlierSettings::off());
+        assert_eq!(black.exposure(), 1.0);
+    }
+
+    #[test]
+    fn outliers_have_what_is_left_of_their_variance() {
+        let layout = Layout::with_blocks(|_| false);
+        let spiked = store(
+            9,
+            9,
+            layout.clone(),
+            |_, _| 4,
+            |x, y, index, rng| {
+                let light = if (x, y, index) == (4, 4, 0) { 1e4 } else { rng.random::<f32>() };
+                wall(&layout, x, y, [light; 3], rng)
+            },
+        );
+        let colours = Colours::new(&spiked, &OutlierSettings::default());
+        let [outlier] = colours.clamped.outliers[..] else { panic!("one outlier") };
+        let scale = outlier.scale * colours.exposure();
+        let [_, variance] = colours.guide();
+        assert!(close(variance.plane(1)[40], colours.variance.plane(1)[40] * scale * scale));
+    }
+
+    #[test]
+    fn values_that_nothing_has_averaged_come_back_as_the_image_and_its_halves() {
+        let (store, colours) = colours(0.3);
+        let values = colours.values(3);
+        let images = colours.finish(&values, &OutlierSettings::off(), |_, _| true);
+        let dims = store.layout().radiance();
+        let halves = [0, 1].map(|h| store.means(Part::Half(h), dims.clone()));
+        let counts = [0, 1].map(|h| store.counts(Part::Half(h)));
+        for i in 0..3 * PIXELS {
+            let [image, a, b] = images.each_ref().map(|image| image.data()[i]);
+            let [n_a, n_b] = counts.each_ref().map(|counts| counts[i % PIXELS] as f32);
+            assert!(close(image, colours.mean.data()[i]), "{i}");
+            if n_a + n_b > 0.0 {
+                assert!(close((n_a * a + n_b * b) / (n_a + n_b), image), "{i}: {a} {b}");
+            }
+            if n_a > 0.0 && n_b > 0.0 {
+                assert!((a - halves[0].data()[i]).abs() < 1e-6, "{i}: {a}");
+                assert!((b - halves[1].data()[i]).abs() < 1e-6, "{i}: {b}");
+            } else {
+                assert!(a == image && b == image, "{i}: no second half, no difference");
+            }
+        }
+    }
+
+    #[test]
+    fn without_samples_halves_lie_evenly_around_the_image() {
+        let (_, colours) = colours(0.3);
+        let mut values = Planes::new(WIDTH, 8, 6);
+        values.data_mut()[..3 * PIXELS].fill(1.0);
+        values.data_mut()[3 * PIXELS..].fill(0.5);
+        let values = Padded::from_planes(&values, 0, 0.0);
+        let [image, a, b] = colours.finish(&values, &OutlierSettings::off(), |_, _| true);
+        let e = colours.exposure();
+        let at = |planes: &Planes| e * planes.at(1, 5, 3);
+        assert!(close(at(&image), 1.0) && close(at(&a), 1.25) && close(at(&b), 0.75));
+    }
+
+    #[test]
+    fn maps_are_those_of_the_formulas() {
+        let (store, colours) = colours(1.0);
+        let off = |by: f32, i: usize| 1.0 + by * ((i * 37 % 19) as f32 / 19.0 - 0.5);
+        let images = [0.5, 0.6, 0.7].map(|by| {
+            let mut image = colours.mean.clone();
+            image.data_mut().iter_mut().enumerate().for_each(|(i, v)| *v *= off(by, i));
+            image
+        });
+        let [image, a, b] = images.clone();
+        let found = colours.assess([image, a, b]);
+        let counts = store.counts(Part::Whole);
+        let (mut bias, mut spread) = (vec![0.0; PIXELS], vec![0.0; PIXELS]);
+        let mut residual = vec![0.0; PIXELS];
+        for (i, pixel) in (0..3 * PIXELS).map(|i| (i, i % PIXELS)) {
+            let [f, f_a, f_b] = images.each_ref().map(|image| image.data()[i]);
+            let variance = ((f_a - f_b) / 2.0).powi(2);
+            assert!(close(found.variance.data()[i], variance));
+            spread[pixel] += variance / 3.0;
+            if counts[pixel] < 2 {
+                residual[pixel] += 1.0 / 3.0;
+                continue;
+            }
+            let (mean, noise) = (colours.mean.data()[i], colours.variance.data()[i] / counts[pixel] as f32);
+            residual[pixel] += (f - mean).powi(2) / (noise + variance + 1e-8 * mean * mean) / 3.0;
+            bias[pixel] += ((f - mean).powi(2) - noise) / 3.0;
+        }
+        let bias = super::super::blur::gaussian(WIDTH, 8, &bias, BIAS_BLUR);
+        assert!(bias.iter().any(|&b| b > 0.0) && bias.iter().any(|&b| b < 0.0));
+        for i in 0..PIXELS {
+            assert!((found.residual.data()[i] - residual[i]).abs() < 1e-4 * residual[i].max(1.0), "{i}");
+            let expected = spread[i] + bias[i].max(0.0);
+            assert!((found.error.data()[i] - expected).abs() < 1e-5, "{i}: {}", found.error.data()[i]);
+        }
+    }
+}

@@ -345,3 +345,6 @@ fn to_weights<const PATCH: usize>(
         w_ji[x] = exp_negative(if cautious { larger } else { d_ji } + feature);
     }
 }
+
+#[cfg(test)]
+mod tests;

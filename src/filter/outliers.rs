@@ -310,4 +310,135 @@ mod tests {
         assert!(image.data().iter().all(|&v| v < 0.5 * 1.021), "{:?}", image.plane(0));
         assert!(image.plane(0).chunks(9).all(|row| row[5..].iter().all(|&v| v == 0.5)));
     }
+
+    /// Middle of a window's values, and of their distances from it.
+    fn robust(mut values: Vec<f32>) -> [f32; 2] {
+        let middle = |values: &mut Vec<f32>| {
+            values.sort_by(f32::total_cmp);
+            values[values.len() / 2]
+        };
+        let median = middle(&mut values);
+        values.iter_mut().for_each(|v| *v = (*v - median).abs());
+        [median, middle(&mut values)]
+    }
+
+    #[test]
+    fn the_bound_is_that_of_the_median_and_the_deviation_of_the_window_inside_and_at_borders() {
+        let (width, height) = (9, 7);
+        let level = |x: usize, y: usize| 0.5 + 0.01 * ((x * 7 + y * 3) % 11) as f32;
+        for (x, y) in [(4, 3), (0, 0), (8, 6), (1, 5), (8, 2)] {
+            for (settings, to_median) in [
+                (OutlierSettings::default(), false),
+                (OutlierSettings { to_median: true, ..OutlierSettings::default() }, true),
+            ] {
+                let mut grey: Vec<f32> = (0..63).map(|i| level(i % width, i / width)).collect();
+                grey[y * width + x] = 1000.0;
+                let window = (0..63)
+                    .filter(|i| (i % width).abs_diff(x) <= 2 && (i / width).abs_diff(y) <= 2)
+                    .map(|i| grey[i]);
+                let [median, deviation] = robust(window.collect());
+                let most = 8.0 * median + 4.0 * 1.48 * deviation;
+                let found = bound(&grey, (x, y), (width, height), &settings).expect("an outlier");
+                let expected = if to_median { median } else { most };
+                assert!((found - expected).abs() < 1e-5, "{x},{y}: {found} for {expected}");
+                // The value itself counts in the window, on the same side of the middle as before.
+                grey[y * width + x] = most * 1.001;
+                assert!(bound(&grey, (x, y), (width, height), &settings).is_some());
+                grey[y * width + x] = most * 0.999;
+                assert_eq!(bound(&grey, (x, y), (width, height), &settings), None);
+            }
+        }
+        assert_eq!(bound(&[1.0, 0.0, 0.0, 0.0], (0, 0), (2, 2), &OutlierSettings::default()), None);
+    }
+
+    #[test]
+    fn what_is_left_is_the_halves_mean_by_counts_and_the_rest_is_the_excess() {
+        let (whole, [a, b]) = field([1e3, 2.0]);
+        let mean = (6.0 * 1e3 + 2.0 * 2.0) / 8.0;
+        let mut whole = whole;
+        whole.planes_mut().for_each(|plane| plane[40] = mean);
+        let clamped = clamp(&whole, [&a, &b], [&[6; 81], &[2; 81]], &OutlierSettings::default());
+        let [outlier] = clamped.outliers[..] else { panic!("one outlier") };
+        // The median is 0.5 and nothing deviates: the bound is 4, above the second half.
+        assert_eq!([0, 1].map(|h| clamped.halves[h].plane(1)[40]), [4.0, 2.0]);
+        assert_eq!(clamped.whole.plane(2)[40], 3.5);
+        assert_eq!(outlier.excess, [mean - 3.5; 3]);
+        assert!((outlier.scale - 3.5 / mean).abs() < 1e-8);
+    }
+
+    #[test]
+    fn light_is_an_accident_if_one_half_holds_more_than_the_share_that_is_set() {
+        for (a, b, expected) in [(82.0, 18.0, 1), (78.0, 22.0, 0), (18.0, 82.0, 1), (22.0, 78.0, 0)] {
+            assert_eq!(clamped([a, b]).outliers.len(), expected, "{a} {b}");
+        }
+        let (whole, [a, b]) = field([1e6, 0.5]);
+        let none = clamp(&whole, [&a, &b], [&[4; 81], &[4; 81]], &OutlierSettings::off());
+        assert!(none.outliers.is_empty() && none.whole == whole);
+    }
+
+    #[test]
+    fn shares_fall_off_as_a_gaussian_of_a_quarter_window_over_what_resembles() {
+        let settings = OutlierSettings { spread_window: 5, spread_limit: 0.1, ..OutlierSettings::default() };
+        let outliers = [10, 40].map(|pixel| Outlier { pixel, excess: [0.3, 0.2, 0.1], scale: 0.5 });
+        let resembles = |_: (usize, usize), (x, y): (usize, usize)| (x + 2 * y) % 3 != 0;
+        let (mut image, [mut other, _]) = field([0.5, 0.7]);
+        let before = [image.clone(), other.clone()];
+        spread(&outliers, &mut [&mut image, &mut other], &settings, resembles);
+        let mut expected = [0.0; 81];
+        for outlier in &outliers {
+            let (x, y) = ((outlier.pixel % 9) as f32, (outlier.pixel / 9) as f32);
+            let weights: Vec<f32> = (0..81)
+                .map(|i| {
+                    let (dx, dy) = ((i % 9) as f32 - x, (i / 9) as f32 - y);
+                    let inside = dx.abs() <= 2.0 && dy.abs() <= 2.0;
+                    let taken = inside && (i == outlier.pixel || resembles((0, 0), (i % 9, i / 9)));
+                    if taken { (-(dx * dx + dy * dy) / (2.0 * 1.25 * 1.25)).exp() } else { 0.0 }
+                })
+                .collect();
+            let total: f32 = weights.iter().sum();
+            for i in 0..81 {
+                let limit = 0.1 * luminance(&before[0], i) / luminance_of(outlier.excess);
+                expected[i] += (weights[i] / total).min(limit);
+            }
+        }
+        for (after, before) in [&image, &other].into_iter().zip(&before) {
+            for (c, excess) in [0.3, 0.2, 0.1].into_iter().enumerate() {
+                for (i, expected) in expected.iter().enumerate() {
+                    let change = after.plane(c)[i] - before.plane(c)[i];
+                    assert!((change - expected * excess).abs() < 1e-6, "{c} {i}: {change}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn blurred_energy_is_a_gaussian_around_each_outlier_up_to_the_limit() {
+        let (sigma, side) = (2.0, 41);
+        let at = 20 * side + 20;
+        let mut whole = Planes::new(side, side, 3);
+        whole.data_mut().fill(0.5);
+        let mut divisor = whole.clone();
+        divisor.plane_mut(1).fill(0.25);
+        for (excess, limit) in [([3.0, 2.0, 1.0], 1.0), ([3e3, 2e3, 1e3], 0.02)] {
+            let outliers = vec![Outlier { pixel: at, excess, scale: 0.5 }];
+            let halves = [whole.clone(), whole.clone()];
+            let clamped = Clamped { whole: whole.clone(), halves, outliers };
+            let light = blurred(&clamped, Some(&divisor), sigma, limit).expect("an outlier");
+            let mut impulse = vec![0.0; side * side];
+            impulse[at] = 1.0;
+            let peak = 1.0 / (2.0 * std::f32::consts::PI * sigma * sigma);
+            let kept = (limit * 0.5 / (peak * luminance_of(excess))).min(1.0);
+            for (i, share) in blur::gaussian(side, side, &impulse, sigma).into_iter().enumerate() {
+                for (c, by) in [0.5, 0.25, 0.5].into_iter().enumerate() {
+                    let expected = share * kept * excess[c] / by;
+                    let error = (light.plane(c)[i] - expected).abs();
+                    assert!(error <= 1e-4 * expected, "{c} {i}: {} for {expected}", light.plane(c)[i]);
+                }
+            }
+            let plain = blurred(&clamped, None, sigma, limit).expect("an outlier");
+            assert!((plain.plane(1)[at] - 0.25 * light.plane(1)[at]).abs() <= 1e-5 * light.plane(1)[at]);
+        }
+        let none = Clamped { halves: [whole.clone(), whole.clone()], whole, outliers: Vec::new() };
+        assert!(blurred(&none, None, sigma, 1.0).is_none());
+    }
 }

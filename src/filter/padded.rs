@@ -120,3 +120,64 @@ impl Padded {
         self.data[start..start + LANES].try_into().expect("the slice has this length")
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const MARGIN: usize = 5;
+
+    fn numbers(width: usize, height: usize, count: usize) -> Planes {
+        let mut planes = Planes::new(width, height, count);
+        planes.data_mut().iter_mut().enumerate().for_each(|(i, v)| *v = i as f32);
+        planes
+    }
+
+    #[test]
+    fn every_way_to_read_finds_the_same_pixel() {
+        for (width, height, count) in [(21, 4, 3), (16, 2, 1), (1, 1, 2), (33, 3, 7)] {
+            let planes = numbers(width, height, count);
+            let padded = Padded::from_planes(&planes, MARGIN, -1.0);
+            assert_eq!((padded.width(), padded.height(), padded.count()), (width, height, count));
+            assert_eq!((padded.margin(), padded.row_len()), (MARGIN, count * padded.stride()));
+            // Whole cache lines, an odd number of them.
+            assert_eq!(padded.stride() / LANES % 2, 1);
+            assert_eq!(padded.stride() % LANES, 0);
+            assert_eq!(padded.to_planes(), planes);
+            for (plane, y) in (0..count).flat_map(|plane| (0..height).map(move |y| (plane, y))) {
+                assert_eq!(padded.row(plane, y), planes.row(plane, y));
+                let wide = padded.wide(plane, y);
+                assert_eq!(wide.len(), padded.stride());
+                assert!(wide[..MARGIN].iter().chain(&wide[MARGIN + width..]).all(|&v| v == -1.0));
+                assert_eq!(wide[MARGIN..MARGIN + width], *planes.row(plane, y));
+                for x in 0..width {
+                    assert_eq!(padded.at(plane, x, y), planes.at(plane, x, y));
+                    let from = padded.from(y, MARGIN + x).nth(plane).expect("as many as planes");
+                    assert_eq!(from[0], planes.at(plane, x, y));
+                    assert_eq!(padded.from(y, MARGIN + x).len(), count);
+                }
+                for x in (0..width).step_by(LANES) {
+                    let lanes = padded.lanes(plane, y, x);
+                    let inside = LANES.min(width - x);
+                    assert_eq!(lanes[..inside], planes.row(plane, y)[x..x + inside]);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_written_is_read_and_nothing_else_changes() {
+        let mut padded = Padded::from_planes(&numbers(7, 3, 2), MARGIN, -1.0);
+        padded.set(1, 3, 2, 500.0);
+        padded.row_mut(0, 1)[6] = 600.0;
+        let row_len = padded.row_len();
+        assert_eq!(padded.data_mut().len(), 3 * row_len);
+        let stride = padded.stride();
+        padded.data_mut()[2 * row_len + stride + MARGIN] = 700.0;
+        let mut expected = numbers(7, 3, 2);
+        expected.plane_mut(1)[2 * 7 + 3] = 500.0;
+        expected.plane_mut(0)[7 + 6] = 600.0;
+        expected.plane_mut(1)[2 * 7] = 700.0;
+        assert_eq!(padded.to_planes(), expected);
+    }
+}

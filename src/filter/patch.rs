@@ -129,3 +129,93 @@ fn accumulate(
         sum[x] += w;
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use rand::{RngExt, SeedableRng};
+    use rand_pcg::Pcg32;
+
+    use super::*;
+
+    const SETTINGS: DistanceSettings = DistanceSettings { radius: 2, k: 0.7, epsilon: 1e-3, cautious: false };
+
+    /// Three planes of random numbers up to `most`.
+    fn random(pixels: usize, most: f32, seed: u64) -> [Vec<f32>; 3] {
+        let mut rng = Pcg32::seed_from_u64(seed);
+        [(); 3].map(|()| (0..pixels).map(|_| most * rng.random::<f32>()).collect())
+    }
+
+    fn three(planes: &[Vec<f32>; 3]) -> [&[f32]; 3] {
+        planes.each_ref().map(Vec::as_slice)
+    }
+
+    fn guide<'a>(value: &'a [Vec<f32>; 3], variance: &'a [Vec<f32>; 3]) -> Guide<'a> {
+        Guide { value: three(value), variance: three(variance), features: &[], feature_gain: 1.0 }
+    }
+
+    #[test]
+    fn every_pixel_is_the_mean_of_its_neighbours_by_their_weights_across_tiles() {
+        // Two tiles and a rest along both axes.
+        let (width, height) = (TILE.0 + 9, TILE.1 + 3);
+        let (value, variance) = (random(width * height, 1.0, 1), random(width * height, 0.3, 2));
+        let original = random(width * height, 1.0, 3);
+        let guide = guide(&value, &variance);
+        let filtered = filter(width, height, three(&original), guide, SETTINGS);
+
+        let mut sums: Vec<[f64; 4]> = (0..width * height)
+            .map(|i| {
+                let [r, g, b] = three(&original).map(|plane| f64::from(plane[i]));
+                [r, g, b, 1.0]
+            })
+            .collect();
+        let whole = Tile { x: 0, y: 0, width, height };
+        Distance::<PATCH>::new(width, height, guide, SETTINGS).for_each_neighbour(whole, |neighbours| {
+            let (dx, dy) = neighbours.offset;
+            let Some(yj) = neighbours.row.checked_add_signed(dy).filter(|&y| y < height) else { return };
+            for (x, &weight) in neighbours.weights.iter().enumerate() {
+                let Some(xj) = x.checked_add_signed(dx).filter(|&x| x < width) else { continue };
+                let sums = &mut sums[neighbours.row * width + x];
+                let weight = f64::from(weight);
+                sums[3] += weight;
+                for (sum, plane) in sums.iter_mut().zip(&original) {
+                    *sum += weight * f64::from(plane[yj * width + xj]);
+                }
+            }
+        });
+        for (i, sums) in sums.iter().enumerate() {
+            for c in 0..3 {
+                let (found, expected) = (f64::from(filtered.value.plane(c)[i]), sums[c] / sums[3]);
+                assert!((found - expected).abs() < 1e-4, "{i} {c}: {found} for {expected}");
+            }
+            assert!((f64::from(filtered.own_weight[i]) * sums[3] - 1.0).abs() < 1e-3, "{i}");
+        }
+    }
+
+    #[test]
+    fn with_caution_pixels_without_variance_in_any_channel_keep_their_value() {
+        let (width, height) = (20, 12);
+        let (original, mut variance) = (random(width * height, 0.2, 5), random(width * height, 0.3, 6));
+        let (certain, partly) = (5 * width + 7, 8 * width + 13);
+        variance.iter_mut().for_each(|plane| plane[certain] = 0.0);
+        variance[0][partly] = 0.0;
+        for cautious in [false, true] {
+            let settings = DistanceSettings { cautious, ..SETTINGS };
+            let filtered = filter(width, height, three(&original), guide(&original, &variance), settings);
+            let kept = |i: usize| (0..3).all(|c| filtered.value.plane(c)[i] == original[c][i]);
+            assert_eq!((kept(certain), filtered.own_weight[certain] == 1.0), (cautious, cautious));
+            assert!(!kept(partly) && filtered.own_weight[partly] < 1.0);
+        }
+    }
+
+    #[test]
+    fn what_has_no_noise_is_left_alone_and_an_empty_image_is_empty() {
+        let (original, none) = (random(30, 1.0, 9), random(30, 0.0, 9));
+        let filtered = filter(6, 5, three(&original), guide(&original, &none), SETTINGS);
+        assert!((0..3).all(|c| filtered.value.plane(c) == original[c]));
+        assert_eq!(filtered.own_weight, [1.0; 30]);
+        for (width, height) in [(0, 0), (0, 3), (3, 0)] {
+            let empty = filter(width, height, [&[]; 3], guide(&random(0, 1.0, 1), &none), SETTINGS);
+            assert!(empty.own_weight.is_empty());
+        }
+    }
+}

@@ -299,4 +299,88 @@ mod tests {
         assert!((change - with.own_weight[at]).abs() < 1e-4, "{change} {}", with.own_weight[at]);
         assert!(change > 0.0 && change < 0.2);
     }
+
+    #[test]
+    fn fits_are_those_of_the_normal_equations_across_tiles() {
+        use rand::{RngExt, SeedableRng};
+
+        let (width, height) = (TILE.0 + 5, TILE.1 + 2);
+        let pixels = width * height;
+        let mut rng = rand_pcg::Pcg32::seed_from_u64(8);
+        let mut random = |most: f32| (0..pixels).map(|_| most * rng.random::<f32>()).collect::<Vec<f32>>();
+        let original = [(); 3].map(|()| random(1.0));
+        let (value, variance) = ([(); 3].map(|()| random(1.0)), [(); 3].map(|()| random(0.3)));
+        let features = [(); FEATURES].map(|()| random(1.0));
+        let guide = Guide {
+            value: value.each_ref().map(Vec::as_slice),
+            variance: variance.each_ref().map(Vec::as_slice),
+            features: features.each_ref().map(Vec::as_slice),
+        };
+        let radius = 2;
+        let settings = DistanceSettings { radius, k: 1.0, epsilon: 1e-2, cautious: false };
+        let fitted = fit(width, height, original.each_ref().map(Vec::as_slice), guide, settings);
+
+        /// Regressors, values, and weight of a neighbour.
+        type Equation = ([f64; K], [f64; 3], f64);
+        let mut rows: Vec<Vec<Equation>> = vec![Vec::new(); pixels];
+        let weights = distance::Guide {
+            value: guide.value,
+            variance: guide.variance,
+            features: &[],
+            feature_gain: 0.0,
+        };
+        let distance = Distance::<PATCH>::new(width, height, weights, settings);
+        distance.for_each_neighbour(Tile { x: 0, y: 0, width, height }, |neighbours| {
+            let (dx, dy) = neighbours.offset;
+            let Some(y) = neighbours.row.checked_add_signed(dy).filter(|&y| y < height) else { return };
+            for (x_i, &weight) in neighbours.weights.iter().enumerate() {
+                let Some(x) = x_i.checked_add_signed(dx).filter(|&x| x < width) else { continue };
+                let (i, j) = (neighbours.row * width + x_i, y * width + x);
+                let change = |plane: &Vec<f32>| f64::from(plane[j]) - f64::from(plane[i]);
+                let mut regressors = [1.0; K];
+                regressors.iter_mut().zip(&features).for_each(|(r, f)| *r = change(f));
+                regressors[FEATURES] = dx as f64 / radius as f64;
+                regressors[FEATURES + 1] = dy as f64 / radius as f64;
+                rows[i].push((regressors, original.each_ref().map(change), f64::from(weight)));
+            }
+        });
+        for i in (0..pixels).step_by(3) {
+            // The pixel itself differs in nothing from itself: it counts for the constant alone.
+            let mut m = [[0.0; K + 3]; K];
+            m[K - 1][K - 1] = 1.0;
+            for (x, v, w) in &rows[i] {
+                for r in 0..K {
+                    (0..K).for_each(|c| m[r][c] += w * x[r] * x[c]);
+                    (0..3).for_each(|c| m[r][K + c] += w * x[r] * v[c]);
+                }
+            }
+            let total = m[K - 1][K - 1];
+            (0..K - 1).for_each(|r| m[r][r] += 1e-3 * m[r][r] + 1e-7 * total);
+            for r in 0..K - 1 {
+                for s in r + 1..K {
+                    let factor = m[s][r] / m[r][r];
+                    (r..K + 3).for_each(|c| m[s][c] -= factor * m[r][c]);
+                }
+            }
+            let [.., last] = m;
+            let own = f64::from(fitted.own_weight[i]) * last[K - 1];
+            assert!((own - 1.0).abs() < 0.01, "{i}: own weight {own} times what it should be");
+            for c in 0..3 {
+                let expected = (f64::from(original[c][i]) + last[K + c] / last[K - 1]).max(0.0);
+                let found = f64::from(fitted.value.plane(c)[i]);
+                assert!((found - expected).abs() < 0.01, "{i} {c}: {found} for {expected}");
+            }
+        }
+        // Where the guide has no noise, all stays as it is; so does an image without pixels.
+        let none = vec![0.0; pixels];
+        let certain = Guide { variance: [&none; 3], ..guide };
+        let kept = fit(width, height, original.each_ref().map(Vec::as_slice), certain, settings);
+        assert!(
+            (0..3).all(|c| kept.value.plane(c) == original[c]) && kept.own_weight.iter().all(|&a| a == 1.0)
+        );
+        let nothing = Guide { value: [&[]; 3], variance: [&[]; 3], features: [&[]; FEATURES] };
+        for (width, height) in [(0, 4), (4, 0)] {
+            assert!(fit(width, height, [&[]; 3], nothing, settings).own_weight.is_empty());
+        }
+    }
 }

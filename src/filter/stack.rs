@@ -129,4 +129,41 @@ mod tests {
         let mixed = mix(&noisy, &Brightness::of(&planes(0.5)), estimates(0.0), &estimates(0.5), 5.0);
         assert!(mixed.iter().all(|half| half.value.data().iter().all(|&v| v == 0.0)));
     }
+
+    #[test]
+    fn the_share_is_the_one_of_least_risk_between_the_noise_of_both() {
+        let noisy = Halves { mean: [planes(0.4), planes(0.6)], variance: [planes(0.02), planes(0.03)] };
+        let mut image = planes(0.5);
+        image.plane_mut(2).fill(0.2);
+        let brightness = Brightness::of(&image);
+        let estimates = |values: [f32; 2], own: f32| {
+            values.map(|value| Estimate { value: planes(value), own_weight: vec![own; 1024] })
+        };
+        let (first, second) = ([0.46, 0.52], [0.58, 0.5]);
+        let (own_1, own_2) = (0.5, 0.2);
+        let (mut n, mut q, mut p) = (0.0, 0.0, 0.0);
+        for h in 0..2 {
+            let (c, v) = ([0.4, 0.6][h], [0.02, 0.03][h]);
+            for level in [0.5_f32, 0.5, 0.2] {
+                let weight = 1.0 / (level * level + 0.01 * 0.4 * 0.4);
+                let d: f32 = first[h] - second[h];
+                n -= weight * (d * (second[h] - c) + v * (own_1 - own_2));
+                q += weight * d * d;
+                p += weight * v * (own_1 + own_2);
+            }
+        }
+        let share = (n + p / 2.0) / (q + p);
+        assert!(share > 0.05 && share < 0.95, "{share} tells little");
+        let mixed = mix(&noisy, &brightness, estimates(first, own_1), &estimates(second, own_2), 5.0);
+        for (h, half) in mixed.iter().enumerate() {
+            let expected = second[h] + share * (first[h] - second[h]);
+            assert!(half.value.data().iter().all(|v| (v - expected).abs() < 1e-4), "{h}: {expected}");
+            let own = own_2 + share * (own_1 - own_2);
+            assert!(half.own_weight.iter().all(|v| (v - own).abs() < 1e-4), "{h}: {own}");
+        }
+        // Nothing differs and nothing is noisy: half and half.
+        let still = Halves { mean: [planes(0.5), planes(0.5)], variance: [planes(0.0), planes(0.0)] };
+        let [a, _] = mix(&still, &brightness, estimates([0.5; 2], 1.0), &estimates([0.5; 2], 0.0), 5.0);
+        assert!(a.own_weight.iter().all(|&v| v == 0.5));
+    }
 }

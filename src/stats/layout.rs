@@ -287,4 +287,36 @@ mod tests {
         layout.write(&mut sample, Block::Colour, &[1.0, 2.0, 3.0]);
         assert_eq!(sample[layout.colour()], [1.0, 2.0, 3.0]);
     }
+
+    #[test]
+    fn each_effect_brings_its_blocks_and_no_others() {
+        use Block::*;
+        let none = Effects::default();
+        for (effects, blocks) in [
+            (none, vec![]),
+            (Effects { varied_albedo: true, ..none }, vec![Albedo]),
+            (Effects { second_hit: true, ..none }, vec![Position2, Normal2, Bsdf1]),
+            (Effects { lens: true, ..none }, vec![Lens]),
+            (Effects { motion: true, ..none }, vec![Time]),
+            (Effects { extended_lights: true, ..none }, vec![Light1]),
+            (Effects { visible_emission: true, ..none }, vec![Radiance, Emission]),
+        ] {
+            let layout = Layout::for_effects(&effects);
+            let always = [Film, Colour, Position1, Normal1, Hit];
+            let mut end = 0;
+            for (block, dims) in ALL {
+                let expected = always.contains(&block) || blocks.contains(&block);
+                assert_eq!(layout.block(block).is_some(), expected, "{block:?} {effects:?}");
+                if let Some(range) = layout.block(block) {
+                    assert_eq!(range, end..end + dims.len());
+                    assert_eq!(layout.dimensions()[range.clone()], *dims);
+                    end = range.end;
+                }
+            }
+            assert_eq!((layout.len(), layout.is_empty()), (end, false));
+            assert_eq!((layout.film(), layout.colour()), (0..2, 2..5));
+            assert_eq!(layout.radiance(), layout.block(Radiance).unwrap_or(2..5));
+        }
+        assert_eq!(MAX_DIMENSIONS, 34);
+    }
 }

@@ -153,3 +153,114 @@ pub(super) fn mean(values: &[Value]) -> Value {
     }
     std::array::from_fn(|c| values[0][c] + sum[c] / values.len() as f32)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::filter::synthetic::{store, wall};
+    use crate::stats::Layout;
+
+    const WIDTH: usize = 6;
+    const HEIGHT: usize = 4;
+
+    fn count(x: usize, y: usize) -> u32 {
+        if (1..4).contains(&x) && y < 3 { 0 } else { (x + 2 * y) as u32 % 5 }
+    }
+
+    /// The colour of sample `index` of a pixel.
+    fn colour(x: usize, y: usize, index: usize) -> f32 {
+        (100 * y + 10 * x + index) as f32
+    }
+
+    fn made() -> Store {
+        let layout = Layout::with_blocks(|_| true);
+        store(WIDTH, HEIGHT, layout.clone(), count, |x, y, index, rng| {
+            wall(&layout, x, y, [colour(x, y, index as usize), 1.0, 0.5], rng)
+        })
+    }
+
+    fn pixels() -> impl Iterator<Item = (usize, usize)> {
+        (0..HEIGHT).flat_map(|y| (0..WIDTH).map(move |x| (x, y)))
+    }
+
+    #[test]
+    fn samples_are_numbered_pixel_by_pixel() {
+        let store = made();
+        let samples = Samples::of(&store);
+        assert_eq!((samples.width(), samples.height(), samples.most()), (WIDTH, HEIGHT, 4));
+        let values = samples.values();
+        let mut next = 0;
+        for (x, y) in pixels() {
+            let own = count(x, y) as usize;
+            assert_eq!(samples.count(x, y), own);
+            assert_eq!(samples.of_pixel(x, y), next..next + own);
+            for slot in 0..own {
+                let radiance = store.layout().radiance().start;
+                assert_eq!(samples.sample(y * WIDTH + x, slot)[radiance], colour(x, y, slot));
+                let [red, green, blue, half_red, half_green, half_blue, share, _] = values[next + slot];
+                assert_eq!([red, green, blue], [colour(x, y, slot), 1.0, 0.5]);
+                let first = (x + y + slot) % 2 == 0;
+                let of_half = if first { [red, green, blue] } else { [0.0; 3] };
+                assert_eq!(([half_red, half_green, half_blue], share), (of_half, f32::from(first)));
+            }
+            next += own;
+        }
+        assert_eq!(values.len(), next);
+        assert!((samples.mean_count() - next as f32 / 24.0).abs() < 1e-6);
+    }
+
+    #[test]
+    fn rows_hold_what_belongs_to_their_pixels() {
+        let store = made();
+        let samples = Samples::of(&store);
+        let mut values = samples.values();
+        let all = values.clone();
+        let rows = samples.rows_of(&mut values);
+        assert_eq!(rows.len(), HEIGHT);
+        for (y, row) in rows.iter().enumerate() {
+            let span = samples.of_pixel(0, y).start..samples.of_pixel(WIDTH - 1, y).end;
+            assert_eq!(**row, all[span]);
+        }
+    }
+
+    #[test]
+    fn pixels_are_means_with_the_difference_of_their_halves_and_look_around_where_they_have_none() {
+        let store = made();
+        let samples = Samples::of(&store);
+        let found = samples.pixels(&samples.values(), 2.0);
+        for (x, y) in pixels() {
+            let reach = |radius: usize| {
+                pixels()
+                    .filter(move |(xj, yj)| xj.abs_diff(x) <= radius && yj.abs_diff(y) <= radius)
+                    .flat_map(|(x, y)| (0..count(x, y) as usize).map(move |slot| (x, y, slot)))
+                    .collect::<Vec<_>>()
+            };
+            let from = (0..WIDTH).map(reach).find(|from| !from.is_empty()).expect("some are there");
+            let mean = |half: Option<usize>| {
+                let of: Vec<f32> = from
+                    .iter()
+                    .filter(|(x, y, slot)| half.is_none_or(|half| (x + y + slot) % 2 == half))
+                    .map(|&(x, y, slot)| colour(x, y, slot))
+                    .collect();
+                (!of.is_empty()).then(|| of.iter().sum::<f32>() / of.len() as f32)
+            };
+            let expected = 2.0 * mean(None).expect("not empty");
+            let close = |found: f32, expected: f32| (found - expected).abs() < 1e-2;
+            assert!(close(found.at(0, x, y), expected), "{x} {y}: {} for {expected}", found.at(0, x, y));
+            let difference = mean(Some(0)).zip(mean(Some(1))).map_or(0.0, |(a, b)| 2.0 * (a - b));
+            assert!(close(found.at(3, x, y), difference), "{x} {y}: {}", found.at(3, x, y));
+            assert!(close(found.at(1, x, y), 2.0) && close(found.at(2, x, y), 1.0));
+        }
+    }
+
+    #[test]
+    fn a_mean_of_equal_values_is_the_value_and_of_none_anywhere_black() {
+        assert_eq!(mean(&[[0.1; 8]; 7]), [0.1; 8]);
+        assert_eq!(mean(&[[1.0; 8], [2.0; 8], [6.0; 8]]), [3.0; 8]);
+        let layout = Layout::with_blocks(|_| false);
+        let empty = Store::new(3, 2, layout, 4, 1);
+        let samples = Samples::of(&empty);
+        assert!(samples.pixels(&[], 1.0).to_planes().data().iter().all(|&v| v == 0.0));
+        assert_eq!((samples.mean_count(), samples.most()), (0.0, 0));
+    }
+}

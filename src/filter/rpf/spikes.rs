@@ -85,4 +85,13 @@ mod tests {
         remove(&mut samples[..1], &RpfSettings::report().spikes);
         assert_eq!(reds(samples), [0.1; 4]);
     }
+
+    #[test]
+    fn of_two_samples_the_brighter_may_stand_out() {
+        let mut samples = [0.0, 4.0].map(|red| [red, 0.5, 0.5, red, 0.5, 0.5, 1.0, 0.0]);
+        remove(&mut samples, &RpfSettings::release().spikes);
+        // Mean 2, deviation √8, of which half is allowed.
+        assert!((samples[1][0] - (2.0 + 2f32.sqrt())).abs() < 1e-5, "{}", samples[1][0]);
+        assert_eq!(samples[0][0], 0.0);
+    }
 }

@@ -162,3 +162,25 @@ pub(super) fn one_pixel(layout: &Layout, samples: &[Vec<f32>]) -> Store {
 pub(super) fn draws(samples: &Samples, layout: &Layout) -> Draws {
     Draws::new(&RpfPass { window: 7, share: 0.5 }, &RpfSettings::report(), samples, layout)
 }
+
+#[test]
+fn the_weights_that_are_shown_are_those_of_few_samples_where_samples_are_few_and_none_without() {
+    let store = noisy_wall(3, 2, 1.0, |x, _| if x == 1 { 0 } else { 3 });
+    let mut settings = small();
+    settings.passes = vec![RpfPass { window: 3, share: 0.5 }; 2];
+    let (names, planes) = feature_weights(&store, &settings, 1);
+    assert_eq!((names.len(), planes.len()), (19, 2));
+    for planes in planes {
+        assert_eq!((planes.width(), planes.height(), planes.count()), (3, 2, 19));
+        for (k, y) in (0..19).flat_map(|k| [(k, 0), (k, 1)]) {
+            assert_eq!(planes.at(k, 1, y), 0.0);
+            // 9 samples say nothing: features alike, no colour, and 7 of 9 numbers are random.
+            let expected = match k {
+                0..15 => 1.0 / 15.0,
+                18 => 7.0 / 9.0,
+                _ => 0.0,
+            };
+            assert!((planes.at(k, 2, y) - expected).abs() < 1e-6, "{k}: {}", planes.at(k, 2, y));
+        }
+    }
+}

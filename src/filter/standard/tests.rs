@@ -280,3 +280,16 @@ fn counts_from_one_to_ten_thousand_side_by_side_are_fine() {
     assert!(image.data().iter().all(|v| (v - 0.5).abs() < 0.2));
     assert!(mse(&image, |_, _| 0.5) < 0.01);
 }
+
+#[test]
+fn drafts_are_smaller_and_more_samples_make_every_distance_less_cautious_up_to_a_limit() {
+    let [standard, draft] = both();
+    assert!(draft.radius < standard.radius && draft.fit_radius == 0 && standard.fit_radius > 0);
+    let ks = |s: StandardSettings| [s.k, s.emission_k, s.fit_k, s.fit_emission_k];
+    // The fourth root of the samples over 32: of 16 times as many it is 2, and 1.5 is the limit.
+    for (spp, growth) in [(1.0, 1.0), (32.0, 1.0), (64.0, 2f32.powf(0.25)), (512.0, 1.5)] {
+        for (grown, k) in ks(standard.grown(spp)).into_iter().zip(ks(standard)) {
+            assert!((grown / k - growth).abs() < 1e-6, "{spp}: {grown} of {k}");
+        }
+    }
+}

@@ -226,3 +226,82 @@ proptest! {
         prop_assert!((m.variance() - variance).abs() <= 1e-9 * variance.max(1.0));
     }
 }
+
+#[test]
+fn a_row_comes_back_from_its_bytes_and_bytes_that_no_samples_led_to_are_refused() {
+    let (store, _) = random_store(13, 6);
+    let layout = layout();
+    let len = Row::byte_len(WIDTH, layout.len(), 4).expect("small");
+    // Two counts, two halves with a count, a mean and a deviation each, and a reservoir.
+    assert_eq!(len, WIDTH * (2 * 4 + 2 * (4 + 16 * layout.len()) + 4 * 4 * layout.len()));
+    assert_eq!(Row::byte_len(usize::MAX / 8, 3, 4), None);
+    let empty = || Store::new(WIDTH, HEIGHT, layout.clone(), 4, 13);
+    let mut bytes = vec![0; len];
+    for (y, row) in store.rows().iter().enumerate() {
+        row.to_bytes(&mut bytes);
+        let mut read = empty();
+        assert_eq!(read.rows_mut()[y].read_bytes(&bytes), Ok(()));
+        assert_eq!(read.rows()[y], *row);
+        assert_eq!((read.samples(), read.drawn()), (6 * WIDTH as u64, 6 * WIDTH as u64));
+    }
+
+    let read = |change: &dyn Fn(&mut [u8])| {
+        let mut bytes = bytes.clone();
+        change(&mut bytes);
+        empty().rows_mut()[2].read_bytes(&bytes)
+    };
+    let values =
+        |at: usize, value: f64| read(&|bytes| bytes[at..at + 8].copy_from_slice(&value.to_le_bytes()));
+    assert_eq!(read(&|bytes| bytes[0] += 1), Err(RowError::Counts), "drawn and not counted");
+    assert_eq!(read(&|bytes| bytes[4 * WIDTH] += 1), Err(RowError::Counts), "rejected and not drawn");
+    let (means, planes) = (4 * 3 * WIDTH, 8 * layout.len() * WIDTH);
+    for bad in [f64::NAN, f64::INFINITY, 1.6e15, -1.6e15] {
+        assert_eq!(values(means, bad), Err(RowError::Values), "mean {bad}");
+        assert_eq!(values(means + planes - 8, bad), Err(RowError::Values), "last mean {bad}");
+    }
+    assert_eq!(values(means, -1.4e15), Ok(()), "room for rounding");
+    // Three samples in each half: 3·(1.5·10¹⁵)².
+    for bad in [f64::NAN, f64::INFINITY, -1e-9, 6.8e30] {
+        assert_eq!(values(means + planes, bad), Err(RowError::Values), "deviation {bad}");
+    }
+    assert_eq!(values(means + planes, 6.7e30), Ok(()));
+    for bad in [f32::NAN, f32::INFINITY, 1.1e15] {
+        let last = read(&|bytes| bytes[len - 4..].copy_from_slice(&bad.to_le_bytes()));
+        assert_eq!(last, Err(RowError::Values), "sample {bad}");
+    }
+}
+
+#[test]
+fn rows_can_be_taken_out_and_bytes_of_kept_samples_be_told() {
+    let (store, _) = random_store(17, 3);
+    let some = store.of_rows([2, 0]);
+    assert_eq!((some.width(), some.height(), some.pixels(), some.capacity()), (WIDTH, 2, 2 * WIDTH, 4));
+    assert!(some.rows()[0] == store.rows()[2] && some.rows()[1] == store.rows()[0]);
+    assert_eq!(store.reservoir_bytes(), (WIDTH * HEIGHT * 3 * 4 * layout().len()) as u64);
+    assert_eq!(store.rows()[0].rejected(1), 0);
+}
+
+#[test]
+fn a_merged_reservoir_takes_from_both_streams_by_their_lengths() {
+    let layout = Layout::with_blocks(|_| false);
+    let (pixels, capacity) = (4000, 4);
+    let made = |n: u32, value: f32, seed: u64| {
+        let mut store = Store::new(pixels, 1, layout.clone(), capacity, seed);
+        (0..pixels).for_each(|x| (0..n).for_each(|_| store.push(x, 0, &[value; 5])));
+        store
+    };
+    let mut merged = made(30, 1.0, 1);
+    merged.merge(&made(10, 2.0, 2));
+    let kept: Vec<f32> =
+        (0..pixels).flat_map(|x| merged.rows()[0].reservoir(x).chunks(5).map(|s| s[0])).collect();
+    assert_eq!(kept.len(), pixels * capacity);
+    let share = kept.iter().filter(|&&v| v == 2.0).count() as f64 / kept.len() as f64;
+    // A quarter, to five deviations of √(p(1 − p) ∕ n).
+    assert!((share - 0.25).abs() < 5.0 * (0.1875 / 16_000.0_f64).sqrt(), "{share}");
+    assert_eq!((merged.drawn(), merged.rows()[0].next_index(7)), (40 * pixels as u64, 40));
+    let mut few = made(1, 1.0, 1);
+    few.merge(&made(2, 2.0, 2));
+    let mut all: Vec<f32> = few.rows()[0].reservoir(9).chunks(5).map(|s| s[0]).collect();
+    all.sort_by(f32::total_cmp);
+    assert_eq!(all, [1.0, 2.0, 2.0]);
+}

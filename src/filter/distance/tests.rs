@@ -1,0 +1,159 @@
+//! Distances and weights against their formula, in double precision.
+
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg32;
+
+use super::*;
+
+const WIDTH: usize = 23;
+const HEIGHT: usize = 11;
+const GAIN: f32 = 2.0;
+
+struct Image {
+    value: [Vec<f32>; 3],
+    variance: [Vec<f32>; 3],
+    features: [Vec<f32>; 2],
+}
+
+impl Image {
+    fn random() -> Self {
+        let mut rng = Pcg32::seed_from_u64(7);
+        let mut plane = |most: f32| (0..WIDTH * HEIGHT).map(|_| most * rng.random::<f32>()).collect();
+        Self {
+            value: [(); 3].map(|()| plane(1.0)),
+            variance: [(); 3].map(|()| plane(0.1)),
+            features: [(); 2].map(|()| plane(0.5)),
+        }
+    }
+
+    fn weights(
+        &self,
+        settings: DistanceSettings,
+        tile: Tile,
+        mut check: impl FnMut((isize, isize), (isize, isize), f32),
+    ) {
+        let features = self.features.each_ref().map(Vec::as_slice);
+        let guide = Guide {
+            value: self.value.each_ref().map(Vec::as_slice),
+            variance: self.variance.each_ref().map(Vec::as_slice),
+            features: &features,
+            feature_gain: GAIN,
+        };
+        Distance::<1>::new(WIDTH, HEIGHT, guide, settings).for_each_neighbour(tile, |neighbours| {
+            let (dx, dy) = neighbours.offset;
+            assert_eq!(neighbours.weights.len(), tile.width);
+            for (x, &weight) in neighbours.weights.iter().enumerate() {
+                let (x, y) = ((tile.x + x) as isize, (tile.y + neighbours.row) as isize);
+                check((x, y), (x + dx, y + dy), weight);
+            }
+        });
+    }
+
+    /// d_ij by the formula, in double precision; beyond the border stands the nearest pixel.
+    fn distance(&self, settings: DistanceSettings, i: (isize, isize), j: (isize, isize)) -> f64 {
+        let k2 = f64::from(settings.k).powi(2);
+        let mut sum = 0.0;
+        for (dx, dy) in (-1..=1).flat_map(|dy| (-1..=1).map(move |dx| (dx, dy))) {
+            let at = |plane: &[f32], (x, y): (isize, isize)| {
+                let x = (x + dx).clamp(0, WIDTH as isize - 1) as usize;
+                let y = (y + dy).clamp(0, HEIGHT as isize - 1) as usize;
+                f64::from(plane[y * WIDTH + x])
+            };
+            for (value, variance) in self.value.iter().zip(&self.variance) {
+                let difference = at(value, i) - at(value, j);
+                let (v_i, v_j) = (at(variance, i), at(variance, j));
+                sum += (difference * difference - v_i - v_i.min(v_j))
+                    / (f64::from(settings.epsilon) + k2 * (v_i + v_j));
+            }
+        }
+        sum / 27.0
+    }
+
+    fn weight(&self, settings: DistanceSettings, i: (isize, isize), j: (isize, isize)) -> f64 {
+        if !(0..WIDTH as isize).contains(&j.0) || !(0..HEIGHT as isize).contains(&j.1) {
+            return 0.0;
+        }
+        let there = self.distance(settings, i, j);
+        let back = self.distance(settings, j, i);
+        let d = if settings.cautious { there.max(back) } else { there };
+        let index = |(x, y): (isize, isize)| y as usize * WIDTH + x as usize;
+        let squared = |plane: &Vec<f32>| f64::from(plane[index(i)] - plane[index(j)]).powi(2);
+        let features: f64 = self.features.iter().map(squared).sum();
+        (-d.max(0.0) - f64::from(GAIN) * features).exp()
+    }
+}
+
+const SETTINGS: DistanceSettings = DistanceSettings { radius: 3, k: 0.8, epsilon: 0.02, cautious: false };
+
+#[test]
+fn weights_are_those_of_the_formula_for_every_pixel_of_every_tile() {
+    let image = Image::random();
+    for cautious in [false, true] {
+        let settings = DistanceSettings { cautious, ..SETTINGS };
+        for tile in [
+            Tile { x: 0, y: 0, width: WIDTH, height: HEIGHT },
+            Tile { x: 5, y: 2, width: 16, height: 7 },
+            Tile { x: 22, y: 10, width: 1, height: 1 },
+        ] {
+            let mut seen = Vec::new();
+            image.weights(settings, tile, |i, j, found| {
+                let expected = image.weight(settings, i, j);
+                let error = (f64::from(found) - expected).abs();
+                assert!(error < 1e-4 * expected + 1e-12, "{i:?} {j:?}: {found} for {expected}");
+                seen.push((i, j));
+            });
+            // 28 pixels in the disc without its centre, each once.
+            assert_eq!(seen.len(), 28 * tile.width * tile.height);
+            assert!(seen.iter().all(|(i, j)| (i.0 - j.0).pow(2) + (i.1 - j.1).pow(2) <= 9));
+            seen.sort_unstable();
+            seen.dedup();
+            assert_eq!(seen.len(), 28 * tile.width * tile.height);
+        }
+    }
+}
+
+#[test]
+fn one_wild_pixel_costs_the_patches_without_it_no_digits() {
+    let mut image = Image::random();
+    image.value[1][3 * WIDTH + 9] = 1e9;
+    image.variance[0][7 * WIDTH + 12] = 1e30;
+    let within = |(x, y): (isize, isize), at: (isize, isize)| (x - at.0).abs() <= 1 && (y - at.1).abs() <= 1;
+    image.weights(SETTINGS, Tile { x: 0, y: 0, width: WIDTH, height: HEIGHT }, |i, j, found| {
+        assert!((0.0..=1.0).contains(&found), "{i:?} {j:?}: {found}");
+        let wild = [(9, 3), (12, 7)].iter().any(|&at| within(i, at) || within(j, at));
+        let expected = image.weight(SETTINGS, i, j);
+        // The bound of a term, 3000, in `f32` and over 27 k².
+        assert!(wild || (f64::from(found) - expected).abs() < 1e-4, "{i:?} {j:?}: {found} for {expected}");
+        let one = within(i, (9, 3)) != within(j, (9, 3));
+        assert!(!one || found < 1e-10, "{i:?} {j:?}: {found}");
+    });
+}
+
+#[test]
+fn only_tiles_with_some_variance_are_noisy() {
+    let flat = vec![0.5; WIDTH * HEIGHT];
+    let mut variance = vec![0.0; WIDTH * HEIGHT];
+    variance[4 * WIDTH + 9] = 1e-3;
+    let none = vec![0.0; WIDTH * HEIGHT];
+    for channel in 0..3 {
+        let mut variances = [none.as_slice(); 3];
+        variances[channel] = &variance;
+        let guide = Guide { value: [&flat; 3], variance: variances, features: &[], feature_gain: 0.0 };
+        let distance = Distance::<1>::new(WIDTH, HEIGHT, guide, SETTINGS);
+        for tile in tiles(WIDTH, HEIGHT, (8, 4)) {
+            assert_eq!(distance.is_noisy(tile), (tile.x, tile.y) == (8, 4), "{tile:?}");
+        }
+    }
+}
+
+#[test]
+fn tiles_cover_every_pixel_once_and_end_at_the_border() {
+    let mut covered = vec![0; WIDTH * HEIGHT];
+    for Tile { x, y, width, height } in tiles(WIDTH, HEIGHT, (8, 4)) {
+        assert!(width <= 8 && height <= 4);
+        for (x, y) in (y..y + height).flat_map(|y| (x..x + width).map(move |x| (x, y))) {
+            covered[y * WIDTH + x] += 1;
+        }
+    }
+    assert!(covered.iter().all(|&n| n == 1));
+}
