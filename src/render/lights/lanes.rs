@@ -96,12 +96,18 @@ impl Lights<'_> {
     ) {
         let (mut lights, mut probabilities) = ([0; LANES], [0.0; LANES]);
         let within = self.expected_within(receivers);
+        let mut lit = 0;
         for lane in lanes_of(mask) {
-            let chosen = self.choice.sample(&receivers.at(lane), within[lane], choice[lane]);
-            let (light, probability) = chosen.unwrap_or((0, 0.0));
-            (lights[lane], probabilities[lane]) = (light as u32, probability);
+            match self.choice.sample(&receivers.at(lane), within[lane], choice[lane]) {
+                Some((light, probability)) => {
+                    (lights[lane], probabilities[lane]) = (light as u32, probability);
+                    lit |= 1 << lane;
+                }
+                // No light reaches the receiver.
+                None => samples.set(lane, None),
+            }
         }
-        groups(&lights, mask, |light, lanes| {
+        groups(&lights, lit, |light, lanes| {
             let light = light as usize;
             match self.sources.get(light) {
                 Some(Source::Environment(environment)) if environment.constant().is_some() => {
