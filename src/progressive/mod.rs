@@ -138,7 +138,7 @@ impl<'a> Loop<'a> {
 
     /// Follows other settings from now on. The seed and what the reservoir keeps stay as they are.
     pub fn change(&mut self, settings: &Settings) {
-        self.take_time();
+        self.hurried = false;
         self.schedule.change(&settings.budget);
         self.settings = Settings { seed: self.settings.seed, ..settings.clone() };
     }

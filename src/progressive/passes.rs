@@ -13,7 +13,8 @@ const RERUN_SHARE: f64 = 0.1;
 /// The one before the last batch may take this share by itself, however short the budget: without it
 /// nothing is known of the error of an image like the last one.
 const LAST_RERUN_SHARE: f64 = 0.08;
-/// Of the time that filtering at another quality and writing take, a draft and writing take about this share.
+/// Of the time that filtering at another quality and writing were rehearsed to take, a draft and writing take
+/// about this share.
 const DRAFT_COST: f64 = 0.5;
 /// A rerun must be followed by at least this many times its time for the samples that it directs.
 const LEAST_USE_OF_RERUN: f64 = 3.0;
@@ -30,21 +31,14 @@ impl Loop<'_> {
         }
     }
 
-    /// The time does not suffice for the last pass as asked for: it will be a draft.
-    fn hurry(&mut self) {
+    /// The time does not suffice for the last pass as asked for: it will be a draft. Whether it would not be one
+    /// otherwise.
+    fn hurry(&mut self) -> bool {
         let Settings { denoiser, quality, .. } = self.settings;
         let draft = denoiser == Denoiser::None || (denoiser, quality) == (Denoiser::Prpf, Quality::Draft);
-        if !self.hurried && !draft {
-            self.hurried = true;
-            self.schedule.closing_changes(DRAFT_COST);
-        }
-    }
-
-    /// The time may suffice again.
-    pub(super) fn take_time(&mut self) {
-        if std::mem::take(&mut self.hurried) {
-            self.schedule.closing_changes(1.0 / DRAFT_COST);
-        }
+        let changes = !self.hurried && !draft;
+        self.hurried |= changes;
+        changes
     }
 
     /// The filter between batches.
@@ -106,14 +100,19 @@ impl Loop<'_> {
         let elapsed = self.elapsed();
         let Some(left) = self.schedule.seconds_left(elapsed) else { return };
         let drawn = self.store.drawn();
-        let sparse = drawn < self.store.pixels() as u64;
-        if sparse && !self.schedule.fills(elapsed, drawn) {
-            self.hurry();
+        if drawn < self.store.pixels() as u64 {
+            // A rehearsal would have to fill the pixels without samples first, and takes time from them. Without
+            // one the prediction stays that of a better filter: fresh memory makes the first pass a slow one.
+            if !self.schedule.fills(elapsed, drawn) {
+                self.hurry();
+            }
+            return;
         }
-        // Pixels without samples have to be filled first, which the last pass will have to do only if they
-        // stay without.
-        let as_at_the_end = !sparse || !self.schedule.fills(elapsed, drawn);
-        if !as_at_the_end || !self.rehearsal.is_due(elapsed, left, self.schedule.closing()) {
+        if !self.rehearsal.is_due(elapsed, left, self.schedule.closing()) {
+            if self.rehearsal.is_missing() {
+                // There is no time to find out how long the last pass takes.
+                self.hurry();
+            }
             return;
         }
         self.rehearse_now(left);
@@ -121,8 +120,8 @@ impl Loop<'_> {
         if self.rehearsal.is_doubtful(left) {
             self.rehearse_now(left);
         }
-        if self.schedule.is_late(self.elapsed()) {
-            self.hurry();
+        if self.schedule.is_late(self.elapsed()) && self.hurry() {
+            self.schedule.closing_changes(DRAFT_COST);
         }
         self.seconds.filter += self.elapsed() - elapsed;
     }

@@ -53,6 +53,11 @@ impl Rehearsal {
         left > LEAST_USE * next && (affordable || self.is_last_look(left))
     }
 
+    /// Whether there was none so far.
+    pub fn is_missing(&self) -> bool {
+        self.latest.is_none()
+    }
+
     /// Whether it is the last time to see how busy the machine is.
     fn is_last_look(&self, left: f64) -> bool {
         !self.looked && left <= LAST_LOOK * self.closing_seconds
