@@ -97,8 +97,12 @@ impl<'a> Loop<'a> {
         reference: Option<&'a Planes>,
     ) -> Self {
         let (width, height) = renderer.resolution();
-        let store =
-            Store::new(width, height, renderer.layout().clone(), reservoir_capacity(settings), settings.seed);
+        let (layout, capacity) = (renderer.layout().clone(), reservoir_capacity(settings));
+        let bytes = (width * height * Store::bytes_per_pixel(&layout, capacity)).max(1);
+        let making = Instant::now();
+        let store = Store::new(width, height, layout, capacity, settings.seed);
+        // Mostly the system's work on fresh pages, of which passes of the filter will need some, too.
+        let seconds_per_byte = making.elapsed().as_secs_f64() / bytes as f64;
         Self {
             renderer,
             settings: settings.clone(),
@@ -117,7 +121,7 @@ impl<'a> Loop<'a> {
             ),
             store: Arc::new(store),
             resumed_samples: 0,
-            rehearsal: Rehearsal::default(),
+            rehearsal: Rehearsal::new(width * height, seconds_per_byte),
             batches: Vec::new(),
             seconds: Seconds::default(),
             reruns: 0.0,

@@ -130,7 +130,7 @@ impl Loop<'_> {
         let ((denoiser, quality), seed) = (self.last_filter(), self.settings.seed);
         let filter = |store: &Store| observer::filtered(store, denoiser, quality, seed);
         self.rehearsal.run(&self.store, left, filter, self.closing);
-        self.schedule.rehearsed(self.rehearsal.closing_seconds);
+        self.schedule.rehearsed(self.rehearsal.closing_seconds + self.rehearsal.fresh_seconds);
     }
 
     /// Filters between batches; false if the observer gave it up.
@@ -150,9 +150,13 @@ impl Loop<'_> {
         self.reruns += seconds;
         if quality == self.interim_quality() {
             self.interim_seconds = Some(seconds);
+            let saved = self.rehearsal.warmed_by_draft();
+            if !self.rehearsal.is_missing() {
+                self.schedule.corrected(saved);
+            }
         } else if self.rehearsal.filter_seconds > 0.0 {
             // What the whole takes is better known now than by some of its rows.
-            self.schedule.corrected(self.rehearsal.filter_seconds - filter_seconds);
+            self.schedule.corrected(self.rehearsal.corrected_by_pass(filter_seconds));
         }
         true
     }

@@ -21,6 +21,10 @@ const SHARE_OF_TIME: f64 = 0.06;
 /// The whole takes longer than its rows say (measured: 0 to 18 %, the more the larger the image): it needs memory
 /// that they did not, and a disk. The budget's margin has to cover what this leaves.
 const WHOLE_EXCESS: f64 = 1.06;
+/// Memory of a whole pass of `standard`, in bytes per pixel (measured: 720 with the snapshot that a rerun leaves).
+const PASS_BYTES: usize = 700;
+/// Share of that which a draft does not use.
+const DRAFT_REST: f64 = 0.5;
 /// A rehearsal must be followed by more than this many times its time for samples.
 const LEAST_USE: f64 = 2.0;
 /// The first rehearsal takes about so many times as long as the others will: all the memory is new to it.
@@ -36,6 +40,9 @@ pub(super) struct Rehearsal {
     pub filter_seconds: f64,
     /// Seconds of that and of what the caller does.
     pub closing_seconds: f64,
+    /// Seconds that memory which no pass has used before adds to the next whole pass. The rows do not show it:
+    /// from the second rehearsal on, theirs has been used.
+    pub fresh_seconds: f64,
     /// Seconds of all rehearsals so far.
     spent: f64,
     /// Seconds of the latest one.
@@ -45,6 +52,24 @@ pub(super) struct Rehearsal {
 }
 
 impl Rehearsal {
+    /// `seconds_per_byte` of fresh memory.
+    pub fn new(pixels: usize, seconds_per_byte: f64) -> Self {
+        Self { fresh_seconds: (PASS_BYTES * pixels) as f64 * seconds_per_byte, ..Self::default() }
+    }
+
+    /// A draft was made of the whole image. How much less fresh memory the next pass will need, in seconds.
+    pub fn warmed_by_draft(&mut self) -> f64 {
+        self.fresh_seconds *= DRAFT_REST;
+        self.fresh_seconds * (1.0 / DRAFT_REST - 1.0)
+    }
+
+    /// A pass of the final quality was made of the whole image in so many seconds. How much less than predicted
+    /// the next one will take.
+    pub fn corrected_by_pass(&mut self, seconds: f64) -> f64 {
+        let fresh = std::mem::take(&mut self.fresh_seconds);
+        self.filter_seconds + fresh - (seconds - fresh).max(0.0)
+    }
+
     /// Whether it is time for another one, with so many seconds `left` for samples and so many predicted
     /// for `closing`.
     pub fn is_due(&self, elapsed: f64, left: f64, closing: f64) -> bool {
@@ -129,6 +154,17 @@ mod tests {
         let none = Rehearsal::default();
         // It would take 2 ∕ 8 of 0.8 seconds.
         assert!(none.is_due(0.0, 0.41, 0.8) && !none.is_due(9.0, 0.39, 0.8));
+    }
+
+    #[test]
+    fn fresh_memory_counts_until_a_whole_pass_has_used_it() {
+        let mut rehearsal = Rehearsal { filter_seconds: 1.0, ..Rehearsal::new(1_000_000, 1e-9) };
+        assert!((rehearsal.fresh_seconds - 0.7).abs() < 1e-9);
+        assert!((rehearsal.warmed_by_draft() - 0.35).abs() < 1e-9);
+        // Predicted 1.35 with fresh memory; it took 1.55, and without will take 1.2.
+        assert!((rehearsal.corrected_by_pass(1.55) - 0.15).abs() < 1e-9);
+        assert_eq!(rehearsal.fresh_seconds, 0.0);
+        assert!((rehearsal.corrected_by_pass(1.2) + 0.2).abs() < 1e-9);
     }
 
     #[test]
