@@ -348,9 +348,13 @@ fn a_render_that_is_looked_at_keeps_its_state_and_ends_in_the_same_image() {
 fn a_preview_that_is_closed_leaves_what_it_has_rendered() {
     let folder = folder();
     let folder = folder.path();
-    let arguments = ["preview", "scene.pbrt", "--spp", "0", "--state", "a.state", "--quiet"];
+    let arguments =
+        ["preview", "scene.pbrt", "--spp", "0", "--state", "a.state", "--state-every", "50ms", "--quiet"];
     let mut child = command(folder, &arguments).spawn().expect("the program starts");
-    std::thread::sleep(Duration::from_millis(500));
+    while !folder.join("a.state").exists() {
+        assert!(child.try_wait().expect("a child").is_none(), "it goes on");
+        std::thread::sleep(Duration::from_millis(20));
+    }
     let interrupt = Command::new("kill").args(["-INT", &child.id().to_string()]).status();
     assert!(interrupt.expect("a signal can be sent").success());
     assert_eq!(child.wait().expect("a child ends").code(), Some(0));

@@ -92,8 +92,7 @@ impl<'a> Director<'a> {
             if let Some(closing) = self.stage.closing {
                 circle = circle.closing_with(closing);
             }
-            let keeping = self.stage.keeping.take();
-            if let Some((seconds, keep)) = keeping {
+            if let Some((seconds, keep)) = self.stage.keeping {
                 circle = circle.keeping(seconds, keep);
             }
             if let Some(memory) = self.stage.resumed.take() {
@@ -106,6 +105,10 @@ impl<'a> Director<'a> {
                     Ended::Finished(filtered, stopped_by) => {
                         let over = stopped_by == StoppedBy::Interrupt || !self.stage.stays;
                         self.finish(stopped_by, circle.store());
+                        if over {
+                            // Asked for during the last pass.
+                            self.save_if_wished(circle.store(), &renderer);
+                        }
                         if over && !self.wishes.any() {
                             let kept = stopped_by != StoppedBy::Interrupt || !self.stage.stays;
                             return kept.then(|| circle.into_outcome(*filtered, stopped_by));
@@ -124,11 +127,13 @@ impl<'a> Director<'a> {
                     return None;
                 }
                 self.save_if_wished(circle.store(), &renderer);
+                let moves = !self.wishes.moves.is_empty();
                 if self.begins_anew(&renderer, &circle) {
-                    circle.keep_now();
-                    if keeping.is_some() {
-                        self.reporter
-                            .notice("the state is kept of the first view, up to here".to_owned(), false);
+                    if moves && self.stage.keeping.is_some() {
+                        circle.keep_now();
+                        self.stage.keeping = None;
+                        let said = "the state is kept of the scene's own view, up to here";
+                        self.reporter.notice(said.to_owned(), false);
                     }
                     break;
                 }

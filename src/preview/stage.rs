@@ -34,8 +34,8 @@ pub struct Stage<'a> {
     pub closing: Option<Closing<'a>>,
     /// Which of a pixel's samples are rendered.
     pub share: Share,
-    /// Seconds from one memory that is kept to the next, and what keeps it: those of the first view, since of
-    /// another the samples would not be the scene's.
+    /// Seconds from one memory that is kept to the next, and what keeps it, until the camera is moved: the
+    /// samples of another view would not be the scene's.
     pub keeping: Option<(f64, Keep<'a>)>,
     /// What the first view goes on from.
     pub resumed: Option<Memory>,

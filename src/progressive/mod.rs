@@ -98,11 +98,7 @@ impl<'a> Loop<'a> {
     ) -> Self {
         let (width, height) = renderer.resolution();
         let (layout, capacity) = (renderer.layout().clone(), reservoir_capacity(settings));
-        let bytes = (width * height * Store::bytes_per_pixel(&layout, capacity)).max(1);
-        let making = Instant::now();
         let store = Store::new(width, height, layout, capacity, settings.seed);
-        // Mostly the system's work on fresh pages, of which passes of the filter will need some, too.
-        let seconds_per_byte = making.elapsed().as_secs_f64() / bytes as f64;
         Self {
             renderer,
             settings: settings.clone(),
@@ -121,7 +117,7 @@ impl<'a> Loop<'a> {
             ),
             store: Arc::new(store),
             resumed_samples: 0,
-            rehearsal: Rehearsal::new(width * height, seconds_per_byte),
+            rehearsal: Rehearsal::new(width * height),
             batches: Vec::new(),
             seconds: Seconds::default(),
             reruns: 0.0,
@@ -142,7 +138,12 @@ impl<'a> Loop<'a> {
 
     /// Follows other settings from now on. The seed and what the reservoir keeps stay as they are.
     pub fn change(&mut self, settings: &Settings) {
-        self.hurried = false;
+        let decisive = |s: &Settings| (s.budget, s.denoiser, s.quality);
+        if decisive(settings) != decisive(&self.settings) {
+            self.hurried = false;
+            self.rehearsal = self.rehearsal.anew();
+            self.schedule.forget_rehearsals();
+        }
         self.schedule.change(&settings.budget);
         self.settings = Settings { seed: self.settings.seed, ..settings.clone() };
     }
@@ -218,6 +219,10 @@ impl<'a> Loop<'a> {
     }
 
     fn end(&mut self, stopped_by: StoppedBy, observer: &mut dyn Observer) -> Ended {
+        if stopped_by == StoppedBy::Time && self.rehearsal.is_missing() {
+            // As where a state has samples, but no time is left.
+            self.hurry();
+        }
         match self.last_pass(observer) {
             Some(filtered) => Ended::Finished(Box::new(filtered), stopped_by),
             None => Ended::Left,

@@ -13,15 +13,12 @@ const RERUN_SHARE: f64 = 0.1;
 /// The one before the last batch may take this share by itself, however short the budget: without it
 /// nothing is known of the error of an image like the last one.
 const LAST_RERUN_SHARE: f64 = 0.08;
-/// Of the time that filtering at another quality and writing were rehearsed to take, a draft and writing take
-/// about this share.
-const DRAFT_COST: f64 = 0.5;
 /// A rerun must be followed by at least this many times its time for the samples that it directs.
 const LEAST_USE_OF_RERUN: f64 = 3.0;
 
 impl Loop<'_> {
-    /// The last filter pass. Where there is no sample for every pixel the image is a coarse one, and others
-    /// than the draft and what is built like it would take pixels without samples for black ones.
+    /// The last filter pass. Where there is no sample for every pixel the image is a coarse one, and `paper` and
+    /// RPF would take pixels without samples for black ones.
     fn last_filter(&self) -> (Denoiser, Quality) {
         let sparse = self.store.drawn() < self.store.pixels() as u64;
         match self.settings.denoiser {
@@ -33,7 +30,7 @@ impl Loop<'_> {
 
     /// The time does not suffice for the last pass as asked for: it will be a draft. Whether it would not be one
     /// otherwise.
-    fn hurry(&mut self) -> bool {
+    pub(super) fn hurry(&mut self) -> bool {
         let Settings { denoiser, quality, .. } = self.settings;
         let draft = denoiser == Denoiser::None || (denoiser, quality) == (Denoiser::Prpf, Quality::Draft);
         let changes = !self.hurried && !draft;
@@ -76,7 +73,8 @@ impl Loop<'_> {
             return Some(if last { ending } else { interim });
         };
         let budget = self.settings.budget.seconds.unwrap_or(0.0);
-        let ending_seconds = self.rehearsal.filter_seconds;
+        let ending_seconds =
+            if self.rehearsal.is_missing() { f64::INFINITY } else { self.rehearsal.filter_seconds };
         let interim_seconds = self.interim_seconds.unwrap_or(ending_seconds).min(ending_seconds);
         let of_use = |seconds: f64| LEAST_USE_OF_RERUN * seconds <= left;
         if !again {
@@ -115,13 +113,18 @@ impl Loop<'_> {
             }
             return;
         }
+        if self.rehearsal.is_missing() {
+            // The pixels got their samples against expectation.
+            self.hurried = false;
+        }
         self.rehearse_now(left);
         let left = self.schedule.seconds_left(self.elapsed()).unwrap_or(left);
         if self.rehearsal.is_doubtful(left) {
             self.rehearse_now(left);
         }
         if self.schedule.is_late(self.elapsed()) && self.hurry() {
-            self.schedule.closing_changes(DRAFT_COST);
+            self.schedule.forget_rehearsals();
+            self.rehearse_now(left);
         }
         self.seconds.filter += self.elapsed() - elapsed;
     }
@@ -150,13 +153,16 @@ impl Loop<'_> {
         self.reruns += seconds;
         if quality == self.interim_quality() {
             self.interim_seconds = Some(seconds);
-            let saved = self.rehearsal.warmed_by_draft();
-            if !self.rehearsal.is_missing() {
-                self.schedule.corrected(saved);
-            }
-        } else if self.rehearsal.filter_seconds > 0.0 {
+        }
+        let is_as_the_last = (self.interim_denoiser(), quality) == self.last_filter();
+        let saved = if is_as_the_last {
             // What the whole takes is better known now than by some of its rows.
-            self.schedule.corrected(self.rehearsal.corrected_by_pass(filter_seconds));
+            self.rehearsal.corrected_by_pass(filter_seconds)
+        } else {
+            self.rehearsal.warmed_by_draft()
+        };
+        if !self.rehearsal.is_missing() {
+            self.schedule.corrected(saved);
         }
         true
     }

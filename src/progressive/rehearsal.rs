@@ -23,6 +23,8 @@ const SHARE_OF_TIME: f64 = 0.06;
 const WHOLE_EXCESS: f64 = 1.06;
 /// Memory of a whole pass of `standard`, in bytes per pixel (measured: 720 with the snapshot that a rerun leaves).
 const PASS_BYTES: usize = 700;
+/// Memory that is tried, in bytes: 30 ms where it is dearest.
+const PROBE_BYTES: usize = 8 << 20;
 /// Share of that which a draft does not use.
 const DRAFT_REST: f64 = 0.5;
 /// A rehearsal must be followed by more than this many times its time for samples.
@@ -43,6 +45,8 @@ pub(super) struct Rehearsal {
     /// Seconds that memory which no pass has used before adds to the next whole pass. The rows do not show it:
     /// from the second rehearsal on, theirs has been used.
     pub fresh_seconds: f64,
+    /// Whether a draft has used a part of it.
+    drafted: bool,
     /// Seconds of all rehearsals so far.
     spent: f64,
     /// Seconds of the latest one.
@@ -52,22 +56,37 @@ pub(super) struct Rehearsal {
 }
 
 impl Rehearsal {
-    /// `seconds_per_byte` of fresh memory.
-    pub fn new(pixels: usize, seconds_per_byte: f64) -> Self {
+    /// Before the first. Tries how long the system takes for fresh memory.
+    pub fn new(pixels: usize) -> Self {
+        let started = Instant::now();
+        // What is not zero has to be written, page by page.
+        std::hint::black_box(vec![1u8; PROBE_BYTES]);
+        let of_all_threads = (PROBE_BYTES * rayon::current_num_threads()) as f64;
+        let seconds_per_byte = started.elapsed().as_secs_f64() / of_all_threads;
         Self { fresh_seconds: (PASS_BYTES * pixels) as f64 * seconds_per_byte, ..Self::default() }
     }
 
-    /// A draft was made of the whole image. How much less fresh memory the next pass will need, in seconds.
+    /// The same before any rehearsal: of another filter.
+    pub fn anew(&self) -> Self {
+        Self { fresh_seconds: self.fresh_seconds, drafted: self.drafted, ..Self::default() }
+    }
+
+    /// A draft was made of the whole image. How much less the next pass will take, in seconds.
     pub fn warmed_by_draft(&mut self) -> f64 {
-        self.fresh_seconds *= DRAFT_REST;
-        self.fresh_seconds * (1.0 / DRAFT_REST - 1.0)
+        let before = self.fresh_seconds;
+        if !std::mem::replace(&mut self.drafted, true) {
+            self.fresh_seconds *= DRAFT_REST;
+        }
+        before - self.fresh_seconds
     }
 
     /// A pass of the final quality was made of the whole image in so many seconds. How much less than predicted
     /// the next one will take.
     pub fn corrected_by_pass(&mut self, seconds: f64) -> f64 {
         let fresh = std::mem::take(&mut self.fresh_seconds);
-        self.filter_seconds + fresh - (seconds - fresh).max(0.0)
+        let predicted = self.filter_seconds + fresh;
+        self.filter_seconds = (seconds - fresh).max(0.0);
+        predicted - self.filter_seconds
     }
 
     /// Whether it is time for another one, with so many seconds `left` for samples and so many predicted
@@ -158,13 +177,13 @@ mod tests {
 
     #[test]
     fn fresh_memory_counts_until_a_whole_pass_has_used_it() {
-        let mut rehearsal = Rehearsal { filter_seconds: 1.0, ..Rehearsal::new(1_000_000, 1e-9) };
-        assert!((rehearsal.fresh_seconds - 0.7).abs() < 1e-9);
+        let mut rehearsal = Rehearsal { filter_seconds: 1.0, fresh_seconds: 0.7, ..Rehearsal::default() };
         assert!((rehearsal.warmed_by_draft() - 0.35).abs() < 1e-9);
+        assert_eq!(rehearsal.warmed_by_draft(), 0.0, "the second draft uses the memory of the first");
         // Predicted 1.35 with fresh memory; it took 1.55, and without will take 1.2.
         assert!((rehearsal.corrected_by_pass(1.55) - 0.15).abs() < 1e-9);
         assert_eq!(rehearsal.fresh_seconds, 0.0);
-        assert!((rehearsal.corrected_by_pass(1.2) + 0.2).abs() < 1e-9);
+        assert!(rehearsal.corrected_by_pass(1.2).abs() < 1e-9);
     }
 
     #[test]

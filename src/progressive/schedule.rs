@@ -127,10 +127,10 @@ impl Schedule {
         self.deviation = 0.0;
     }
 
-    /// What comes after the last batch will take so many times as long, since another filter will be used.
-    pub fn closing_changes(&mut self, factor: f64) {
-        self.closing *= factor;
-        self.deviation *= factor;
+    /// What comes after the last batch is something else from now on: the next rehearsal alone tells of it.
+    pub fn forget_rehearsals(&mut self) {
+        self.closing = CLOSING_SECONDS_PER_PIXEL * self.pixels as f64;
+        (self.deviation, self.rehearsals) = (0.0, 0.0);
     }
 
     /// The next batch, or what ended the render.
@@ -358,8 +358,10 @@ mod tests {
         assert!(schedule.fills(0.01, 100_000), "0.9 seconds for 0.9 million samples");
         assert!(!schedule.fills(0.1, 100_000) && !schedule.is_late(0.1));
         assert!(schedule.is_late(1.1));
-        schedule.closing_changes(0.5);
+        schedule.rehearsed(1.5);
         assert!(schedule.fills(0.1, 100_000) && !schedule.is_late(1.1));
+        schedule.forget_rehearsals();
+        assert!(!schedule.fills(0.1, 100_000) && schedule.is_late(1.1));
         let without = Schedule::new(&Budget::default(), 1_000_000, 4, u32::MAX);
         assert!(without.fills(9.0, 0) && !without.is_late(9.0));
     }

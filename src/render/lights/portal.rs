@@ -16,6 +16,8 @@ use crate::scene::light::Portal;
 
 /// Most rows of the table of brightness: 8 MB.
 const MAX_ROWS: usize = 1024;
+/// Most points looked at for a cell, along each side.
+const MAX_POINTS: usize = 8;
 /// Added to the brightness of every cell, as a share of the mean, so that none that is lit between
 /// the points looked at is ruled out.
 const FLOOR: f32 = 0.01;
@@ -39,11 +41,13 @@ impl PortalView {
         // Exactly at right angles, which the edges are only nearly.
         let x = along.normalize();
         let z = x.cross(up).normalize();
-        let to_local = DMat3::from_cols(x, z.cross(x), z).transpose();
+        let y = z.cross(x);
+        let up = y * up.dot(y);
+        let to_local = DMat3::from_cols(x, y, z).transpose();
 
         let size = rows.clamp(1, MAX_ROWS);
-        // Two points a texel, so that none is missed.
-        let points = 2 * rows.div_ceil(size);
+        // Two points a texel, so that none is missed, within what a tall image may cost.
+        let points = (2 * rows.div_ceil(size)).min(MAX_POINTS);
         let to_render = to_local.transpose();
         let means: Vec<f32> = (0..size * size)
             .into_par_iter()
@@ -123,7 +127,9 @@ impl PortalView {
     #[inline]
     fn window(&self, from: Vec3) -> Option<Window> {
         let [min, max] = self.corners.map(|corner| square(self.to_local * (corner - from.as_dvec3())));
-        Some(Window { min: min?, max: max? })
+        let (min, max) = (min?, max?);
+        // By rounding it may be turned inside out, seen from its own plane.
+        min.cmple(max).all().then_some(Window { min, max })
     }
 }
 
@@ -169,6 +175,20 @@ mod tests {
 
     fn view() -> PortalView {
         PortalView::new(&PORTAL, 64, sky)
+    }
+
+    #[test]
+    fn a_slender_portal_that_leans_a_little_is_upright() {
+        let edges = [Vec3::new(1.0, 0.0, 0.0), Vec3::new(-1.9, 2000.0, 0.0)];
+        let view = PortalView::new(&Portal { corner: Vec3::ZERO, edges }, 16, |_| 1.0);
+        let from = Vec3::new(0.5, 1000.0, -5.0);
+        for i in 0..100 {
+            let u = Vec2::new(i as f32 / 100.0, (i * 37 % 100) as f32 / 100.0);
+            let (direction, pdf) = view.sample(from, u).expect("it is seen");
+            let there = from + direction * (5.0 / direction.z);
+            assert!((-0.01..=1.01).contains(&there.x) && (-1.0..=2001.0).contains(&there.y), "{there}");
+            assert!(pdf > 0.0);
+        }
     }
 
     /// Some near, some far, one nearly in its plane.
