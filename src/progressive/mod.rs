@@ -117,7 +117,11 @@ impl<'a> Loop<'a> {
             ),
             store: Arc::new(store),
             resumed_samples: 0,
-            rehearsal: Rehearsal::new(width * height),
+            // Without a budget of time nothing is predicted, and a camera's movement waits for nothing.
+            rehearsal: settings
+                .budget
+                .seconds
+                .map_or_else(Rehearsal::default, |_| Rehearsal::new(width * height)),
             batches: Vec::new(),
             seconds: Seconds::default(),
             reruns: 0.0,
