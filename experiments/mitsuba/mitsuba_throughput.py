@@ -117,11 +117,16 @@ def seconds(scene, seed):
     return time.perf_counter() - start, end.user + end.system - used.user - used.system
 
 
-for name, make in {"cornell": cornell, "lens": lens, "glossy": glossy}.items():
-    if sys.argv[1:] and name not in sys.argv[1:]:
-        continue
-    scene = mi.load_dict(make())
-    seconds(scene, 0)  # compiles
-    runs = [seconds(scene, seed) for seed in range(1, RUNS + 1)]
-    wall, cpu = (SIDE * SIDE * SPP / min(column) / 1e6 for column in zip(*runs))
-    print(f"{name}: {wall:.2f} M samples/s, {cpu:.2f} M per CPU second", flush=True)
+def main():
+    for name, make in {"cornell": cornell, "lens": lens, "glossy": glossy}.items():
+        if sys.argv[1:] and name not in sys.argv[1:]:
+            continue
+        scene = mi.load_dict(make())
+        seconds(scene, 0)  # compiles
+        runs = [seconds(scene, seed) for seed in range(1, RUNS + 1)]
+        wall, cpu = (SIDE * SIDE * SPP / min(column) / 1e6 for column in zip(*runs))
+        print(f"{name}: {wall:.2f} M samples/s, {cpu:.2f} M per CPU second", flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -22,15 +22,21 @@ use self::integrator::{PathTracer, Wavefront};
 use self::pixel_filter::FilterSampler;
 use self::record::Records;
 use self::sampler::{Addresses, Independent, Sobol, Source};
-use crate::geometry::{Accel, LANES, Lanes, RayLanes};
+use crate::geometry::{Accel, LANES, Lanes, RayLanes, mask_of};
 use crate::scene::{Camera, Effects, SamplerKind, Scene};
-use crate::stats::{Layout, Row, Store};
+use crate::stats::{BLOCK, Layout, Row, Store};
 
 pub use share::Share;
 
 /// Samples that are traced together: enough for most packets to be full, few enough for what is known of
 /// them to stay in the first-level cache.
 const WAVEFRONT: usize = 128;
+
+/// Packets that are traced together at most, where few of a block's pixels get samples.
+const MOST_PACKETS: usize = 2 * WAVEFRONT / LANES;
+
+// What is a lane to the tracer is a pixel to the store.
+const _: () = assert!(LANES == BLOCK);
 
 /// Renders samples of one scene.
 pub struct Renderer<'s> {
@@ -128,35 +134,47 @@ impl<'s> Renderer<'s> {
         }
     }
 
+    /// Pixels go in the blocks in which the store takes them in: first a sample of each, then a second of
+    /// those that get one, and so on.
     fn render_row<S: Source>(&self, y: usize, counts: &[u32], row: &mut Row) {
         let mut batch = Batch::default();
-        let mut starts = Starts { samples: Addresses::NONE, centres: [[0.0; LANES]; 2] };
-        for (column, &count) in counts.iter().enumerate() {
-            let (x, y) = (column + self.corner[0], y + self.corner[1]);
-            let source = S::for_pixel(self.seed, x as u32, y as u32);
-            let first = row.next_index(column);
-            for index in first..first.saturating_add(count) {
-                let lane = batch.columns.len() % LANES;
-                starts.samples.set(lane, source.address(self.share.in_sequence(index)));
-                (starts.centres[0][lane], starts.centres[1][lane]) = (x as f32 + 0.5, y as f32 + 0.5);
-                batch.columns.push(column);
-                if lane == LANES - 1 {
-                    self.start::<S>(&starts, LANES, &mut batch.wave);
+        let row_number = (y + self.corner[1]) as u32;
+        for (block, counts) in counts.chunks(LANES).enumerate() {
+            let column = |lane: usize| block * LANES + lane;
+            let sources: [S; LANES] = std::array::from_fn(|lane| {
+                S::for_pixel(self.seed, (column(lane) + self.corner[0]) as u32, row_number)
+            });
+            let mut indices = [0; LANES];
+            indices
+                .iter_mut()
+                .zip(0..counts.len())
+                .for_each(|(index, lane)| *index = row.next_index(column(lane)));
+            let mut starts = Starts {
+                samples: Addresses::NONE,
+                centres: [[0.0; LANES], [row_number as f32 + 0.5; LANES]],
+            };
+            for lane in 0..LANES {
+                starts.centres[0][lane] = (column(lane) + self.corner[0]) as f32 + 0.5;
+            }
+            for round in 0..counts.iter().copied().max().unwrap_or(0) {
+                let present = mask_of(|lane| counts.get(lane).is_some_and(|&count| round < count));
+                for lane in 0..LANES {
+                    let index = self.share.in_sequence(indices[lane].saturating_add(round));
+                    starts.samples.set(lane, sources[lane].address(index));
                 }
-                if batch.columns.len() == WAVEFRONT {
+                self.start::<S>(&starts, present, &mut batch.wave);
+                batch.origins.push((block, present));
+                batch.paths += present.count_ones() as usize;
+                if batch.paths > WAVEFRONT - LANES || batch.origins.len() == MOST_PACKETS {
                     self.finish::<S>(&mut batch, row);
                 }
             }
         }
-        let rest = batch.columns.len() % LANES;
-        if rest > 0 {
-            self.start::<S>(&starts, rest, &mut batch.wave);
-        }
         self.finish::<S>(&mut batch, row);
     }
 
-    /// Starts the first `count` of some samples.
-    fn start<S: Source>(&self, starts: &Starts, count: usize, wave: &mut Wavefront<'s>) {
+    /// Starts some samples: those whose bit is set.
+    fn start<S: Source>(&self, starts: &Starts, present: u32, wave: &mut Wavefront<'s>) {
         let camera = self.tracer.dimensions().camera::<S>(&starts.samples);
         let mut film = starts.centres;
         let [film_x, film_y] = &mut film;
@@ -176,30 +194,21 @@ impl<'s> Renderer<'s> {
             bsdf1: camera.bsdf_uv,
             ..Records::NONE
         };
-        wave.start(&rays, &starts.samples, &records, count);
+        wave.start(&rays, &starts.samples, &records, present);
     }
 
-    /// Traces what was started, one path for each of the columns, and takes it into the store.
+    /// Traces what was started and takes it into the store.
     fn finish<S: Source>(&self, batch: &mut Batch<'s>, row: &mut Row) {
-        let Batch { wave, columns, samples } = batch;
+        let Batch { wave, origins, values, .. } = batch;
+        values.resize(self.layout.len(), [0.0; LANES]);
         self.tracer.trace::<S>(wave);
-        let dims = self.layout.len();
-        samples.resize(columns.len().next_multiple_of(LANES) * dims, 0.0);
-        for (records, samples) in wave.records().iter().zip(samples.chunks_exact_mut(LANES * dims)) {
-            let values = records.values(self.exposure);
-            for (dim, &place) in self.alive.iter().enumerate() {
-                let lanes = samples[dim..].iter_mut().step_by(dims);
-                lanes.zip(&values[place]).for_each(|(to, from)| *to = *from);
-            }
-        }
-        let mut rest = &samples[..];
-        for pixel in columns.chunk_by(|a, b| a == b) {
-            let (samples, others) = rest.split_at(pixel.len() * dims);
-            row.push(pixel[0], samples);
-            rest = others;
+        for (records, &(block, present)) in wave.records().iter().zip(&*origins) {
+            records.values(self.exposure, &self.alive, values);
+            row.push_block(block, present, values);
         }
         wave.clear();
-        columns.clear();
+        origins.clear();
+        batch.paths = 0;
     }
 }
 
@@ -213,8 +222,10 @@ struct Starts {
 #[derive(Default)]
 struct Batch<'s> {
     wave: Wavefront<'s>,
-    /// Of each sample's pixel.
-    columns: Vec<usize>,
-    /// Their values, one after the other.
-    samples: Vec<f32>,
+    /// Of each packet of the wavefront, the block of pixels, and which of them have a sample in it.
+    origins: Vec<(usize, u32)>,
+    /// How many samples that are.
+    paths: usize,
+    /// Sample vectors of a packet.
+    values: Vec<Lanes>,
 }

@@ -1,5 +1,7 @@
 //! What is remembered of one path: all that a sample vector can hold.
 
+use multiversion::multiversion;
+
 use crate::geometry::{LANES, Lanes, Lanes3};
 use crate::stats::{Layout, MAX_DIMENSIONS};
 
@@ -50,30 +52,11 @@ impl Records {
         }
     };
 
-    /// The sample vectors of a layout in which everything is alive, by dimension; `exposure` is the
-    /// factor from radiance to pixel value.
+    /// The sample vectors, by dimension. `alive` has the place of each among those of a layout in which
+    /// everything is alive (see [`Self::alive`]); `exposure` is the factor from radiance to pixel value.
     #[inline]
-    pub fn values(&self, exposure: f32) -> [Lanes; MAX_DIMENSIONS] {
-        let mut colour = Lanes3::ZERO;
-        let mut visible = Lanes3::ZERO;
-        let mut radiance = Lanes3::ZERO;
-        for lane in 0..LANES {
-            let seen = exposure * self.visible.at(lane);
-            // Two sums, so that the order in which they come in makes no difference.
-            let rest = exposure * (self.sampled.at(lane) + self.found.at(lane));
-            colour.set(lane, rest);
-            visible.set(lane, seen);
-            radiance.set(lane, rest + seen);
-        }
-        let ([film_x, film_y], [lens_u, lens_v]) = (self.film, self.lens);
-        let ([light_u, light_v], [bsdf_u, bsdf_v]) = (self.light1, self.bsdf1);
-        let [c, p1, n1, a] = [colour, self.position1, self.normal1, self.albedo];
-        let [p2, n2, e, r] = [self.position2, self.normal2, visible, radiance];
-        [
-            film_x, film_y, c.x, c.y, c.z, p1.x, p1.y, p1.z, n1.x, n1.y, n1.z, a.x, a.y, a.z, p2.x, p2.y,
-            p2.z, n2.x, n2.y, n2.z, lens_u, lens_v, self.time, light_u, light_v, bsdf_u, bsdf_v, r.x, r.y,
-            r.z, e.x, e.y, e.z, self.hit,
-        ]
+    pub fn values(&self, exposure: f32, alive: &[usize], values: &mut [Lanes]) {
+        values_of(self, exposure, alive, values);
     }
 
     /// For each dimension of a layout, its place in [`Self::values`].
@@ -82,6 +65,74 @@ impl Records {
         let place = |name| all.dimensions().iter().position(|d| d.name == name);
         let dimensions = layout.dimensions().iter();
         dimensions.map(|d| place(d.name).expect("a layout with every block has every dimension")).collect()
+    }
+}
+
+/// See [`Records::values`]. Written and read in vectors of one length: others would have to wait for each other.
+#[multiversion(targets(
+    "x86_64+avx512f+avx512bw+avx512dq+avx512vl+bmi1+bmi2+fma+avx2+popcnt+lzcnt",
+    "x86_64+avx2+fma+bmi1+bmi2+popcnt+lzcnt"
+))]
+fn values_of(records: &Records, exposure: f32, alive: &[usize], values: &mut [Lanes]) {
+    let (sampled, found, seen) = (&records.sampled, &records.found, &records.visible);
+    let mut colour = Lanes3::ZERO;
+    let mut visible = Lanes3::ZERO;
+    let mut radiance = Lanes3::ZERO;
+    for lane in 0..LANES {
+        // Two sums, so that the order in which they come in makes no difference.
+        colour.x[lane] = exposure * (sampled.x[lane] + found.x[lane]);
+        colour.y[lane] = exposure * (sampled.y[lane] + found.y[lane]);
+        colour.z[lane] = exposure * (sampled.z[lane] + found.z[lane]);
+        visible.x[lane] = exposure * seen.x[lane];
+        visible.y[lane] = exposure * seen.y[lane];
+        visible.z[lane] = exposure * seen.z[lane];
+        radiance.x[lane] = colour.x[lane] + visible.x[lane];
+        radiance.y[lane] = colour.y[lane] + visible.y[lane];
+        radiance.z[lane] = colour.z[lane] + visible.z[lane];
+    }
+    let ([film_x, film_y], [lens_u, lens_v]) = (&records.film, &records.lens);
+    let ([light_u, light_v], [bsdf_u, bsdf_v]) = (&records.light1, &records.bsdf1);
+    let (p1, n1, a) = (&records.position1, &records.normal1, &records.albedo);
+    let (p2, n2) = (&records.position2, &records.normal2);
+    let (c, r, e) = (&colour, &radiance, &visible);
+    let all: [&Lanes; MAX_DIMENSIONS] = [
+        film_x,
+        film_y,
+        &c.x,
+        &c.y,
+        &c.z,
+        &p1.x,
+        &p1.y,
+        &p1.z,
+        &n1.x,
+        &n1.y,
+        &n1.z,
+        &a.x,
+        &a.y,
+        &a.z,
+        &p2.x,
+        &p2.y,
+        &p2.z,
+        &n2.x,
+        &n2.y,
+        &n2.z,
+        lens_u,
+        lens_v,
+        &records.time,
+        light_u,
+        light_v,
+        bsdf_u,
+        bsdf_v,
+        &r.x,
+        &r.y,
+        &r.z,
+        &e.x,
+        &e.y,
+        &e.z,
+        &records.hit,
+    ];
+    for (to, &place) in values.iter_mut().zip(alive) {
+        *to = *all[place];
     }
 }
 
@@ -110,9 +161,10 @@ mod tests {
         records.light1 = [[13.0; LANES]; 2];
         records.bsdf1 = [[14.0; LANES]; 2];
         records.hit[lane] = 1.0;
-        let values = records.values(1.0).map(|lanes| lanes[lane]);
         let layout = Layout::with_blocks(|_| true);
-        assert_eq!(layout.len(), values.len());
+        let mut values = vec![[0.0; LANES]; layout.len()];
+        records.values(1.0, &Records::alive(&layout), &mut values);
+        let values: Vec<f32> = values.iter().map(|lanes| lanes[lane]).collect();
         let expected: [(Block, &[f32]); 14] = [
             (Block::Film, &[1.0, 2.0]),
             (Block::Colour, &[3.0, 4.0, 5.0]),

@@ -11,4 +11,4 @@ mod store;
 
 pub use layout::{Block, Dimension, Feature, Group, Layout, MAX_DIMENSIONS};
 pub use moments::Moments;
-pub use store::{LARGEST_VALUE, Part, Row, RowError, Store};
+pub use store::{BLOCK, BlockValues, LARGEST_VALUE, Part, Row, RowError, Store};

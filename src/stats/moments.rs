@@ -1,7 +1,5 @@
 //! Mean and sum of squared deviations of one stream of numbers.
 
-use multiversion::multiversion;
-
 /// Welford's running moments (Welford 1962), merged as by Chan, Golub and LeVeque (1983).
 ///
 /// In `f64`: a running mean in `f32` stops moving after some thousand samples where the deviation
@@ -41,20 +39,9 @@ impl Moments {
     }
 }
 
-/// One Welford step for each of several streams.
-#[multiversion(targets(
-    "x86_64+avx512f+avx512bw+avx512dq+avx512vl+bmi1+bmi2+fma+avx2+popcnt+lzcnt",
-    "x86_64+avx2+fma+bmi1+bmi2+popcnt+lzcnt"
-))]
-pub(super) fn update_all(means: &mut [f64], m2s: &mut [f64], values: &[f32], weight: f64) {
-    for ((mean, m2), &value) in means.iter_mut().zip(m2s).zip(values) {
-        update(mean, m2, f64::from(value), weight);
-    }
-}
-
 /// One Welford step; `weight` is 1/n with the new number counted.
 #[inline(always)]
-fn update(mean: &mut f64, m2: &mut f64, value: f64, weight: f64) {
+pub(super) fn update(mean: &mut f64, m2: &mut f64, value: f64, weight: f64) {
     let d = value - *mean;
     *mean += d * weight;
     *m2 += d * (value - *mean);

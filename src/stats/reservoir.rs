@@ -9,6 +9,9 @@ pub(super) fn slot(key: u64, index: u32, capacity: usize) -> Option<usize> {
     if index < capacity {
         return Some(index);
     }
+    if capacity == 0 {
+        return None;
+    }
     // A multiply-shift of 32 random bits: uniform over 0..=index up to 2⁻³².
     let j = ((hash(key ^ (index as u64) << 1) >> 32) * (index as u64 + 1)) >> 32;
     ((j as usize) < capacity).then_some(j as usize)

@@ -1,19 +1,23 @@
 //! The pixel-statistics store.
 
+mod block;
 mod bytes;
 
+pub use block::{BLOCK, BlockValues};
 pub use bytes::RowError;
 
 use rayon::prelude::*;
 
-use super::layout::MAX_DIMENSIONS;
-use super::moments::{Moments, update_all};
+use super::moments::Moments;
 use super::{Group, Layout, reservoir};
 use crate::image::Planes;
 
 /// Largest magnitude of a sample's values. Filters work with variances and sums of squares as `f32`, which
 /// hold squares up to 10³⁸; nothing in a picture is near it.
 pub const LARGEST_VALUE: f32 = 1e15;
+
+/// `f64` numbers in a cache line.
+const CACHE_LINE: usize = 8;
 
 /// Which samples of a pixel are meant. The halves are the samples of even and of odd index.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -39,8 +43,8 @@ pub struct Store {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Row {
     width: usize,
-    /// Pixels from one dimension to the next: a whole and odd number of cache lines, so that the
-    /// dimensions of one pixel do not compete for the same cache sets.
+    /// Pixels from one dimension to the next: all blocks, and then a cache line, so that the
+    /// dimensions of one pixel do not compete for the same cache sets. What lies behind the last pixel stays 0.
     stride: usize,
     dims: usize,
     /// Dimensions whose values must be non-negative.
@@ -61,34 +65,6 @@ struct HalfRow {
     count: Vec<u32>,
     mean: Vec<f64>,
     m2: Vec<f64>,
-}
-
-/// Moments of all dimensions of one half of one pixel, side by side.
-struct PixelMoments {
-    mean: [f64; MAX_DIMENSIONS],
-    m2: [f64; MAX_DIMENSIONS],
-}
-
-impl PixelMoments {
-    const NONE: Self = Self { mean: [0.0; MAX_DIMENSIONS], m2: [0.0; MAX_DIMENSIONS] };
-}
-
-impl HalfRow {
-    fn fetch(&self, x: usize, stride: usize, dims: usize, pixel: &mut PixelMoments) {
-        let fetch = |into: &mut [f64], plane: &[f64]| {
-            into.iter_mut().zip(plane[x..].iter().step_by(stride)).for_each(|(to, from)| *to = *from);
-        };
-        fetch(&mut pixel.mean[..dims], &self.mean);
-        fetch(&mut pixel.m2[..dims], &self.m2);
-    }
-
-    fn put_back(&mut self, x: usize, stride: usize, dims: usize, pixel: &PixelMoments) {
-        let put = |plane: &mut [f64], from: &[f64]| {
-            plane[x..].iter_mut().step_by(stride).zip(from).for_each(|(to, from)| *to = *from);
-        };
-        put(&mut self.mean, &pixel.mean[..dims]);
-        put(&mut self.m2, &pixel.m2[..dims]);
-    }
 }
 
 impl Store {
@@ -244,9 +220,10 @@ impl Store {
 impl Row {
     fn new(width: usize, y: usize, layout: &Layout, capacity: usize, seed: u64) -> Self {
         let dims = layout.len();
-        let stride = (width.div_ceil(8) | 1) * 8;
+        let blocks = width.next_multiple_of(BLOCK);
+        let stride = blocks + CACHE_LINE;
         let half = || HalfRow {
-            count: vec![0; width],
+            count: vec![0; blocks],
             mean: vec![0.0; stride * dims],
             m2: vec![0.0; stride * dims],
         };
@@ -262,8 +239,8 @@ impl Row {
                 .chain(layout.radiance())
                 .collect(),
             capacity,
-            drawn: vec![0; width],
-            rejected: vec![0; width],
+            drawn: vec![0; blocks],
+            rejected: vec![0; blocks],
             halves: [half(), half()],
             reservoir: vec![0.0; width * capacity * dims],
             keys: (0..width).map(|x| reservoir::key(seed, x, y)).collect(),
@@ -276,35 +253,41 @@ impl Row {
     }
 
     /// Takes in the pixel's next samples, in the order of their indices: `samples` holds whole
-    /// sample vectors one after the other. A sample with a value that is not finite or beyond
-    /// [`LARGEST_VALUE`], or with negative radiance, is counted as rejected and touches no statistic; its
-    /// index is used up.
+    /// sample vectors one after the other. See [`Self::push_block`].
     pub fn push(&mut self, x: usize, samples: &[f32]) {
-        // The pixel's moments lie in as many cache lines as there are dimensions: they are fetched
-        // once for all samples.
-        let mut pixel = [PixelMoments::NONE; 2];
-        for (half, pixel) in self.halves.iter().zip(&mut pixel) {
-            half.fetch(x, self.stride, self.dims, pixel);
-        }
+        let lane = x % BLOCK;
+        let mut values = vec![[0.0; BLOCK]; self.dims];
         for sample in samples.chunks_exact(self.dims) {
+            values.iter_mut().zip(sample).for_each(|(lanes, &value)| lanes[lane] = value);
+            self.push_block(x / BLOCK, 1 << lane, &values);
+        }
+    }
+
+    /// Takes in the next sample of some of the [`BLOCK`] pixels from `BLOCK * block` on: those whose bit is
+    /// set in `present`. A sample with a value that is not finite or beyond [`LARGEST_VALUE`], or with
+    /// negative radiance, is counted as rejected and touches no statistic; its index is used up.
+    pub fn push_block(&mut self, block: usize, present: u32, values: &BlockValues) {
+        let first = block * BLOCK;
+        let sound = block::sound(values, &self.radiance);
+        let mut weights = [[0.0; BLOCK]; 2];
+        for lane in (0..BLOCK).filter(|lane| present >> lane & 1 == 1) {
+            let x = first + lane;
             let index = self.drawn[x];
             self.drawn[x] = index.saturating_add(1);
-            // Without a branch for each value; what is not a number is not below the limit either.
-            let sound = sample.iter().fold(true, |sound, v| sound & (v.abs() <= LARGEST_VALUE));
-            if !sound || self.radiance.iter().any(|&d| sample[d] < 0.0) {
+            if sound >> lane & 1 == 0 {
                 self.rejected[x] += 1;
                 continue;
             }
-            self.keep(x, sample);
+            self.keep(x, values.iter().map(|lanes| lanes[lane]));
             let half = index as usize & 1;
             let count = &mut self.halves[half].count[x];
             *count += 1;
-            let weight = 1.0 / f64::from(*count);
-            let PixelMoments { mean, m2 } = &mut pixel[half];
-            update_all(&mut mean[..self.dims], &mut m2[..self.dims], sample, weight);
+            weights[half][lane] = 1.0 / f64::from(*count);
         }
-        for (half, pixel) in self.halves.iter_mut().zip(&pixel) {
-            half.put_back(x, self.stride, self.dims, pixel);
+        for (half, weights) in self.halves.iter_mut().zip(&weights) {
+            if weights.iter().any(|&weight| weight > 0.0) {
+                block::update(&mut half.mean[first..], &mut half.m2[first..], self.stride, values, weights);
+            }
         }
     }
 
@@ -361,11 +344,12 @@ impl Row {
         &self.reservoir[x * self.capacity * self.dims..][..kept * self.dims]
     }
 
-    fn keep(&mut self, x: usize, sample: &[f32]) {
+    #[inline]
+    fn keep(&mut self, x: usize, sample: impl Iterator<Item = f32>) {
         let seen = self.count(x, Part::Whole);
         if let Some(slot) = reservoir::slot(self.keys[x], seen, self.capacity) {
             let start = (x * self.capacity + slot) * self.dims;
-            self.reservoir[start..][..self.dims].copy_from_slice(sample);
+            self.reservoir[start..][..self.dims].iter_mut().zip(sample).for_each(|(to, from)| *to = from);
         }
     }
 

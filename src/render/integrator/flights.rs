@@ -1,7 +1,10 @@
 //! Paths on their way between two surfaces, sixteen to a packet.
 
-use crate::geometry::{HitLanes, LANES, Lanes, Lanes3, RayLanes};
+use crate::geometry::{HitLanes, LANES, Lanes, Lanes3, RayLanes, lanes_of};
 use crate::render::lights::{Receiver, Receivers};
+
+/// A bit for each lane of a packet.
+const ALL_LANES: u32 = u32::MAX >> (u32::BITS - LANES as u32);
 
 /// The path came from a scattering event that was not perfectly specular.
 pub const SCATTERED: u32 = 1;
@@ -89,12 +92,15 @@ impl Waiting {
         self.len += 1;
     }
 
-    /// Adds the first `count` of a packet, where all others were full.
-    pub fn push_packet(&mut self, packet: &Flights, count: usize) {
-        debug_assert!(self.len.is_multiple_of(LANES), "packets are full but for the last");
+    /// Adds the paths in some of a packet's lanes.
+    pub fn push_packet(&mut self, packet: &Flights, lanes: u32) {
+        if lanes != ALL_LANES || !self.len.is_multiple_of(LANES) {
+            lanes_of(lanes).for_each(|lane| self.push(packet, lane));
+            return;
+        }
         self.reserve();
         *self.packets[self.len / LANES] = *packet;
-        self.len += count;
+        self.len += LANES;
     }
 
     /// Takes a packet, a full one if there is one, and tells how many are in it.

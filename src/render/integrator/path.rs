@@ -54,9 +54,8 @@ impl Wavefront<'_> {
         self.records.clear();
     }
 
-    /// Adds the first `count` of some paths that start at the camera; only the last are fewer than
-    /// [`LANES`].
-    pub fn start(&mut self, rays: &RayLanes, samples: &Addresses, records: &Records, count: usize) {
+    /// Adds some paths that start at the camera: those whose bit is set.
+    pub fn start(&mut self, rays: &RayLanes, samples: &Addresses, records: &Records, present: u32) {
         let first = (self.records.len() * LANES) as u32;
         let mut flights = Flights {
             rays: *rays,
@@ -65,12 +64,12 @@ impl Wavefront<'_> {
             ..Flights::NONE
         };
         (first..).zip(&mut flights.path).for_each(|(path, lane)| *lane = path);
-        self.waiting.push_packet(&flights, count);
+        self.waiting.push_packet(&flights, present);
         self.samples.push(*samples);
         self.records.push(*records);
     }
 
-    /// What is remembered of the paths, in the order in which they were started.
+    /// What is remembered of the paths, in the packets in which they were started.
     pub fn records(&self) -> &[Records] {
         &self.records
     }

@@ -70,10 +70,10 @@ impl Row {
     /// # Panics
     /// If `out` is not of [`Self::byte_len`].
     pub fn to_bytes(&self, out: &mut [u8]) {
-        let mut out = put(&self.drawn, out);
-        out = put(&self.rejected, out);
+        let mut out = put(&self.drawn[..self.width], out);
+        out = put(&self.rejected[..self.width], out);
         for half in &self.halves {
-            out = put(&half.count, out);
+            out = put(&half.count[..self.width], out);
             for plane in [&half.mean, &half.m2] {
                 for values in plane.chunks_exact(self.stride.max(1)) {
                     out = put(&values[..self.width], out);
@@ -92,10 +92,10 @@ impl Row {
     /// # Panics
     /// If `bytes` is not of [`Self::byte_len`].
     pub fn read_bytes(&mut self, bytes: &[u8]) -> Result<(), RowError> {
-        let mut bytes = take(&mut self.drawn, bytes);
-        bytes = take(&mut self.rejected, bytes);
+        let mut bytes = take(&mut self.drawn[..self.width], bytes);
+        bytes = take(&mut self.rejected[..self.width], bytes);
         for half in &mut self.halves {
-            bytes = take(&mut half.count, bytes);
+            bytes = take(&mut half.count[..self.width], bytes);
             for plane in [&mut half.mean, &mut half.m2] {
                 for values in plane.chunks_exact_mut(self.stride.max(1)) {
                     bytes = take(&mut values[..self.width], bytes);
