@@ -240,12 +240,12 @@ fn a_floor_sees_an_environment_through_its_portals_only() {
                 EnvironmentMap::EqualArea(view.textures.add_image(texels))
             });
             sky_lights(&mut view, -1.0, count, map);
-            assert_radiance(
-                &view,
-                64,
-                0.8 * seen,
-                &format!("{count} portals, image {image}, {integrator:?}"),
-            );
+            let what = format!("{count} portals, image {image}, {integrator:?}");
+            assert_radiance(&view, 64, 0.8 * seen, &what);
+            // A boundary on both sides of the portals changes nothing.
+            let nothing = material(&mut view, MaterialKind::Interface);
+            add(&mut view, sphere(Vec3::Z * FLOOR, 5.0), nothing, None);
+            assert_radiance(&view, 64, 0.8 * seen, &format!("{what}, within a boundary"));
         }
     }
 }
@@ -333,6 +333,20 @@ fn light_passes_boundaries_without_effect() {
         let expected = 0.5 * 7.0 * 0.16 / squared * 2.0 / f64::sqrt(squared);
         assert_colour(&plane, 256, expected, &format!("depth {depth}"));
     }
+}
+
+#[test]
+fn layers_of_which_half_is_not_there_let_a_half_pass_each() {
+    let mut view = scene(1);
+    let black = diffuse(&mut view, 0.0);
+    let nothing = material(&mut view, MaterialKind::Interface);
+    let amount = view.textures.add(Texture::Constant(0.5));
+    let half = material(&mut view, MaterialKind::Mix { first: nothing, second: black, amount });
+    for z in [1.0, 2.0, 3.0] {
+        add(&mut view, square(Vec3::Z * z, 1.0), half, None);
+    }
+    add(&mut view, square(Vec3::Z * FLOOR, 1.0), black, Some(1.0));
+    assert_radiance(&view, 4096, 0.125, "three layers");
 }
 
 #[test]

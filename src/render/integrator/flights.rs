@@ -29,7 +29,7 @@ pub struct Flights {
     /// Product of the squared changes of the index of refraction, which the throughput contains
     /// and Russian roulette must not see.
     pub eta_scale: Lanes,
-    /// Where a path was scattered, and with which density per solid angle.
+    /// Where a path was scattered, at first the camera, and with which density per solid angle.
     pub from: Receivers,
     pub pdf: Lanes,
 }

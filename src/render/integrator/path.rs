@@ -14,7 +14,7 @@ use super::direct::power_heuristic;
 use super::flights::{Arrivals, Flights, SEEN_DIRECTLY, Shadows, Waiting};
 use super::shade::Other;
 use crate::geometry::{HitLanes, LANES, Lanes3, RayLanes, lanes_of, mask_of};
-use crate::render::lights::Receiver;
+use crate::render::lights::{Receiver, Receivers};
 use crate::render::record::Records;
 use crate::render::sampler::{Addresses, Source};
 
@@ -61,6 +61,7 @@ impl Wavefront<'_> {
             rays: *rays,
             throughput: Lanes3 { x: [1.0; LANES], y: [1.0; LANES], z: [1.0; LANES] },
             flags: [SEEN_DIRECTLY; LANES],
+            from: Receivers { position: rays.origin, ..Receivers::NONE },
             ..Flights::NONE
         };
         (first..).zip(&mut flights.path).for_each(|(path, lane)| *lane = path);
@@ -121,7 +122,8 @@ impl<'s> PathTracer<'s> {
         let (packet, place) = place(flights.path[lane]);
         let records = &mut records[packet];
         let direction = flights.rays.direction.at(lane);
-        for (i, radiance) in self.lights.environments(flights.rays.origin.at(lane), direction) {
+        // From where the path was scattered, whatever boundaries it has passed since.
+        for (i, radiance) in self.lights.environments(flights.from.position.at(lane), direction) {
             let share = share(flights, lane, |from| self.lights.pdf_environment(from, within, i, direction));
             add(records, place, flights, lane, radiance * share);
         }

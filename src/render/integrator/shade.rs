@@ -87,7 +87,13 @@ impl<'s> PathTracer<'s> {
             let lane = other.lane;
             let wo = -flights.rays.direction.at(lane);
             let material = self.scene.primitives[hits.primitive[lane] as usize].material;
-            other.bsdf = Bsdf::new(self.scene, material, &other.point, wo, numbers.mix[lane]);
+            other.bsdf = Bsdf::new(
+                self.scene,
+                material,
+                &other.point,
+                wo,
+                numbers.mix_after(lane, flights.passes[lane]),
+            );
             let Some(bsdf) = &other.bsdf else {
                 self.pass(flights, lane, &other.point, waiting);
                 continue;
