@@ -6,11 +6,10 @@
 //! spheres), operation by operation, and find the same to the last bit. What takes more than they
 //! have, a ray through an edge, is left to the tree.
 
-use glam::{DAffine3, DVec3, Vec2, Vec3};
+use glam::{DAffine3, DVec3, Vec3};
 use multiversion::multiversion;
 
-use super::bvh::NO_ITEM;
-use super::lanes::{HitLanes, LANES, Lanes, RayLanes};
+use super::lanes::{HitLanes, LANES, Lanes, RayLanes, lanes_of, mask_of};
 use super::object::ObjectAccel;
 use super::rounding::gamma;
 use super::{Hit, Ray, sphere};
@@ -29,6 +28,8 @@ const NOTHING: u32 = u32::MAX;
 pub struct FlatAccel {
     triangles: Vec<Triangle>,
     spheres: Vec<WholeSphere>,
+    /// Primitive and element of each triangle, then of each sphere, and then of no surface.
+    places: Vec<(u32, u32)>,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -36,19 +37,18 @@ struct Triangle {
     corners: [Vec3; 3],
     /// The largest coordinate.
     size: f32,
-    primitive: u32,
-    element: u32,
 }
 
 #[derive(Clone, Copy, Debug)]
 struct WholeSphere {
     to_shape: DAffine3,
     radius: f64,
-    primitive: u32,
-    element: u32,
+    /// A sphere in render space that it lies in.
+    centre: Vec3,
+    reach: f32,
 }
 
-/// Rays in lanes, and the nearest that each has met.
+/// Rays in lanes.
 struct Packet {
     origin: [Lanes; 3],
     direction: [Lanes; 3],
@@ -58,13 +58,21 @@ struct Packet {
     major: Lanes<u32>,
     shear: [Lanes; 2],
     scale: Lanes,
+    nearest: Nearest,
+}
+
+/// What is nearest of all that the rays have met so far.
+#[derive(Clone, Copy)]
+struct Nearest {
     t_max: Lanes,
     /// Triangles, then spheres, by their index.
     surface: Lanes<u32>,
     /// Weights of vertices 1 and 2, and the sum that they are to be divided by.
     weights: [Lanes; 3],
+    /// Weights of vertices 1 and 2 of the nearest triangle; 0 if it is not a triangle.
+    barycentric: [Lanes; 2],
     /// The tree has to decide.
-    undecided: Lanes<u32>,
+    doubtful: Lanes<u32>,
 }
 
 impl FlatAccel {
@@ -72,19 +80,23 @@ impl FlatAccel {
     pub fn of(object: &ObjectAccel) -> Option<Self> {
         let triangles: Vec<_> = object
             .triangles()
-            .map(|(corners, primitive, element)| {
+            .map(|(corners, _, _)| {
                 let size = corners.iter().fold(0.0, |size, corner| corner.abs().max_element().max(size));
-                Triangle { corners, size, primitive, element }
+                Triangle { corners, size }
             })
             .collect();
-        let spheres: Vec<_> = (0..)
-            .zip(object.quadrics())
-            .map(|(element, quadric)| {
+        let spheres: Vec<_> = object
+            .quadrics()
+            .iter()
+            .map(|quadric| {
                 let (to_shape, radius) = quadric.whole_sphere()?;
-                Some(WholeSphere { to_shape, radius, primitive: quadric.primitive, element })
+                Some(WholeSphere::new(to_shape, radius))
             })
             .collect::<Option<_>>()?;
-        (triangles.len() + 2 * spheres.len() <= MOST_TRIANGLES).then_some(Self { triangles, spheres })
+        let places = object.triangles().map(|(_, primitive, element)| (primitive, element));
+        let quadrics = object.quadrics().iter().map(|quadric| quadric.primitive).zip(0..);
+        let places = places.chain(quadrics).chain([(HitLanes::NOTHING, 0)]).collect();
+        (triangles.len() + 2 * spheres.len() <= MOST_TRIANGLES).then_some(Self { triangles, spheres, places })
     }
 
     /// Finds the nearest hit of each of the first `count` rays. `by_tree` searches for one that this
@@ -103,27 +115,47 @@ impl FlatAccel {
         }
         let mut packet = Packet::of(rays, count);
         search(self, &mut packet);
+        let nearest = &packet.nearest;
+        hits.t = nearest.t_max;
+        hits.instance = [Hit::STATIC; LANES];
+        hits.barycentric = nearest.barycentric;
         for lane in 0..count {
-            let decided = packet.undecided[lane] == 0;
-            hits.set(lane, if decided { self.hit(&packet, lane) } else { by_tree(&rays.at(lane)) });
+            let surface = (nearest.surface[lane] as usize).min(self.places.len() - 1);
+            (hits.primitive[lane], hits.element[lane]) = self.places[surface];
+        }
+        for lane in lanes_of(nearest.undecided()).take_while(|&lane| lane < count) {
+            hits.set(lane, by_tree(&rays.at(lane)));
         }
     }
 
-    fn hit(&self, packet: &Packet, lane: usize) -> Option<Hit> {
-        let surface = packet.surface[lane] as usize;
-        let [v, w, determinant] = packet.weights.map(|lanes| lanes[lane]);
-        let hit = Hit {
-            t: packet.t_max[lane],
-            primitive: NO_ITEM,
-            element: NO_ITEM,
-            instance: Hit::STATIC,
-            barycentric: Vec2::ZERO,
+    /// Finds those of the first `count` rays in whose way something is; `by_tree` as above.
+    #[inline]
+    pub fn find_blocked(&self, rays: &RayLanes, count: usize, by_tree: impl Fn(&Ray) -> bool) -> u32 {
+        let of_tree = |lanes: u32| {
+            let blocked = lanes_of(lanes).filter(|&lane| by_tree(&rays.at(lane)));
+            blocked.fold(0, |mask, lane| mask | 1 << lane)
         };
-        if let Some(&Triangle { primitive, element, .. }) = self.triangles.get(surface) {
-            return Some(Hit { primitive, element, barycentric: Vec2::new(v, w) / determinant, ..hit });
+        let all = (1 << count) - 1;
+        if count < FEWEST {
+            return of_tree(all);
         }
-        let sphere = self.spheres.get(surface.wrapping_sub(self.triangles.len()))?;
-        Some(Hit { primitive: sphere.primitive, element: sphere.element, ..hit })
+        let mut packet = Packet::of(rays, count);
+        search(self, &mut packet);
+        let undecided = all & packet.nearest.undecided();
+        let blocked = mask_of(|lane| packet.nearest.surface[lane] != NOTHING);
+        all & blocked & !undecided | of_tree(undecided)
+    }
+}
+
+impl WholeSphere {
+    fn new(to_shape: DAffine3, radius: f64) -> Self {
+        let to_render = to_shape.inverse();
+        // No vector is stretched by more than the root of the largest eigenvalue of AᵀA, which is not beyond
+        // the largest sum of a row (Gershgorin).
+        let [x, y, z] = [to_render.matrix3.x_axis, to_render.matrix3.y_axis, to_render.matrix3.z_axis];
+        let row = |axis: DVec3| axis.dot(x).abs() + axis.dot(y).abs() + axis.dot(z).abs();
+        let reach = radius * row(x).max(row(y)).max(row(z)).sqrt();
+        Self { to_shape, radius, centre: to_render.translation.as_vec3(), reach: reach as f32 }
     }
 }
 
@@ -141,44 +173,56 @@ impl Packet {
             major: none,
             shear: [zero; 2],
             scale: zero,
-            t_max,
-            surface: none,
-            weights: [zero; 3],
-            undecided: none,
+            nearest: Nearest {
+                t_max,
+                surface: [NOTHING; LANES],
+                weights: [zero; 3],
+                barycentric: [zero; 2],
+                doubtful: none,
+            },
         }
     }
 
     /// Sets up the rays that were loaded, and returns their origins' largest coordinate.
     #[inline(always)]
     fn prepare(&mut self) -> f32 {
-        let mut farthest = 0.0;
         for lane in 0..LANES {
-            let [o_x, o_y, o_z] = [self.origin[0][lane], self.origin[1][lane], self.origin[2][lane]];
             let [d_x, d_y, d_z] = [self.direction[0][lane], self.direction[1][lane], self.direction[2][lane]];
             let x_is_major = (d_x.abs() > d_y.abs()) & (d_x.abs() > d_z.abs());
             let y_or_z = if d_y.abs() > d_z.abs() { 1 } else { 2 };
-            let major = if x_is_major { 0 } else { y_or_z };
-            let [along, a, b] = turned([d_x, d_y, d_z], major);
+            self.major[lane] = if x_is_major { 0 } else { y_or_z };
+        }
+        // In a loop of its own: the two together would not become vectors.
+        for lane in 0..LANES {
+            let [o_x, o_y, o_z] = [self.origin[0][lane], self.origin[1][lane], self.origin[2][lane]];
+            let [d_x, d_y, d_z] = [self.direction[0][lane], self.direction[1][lane], self.direction[2][lane]];
+            let [along, a, b] = turned([d_x, d_y, d_z], self.major[lane]);
             // Zero times what is not finite is not a number.
             let nothing = 0.0 * o_x + 0.0 * o_y + 0.0 * o_z + 0.0 * d_x + 0.0 * d_y + 0.0 * d_z;
             let scale = 1.0 / along;
-            self.major[lane] = major;
             self.shear[0][lane] = a * scale;
             self.shear[1][lane] = b * scale;
             self.scale[lane] = scale;
-            self.t_max[lane] = if (nothing == 0.0) & (along != 0.0) { self.t_max[lane] } else { 0.0 };
-            self.surface[lane] = NOTHING;
-            self.undecided[lane] = 0;
-            let size = larger(o_x.abs(), larger(o_y.abs(), o_z.abs()));
-            farthest = larger(farthest, size);
+            let t_max = self.nearest.t_max[lane];
+            self.nearest.t_max[lane] = if (nothing == 0.0) & (along != 0.0) { t_max } else { 0.0 };
         }
-        farthest
+        // Magnitudes are ordered as their bits are, and those are compared in vectors.
+        let size = |coordinates: &Lanes| coordinates.iter().fold(0, |size, c| c.abs().to_bits().max(size));
+        let [x, y, z] = &self.origin;
+        f32::from_bits(size(x).max(size(y)).max(size(z)))
     }
 
     /// Tests a triangle; whether some lane is in doubt about a hit near its origin. Of hits whose
     /// weighted distance is more than `certain` there is no doubt; `thorough` leaves none at all.
     #[inline(always)]
-    fn meet_triangle(&mut self, triangle: &Triangle, index: u32, certain: f32, thorough: bool) -> bool {
+    fn meet_triangle(
+        &self,
+        nearest: &mut Nearest,
+        triangle: &Triangle,
+        index: u32,
+        certain: f32,
+        thorough: bool,
+    ) -> bool {
         let mut doubts = 0;
         for lane in 0..LANES {
             let major = self.major[lane];
@@ -201,7 +245,7 @@ impl Packet {
             let determinant = u + v + w;
             let weighted = u * z_0 + v * z_1 + w * z_2;
             let t = weighted * self.scale[lane] / determinant;
-            let t_max = self.t_max[lane];
+            let t_max = nearest.t_max[lane];
             let in_range = (t > 0.0) & (t < t_max);
             let mut ahead = weighted.abs() > certain;
             if thorough {
@@ -213,18 +257,40 @@ impl Packet {
             }
             let hits = inside & in_range & ahead;
             doubts |= (inside & in_range & !ahead) as u32;
-            self.undecided[lane] |= (on_edge & (t_max > 0.0)) as u32;
-            self.t_max[lane] = if hits { t } else { t_max };
-            self.surface[lane] = if hits { index } else { self.surface[lane] };
-            self.weights[0][lane] = if hits { v } else { self.weights[0][lane] };
-            self.weights[1][lane] = if hits { w } else { self.weights[1][lane] };
-            self.weights[2][lane] = if hits { determinant } else { self.weights[2][lane] };
+            nearest.doubtful[lane] |= (on_edge & (t_max > 0.0)) as u32;
+            nearest.t_max[lane] = if hits { t } else { t_max };
+            nearest.surface[lane] = if hits { index } else { nearest.surface[lane] };
+            nearest.weights[0][lane] = if hits { v } else { nearest.weights[0][lane] };
+            nearest.weights[1][lane] = if hits { w } else { nearest.weights[1][lane] };
+            nearest.weights[2][lane] = if hits { determinant } else { nearest.weights[2][lane] };
         }
         doubts != 0
     }
 
+    /// Whether some ray may meet a sphere, by a rough test that errs on that side by far more than it rounds.
     #[inline(always)]
-    fn meet_sphere(&mut self, sphere: &WholeSphere, index: u32) {
+    fn may_meet(&self, nearest: &Nearest, sphere: &WholeSphere) -> bool {
+        let centre = sphere.centre;
+        let squared_reach = sphere.reach * sphere.reach * (1.0 + 1e-4) + 1e-5 * centre.length_squared();
+        let mut may = 0;
+        for lane in 0..LANES {
+            let [o_x, o_y, o_z] = [self.origin[0][lane], self.origin[1][lane], self.origin[2][lane]];
+            let [d_x, d_y, d_z] = [self.direction[0][lane], self.direction[1][lane], self.direction[2][lane]];
+            let [x, y, z] = [centre.x - o_x, centre.y - o_y, centre.z - o_z];
+            let along = x * d_x + y * d_y + z * d_z;
+            let squared = x * x + y * y + z * z;
+            let limit = squared_reach + 1e-5 * (squared + o_x * o_x + o_y * o_y + o_z * o_z);
+            // Beside the ray, or behind its origin.
+            let squared_length = d_x * d_x + d_y * d_y + d_z * d_z;
+            let misses =
+                (squared - along * along / squared_length > limit) | ((along < 0.0) & (squared > limit));
+            may |= u32::from(!misses & (nearest.t_max[lane] > 0.0));
+        }
+        may != 0
+    }
+
+    #[inline(always)]
+    fn meet_sphere(&self, nearest: &mut Nearest, sphere: &WholeSphere, index: u32) {
         for lane in 0..LANES {
             let [o_x, o_y, o_z] = [self.origin[0][lane], self.origin[1][lane], self.origin[2][lane]];
             let [d_x, d_y, d_z] = [self.direction[0][lane], self.direction[1][lane], self.direction[2][lane]];
@@ -234,10 +300,29 @@ impl Packet {
             let (first, last) = (first as f32, last as f32);
             // The last is not nearer; NaN is no hit.
             let t = if first > 0.0 { first } else { last };
-            let t_max = self.t_max[lane];
+            let t_max = nearest.t_max[lane];
             let hits = (t > 0.0) & (t < t_max);
-            self.t_max[lane] = if hits { t } else { t_max };
-            self.surface[lane] = if hits { index } else { self.surface[lane] };
+            nearest.t_max[lane] = if hits { t } else { t_max };
+            nearest.surface[lane] = if hits { index } else { nearest.surface[lane] };
+        }
+    }
+}
+
+impl Nearest {
+    /// The lanes in which the tree has to decide.
+    fn undecided(&self) -> u32 {
+        mask_of(|lane| self.doubtful[lane] != 0)
+    }
+
+    /// Works out the weights at the nearest triangles, the first `triangles` of all surfaces being triangles.
+    #[inline(always)]
+    fn weigh(&mut self, triangles: u32) {
+        for lane in 0..LANES {
+            let is_triangle = self.surface[lane] < triangles;
+            let determinant = self.weights[2][lane];
+            let [v, w] = [self.weights[0][lane] / determinant, self.weights[1][lane] / determinant];
+            self.barycentric[0][lane] = if is_triangle { v } else { 0.0 };
+            self.barycentric[1][lane] = if is_triangle { w } else { 0.0 };
         }
     }
 }
@@ -248,20 +333,25 @@ impl Packet {
 ))]
 fn search(surfaces: &FlatAccel, packet: &mut Packet) {
     let farthest = packet.prepare();
+    let mut nearest = packet.nearest;
     let mut index = 0;
     for triangle in &surfaces.triangles {
         // In sheared space, coordinates are twice as large at most, and their products eight times.
         let reach = farthest + triangle.size;
         let certain = 3.0 * weighted_error([2.0 * reach, 2.0 * reach, reach], 8.0 * reach * reach);
-        if packet.meet_triangle(triangle, index, certain, false) {
-            packet.meet_triangle(triangle, index, certain, true);
+        if packet.meet_triangle(&mut nearest, triangle, index, certain, false) {
+            packet.meet_triangle(&mut nearest, triangle, index, certain, true);
         }
         index += 1;
     }
     for sphere in &surfaces.spheres {
-        packet.meet_sphere(sphere, index);
+        if packet.may_meet(&nearest, sphere) {
+            packet.meet_sphere(&mut nearest, sphere, index);
+        }
         index += 1;
     }
+    nearest.weigh(surfaces.triangles.len() as u32);
+    packet.nearest = nearest;
 }
 
 /// Components from the axis `major` on, in a circle.

@@ -186,10 +186,8 @@ impl<'s> Accel<'s> {
     /// holds.
     #[inline]
     pub fn occluded_lanes(&self, rays: &RayLanes, count: usize) -> u32 {
-        if self.flat.is_some() {
-            let mut hits = HitLanes::NONE;
-            self.intersect_lanes(rays, count, &mut hits);
-            return mask_of(|lane| hits.primitive[lane] != HitLanes::NOTHING);
+        if let Some(flat) = &self.flat {
+            return flat.find_blocked(rays, count, |ray| self.occluded(ray));
         }
         let (mut mask, mut lane) = (0, 0);
         self.occluded_all((0..count).map(|lane| rays.at(lane)), |occluded| {
