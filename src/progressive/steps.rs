@@ -5,23 +5,19 @@
 
 use rayon::prelude::*;
 
-use crate::stats::Store;
+use crate::stats::{BLOCK, Store};
 
 /// Side of the dither matrix.
 const SIDE: usize = 8;
 /// Spreads the turns of pixels with the same entry of the matrix.
 const GOLDEN_RATIO: f64 = 0.618_033_988_749_894_9;
 
-/// Neighbours in a row whose statistics share cache lines: together they cost little more memory traffic
-/// than one alone.
-const LINE: usize = 8;
-
 /// How fine the dithering is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub enum Grain {
     /// Single pixels: the first samples of all are an image as soon as can be.
     Pixel,
-    /// Pixels that share cache lines: with small steps the store takes samples half as fast else.
+    /// Pixels whose samples the store takes in together: with small steps it is half as fast else.
     Line,
 }
 
@@ -29,7 +25,7 @@ pub enum Grain {
 /// `counts`. Even counts grow by pairs, so that both halves of a pixel grow alike.
 pub(super) fn between(counts: &[u32], store: &Store, grain: Grain, from: f64, to: f64) -> Vec<u32> {
     let width = store.width().max(1);
-    let side = if grain == Grain::Line { LINE } else { 1 };
+    let side = if grain == Grain::Line { BLOCK } else { 1 };
     let part = |n: u32, turn: f64, share: f64| {
         let unit = 2 - n % 2;
         let units = n / unit;
