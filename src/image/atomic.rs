@@ -28,17 +28,17 @@ pub fn replace_file<E: From<io::Error>>(
     fill_and_rename(temporary, &target, write)
 }
 
-/// The same for a file that one program replaces again and again. The temporary file is named after
-/// the target, so that what a killed program left is taken up by the next and does not pile up.
+/// The same for a file that one program replaces again and again, and that nobody reads soon: on Linux it does
+/// not go through the system's cache of files, whose fresh pages can cost more than the disk. The temporary file is
+/// named after the target, so that what a killed program left is taken up by the next and does not pile up.
 ///
 /// # Errors
 /// As for [`replace_file`], and if another program is replacing the file just now.
-pub fn replace_own_file<E: From<io::Error>>(
-    path: &Path,
-    write: impl FnOnce(&mut BufWriter<&File>) -> Result<(), E>,
-) -> Result<(), E> {
+pub fn replace_own_file(path: &Path, content: &[u8]) -> io::Result<()> {
     let target = resolve(path)?;
-    fill_and_rename(own_temporary_file(&target)?, &target, write)
+    let temporary = own_temporary_file(&target)?;
+    write_uncached(temporary.as_file(), content)?;
+    rename(temporary, &target)
 }
 
 /// Whether [`replace_own_file`] could write so many bytes now. Leaves nothing behind.
@@ -54,10 +54,43 @@ pub fn can_be_replaced(path: &Path, bytes: usize) -> io::Result<()> {
 ///
 /// # Errors
 /// As for [`replace_own_file`].
-pub fn rehearse_own_file(path: &Path, write: impl FnOnce(&mut File) -> io::Result<()>) -> io::Result<()> {
-    let mut temporary = own_temporary_file(&resolve(path)?)?;
-    write(temporary.as_file_mut())?;
+pub fn rehearse_own_file(path: &Path, content: &[u8]) -> io::Result<()> {
+    let temporary = own_temporary_file(&resolve(path)?)?;
+    write_uncached(temporary.as_file(), content)?;
     temporary.as_file().sync_all()
+}
+
+/// Whole pages go to the disk directly, from a buffer of whole pages; what is left, or all of it where the file
+/// system cannot do that, is written as ever.
+#[cfg(target_os = "linux")]
+fn write_uncached(mut file: &File, content: &[u8]) -> io::Result<()> {
+    use rustix::fs::{OFlags, fcntl_getfl, fcntl_setfl};
+    const PAGE: usize = 4096;
+    const PAGES_AT_ONCE: usize = 1024;
+    let mut rest = content;
+    let flags = fcntl_getfl(file)?;
+    if content.len() >= PAGE && fcntl_setfl(file, flags | OFlags::DIRECT).is_ok() {
+        let mut buffer = vec![0; (PAGES_AT_ONCE + 1) * PAGE];
+        let start = buffer.as_ptr().align_offset(PAGE).min(PAGE);
+        while rest.len() >= PAGE {
+            let length = (rest.len() / PAGE).min(PAGES_AT_ONCE) * PAGE;
+            let pages = &mut buffer[start..][..length];
+            pages.copy_from_slice(&rest[..length]);
+            // What goes wrong here goes wrong below, too, if it is not about pages.
+            let Ok(written) = file.write(pages) else { break };
+            rest = &rest[written..];
+            if !written.is_multiple_of(PAGE) || written == 0 {
+                break;
+            }
+        }
+        fcntl_setfl(file, flags)?;
+    }
+    file.write_all(rest)
+}
+
+#[cfg(not(target_os = "linux"))]
+fn write_uncached(mut file: &File, content: &[u8]) -> io::Result<()> {
+    file.write_all(content)
 }
 
 #[cfg(target_os = "linux")]
@@ -83,18 +116,22 @@ fn fill_and_rename<E: From<io::Error>>(
     target: &Path,
     write: impl FnOnce(&mut BufWriter<&File>) -> Result<(), E>,
 ) -> Result<(), E> {
-    let old = fs::metadata(target).ok();
     let mut writer = BufWriter::new(temporary.as_file());
     write(&mut writer)?;
     writer.flush()?;
     drop(writer);
+    Ok(rename(temporary, target)?)
+}
 
-    if let Some(old) = old {
+/// Makes a temporary file durable and puts it in the target's place.
+fn rename(temporary: NamedTempFile, target: &Path) -> io::Result<()> {
+    if let Ok(old) = fs::metadata(target) {
         temporary.as_file().set_permissions(old.permissions())?;
     }
     temporary.as_file().sync_all()?;
     temporary.persist(target).map_err(|error| error.error)?;
-    sync_folder(folder_of(target))
+    sync_folder(folder_of(target));
+    Ok(())
 }
 
 /// The file that a link stands for; `path` itself where there is nothing yet.
@@ -156,16 +193,13 @@ fn not_private(builder: &mut tempfile::Builder) {
 
 /// Makes the rename itself durable; elsewhere than on Unix a folder cannot be synced.
 #[cfg(unix)]
-fn sync_folder<E: From<io::Error>>(folder: &Path) -> Result<(), E> {
+fn sync_folder(folder: &Path) {
     // Some network file systems cannot sync a folder; the file is complete all the same.
     File::open(folder).and_then(|folder| folder.sync_all()).ok();
-    Ok(())
 }
 
 #[cfg(not(unix))]
-fn sync_folder<E: From<io::Error>>(_: &Path) -> Result<(), E> {
-    Ok(())
-}
+fn sync_folder(_: &Path) {}
 
 #[cfg(test)]
 mod tests {
@@ -204,6 +238,22 @@ mod tests {
         });
         assert_eq!(result.unwrap_err().kind(), io::ErrorKind::StorageFull);
         assert_eq!(fs::read(&path).unwrap(), b"old");
+        assert_eq!(names_in(folder.path()), ["a"]);
+    }
+
+    #[test]
+    fn a_file_past_the_cache_is_the_same_whatever_its_length() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a");
+        // Of no page, of whole pages, of some and a rest, of more than are written at once.
+        for length in [0, 1, 4095, 4096, 8192, 12_345, 5_000_000, 8 << 20] {
+            let content: Vec<u8> =
+                (0..length).map(|i: u32| (i.wrapping_mul(2_654_435_761) >> 24) as u8).collect();
+            replace_own_file(&path, &content).unwrap();
+            assert!(fs::read(&path).unwrap() == content, "{length}");
+            rehearse_own_file(&path, &content[..length as usize / 2]).unwrap();
+            assert!(fs::read(&path).unwrap() == content, "{length}");
+        }
         assert_eq!(names_in(folder.path()), ["a"]);
     }
 

@@ -1,7 +1,7 @@
 //! Gets states to the disk while the render goes on: what is known is copied, which takes a moment, and
 //! a thread of its own writes it, which takes as long as the disk takes.
 
-use std::io::{self, Write};
+use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::sync::mpsc::{Receiver, Sender, channel};
@@ -12,7 +12,7 @@ use crate::image::atomic;
 
 /// Writes a file's bytes, whole or not at all.
 pub(super) fn write(path: &Path, file: &[u8]) -> io::Result<()> {
-    atomic::replace_own_file(path, |out| out.write_all(file))
+    atomic::replace_own_file(path, file)
 }
 
 /// See the module.

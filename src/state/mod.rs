@@ -59,7 +59,7 @@ impl State {
     pub fn rehearse(&self, path: &Path) -> std::io::Result<()> {
         let mut file = Vec::new();
         bytes(self, &mut file);
-        crate::image::atomic::rehearse_own_file(path, |out| std::io::Write::write_all(out, &file))
+        crate::image::atomic::rehearse_own_file(path, &file)
     }
 
     /// Replaces a file, whole or not at all.
