@@ -12,6 +12,9 @@ const BIAS_BLUR: f32 = 4.0;
 /// Variance below this share of the squared mean is rounding.
 const LEAST_RELATIVE_VARIANCE: f32 = 1e-8;
 
+/// Largest power of two by which an image is made brighter.
+const MOST_STOPS: f64 = 100.0;
+
 /// Total radiance of a store.
 pub(super) struct Colours {
     counts: [Vec<u32>; 2],
@@ -45,7 +48,9 @@ impl Colours {
         let clamped = outliers::clamp(&mean, [&halves[0], &halves[1]], [&counts[0], &counts[1]], settings);
         let values = clamped.whole.data();
         let average = values.iter().map(|&v| f64::from(v)).sum::<f64>() / values.len().max(1) as f64;
-        let exposure = if average > 0.0 { (-average.log2().round()).exp2() as f32 } else { 1.0 };
+        let stops = if average > 0.0 { -average.log2().round() } else { 0.0 };
+        // For the faintest averages the power of two would be beyond `f32`.
+        let exposure = stops.min(MOST_STOPS).exp2() as f32;
         Self { counts, mean, variance, clamped, exposure }
     }
 

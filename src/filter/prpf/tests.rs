@@ -256,6 +256,15 @@ fn a_store_that_keeps_no_samples_is_filtered() {
     assert_finite(&filter(&store, &PrpfSettings::paper(), 1));
 }
 
+/// Found by fuzzing: the factor that would bring the faintest radiance near 1 is beyond `f32`.
+#[test]
+fn the_faintest_images_stay_finite() {
+    for radiance in [1e-45, 1e-40, 1e-36, 1e-30] {
+        let store = noisy_wall(12, 9, radiance, |_, _| 4);
+        assert_finite(&filter(&store, &PrpfSettings::paper(), 1));
+    }
+}
+
 #[test]
 fn a_scene_without_random_dimensions_is_filtered() {
     let layout = Layout::with_blocks(|block| matches!(block, Block::Position1));
