@@ -178,7 +178,7 @@ fn killed_at_random_moments_the_render_ends_in_the_same_image() {
 fn a_signal_ends_the_batch_writes_image_and_state_and_exits_130() {
     let folder = folder();
     let folder = folder.path();
-    let whole = ["render", "scene.pbrt", "--spp", "400", "--quiet"];
+    let whole = ["render", "scene.pbrt", "--spp", "4000", "--quiet"];
     done(folder, &[&whole[..], &["-o", "whole.exr"]].concat());
     let arguments = [&whole[..], &["-o", "out.exr", "--state", "a.state", "--resume"]].concat();
     for signal in ["INT", "TERM"] {

@@ -156,8 +156,10 @@ impl<'s> Renderer<'s> {
             for lane in 0..LANES {
                 starts.centres[0][lane] = (column(lane) + self.corner[0]) as f32 + 0.5;
             }
-            for round in 0..counts.iter().copied().max().unwrap_or(0) {
-                let present = mask_of(|lane| counts.get(lane).is_some_and(|&count| round < count));
+            // A pixel's indices end somewhere.
+            let left = |lane: usize| counts.get(lane).map_or(0, |&count| count.min(u32::MAX - indices[lane]));
+            for round in 0..(0..LANES).map(left).max().unwrap_or(0) {
+                let present = mask_of(|lane| round < left(lane));
                 for lane in 0..LANES {
                     let index = self.share.in_sequence(indices[lane].saturating_add(round));
                     starts.samples.set(lane, sources[lane].address(index));

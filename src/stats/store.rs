@@ -254,7 +254,11 @@ impl Row {
 
     /// Takes in the pixel's next samples, in the order of their indices: `samples` holds whole
     /// sample vectors one after the other. See [`Self::push_block`].
+    ///
+    /// # Panics
+    /// If there is no such pixel.
     pub fn push(&mut self, x: usize, samples: &[f32]) {
+        assert!(x < self.width, "pixel {x} of a row of {}", self.width);
         let lane = x % BLOCK;
         let mut values = vec![[0.0; BLOCK]; self.dims];
         for sample in samples.chunks_exact(self.dims) {

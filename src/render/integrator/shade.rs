@@ -92,7 +92,7 @@ impl<'s> PathTracer<'s> {
                 material,
                 &other.point,
                 wo,
-                numbers.mix_after(lane, flights.passes[lane]),
+                numbers.mix_after(lane, flights.passes[lane], addresses.at(lane)),
             );
             let Some(bsdf) = &other.bsdf else {
                 self.pass(flights, lane, &other.point, waiting);

@@ -6,7 +6,7 @@
 
 use glam::Vec2;
 
-use super::{Addresses, SET, Source, hash};
+use super::{Address, Addresses, SET, Source, hash};
 use crate::geometry::{LANES, Lanes};
 
 /// What the scene calls for.
@@ -54,16 +54,17 @@ impl BounceNumbers {
         Vec2::new(self.bsdf_uv[0][lane], self.bsdf_uv[1][lane])
     }
 
-    /// The number for the next mix after `passes` others that let the path pass: another one each time, as
-    /// what one layer was asked tells what the number is.
+    /// The number for the next mix of the sample at `address` after `passes` others that let the path pass:
+    /// another one each time, as what one layer was asked tells what the number is.
     #[inline]
-    pub fn mix_after(&self, lane: usize, passes: u32) -> f32 {
+    pub fn mix_after(&self, lane: usize, passes: u32, address: Address) -> f32 {
         let number = self.mix[lane];
         if passes == 0 {
-            number
-        } else {
-            (hash(u64::from(passes) << 32 | u64::from(number.to_bits())) >> 40) as f32 / (1 << 24) as f32
+            return number;
         }
+        let sample = hash(address.key ^ u64::from(address.index));
+        let bits = hash(sample ^ (u64::from(passes) << 32 | u64::from(number.to_bits())));
+        (bits >> 40) as f32 / (1 << 24) as f32
     }
 }
 
