@@ -19,7 +19,7 @@ use prpf::scene::{
     AnimatedTransform, AreaLight, Camera, Disk, Film, Integrator, Light, Material, MaterialId, MaterialKind,
     Object, PixelFilter, Primitive, SamplerKind, Scene, Shape, Sphere, TextureImage, Textures, TriangleMesh,
 };
-use prpf::stats::{Part, Store};
+use prpf::stats::{Part, Row, Store};
 use statrs::distribution::{ContinuousCDF, StudentsT};
 
 const SIDE: usize = 8;
@@ -429,6 +429,13 @@ fn neither_threads_nor_batches_nor_crops_change_a_sample() {
     let reference = on(1, &[12]);
     assert_eq!(reference.rows(), on(2, &[12]).rows());
     assert_eq!(reference.rows(), on(2, &[5, 0, 4, 3]).rows());
+    // Pixels with different counts side by side, most of them none.
+    let first: Vec<u32> = (0..SIDE * SIDE).map(|i| (i * i % 13).saturating_sub(6) as u32).collect();
+    let mut mixed = empty();
+    renderer.render_batch(&first, &mut mixed);
+    assert_eq!(mixed.counts(Part::Whole), first);
+    renderer.render_batch(&first.iter().map(|n| 12 - n).collect::<Vec<_>>(), &mut mixed);
+    assert_eq!(reference.rows(), mixed.rows());
 
     let mut cropped = room.clone();
     cropped.film.pixel_bounds = [2, 5, 3, 7];
@@ -440,4 +447,25 @@ fn neither_threads_nor_batches_nor_crops_change_a_sample() {
     for (x, y, dim) in (0..3).flat_map(|x| (0..4).flat_map(move |y| (0..10).map(move |d| (x, y, d)))) {
         assert_eq!(crop.at(dim, x, y), whole.at(dim, x + 2, y + 3));
     }
+}
+
+#[test]
+fn a_pixel_whose_indices_are_used_up_gets_no_more_samples() {
+    let plane = floor_scene(1, 0.5);
+    let accel = Accel::build(&plane);
+    let renderer = Renderer::new(&plane, &accel, 0);
+    let mut store = Store::new(SIDE, SIDE, renderer.layout().clone(), 0, 0);
+    let row = &mut store.rows_mut()[0];
+    let mut bytes = vec![0; Row::byte_len(SIDE, renderer.layout().len(), 0).unwrap()];
+    row.to_bytes(&mut bytes);
+    // Numbers drawn, then rejected, of all pixels of the row: all but three of the second pixel's.
+    for counts in bytes.chunks_exact_mut(4 * SIDE).take(2) {
+        counts[4..8].copy_from_slice(&(u32::MAX - 3).to_le_bytes());
+    }
+    row.read_bytes(&bytes).unwrap();
+    renderer.render_batch(&[10; SIDE * SIDE], &mut store);
+    assert_eq!(store.counts(Part::Whole)[..3], [10, 3, 10]);
+    assert_eq!(store.rows()[0].next_index(1), u32::MAX);
+    renderer.render_batch(&[10; SIDE * SIDE], &mut store);
+    assert_eq!(store.counts(Part::Whole)[..3], [20, 3, 20]);
 }

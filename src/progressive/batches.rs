@@ -30,7 +30,7 @@ pub(super) enum Rendered {
 impl Loop<'_> {
     /// A batch as planned.
     pub(super) fn allocate(&mut self, plan: Plan) -> UnderWay {
-        let grain = if self.store.drawn() == 0 { Grain::Pixel } else { Grain::Line };
+        let grain = if self.store.drawn() == 0 { Grain::Pixel } else { Grain::Block };
         UnderWay { allocation: self.spread(plan.samples), done: 0.0, grain }
     }
 

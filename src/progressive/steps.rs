@@ -18,14 +18,14 @@ pub enum Grain {
     /// Single pixels: the first samples of all are an image as soon as can be.
     Pixel,
     /// Pixels whose samples the store takes in together: with small steps it is half as fast else.
-    Line,
+    Block,
 }
 
 /// Samples to add per pixel to come from share `from` of a batch to share `to`; from 0 to 1 it is
 /// `counts`. Even counts grow by pairs, so that both halves of a pixel grow alike.
 pub(super) fn between(counts: &[u32], store: &Store, grain: Grain, from: f64, to: f64) -> Vec<u32> {
     let width = store.width().max(1);
-    let side = if grain == Grain::Line { BLOCK } else { 1 };
+    let side = if grain == Grain::Block { BLOCK } else { 1 };
     let part = |n: u32, turn: f64, share: f64| {
         let unit = 2 - n % 2;
         let units = n / unit;
@@ -68,7 +68,7 @@ mod tests {
         let counts: Vec<u32> = (0..256).map(|i| i % 23).collect();
         let mut sum = vec![0; 256];
         for pair in [0.0, 0.01, 0.013, 0.2, 0.9, 1.0].windows(2) {
-            let step = between(&counts, &store, Grain::Line, pair[0], pair[1]);
+            let step = between(&counts, &store, Grain::Block, pair[0], pair[1]);
             sum.iter_mut().zip(&step).for_each(|(sum, n)| *sum += n);
         }
         assert_eq!(sum, counts);

@@ -87,7 +87,7 @@ fn state(seed: u64, share: Share) -> State {
                 tiles,
             }),
             rerun: Some(rerun),
-            under_way: Some(UnderWay { allocation, done: 0.1 + 0.2, grain: Grain::Line }),
+            under_way: Some(UnderWay { allocation, done: 0.1 + 0.2, grain: Grain::Block }),
             recent: (12.5, 0.1 + 0.2),
         },
     }

@@ -80,8 +80,8 @@ pub fn direct_light(
     mask & mask_of(|lane| arrives[lane] != 0)
 }
 
-/// Chance of a path to go on with so much of its light left. The chance itself, as in pbrt-v4, would keep
-/// what paths carry the same, but what they find differs far more: with its fourth root the error after
+/// Chance of a path to go on with so much of its light left: the fourth root of that. With what is left
+/// itself, as in pbrt-v4, all paths would carry alike, but what they find differs far more: the error after
 /// equal time is 0.6 to 1.03 of that (docs/performance.md).
 #[inline(always)]
 fn survival(left: f32) -> f32 {

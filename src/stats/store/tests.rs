@@ -305,3 +305,30 @@ fn a_merged_reservoir_takes_from_both_streams_by_their_lengths() {
     all.sort_by(f32::total_cmp);
     assert_eq!(all, [1.0, 2.0, 2.0]);
 }
+
+#[test]
+fn a_block_takes_in_what_its_pixels_would_one_by_one() {
+    const WIDTH: usize = 37;
+    let layout = layout();
+    let mut rng = rand_pcg::Pcg64::seed_from_u64(8);
+    let empty = || Store::new(WIDTH, 1, layout.clone(), 2, 1);
+    let (mut by_block, mut one_by_one) = (empty(), empty());
+    for step in 0..200 {
+        let block = step % WIDTH.div_ceil(BLOCK);
+        let pixels = BLOCK.min(WIDTH - block * BLOCK);
+        let present = rng.random::<u32>() & ((1 << pixels) - 1);
+        let mut values: Vec<[f32; BLOCK]> =
+            (0..layout.len()).map(|_| std::array::from_fn(|_| 1.0 + rng.random::<f32>())).collect();
+        // Some lanes are not sound, present or not.
+        let dim = rng.random_range(0..layout.len());
+        let hard = [f32::NAN, f32::NEG_INFINITY, -2.0, 2.0 * LARGEST_VALUE, 1.0];
+        values[dim][rng.random_range(0..BLOCK)] = hard[step % hard.len()];
+        by_block.rows_mut()[0].push_block(block, present, &values);
+        for lane in (0..pixels).filter(|lane| present >> lane & 1 == 1) {
+            let sample: Vec<f32> = values.iter().map(|lanes| lanes[lane]).collect();
+            one_by_one.push(block * BLOCK + lane, 0, &sample);
+        }
+    }
+    assert!(by_block.rejected() > 20 && by_block.samples() > 500);
+    assert_eq!(by_block.rows(), one_by_one.rows());
+}
