@@ -146,6 +146,20 @@ fn random_parameter_filtering_is_refused_where_its_samples_do_not_fit() {
 }
 
 #[test]
+fn an_image_beyond_all_memory_is_refused_before_it_takes_any() {
+    let folder = folder_with(SCENE);
+    for more in [&[] as &[&str], &["--denoiser", "none"], &["--state", "a.state"], &["--quality", "paper"]] {
+        let arguments =
+            [&["render", "scene.pbrt", "--spp", "1", "--resolution", "32768x32768"], more].concat();
+        let output = prpf(folder.path(), &arguments);
+        assert_eq!(output.status.code(), Some(2), "{}", stderr(&output));
+        let said = stderr(&output);
+        assert!(said.lines().count() == 1 && said.contains("would fit"), "{said}");
+    }
+    assert_eq!(std::fs::read_dir(folder.path()).expect("a folder").count(), 1, "nothing but the scene");
+}
+
+#[test]
 fn a_wrong_scene_gets_one_line_with_its_place() {
     let folder = folder_with(&SCENE.replace("\"sphere\"", "\"spere\" \"float radius\" [ x ]"));
     let output = prpf(folder.path(), &["render", "scene.pbrt", "-o", "a.png"]);

@@ -9,6 +9,7 @@ mod denoise;
 mod export;
 mod info;
 mod layers;
+mod memory;
 mod merge;
 mod options;
 mod output;

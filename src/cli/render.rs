@@ -14,19 +14,17 @@ use super::options::RenderOptions;
 use super::output::{Written, encode, write, write_report};
 use super::report::{Report, Spread, Times};
 use super::state::Kept;
-use super::{Failure, escaped, in_pool, preview};
+use super::{Failure, escaped, in_pool, memory, preview};
 use crate::filter::Filtered;
 use crate::geometry::Accel;
 use crate::image::formats::OutputFormat;
 use crate::image::{self, Planes};
 use crate::preview::{Director, Hub, Picture, Stage};
-use crate::progressive::{
-    Denoiser, ErrorEstimate, Keep, Loop, NO_CEILING, Outcome, PixelMemory, Progress, Settings, StoppedBy,
-};
+use crate::progressive::{ErrorEstimate, Keep, Loop, Outcome, Progress, StoppedBy};
 use crate::render::Renderer;
 use crate::scene::{Scene, pbrt};
 use crate::state::Frame;
-use crate::stats::{Layout, Part, Store};
+use crate::stats::{Part, Store};
 
 /// Exit status after a person's interruption: 128 + SIGINT.
 const INTERRUPTED: u8 = 130;
@@ -81,7 +79,8 @@ fn run_in_pool(options: &RenderOptions, mode: Mode, start: Instant) -> Result<u8
         settings.budget.spp = None;
     }
     options.state.budget(&mut settings.budget).map_err(Failure::Input)?;
-    fits_in_memory(renderer.layout(), &settings, renderer.resolution()).map_err(Failure::Input)?;
+    let keeps = options.state.state.is_some();
+    memory::fits(renderer.layout(), &settings, renderer.resolution(), keeps).map_err(Failure::Input)?;
     let resumed = options.state.resumed(&frame, stream, &renderer, &settings).map_err(Failure::Input)?;
     let kept = options.state.keeper(&frame, stream, &renderer, &settings).map_err(Failure::Input)?;
     let interrupt = Arc::new(AtomicBool::new(false));
@@ -218,55 +217,6 @@ fn are_distinct(scene: &Path, outputs: &[&Path]) -> anyhow::Result<()> {
         seen.push(absolute);
     }
     Ok(())
-}
-
-/// Refuses a render whose store and filter would not fit in the memory that is left, where that is
-/// known.
-fn fits_in_memory(
-    layout: &Layout,
-    settings: &Settings,
-    (width, height): (usize, usize),
-) -> anyhow::Result<()> {
-    /// The filters hold planes of their own beside the store.
-    const BESIDE_STORE: f64 = 1.5;
-    let memory = PixelMemory::of(layout, settings);
-    if settings.denoiser == Denoiser::Rpf && memory.samples >= NO_CEILING as usize {
-        anyhow::bail!(
-            "--denoiser rpf keeps all samples of a pixel whole, and has to know how many these can be: \
-             add --spp N or --max-spp N"
-        );
-    }
-    let pixels = width as f64 * height as f64;
-    let statistics = memory.statistics as f64 * BESIDE_STORE;
-    let samples = memory.samples as f64 * memory.per_sample as f64;
-    let needed = (statistics + samples) * pixels;
-    let Some(available) = available_bytes().filter(|&available| needed > available) else {
-        return Ok(());
-    };
-    let fewer = (available / pixels - statistics) / memory.per_sample as f64;
-    let fewer = if settings.denoiser == Denoiser::Rpf && fewer >= 1.0 {
-        format!(", or these with --max-spp {fewer:.0}", fewer = fewer.floor())
-    } else {
-        String::new()
-    };
-    anyhow::bail!(
-        "{width}x{height} pixels{} need about {:.1} GB of memory, {:.1} GB are available; up to {:.0} pixels would \
-         fit{fewer}",
-        if memory.samples > 0 {
-            format!(" with {} samples each kept whole", memory.samples)
-        } else {
-            String::new()
-        },
-        needed / 1e9,
-        available / 1e9,
-        available / (statistics + samples)
-    )
-}
-
-fn available_bytes() -> Option<f64> {
-    let memory = std::fs::read_to_string("/proc/meminfo").ok()?;
-    let line = memory.lines().find_map(|line| line.strip_prefix("MemAvailable:"))?;
-    Some(line.trim().strip_suffix("kB")?.trim().parse::<f64>().ok()? * 1024.0)
 }
 
 fn reference(path: &Path, scene: &Scene) -> anyhow::Result<Planes> {
@@ -434,6 +384,7 @@ fn said(estimate: &ErrorEstimate, store: &Store) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::stats::Layout;
 
     #[test]
     fn an_error_hidden_by_noise_is_said_to_be_below_a_limit() {
