@@ -13,6 +13,7 @@
 //! k²d_ji ∝ P + Q − (number of terms), so each pair of pixels is looked at once.
 
 use multiversion::multiversion;
+use rayon::prelude::*;
 
 use super::bordered::{Bordered, Margin};
 use super::fast_exp::exp_negative;
@@ -87,6 +88,8 @@ pub(super) struct Neighbours<'a> {
 
 /// A guide prepared for distances between patches of (2·PATCH + 1)² pixels.
 pub(super) struct Distance<const PATCH: usize> {
+    width: usize,
+    height: usize,
     /// In units of √ε.
     value: Bordered,
     /// e = k²v + ½.
@@ -112,6 +115,8 @@ impl<const PATCH: usize> Distance<PATCH> {
         let inside = vec![0.0; width * height];
         let features = if guide.features.is_empty() { &[inside.as_slice()] } else { guide.features };
         Self {
+            width,
+            height,
             value: Bordered::new(width, height, &[&r, &g, &b], margin, Margin::Nearest),
             e: Bordered::new(width, height, &[&e_r, &e_g, &e_b], margin, Margin::Nearest),
             features: Bordered::new(width, height, features, margin, Margin::Value(OUTSIDE)),
@@ -120,11 +125,27 @@ impl<const PATCH: usize> Distance<PATCH> {
         }
     }
 
-    /// Whether any pixel of the tile has a variance; where none has, the guide says that all is exact
-    /// as it is.
-    pub fn is_noisy(&self, tile: Tile) -> bool {
-        let row = |c, y: usize| self.e.span(c, tile.x as isize, (tile.y + y) as isize, tile.width);
-        (0..3).any(|c| (0..tile.height).any(|y| row(c, y).iter().any(|&e| e > NOISELESS)))
+    /// Tiles of at most `side`, cut to what is not exact as it is: pixels with a variance and, without
+    /// caution, those in their reach.
+    pub fn noisy_tiles(&self, side: (usize, usize)) -> Vec<Tile> {
+        tiles(self.width, self.height, side).par_iter().filter_map(|&tile| self.noisy_part(tile)).collect()
+    }
+
+    fn noisy_part(&self, tile: Tile) -> Option<Tile> {
+        let reach = if self.settings.cautious { 0 } else { self.settings.radius };
+        let noisy = |c, y: usize| {
+            let row = self.e.span(c, tile.x as isize, (tile.y + y) as isize, tile.width);
+            let is_noisy = |&e: &f32| e > NOISELESS;
+            Some((row.iter().position(is_noisy)?, row.iter().rposition(is_noisy)?))
+        };
+        let rows = (0..tile.height).flat_map(|y| (0..3).filter_map(move |c| Some((y, noisy(c, y)?))));
+        let (left, right, top, bottom) = rows.fold(None, |part, (y, (first, last))| {
+            let (left, right, top, _) = part.unwrap_or((first, last, y, y));
+            Some((first.min(left), last.max(right), top, y))
+        })?;
+        let (left, top) = (left.saturating_sub(reach), top.saturating_sub(reach));
+        let (right, bottom) = ((right + reach + 1).min(tile.width), (bottom + reach + 1).min(tile.height));
+        Some(Tile { x: tile.x + left, y: tile.y + top, width: right - left, height: bottom - top })
     }
 
     /// Hands on the weights of all neighbours in the disc of all pixels of the tile, the pixels

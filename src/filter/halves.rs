@@ -35,9 +35,11 @@ pub(super) struct Estimate {
 }
 
 impl Estimate {
-    /// Of the values that are still to be computed.
-    pub fn new(width: usize, height: usize) -> Self {
-        Self { value: Planes::new(width, height, 3), own_weight: vec![1.0; width * height] }
+    /// The values themselves.
+    pub fn unfiltered(width: usize, height: usize, values: [&[f32]; 3]) -> Self {
+        let mut value = Planes::new(width, height, 3);
+        value.planes_mut().zip(values).for_each(|(plane, values)| plane.copy_from_slice(values));
+        Self { value, own_weight: vec![1.0; width * height] }
     }
 }
 

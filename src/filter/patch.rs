@@ -8,7 +8,7 @@ use multiversion::multiversion;
 use rayon::prelude::*;
 
 use super::bordered::{Bordered, Margin};
-use super::distance::{Distance, DistanceSettings, Guide, Tile, tiles};
+use super::distance::{Distance, DistanceSettings, Guide, Tile};
 use super::halves::Estimate;
 
 /// Half side of the 7×7 patch.
@@ -24,13 +24,13 @@ pub(super) fn filter(
     guide: Guide,
     settings: DistanceSettings,
 ) -> Estimate {
-    let mut filtered = Estimate::new(width, height);
+    let mut filtered = Estimate::unfiltered(width, height, original);
     if width == 0 || height == 0 {
         return filtered;
     }
     let distance = Distance::<PATCH>::new(width, height, guide, settings);
     let values = Bordered::new(width, height, &original, settings.radius, Margin::Nearest);
-    let tiles = tiles(width, height, TILE);
+    let tiles = distance.noisy_tiles(TILE);
     let sums: Vec<Sums> = tiles.par_iter().map(|&tile| Sums::of(tile, &distance, &values)).collect();
     for (tile, sums) in tiles.iter().zip(&sums) {
         for row in 0..tile.height {
@@ -81,15 +81,13 @@ impl Sums {
             }
             weight.fill(1.0);
         }
-        if distance.is_noisy(tile) {
-            distance.for_each_neighbour(tile, |neighbours| {
-                let (dx, dy) = neighbours.offset;
-                let y = y + neighbours.row as isize + dy;
-                let from = std::array::from_fn(|c| values.span(c, x + dx, y, width));
-                let [r, g, b, sum] = sums.rows_mut(neighbours.row);
-                accumulate(neighbours.weights, from, r, g, b, sum);
-            });
-        }
+        distance.for_each_neighbour(tile, |neighbours| {
+            let (dx, dy) = neighbours.offset;
+            let y = y + neighbours.row as isize + dy;
+            let from = std::array::from_fn(|c| values.span(c, x + dx, y, width));
+            let [r, g, b, sum] = sums.rows_mut(neighbours.row);
+            accumulate(neighbours.weights, from, r, g, b, sum);
+        });
         sums
     }
 

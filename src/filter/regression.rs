@@ -13,7 +13,7 @@ use multiversion::multiversion;
 use rayon::prelude::*;
 
 use super::bordered::{Bordered, Margin};
-use super::distance::{self, Distance, DistanceSettings, Neighbours, Tile, tiles};
+use super::distance::{self, Distance, DistanceSettings, Neighbours, Tile};
 use super::halves::Estimate;
 
 /// Features that are regressed on.
@@ -79,7 +79,7 @@ pub(super) fn fit(
     guide: Guide,
     settings: DistanceSettings,
 ) -> Estimate {
-    let mut fitted = Estimate::new(width, height);
+    let mut fitted = Estimate::unfiltered(width, height, original);
     if width == 0 || height == 0 {
         return fitted;
     }
@@ -88,39 +88,31 @@ pub(super) fn fit(
     let distance = Distance::<PATCH>::new(width, height, weights, settings);
     let columns: Vec<&[f32]> = guide.features.into_iter().chain(original).collect();
     let columns = Bordered::new(width, height, &columns, settings.radius, Margin::Nearest);
-    let tiles = tiles(width, height, TILE);
+    let tiles = distance.noisy_tiles(TILE);
     let solved: Vec<_> =
         tiles.par_iter().map(|&tile| fit_tile(tile, &distance, &columns, settings.radius)).collect();
     for (tile, rows) in tiles.iter().zip(&solved) {
         for y in 0..tile.height {
             let start = (tile.y + y) * width + tile.x;
-            // A tile without noise is exact as it is.
-            let row = rows.as_ref().map(|rows| &rows[y]);
-            for (channel, original) in original.iter().enumerate() {
-                let out = &mut fitted.value.plane_mut(channel)[start..][..tile.width];
-                out.copy_from_slice(&original[start..][..tile.width]);
-                let changes = row.iter().flat_map(|row| &row[channel]);
-                out.iter_mut().zip(changes).for_each(|(out, change)| *out = (*out + change).max(0.0));
+            let [r, g, b, own_weight] = &rows[y];
+            for (plane, changes) in fitted.value.planes_mut().zip([r, g, b]) {
+                let values = plane[start..][..tile.width].iter_mut().zip(changes);
+                values.for_each(|(value, change)| *value = (*value + change).max(0.0));
             }
-            if let Some(row) = row {
-                fitted.own_weight[start..][..tile.width].copy_from_slice(&row[3][..tile.width]);
-            }
+            fitted.own_weight[start..][..tile.width].copy_from_slice(&own_weight[..tile.width]);
         }
     }
     fitted
 }
 
-/// For each row of the tile the fit less the pixel's own value, three channels, and the own weight;
-/// `None` where nothing is noisy. `columns` are the features of the guide and the values.
+/// For each row of the tile the fit less the pixel's own value, three channels, and the own weight.
+/// `columns` are the features of the guide and the values.
 fn fit_tile(
     tile: Tile,
     distance: &Distance<PATCH>,
     columns: &Bordered,
     radius: usize,
-) -> Option<Vec<[[f32; WIDTH]; 4]>> {
-    if !distance.is_noisy(tile) {
-        return None;
-    }
+) -> Vec<[[f32; WIDTH]; 4]> {
     let (x, y) = (tile.x as isize, tile.y as isize);
     let scale = 1.0 / radius.max(1) as f32;
     let mut sums = vec![[EMPTY; SUMS]; tile.height];
@@ -149,7 +141,7 @@ fn fit_tile(
         }
     });
     waiting.iter_mut().enumerate().for_each(|(row, waiting)| work_off(row, waiting));
-    Some(sums.iter().map(solve).collect())
+    sums.iter().map(solve).collect()
 }
 
 #[multiversion(targets(

@@ -49,6 +49,9 @@ pub struct StandardSettings {
     pub k_growth: f32,
     /// The same for directly visible emission, whose edges are hard.
     pub emission_k: f32,
+    /// Radius of the disc of neighbours for directly visible emission, in pixels: emitters out of focus have
+    /// narrow rims, which find others like them only farther off.
+    pub emission_radius: usize,
     /// Deviation of the normal term; normals are unit vectors.
     pub normal_sigma: f32,
     /// Radius for albedo and normals, in pixels; 0 leaves them as they are.
@@ -81,10 +84,11 @@ impl StandardSettings {
             mix_sigma: 3.0,
             k_samples: 32.0,
             k_growth: 1.5,
-            emission_k: 0.45,
-            normal_sigma: 0.2,
+            emission_k: 0.4,
+            emission_radius: 16,
+            normal_sigma: 0.12,
             feature_radius: 1,
-            feature_k: 1.0,
+            feature_k: 1.4,
             albedo_floor: 0.02,
             colour_epsilon: 1e-6,
             feature_epsilon: 1e-5,
@@ -103,7 +107,7 @@ impl StandardSettings {
 
     /// For reruns between batches: smaller discs and no fit.
     pub const fn draft() -> Self {
-        Self { radius: 5, fit_radius: 0, ..Self::standard() }
+        Self { radius: 5, emission_radius: 5, fit_radius: 0, ..Self::standard() }
     }
 
     /// Every k as it is at so many samples per pixel.
@@ -280,7 +284,12 @@ fn filter_emission(emission: &Halves, settings: &StandardSettings) -> [Estimate;
     let epsilon = (settings.colour_epsilon * brightest * brightest).max(f32::MIN_POSITIVE);
     filter_alone(
         emission,
-        DistanceSettings { radius: settings.radius, k: settings.emission_k, epsilon, cautious: true },
+        DistanceSettings {
+            radius: settings.emission_radius,
+            k: settings.emission_k,
+            epsilon,
+            cautious: true,
+        },
     )
 }
 

@@ -130,20 +130,33 @@ fn one_wild_pixel_costs_the_patches_without_it_no_digits() {
 }
 
 #[test]
-fn only_tiles_with_some_variance_are_noisy() {
+fn only_the_parts_of_tiles_with_some_variance_are_noisy() {
     let flat = vec![0.5; WIDTH * HEIGHT];
-    let mut variance = vec![0.0; WIDTH * HEIGHT];
-    variance[4 * WIDTH + 9] = 1e-3;
     let none = vec![0.0; WIDTH * HEIGHT];
-    for channel in 0..3 {
-        let mut variances = [none.as_slice(); 3];
-        variances[channel] = &variance;
-        let guide = Guide { value: [&flat; 3], variance: variances, features: &[], feature_gain: 0.0 };
-        let distance = Distance::<1>::new(WIDTH, HEIGHT, guide, SETTINGS);
-        for tile in tiles(WIDTH, HEIGHT, (8, 4)) {
-            assert_eq!(distance.is_noisy(tile), (tile.x, tile.y) == (8, 4), "{tile:?}");
-        }
+    let of = |noisy: [&[(usize, usize)]; 3], cautious| {
+        let variance = noisy.map(|pixels| {
+            let mut variance = none.clone();
+            pixels.iter().for_each(|(x, y)| variance[y * WIDTH + x] = 1e-3);
+            variance
+        });
+        let variance = variance.each_ref().map(Vec::as_slice);
+        let guide = Guide { value: [&flat; 3], variance, features: &[], feature_gain: 0.0 };
+        let settings = DistanceSettings { radius: 1, cautious, ..SETTINGS };
+        let tiles = Distance::<1>::new(WIDTH, HEIGHT, guide, settings).noisy_tiles((8, 4));
+        tiles.iter().map(|tile| (tile.x, tile.y, tile.width, tile.height)).collect::<Vec<_>>()
+    };
+    assert!(of([&[]; 3], true).is_empty() && of([&[]; 3], false).is_empty());
+    for c in 0..3 {
+        let mut noisy: [&[(usize, usize)]; 3] = [&[]; 3];
+        noisy[c] = &[(9, 4)];
+        assert_eq!(of(noisy, true), [(9, 4, 1, 1)]);
+        // One more pixel on each side that the tile has.
+        assert_eq!(of(noisy, false), [(8, 4, 3, 2)]);
     }
+    // Pixels of two tiles; in one of them a pixel of each channel.
+    let noisy: [&[(usize, usize)]; 3] = [&[(3, 6)], &[(5, 4), (8, 7)], &[(1, 5)]];
+    assert_eq!(of(noisy, true), [(1, 4, 5, 3), (8, 7, 1, 1)]);
+    assert_eq!(of(noisy, false), [(0, 4, 7, 4), (8, 6, 2, 2)]);
 }
 
 #[test]
