@@ -92,9 +92,8 @@ pub(super) fn fit(
     let solved: Vec<_> =
         tiles.par_iter().map(|&tile| fit_tile(tile, &distance, &columns, settings.radius)).collect();
     for (tile, rows) in tiles.iter().zip(&solved) {
-        for y in 0..tile.height {
+        for (y, [r, g, b, own_weight]) in rows.iter().enumerate() {
             let start = (tile.y + y) * width + tile.x;
-            let [r, g, b, own_weight] = &rows[y];
             for (plane, changes) in fitted.value.planes_mut().zip([r, g, b]) {
                 let values = plane[start..][..tile.width].iter_mut().zip(changes);
                 values.for_each(|(value, change)| *value = (*value + change).max(0.0));

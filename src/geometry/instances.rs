@@ -9,7 +9,7 @@ use super::object::{ObjectAccel, search};
 use super::query::Query;
 use super::rounding::gamma;
 use super::sphere::corner_bounds;
-use super::traverse::{Leaves, Stack, TraversalRay, traverse};
+use super::traverse::{Leaves, Stack, TraversalRay, prefetch, traverse};
 use crate::scene::{AnimatedTransform, Scene};
 
 /// Intervals between the times at which the path of a moving instance is evaluated. What it may do
@@ -112,6 +112,11 @@ struct InstanceLeaves<'a, 'q, K> {
 }
 
 impl<K: Kernels> Leaves for InstanceLeaves<'_, '_, K> {
+    #[inline(always)]
+    fn prefetch(&self, leaf: u32) {
+        prefetch(&self.instances.placed, leaf);
+    }
+
     #[inline(always)]
     fn test(&mut self, leaf: u32, ray: &mut TraversalRay, stack: &mut Stack) -> bool {
         let placed = &self.instances.placed[leaf as usize];

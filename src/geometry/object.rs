@@ -7,7 +7,7 @@ use super::bvh::{Bvh, NO_ITEM, Node, WIDTH};
 use super::kernels::Kernels;
 use super::quadric::Quadric;
 use super::query::Query;
-use super::traverse::{Leaves, Stack, TraversalRay, traverse};
+use super::traverse::{Leaves, Stack, TraversalRay, prefetch, traverse};
 use super::triangle::TrianglePacket;
 use super::{Hit, mesh};
 use crate::scene::{Object, Scene, Shape};
@@ -147,6 +147,11 @@ struct TriangleLeaves<'a, 'q, K> {
 
 impl<K: Kernels> Leaves for TriangleLeaves<'_, '_, K> {
     #[inline(always)]
+    fn prefetch(&self, leaf: u32) {
+        prefetch(&self.object.packets, leaf);
+    }
+
+    #[inline(always)]
     fn test(&mut self, leaf: u32, ray: &mut TraversalRay, _: &mut Stack) -> bool {
         let packet = &self.object.packets[leaf as usize];
         let Some(candidates) = self.kernels.candidates(packet, ray) else { return false };
@@ -186,6 +191,11 @@ struct QuadricLeaves<'a, 'q> {
 }
 
 impl Leaves for QuadricLeaves<'_, '_> {
+    #[inline(always)]
+    fn prefetch(&self, leaf: u32) {
+        prefetch(&self.object.quadric_tests, leaf);
+    }
+
     #[inline(always)]
     fn test(&mut self, leaf: u32, ray: &mut TraversalRay, _: &mut Stack) -> bool {
         let quadric = &self.object.quadric_tests[leaf as usize];

@@ -87,6 +87,27 @@ pub trait Leaves {
     /// Tests a leaf, lowers `ray.t_max` to what it finds; `true` ends the walk. What is put on the
     /// stack is taken away again.
     fn test(&mut self, leaf: u32, ray: &mut TraversalRay, stack: &mut Stack) -> bool;
+
+    /// Has a leaf that will be tested soon brought into the cache.
+    fn prefetch(&self, leaf: u32);
+}
+
+/// Has one of some items brought into the cache.
+#[inline(always)]
+pub fn prefetch<T>(items: &[T], index: u32) {
+    /// Bytes.
+    const CACHE_LINE: usize = 64;
+    #[cfg(target_arch = "x86_64")]
+    {
+        use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
+        let item = items.as_ptr().wrapping_add(index as usize).cast::<i8>();
+        for offset in (0..size_of::<T>()).step_by(CACHE_LINE) {
+            // SAFETY: part of every such processor, and no address is wrong.
+            unsafe { _mm_prefetch::<_MM_HINT_T0>(item.wrapping_add(offset)) };
+        }
+    }
+    #[cfg(not(target_arch = "x86_64"))]
+    let _ = (items, index);
 }
 
 /// Calls `leaves` for every leaf whose box the ray enters before its `t_max`, roughly in order.
@@ -107,7 +128,10 @@ pub fn traverse(
     loop {
         let child = if current & LEAF == 0 {
             let node = &bvh.nodes[current as usize];
-            descend(node, enter(node, ray), stack)
+            let prefetch = |child| {
+                if child & LEAF == 0 { prefetch(&bvh.nodes, child) } else { leaves.prefetch(child & !LEAF) }
+            };
+            descend(node, enter(node, ray), stack, prefetch)
         } else if leaves.test(current & !LEAF, ray, stack) {
             stack.drop_above(bottom);
             return;
@@ -121,9 +145,10 @@ pub fn traverse(
 
 /// The nearest child that was entered; the others are left on the stack, nearer ones above.
 #[inline(always)]
-fn descend(node: &Node, entered: Entered, stack: &mut Stack) -> Option<u32> {
+fn descend(node: &Node, entered: Entered, stack: &mut Stack, prefetch: impl Fn(u32)) -> Option<u32> {
     let visit = |mask: u32| {
         let lane = mask.trailing_zeros() as usize % WIDTH;
+        prefetch(node.children[lane]);
         Visit::new(entered.near[lane], node.children[lane])
     };
     let without_lowest = |mask: u32| mask & mask.wrapping_sub(1);
