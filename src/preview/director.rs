@@ -365,3 +365,6 @@ impl Observer for Director<'_> {
         Some(if young { YOUNG_STEP_SECONDS } else { STEP_SECONDS })
     }
 }
+
+#[cfg(test)]
+mod tests;

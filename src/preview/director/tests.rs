@@ -1,0 +1,99 @@
+use std::cell::{Cell, RefCell};
+use std::path::Path;
+use std::sync::atomic::AtomicBool;
+
+use super::*;
+use crate::adaptive::Sampling;
+use crate::geometry::Accel;
+use crate::preview::protocol::Move;
+use crate::progressive::{Budget, Memory, Settings};
+use crate::render::Share;
+use crate::scene::pbrt;
+
+const SIDE: u64 = 48;
+const SPP: u32 = 8;
+
+/// What is done at moments of a render that a person looks at.
+struct Moments<'a> {
+    stepped: &'a dyn Fn(Progress, &Hub),
+    kept: &'a dyn Fn(Memory, &Hub),
+    saved: &'a dyn Fn(&Picture),
+}
+
+/// Renders a small scene to its budget, keeping a memory whenever it can.
+fn directed(moments: Moments) -> Outcome {
+    let text = include_str!("../../../experiments/stability/cases/noisy.pbrt");
+    let scene = pbrt::read_str(text, Path::new(".")).unwrap();
+    let accel = Accel::build(&scene);
+    let hub = Arc::new(Hub::default());
+    let interrupt = AtomicBool::new(false);
+    let keep = |memory: Memory| (moments.kept)(memory, &hub);
+    let stage = Stage {
+        scene: &scene,
+        accel: &accel,
+        settings: Settings {
+            budget: Budget { spp: Some(SPP), ..Budget::default() },
+            sampling: Sampling::Uniform,
+            ..Settings::default()
+        },
+        reference: None,
+        closing: None,
+        share: Share::WHOLE,
+        keeping: Some((0.0, &keep)),
+        resumed: None,
+        start: Instant::now(),
+        interrupt: &interrupt,
+        stays: false,
+        save: Box::new(|picture| {
+            (moments.saved)(picture);
+            Ok(Vec::new())
+        }),
+        listen: Box::new(|progress| (moments.stepped)(progress, &hub)),
+    };
+    Director::new(hub.clone(), stage).run().expect("it ends by its budget")
+}
+
+#[test]
+fn what_is_asked_for_during_the_last_pass_is_saved() {
+    let saved = RefCell::new(Vec::new());
+    let outcome = directed(Moments {
+        stepped: &|_, _| (),
+        // The last memory is kept when all samples are there, and the last pass comes next.
+        kept: &|memory, hub| {
+            if memory.store.samples() == u64::from(SPP) * SIDE * SIDE {
+                assert!(hub.command(Command::Save));
+            }
+        },
+        saved: &|picture| {
+            saved.borrow_mut().push((picture.store.samples(), picture.filtered.image.clone()));
+        },
+    });
+    assert!(saved.into_inner() == [(outcome.store.samples(), outcome.filtered.image)]);
+}
+
+#[test]
+fn once_the_camera_is_moved_no_memory_is_kept_of_what_it_sees() {
+    let moved = Cell::new(false);
+    let (before, after) = (Cell::new(0), RefCell::new(Vec::new()));
+    let step = Move { orbit: Some([0.3, 0.1]), ..Move::default() };
+    let outcome = directed(Moments {
+        stepped: &|progress, hub| {
+            before.set(progress.samples.max(before.get()));
+            if progress.spp >= 2.0 && !moved.replace(true) {
+                before.set(progress.samples);
+                assert!(hub.command(Command::Camera(step.clone())));
+            }
+        },
+        kept: &|memory, _| {
+            if moved.get() {
+                after.borrow_mut().push(memory.store.samples());
+            }
+        },
+        saved: &|_| unreachable!("nobody asked for it"),
+    });
+    assert!(moved.get());
+    // The last one is of the scene's own view, as far as it came.
+    let after = after.into_inner();
+    assert!(after.len() == 1 && after[0] < outcome.store.samples(), "{after:?}");
+    assert_eq!(outcome.store.samples(), u64::from(SPP) * SIDE * SIDE);
+}
