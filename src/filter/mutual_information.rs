@@ -287,6 +287,24 @@ mod tests {
     }
 
     #[test]
+    fn variables_are_standardised_by_their_own_mean_and_deviation() {
+        let mut samples = normal(300, 2, 4);
+        samples.iter_mut().for_each(|s| *s = vec![7.0 + 3.0 * s[0], 0.1 * (s[0] + s[1]) - 2.0]);
+        let variable = |v: usize| samples.iter().map(|s| s[v]).collect::<Vec<_>>();
+        let found = mutual_information(&variable(0), &variable(1));
+        let standardised = |values: Vec<f32>| {
+            let count = values.len() as f32;
+            let mean = values.iter().sum::<f32>() / count;
+            let deviation = (values.iter().map(|v| (v - mean).powi(2)).sum::<f32>() / count).sqrt();
+            values.into_iter().map(move |v| (v - mean) / deviation)
+        };
+        let both: Vec<Vec<f32>> =
+            standardised(variable(0)).zip(standardised(variable(1))).map(|(a, b)| vec![a, b]).collect();
+        let expected = by_definition(&both, 0, 1);
+        assert!((f64::from(found) - expected).abs() < 1e-4 && found > 0.1, "{found} for {expected}");
+    }
+
+    #[test]
     fn identical_variables_share_their_entropy() {
         let mut samples = normal(1024, 2, 5);
         samples.iter_mut().for_each(|s| s[1] = s[0]);
