@@ -9,7 +9,6 @@ mod denoise;
 mod export;
 mod info;
 mod layers;
-mod memory;
 mod merge;
 mod options;
 mod output;

@@ -14,13 +14,13 @@ use super::options::RenderOptions;
 use super::output::{Written, encode, write, write_report};
 use super::report::{Report, Spread, Times};
 use super::state::Kept;
-use super::{Failure, escaped, in_pool, memory, preview};
+use super::{Failure, escaped, in_pool, preview};
 use crate::filter::Filtered;
 use crate::geometry::Accel;
 use crate::image::formats::OutputFormat;
 use crate::image::{self, Planes};
 use crate::preview::{Director, Hub, Picture, Stage};
-use crate::progressive::{ErrorEstimate, Keep, Loop, Outcome, Progress, StoppedBy};
+use crate::progressive::{ErrorEstimate, Keep, Loop, Outcome, Progress, StoppedBy, has_room};
 use crate::render::Renderer;
 use crate::scene::{Scene, pbrt};
 use crate::state::Frame;
@@ -80,7 +80,8 @@ fn run_in_pool(options: &RenderOptions, mode: Mode, start: Instant) -> Result<u8
     }
     options.state.budget(&mut settings.budget).map_err(Failure::Input)?;
     let keeps = options.state.state.is_some();
-    memory::fits(renderer.layout(), &settings, renderer.resolution(), keeps).map_err(Failure::Input)?;
+    has_room(renderer.layout(), &settings, renderer.resolution(), keeps)
+        .map_err(|error| Failure::Input(error.into()))?;
     let resumed = options.state.resumed(&frame, stream, &renderer, &settings).map_err(Failure::Input)?;
     let kept = options.state.keeper(&frame, stream, &renderer, &settings).map_err(Failure::Input)?;
     let interrupt = Arc::new(AtomicBool::new(false));

@@ -133,18 +133,22 @@ impl<const PATCH: usize> Distance<PATCH> {
 
     fn noisy_part(&self, tile: Tile) -> Option<Tile> {
         let reach = if self.settings.cautious { 0 } else { self.settings.radius };
+        let (wide, high) = (tile.width + 2 * reach, tile.height + 2 * reach);
+        // Both counted from the first pixel in reach of the tile.
         let noisy = |c, y: usize| {
-            let row = self.e.span(c, tile.x as isize, (tile.y + y) as isize, tile.width);
+            let (left, top) = (tile.x as isize - reach as isize, tile.y as isize - reach as isize);
+            let row = self.e.span(c, left, top + y as isize, wide);
             let is_noisy = |&e: &f32| e > NOISELESS;
             Some((row.iter().position(is_noisy)?, row.iter().rposition(is_noisy)?))
         };
-        let rows = (0..tile.height).flat_map(|y| (0..3).filter_map(move |c| Some((y, noisy(c, y)?))));
+        let rows = (0..high).flat_map(|y| (0..3).filter_map(move |c| Some((y, noisy(c, y)?))));
         let (left, right, top, bottom) = rows.fold(None, |part, (y, (first, last))| {
             let (left, right, top, _) = part.unwrap_or((first, last, y, y));
             Some((first.min(left), last.max(right), top, y))
         })?;
-        let (left, top) = (left.saturating_sub(reach), top.saturating_sub(reach));
-        let (right, bottom) = ((right + reach + 1).min(tile.width), (bottom + reach + 1).min(tile.height));
+        // What reaches from there, within the tile.
+        let [left, top] = [left, top].map(|first| first.saturating_sub(2 * reach));
+        let (right, bottom) = ((right + 1).min(tile.width), (bottom + 1).min(tile.height));
         Some(Tile { x: tile.x + left, y: tile.y + top, width: right - left, height: bottom - top })
     }
 

@@ -23,7 +23,8 @@ use super::values;
 use super::wishes::Wishes;
 use crate::filter::Quality;
 use crate::progressive::{
-    Denoiser, Ended, FilterJob, Flow, Loop, Observer, Outcome, Progress, Region, Shown, StoppedBy,
+    Denoiser, Ended, FilterJob, Flow, Loop, Observer, Outcome, Progress, Region, Shown, StoppedBy, has_room,
+    reservoir_capacity,
 };
 use crate::render::Renderer;
 use crate::stats::Store;
@@ -106,7 +107,8 @@ impl<'a> Director<'a> {
                         let over = stopped_by == StoppedBy::Interrupt || !self.stage.stays;
                         self.finish(stopped_by, circle.store());
                         if over {
-                            // Asked for during the last pass.
+                            // Asked for during the last pass, or when it ended.
+                            self.listen(circle.store());
                             self.save_if_wished(circle.store(), &renderer);
                         }
                         if over && !self.wishes.any() {
@@ -195,7 +197,7 @@ impl<'a> Director<'a> {
                 self.paused = paused;
                 self.reporter.hasten();
             }
-            Command::Set(change) => self.set(change),
+            Command::Set(change) => self.set(change, store),
             Command::Camera(step) => self.wishes.moves.push(step),
             Command::Favour(region) => {
                 self.region = region;
@@ -210,8 +212,17 @@ impl<'a> Director<'a> {
         }
     }
 
-    fn set(&mut self, change: Change) {
-        if change.apply(&mut self.stage.settings) {
+    fn set(&mut self, change: Change, store: &Store) {
+        let mut settings = self.stage.settings.clone();
+        let another_filter = change.apply(&mut settings);
+        if reservoir_capacity(&settings) > store.capacity() {
+            let (size, keeps) = ((store.width(), store.height()), self.stage.keeping.is_some());
+            if let Err(no_room) = has_room(store.layout(), &settings, size, keeps) {
+                return self.reporter.notice(no_room.to_string(), true);
+            }
+        }
+        self.stage.settings = settings;
+        if another_filter {
             self.reporter.forget_image();
         }
         self.reporter.change(&self.stage.settings);

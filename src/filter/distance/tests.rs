@@ -148,15 +148,17 @@ fn only_the_parts_of_tiles_with_some_variance_are_noisy() {
     assert!(of([&[]; 3], true).is_empty() && of([&[]; 3], false).is_empty());
     for c in 0..3 {
         let mut noisy: [&[(usize, usize)]; 3] = [&[]; 3];
-        noisy[c] = &[(9, 4)];
-        assert_eq!(of(noisy, true), [(9, 4, 1, 1)]);
-        // One more pixel on each side that the tile has.
-        assert_eq!(of(noisy, false), [(8, 4, 3, 2)]);
+        noisy[c] = &[(10, 5)];
+        assert_eq!(of(noisy, true), [(10, 5, 1, 1)]);
+        assert_eq!(of(noisy, false), [(9, 4, 3, 3)]);
     }
+    // At the corner of a tile: in reach of four.
+    assert_eq!(of([&[(8, 4)], &[], &[]], true), [(8, 4, 1, 1)]);
+    assert_eq!(of([&[(8, 4)], &[], &[]], false), [(7, 3, 1, 1), (8, 3, 2, 1), (7, 4, 1, 2), (8, 4, 2, 2)]);
     // Pixels of two tiles; in one of them a pixel of each channel.
-    let noisy: [&[(usize, usize)]; 3] = [&[(3, 6)], &[(5, 4), (8, 7)], &[(1, 5)]];
-    assert_eq!(of(noisy, true), [(1, 4, 5, 3), (8, 7, 1, 1)]);
-    assert_eq!(of(noisy, false), [(0, 4, 7, 4), (8, 6, 2, 2)]);
+    let noisy: [&[(usize, usize)]; 3] = [&[(3, 6)], &[(5, 5), (9, 6)], &[(1, 6)]];
+    assert_eq!(of(noisy, true), [(1, 5, 5, 2), (9, 6, 1, 1)]);
+    assert_eq!(of(noisy, false), [(0, 4, 7, 4), (8, 5, 3, 3)]);
 }
 
 #[test]

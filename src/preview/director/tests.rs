@@ -6,7 +6,7 @@ use super::*;
 use crate::adaptive::Sampling;
 use crate::geometry::Accel;
 use crate::preview::protocol::Move;
-use crate::progressive::{Budget, Memory, Settings};
+use crate::progressive::{Budget, Denoiser, Memory, Settings};
 use crate::render::Share;
 use crate::scene::pbrt;
 
@@ -78,7 +78,6 @@ fn once_the_camera_is_moved_no_memory_is_kept_of_what_it_sees() {
     let step = Move { orbit: Some([0.3, 0.1]), ..Move::default() };
     let outcome = directed(Moments {
         stepped: &|progress, hub| {
-            before.set(progress.samples.max(before.get()));
             if progress.spp >= 2.0 && !moved.replace(true) {
                 before.set(progress.samples);
                 assert!(hub.command(Command::Camera(step.clone())));
@@ -93,7 +92,25 @@ fn once_the_camera_is_moved_no_memory_is_kept_of_what_it_sees() {
     });
     assert!(moved.get());
     // The last one is of the scene's own view, as far as it came.
-    let after = after.into_inner();
-    assert!(after.len() == 1 && after[0] < outcome.store.samples(), "{after:?}");
+    assert_eq!(after.into_inner(), [before.get()]);
+    assert!(before.get() < outcome.store.samples());
     assert_eq!(outcome.store.samples(), u64::from(SPP) * SIDE * SIDE);
+}
+
+#[test]
+fn a_filter_that_needs_more_memory_than_there_is_is_refused_and_the_render_goes_on() {
+    let asked = Cell::new(false);
+    let outcome = directed(Moments {
+        stepped: &|_, hub| {
+            if !asked.replace(true) {
+                // Without a budget of samples, random parameter filtering would keep any number of them.
+                let change = Change { denoiser: Some(Denoiser::Rpf), spp: Some(0), ..Change::default() };
+                assert!(hub.command(Command::Set(change)));
+            }
+        },
+        kept: &|_, _| (),
+        saved: &|_| unreachable!("nobody asked for it"),
+    });
+    assert_eq!(outcome.store.samples(), u64::from(SPP) * SIDE * SIDE);
+    assert_eq!(outcome.store.capacity(), 0);
 }

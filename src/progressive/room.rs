@@ -1,42 +1,52 @@
 //! Whether a render fits in memory, said before any is taken.
 
-use anyhow::bail;
 use sysinfo::System;
 
-use crate::progressive::{Denoiser, NO_CEILING, PixelMemory, Settings};
-use crate::state;
-use crate::stats::{BLOCK, Layout};
+use super::{Denoiser, NO_CEILING, PixelMemory, Settings};
+use crate::stats::{BLOCK, Layout, Row};
 
-/// Refuses a render whose store, filter and, if it `keeps` states, copy of the store would not fit in
-/// the memory that is left.
+/// In one line: what is needed, what there is, what would fit.
+#[derive(Debug, thiserror::Error)]
+#[error("{0}")]
+pub struct NoRoom(String);
+
+/// Whether the store, the filter and, if states are kept, a copy of the store fit in the memory that is left,
+/// as far as that is known. `size` in pixels.
 ///
 /// # Errors
-/// One line: what is needed, what there is, what would fit.
-pub(super) fn fits(
+/// They do not, or how much they need has no bound.
+pub fn has_room(
     layout: &Layout,
     settings: &Settings,
     size: (usize, usize),
     keeps: bool,
-) -> anyhow::Result<()> {
-    let memory = PixelMemory::of(layout, settings);
+) -> Result<(), NoRoom> {
+    let mut memory = PixelMemory::of(layout, settings);
     let rpf = settings.denoiser == Denoiser::Rpf;
     if rpf && memory.samples >= NO_CEILING as usize {
-        bail!(
+        return Err(NoRoom(
             "--denoiser rpf keeps all samples of a pixel whole, and has to know how many these can be: \
              add --spp N or --max-spp N"
-        );
+                .to_owned(),
+        ));
     }
-    let copy = if keeps { state::size(layout, memory.samples, 1).unwrap_or(usize::MAX) } else { 0 };
-    within(available_bytes(), &memory, copy, size, rpf)
+    let mut copy = 0;
+    if keeps {
+        let bytes = |samples| Row::byte_len(1, layout.len(), samples).unwrap_or(usize::MAX);
+        copy = bytes(0);
+        memory.per_sample += bytes(1) - bytes(0);
+    }
+    available_bytes().map_or(Ok(()), |available| within(available, &memory, copy, size, rpf))
 }
 
+/// `copy`: bytes of a pixel's statistics in a state.
 fn within(
     available: f64,
     memory: &PixelMemory,
     copy: usize,
     (width, height): (usize, usize),
     rpf: bool,
-) -> anyhow::Result<()> {
+) -> Result<(), NoRoom> {
     /// The filters hold planes of their own beside the store.
     const BESIDE_STORE: f64 = 1.5;
     let pixels = width as f64 * height as f64;
@@ -55,21 +65,25 @@ fn within(
     let fewer = ((available / pixels - statistics) / memory.per_sample as f64).floor();
     let fewer =
         if rpf && fewer >= 1.0 { format!(", or these with --max-spp {fewer}") } else { String::new() };
-    bail!(
-        "{width}x{height} pixels{whole} need about {:.1} GB of memory, {:.1} GB are available; up to {:.0} pixels would \
-         fit{fewer}",
+    Err(NoRoom(format!(
+        "{width}x{height} pixels{whole} need about {:.1} GB of memory, {:.1} GB are available; up to {:.0} \
+         pixels would fit{fewer}",
         needed / 1e9,
         available / 1e9,
         (available / (statistics + samples)).floor()
-    )
+    )))
 }
 
-/// Memory left to this process: of the machine, or of the control group (a container) that it runs in.
-fn available_bytes() -> f64 {
+/// Memory left to this process, of the machine or, if that is less, of the container that it runs in; `None`
+/// where the system does not say.
+fn available_bytes() -> Option<f64> {
     let mut system = System::new();
     system.refresh_memory();
-    let group = system.cgroup_limits().map_or(u64::MAX, |group| group.total_memory.saturating_sub(group.rss));
-    system.available_memory().min(group) as f64
+    if system.total_memory() == 0 || system.available_memory() == 0 {
+        return None;
+    }
+    let container = system.cgroup_limits().map_or(u64::MAX, |c| c.total_memory.saturating_sub(c.rss));
+    Some(system.available_memory().min(container) as f64)
 }
 
 #[cfg(test)]
@@ -103,6 +117,6 @@ mod tests {
 
     #[test]
     fn some_memory_is_left_to_this_test() {
-        assert!(available_bytes() > 1e6);
+        assert!(available_bytes().is_none_or(|bytes| bytes > 1e6));
     }
 }
