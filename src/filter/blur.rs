@@ -80,6 +80,9 @@ mod tests {
             let blurred = gaussian(w, h, &vec![3.0; w * h], 4.0);
             assert!(blurred.iter().all(|v| (v - 3.0).abs() < 1e-5), "{w}x{h}");
         }
+        for (w, h) in [(0, 0), (0, 3), (3, 0)] {
+            assert!(gaussian(w, h, &[], 4.0).is_empty());
+        }
     }
 
     #[test]

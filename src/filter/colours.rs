@@ -1,5 +1,6 @@
 //! The colours a filter starts from, and what its result says about its error.
 
+use super::blur;
 use super::outliers::{self, Clamped, OutlierSettings};
 use super::padded::Padded;
 use super::{Filtered, LARGEST_RESIDUAL};
@@ -117,7 +118,7 @@ impl Colours {
         let (width, height, pixels) = (image.width(), image.height(), image.pixels());
         let mut variance = Planes::new(width, height, 3);
         let mut residual = Planes::new(width, height, 1);
-        let mut bias = Planes::new(width, height, 1);
+        let mut bias = vec![0.0; pixels];
         let mut error = Planes::new(width, height, 1);
         for i in 0..3 * pixels {
             let pixel = i % pixels;
@@ -135,10 +136,10 @@ impl Colours {
             let squared = (image.data()[i] - mean).powi(2);
             let expected = noise + v + LEAST_RELATIVE_VARIANCE * mean * mean + f32::MIN_POSITIVE;
             residual.data_mut()[pixel] += (squared / expected).min(LARGEST_RESIDUAL) / 3.0;
-            bias.data_mut()[pixel] += (squared - noise) / 3.0;
+            bias[pixel] += (squared - noise) / 3.0;
         }
-        blur(&mut bias, BIAS_BLUR);
-        for (error, bias) in error.data_mut().iter_mut().zip(bias.data()) {
+        let bias = blur::gaussian(width, height, &bias, BIAS_BLUR);
+        for (error, bias) in error.data_mut().iter_mut().zip(&bias) {
             *error += bias.max(0.0);
         }
         Filtered {
@@ -149,29 +150,6 @@ impl Colours {
             residual,
             variance,
             error,
-        }
-    }
-}
-
-/// Gaussian blur of all planes; at the borders the window is clipped.
-fn blur(planes: &mut Planes, deviation: f32) {
-    let radius = (3.0 * deviation) as usize;
-    let kernel: Vec<f32> = (0..=radius).map(|d| (-0.5 * (d as f32 / deviation).powi(2)).exp()).collect();
-    let (width, height) = (planes.width(), planes.height());
-    for plane in planes.planes_mut() {
-        for (size, step, lines, line_step) in [(width, 1, height, width), (height, width, width, 1)] {
-            for line in 0..lines {
-                let values: Vec<f32> = (0..size).map(|i| plane[line * line_step + i * step]).collect();
-                for i in 0..size {
-                    let (mut sum, mut total) = (0.0, 0.0);
-                    for j in i.saturating_sub(radius)..=(i + radius).min(size - 1) {
-                        let weight = kernel[i.abs_diff(j)];
-                        sum += weight * values[j];
-                        total += weight;
-                    }
-                    plane[line * line_step + i * step] = sum / total;
-                }
-            }
         }
     }
 }
@@ -315,7 +293,7 @@ mod tests {
             residual[pixel] += (f - mean).powi(2) / (noise + variance + 1e-8 * mean * mean) / 3.0;
             bias[pixel] += ((f - mean).powi(2) - noise) / 3.0;
         }
-        let bias = super::super::blur::gaussian(WIDTH, 8, &bias, BIAS_BLUR);
+        let bias = blur::gaussian(WIDTH, 8, &bias, BIAS_BLUR);
         assert!(bias.iter().any(|&b| b > 0.0) && bias.iter().any(|&b| b < 0.0));
         for i in 0..PIXELS {
             assert!((found.residual.data()[i] - residual[i]).abs() < 1e-4 * residual[i].max(1.0), "{i}");

@@ -116,3 +116,30 @@ pub fn variance_of_mean(store: &Store) -> Planes {
     }
     variance
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::stats::{Block, Layout};
+
+    #[test]
+    fn the_variance_of_a_mean_is_that_of_its_samples_over_their_number() {
+        let layout = Layout::with_blocks(|_| false);
+        let mut store = Store::new(3, 1, layout.clone(), 0, 0);
+        // Of variance 20/3, by number of samples; pixels with one sample and without any.
+        for (pixel, values) in [(0, [3.0, 5.0, 7.0, 9.0].as_slice()), (1, &[4.0_f32])] {
+            for &value in values {
+                let mut sample = vec![0.0; layout.len()];
+                layout.write(&mut sample, Block::Colour, &[value, 2.0 * value, 0.5]);
+                layout.write(&mut sample, Block::Radiance, &[value, 2.0 * value, 0.5]);
+                store.push(pixel, 0, &sample);
+            }
+        }
+        let variance = variance_of_mean(&store);
+        for (plane, expected) in [20.0 / 12.0, 4.0 * 20.0 / 12.0, 0.0].into_iter().enumerate() {
+            let found = variance.plane(plane);
+            assert!((found[0] - expected).abs() < 1e-5, "{plane}: {found:?}");
+            assert_eq!(found[1..], [0.0; 2]);
+        }
+    }
+}
