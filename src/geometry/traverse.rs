@@ -95,14 +95,14 @@ pub trait Leaves {
 /// Has one of some items brought into the cache.
 #[inline(always)]
 pub fn prefetch<T>(items: &[T], index: u32) {
-    /// Bytes.
-    const CACHE_LINE: usize = 64;
     #[cfg(target_arch = "x86_64")]
     {
         use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
+        /// Bytes.
+        const CACHE_LINE: usize = 64;
         let item = items.as_ptr().wrapping_add(index as usize).cast::<i8>();
         for offset in (0..size_of::<T>()).step_by(CACHE_LINE) {
-            // SAFETY: part of every such processor, and no address is wrong.
+            // SAFETY: a hint that every such processor takes, and that no address makes fail.
             unsafe { _mm_prefetch::<_MM_HINT_T0>(item.wrapping_add(offset)) };
         }
     }
