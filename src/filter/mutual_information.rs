@@ -5,6 +5,8 @@
 //! whether the sample lies above it. Cumulative joint counts are then the population counts of
 //! bitwise ands, and differences of those are the counts of a histogram.
 
+use std::f32::consts::{FRAC_1_SQRT_2, LOG2_E};
+
 use multiversion::multiversion;
 
 use crate::stats::Moments;
@@ -26,11 +28,11 @@ pub(super) const NO_SAMPLE: f32 = f32::NEG_INFINITY;
 /// Variables handled together.
 const GROUP: usize = 16;
 
-/// Words of a group of variables: `[limit][variable]`.
-const GROUP_WORDS: usize = LIMITS.len() * GROUP;
+/// A number of each limit and variable of a group.
+type Group = [[u32; GROUP]; LIMITS.len()];
 
-/// Words of all variables: `[group][limit][variable]`.
-type Words = [u32; LIMITS.len() * LANES];
+/// The same of all variables.
+type Words = [Group; LANES / GROUP];
 
 /// How to standardise each dimension.
 #[derive(Clone, Copy, Debug)]
@@ -41,30 +43,19 @@ pub(super) struct Standard {
 }
 
 /// Samples of up to [`LANES`] variables, as bits.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct BitSlices {
     /// For every [`WORD`] samples.
     words: Vec<Words>,
     /// Set bits.
     totals: Words,
     samples: usize,
-    /// c·log₂ c by count.
-    entropy_terms: Vec<f32>,
 }
 
 impl BitSlices {
-    /// For at most `samples` samples.
-    pub fn new(samples: usize) -> Self {
-        // A power of two, so that masked counts need no bounds test.
-        let len = (samples + WORD).next_power_of_two();
-        let term = |c: usize| if c > 0 { c as f32 * (c as f32).log2() } else { 0.0 };
-        let entropy_terms = (0..len).map(term).collect();
-        Self { words: Vec::new(), totals: [0; LIMITS.len() * LANES], samples: 0, entropy_terms }
-    }
-
     pub fn clear(&mut self) {
         self.words.clear();
-        self.totals.fill(0);
+        self.totals = Words::default();
         self.samples = 0;
     }
 
@@ -72,13 +63,13 @@ impl BitSlices {
     /// of the samples becomes variable `i`.
     pub fn push(&mut self, block: &[[f32; LANES]; WORD], count: usize, standard: &Standard, order: &[usize]) {
         let bits = slice(block, standard);
-        let mut words = [0; LIMITS.len() * LANES];
+        let mut words = Words::default();
         for (variable, &dim) in order.iter().enumerate() {
             for (limit, bits) in bits.iter().enumerate() {
-                words[place(variable, limit)] = bits[dim];
+                words[variable / GROUP][limit][variable % GROUP] = bits[dim];
             }
         }
-        count_bits(&[words], None, &mut self.totals);
+        count_all(&words, &mut self.totals);
         self.words.push(words);
         self.samples += count;
     }
@@ -86,20 +77,11 @@ impl BitSlices {
     /// Mutual information, in bits, of variable `a` with each of the first `variables`. Never
     /// negative, exactly 0 where one of the two is in a single bin.
     pub fn information(&self, a: usize, variables: usize) -> [f32; LANES] {
-        let groups = variables.div_ceil(GROUP);
-        let mut above = [[0; LIMITS.len() * LANES]; BINS];
-        above[0] = self.totals;
-        for (limit, above) in above[1..].iter_mut().enumerate() {
-            count_bits(&self.words, Some(place(a, limit)), &mut above[..groups * GROUP_WORDS]);
-        }
-        let own = std::array::from_fn(|i| match i {
-            0 => self.samples as u32,
-            _ => self.totals[place(a, i - 1)],
-        });
+        let own = std::array::from_fn(|limit| self.totals[a / GROUP][limit][a % GROUP]);
         let mut information = [0.0; LANES];
-        for (group, bits) in information.chunks_mut(GROUP).enumerate().take(groups) {
-            let above = above.each_ref().map(|above| &above[group * GROUP_WORDS..][..GROUP_WORDS]);
-            bits.copy_from_slice(&group_information(&own, above, &self.entropy_terms));
+        for (group, bits) in information.chunks_mut(GROUP).enumerate().take(variables.div_ceil(GROUP)) {
+            let both = count_both(&self.words, a, group);
+            bits.copy_from_slice(&group_information(self.samples as u32, own, &self.totals[group], &both));
         }
         information
     }
@@ -121,7 +103,7 @@ pub fn mutual_information(a: &[f32], b: &[f32]) -> f32 {
         let deviation = (moments.m2 / f64::from(moments.count.max(1))).sqrt();
         standard.scale[variable] = if deviation > 0.0 { deviation.recip() as f32 } else { 0.0 };
     }
-    let mut slices = BitSlices::new(a.len());
+    let mut slices = BitSlices::default();
     for (a, b) in a.chunks(WORD).zip(b.chunks(WORD)) {
         let mut block = [[NO_SAMPLE; LANES]; WORD];
         for ((sample, &a), &b) in block.iter_mut().zip(a).zip(b) {
@@ -130,11 +112,6 @@ pub fn mutual_information(a: &[f32], b: &[f32]) -> f32 {
         slices.push(&block, a.len(), &standard, &[0, 1]);
     }
     slices.information(0, 2)[1]
-}
-
-/// Where a variable's bits for a limit are among [`Words`].
-fn place(variable: usize, limit: usize) -> usize {
-    variable / GROUP * GROUP_WORDS + limit * GROUP + variable % GROUP
 }
 
 #[multiversion(targets(
@@ -154,38 +131,58 @@ fn slice(block: &[[f32; LANES]; WORD], standard: &Standard) -> [[u32; LANES]; LI
     bits
 }
 
-/// Adds up the bits that are set both in each of the first words and in the word at `mask`.
+/// Adds up the bits that are set in each of some words.
 #[multiversion(targets(
     "x86_64+avx512f+avx512bw+avx512dq+avx512vl+avx512vpopcntdq+bmi1+bmi2+fma+avx2+popcnt+lzcnt",
     "x86_64+avx2+fma+bmi1+bmi2+popcnt+lzcnt"
 ))]
-fn count_bits(words: &[Words], mask: Option<usize>, counts: &mut [u32]) {
-    for words in words {
-        let mask = mask.map_or(u32::MAX, |mask| words[mask]);
-        for (count, word) in counts.iter_mut().zip(words) {
-            *count += (mask & word).count_ones();
+fn count_all(words: &Words, totals: &mut Words) {
+    for (totals, words) in totals.iter_mut().zip(words) {
+        for (total, word) in totals.as_flattened_mut().iter_mut().zip(words.as_flattened()) {
+            *total += word.count_ones();
         }
     }
 }
 
-/// Mutual information of `a` with a group of variables. `own[i]` samples have `a` above its limit
-/// i, `counts[i]` those that also have a variable above each of its own; limit 0 is below all.
+/// How many samples have variable `a` above each of its limits (first index) and each variable of a group above
+/// each of its own.
+#[multiversion(targets(
+    "x86_64+avx512f+avx512bw+avx512dq+avx512vl+avx512vpopcntdq+bmi1+bmi2+fma+avx2+popcnt+lzcnt",
+    "x86_64+avx2+fma+bmi1+bmi2+popcnt+lzcnt"
+))]
+fn count_both(words: &[Words], a: usize, group: usize) -> [Group; LIMITS.len()] {
+    std::array::from_fn(|limit| {
+        let mut counts = Group::default();
+        let flat = counts.as_flattened_mut();
+        for words in words {
+            let mask = words[a / GROUP][limit][a % GROUP];
+            for (count, word) in flat.iter_mut().zip(words[group].as_flattened()) {
+                *count += (mask & word).count_ones();
+            }
+        }
+        counts
+    })
+}
+
+/// Mutual information of `a` with a group of variables: of all `samples`, `own[i]` have `a` above its limit i,
+/// `others[j]` a variable above its limit j, `both[i][j]` both.
 #[multiversion(targets(
     "x86_64+avx512f+avx512bw+avx512dq+avx512vl+bmi1+bmi2+fma+avx2+popcnt+lzcnt",
     "x86_64+avx2+fma+bmi1+bmi2+popcnt+lzcnt"
 ))]
-fn group_information(own: &[u32; BINS], counts: [&[u32]; BINS], terms: &[f32]) -> [f32; GROUP] {
-    let mask = terms.len() - 1;
-    let term = |count: u32| terms[count as usize & mask];
-    let samples = own[0];
-
-    // Limit BINS is above all samples.
+fn group_information(
+    samples: u32,
+    own: [u32; LIMITS.len()],
+    others: &Group,
+    both: &[Group; LIMITS.len()],
+) -> [f32; GROUP] {
+    // All samples are above limit 0 here, none above limit BINS.
     let mut above = [[[0; GROUP]; BINS + 1]; BINS + 1];
-    for i in 0..BINS {
-        above[i][0] = [own[i]; GROUP];
-        for j in 1..BINS {
-            above[i][j].copy_from_slice(&counts[i][(j - 1) * GROUP..][..GROUP]);
-        }
+    above[0][0] = [samples; GROUP];
+    for i in 1..BINS {
+        above[i][0] = [own[i - 1]; GROUP];
+        above[0][i] = others[i - 1];
+        above[i][1..BINS].copy_from_slice(&both[i - 1]);
     }
 
     let mut joint = [0.0; GROUP];
@@ -195,13 +192,13 @@ fn group_information(own: &[u32; BINS], counts: [&[u32]; BINS], terms: &[f32]) -
         for l in 0..GROUP {
             let in_a = above[i][0][l] - above[i + 1][0][l];
             let in_b = above[0][i][l] - above[0][i + 1][l];
-            marginal[l] += term(in_a) + term(in_b);
+            marginal[l] += entropy_term(in_a) + entropy_term(in_b);
             constant[l] |= in_a == samples || in_b == samples;
         }
         for j in 0..BINS {
             for l in 0..GROUP {
                 let above_i = above[i][j][l] - above[i][j + 1][l];
-                joint[l] += term(above_i - (above[i + 1][j][l] - above[i + 1][j + 1][l]));
+                joint[l] += entropy_term(above_i - (above[i + 1][j][l] - above[i + 1][j + 1][l]));
             }
         }
     }
@@ -210,6 +207,19 @@ fn group_information(own: &[u32; BINS], counts: [&[u32]; BINS], terms: &[f32]) -
         let information = n.log2() + (joint[l] - marginal[l]) / n;
         if constant[l] { 0.0 } else { information.max(0.0) }
     })
+}
+
+/// c·log₂ c, 0 for a count of 0; the logarithm is off by at most 10⁻⁶.
+#[inline(always)]
+fn entropy_term(count: u32) -> f32 {
+    const MANTISSA_BITS: u32 = f32::MANTISSA_DIGITS - 1;
+    let c = count as i32 as f32;
+    // c = m 2^power with m from √½ to √2; log m by the series of artanh((m − 1) ∕ (m + 1)).
+    let power = c.to_bits().wrapping_sub(FRAC_1_SQRT_2.to_bits()) as i32 >> MANTISSA_BITS;
+    let m = f32::from_bits(c.to_bits().wrapping_sub((power << MANTISSA_BITS) as u32));
+    let s = (m - 1.0) / (m + 1.0);
+    let artanh = s * (1.0 + s * s * (1.0 / 3.0 + s * s * (1.0 / 5.0 + s * s * (1.0 / 7.0))));
+    c * (power as f32 + 2.0 * LOG2_E * artanh)
 }
 
 #[cfg(test)]
@@ -222,7 +232,7 @@ mod tests {
     /// Slices of samples, each variable in the order of its dimension, standardised by `standard`.
     fn slices(samples: &[Vec<f32>], standard: &Standard) -> BitSlices {
         let order: Vec<usize> = (0..samples[0].len()).collect();
-        let mut slices = BitSlices::new(samples.len());
+        let mut slices = BitSlices::default();
         for samples in samples.chunks(WORD) {
             let mut block = [[NO_SAMPLE; LANES]; WORD];
             for (to, sample) in block.iter_mut().zip(samples) {
@@ -283,6 +293,16 @@ mod tests {
                     assert!((found - expected).abs() < 2e-5, "{count} {a} {b}: {found} for {expected}");
                 }
             }
+        }
+    }
+
+    #[test]
+    fn terms_of_entropies_agree_with_the_library_function() {
+        assert_eq!(entropy_term(0), 0.0);
+        for count in (1..5000).chain([1 << 20, (1 << 24) - 1]) {
+            let c = f64::from(count);
+            let off = f64::from(entropy_term(count)) / c - c.log2();
+            assert!(off.abs() < 1e-6 * c.log2().max(1.0), "{count}: {off}");
         }
     }
 

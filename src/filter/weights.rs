@@ -119,25 +119,27 @@ pub(super) fn names(layout: &Layout) -> Vec<String> {
 }
 
 /// What evaluations of one pass share.
-pub(super) struct Scratch {
+pub(super) struct Scratch<'a> {
     variables: Variables,
     cluster: Vec<(u32, u32)>,
+    samples: Vec<&'a [f32]>,
     slices: BitSlices,
     block: Box<[[f32; LANES]; WORD]>,
 }
 
-impl Scratch {
-    pub fn new(evidence: &Evidence) -> Self {
+impl<'a> Scratch<'a> {
+    pub fn new(evidence: &Evidence<'a>) -> Self {
         Self {
             variables: Variables::new(evidence.store.layout(), evidence.guide.feature_dims()),
             cluster: Vec::new(),
-            slices: BitSlices::new(evidence.settings.mi_samples),
+            samples: Vec::new(),
+            slices: BitSlices::default(),
             block: Box::new([[NO_SAMPLE; LANES]; WORD]),
         }
     }
 }
 
-impl Evidence<'_> {
+impl<'a> Evidence<'a> {
     /// Numbers that [`Self::evaluate`] writes: β of each feature, α of three colours, and the
     /// share of randomness in the colour, W_c^r.
     pub fn len(&self) -> usize {
@@ -145,7 +147,7 @@ impl Evidence<'_> {
     }
 
     /// Computes the weights at a pixel.
-    pub fn evaluate(&self, (x, y): (usize, usize), scratch: &mut Scratch, weights: &mut [f32]) {
+    pub fn evaluate(&self, (x, y): (usize, usize), scratch: &mut Scratch<'a>, weights: &mut [f32]) {
         self.guide.cluster(x, y, self.window, &mut scratch.cluster);
         let standard = self.standard((x, y), scratch);
         let samples = self.gather((x, y), &standard, scratch);
@@ -194,65 +196,61 @@ impl Evidence<'_> {
 
     /// Takes the pixel's own kept samples and as many of the rest of the cluster's as are wanted,
     /// every pixel of it with the same chance. Returns their number.
-    fn gather(&self, i: (usize, usize), standard: &Standard, scratch: &mut Scratch) -> usize {
-        let Scratch { variables, cluster, slices, block } = scratch;
+    fn gather(&self, i: (usize, usize), standard: &Standard, scratch: &mut Scratch<'a>) -> usize {
+        self.choose(i, scratch);
+        // Apart from the choice, so that many samples are on their way from memory at once.
+        let Scratch { variables, samples, slices, block, .. } = scratch;
         slices.clear();
-        let dims = self.store.layout().len();
-        let (mut taken, mut filled) = (0, 0);
-        let mut take = |sample: &[f32]| {
-            copy(sample, &mut block[filled]);
-            filled += 1;
-            taken += 1;
-            if filled == WORD {
-                slices.push(block, WORD, standard, &variables.dims);
-                filled = 0;
-            }
-        };
+        for samples in samples.chunks(WORD) {
+            samples.iter().zip(&mut **block).for_each(|(sample, to)| copy(sample, to));
+            block[samples.len()..].fill([NO_SAMPLE; LANES]);
+            slices.push(block, samples.len(), standard, &variables.dims);
+        }
+        samples.len()
+    }
 
-        let kept = |(x, y): (usize, usize)| self.store.rows()[y].reservoir(x);
+    /// Lists the samples to be taken.
+    fn choose(&self, i: (usize, usize), scratch: &mut Scratch<'a>) {
+        let Scratch { cluster, samples, .. } = scratch;
+        samples.clear();
+        let store = self.store;
+        let dims = store.layout().len();
+        let kept = |(x, y): (usize, usize)| store.rows()[y].reservoir(x).chunks_exact(dims);
         let at = |p: usize| (cluster[p].0 as usize, cluster[p].1 as usize);
-        let wanted = if self.store.capacity() > 0 { self.settings.mi_samples } else { 0 };
-        let own = kept(i);
-        own.chunks_exact(dims).take(wanted).for_each(&mut take);
-        let others = wanted.saturating_sub(own.len() / dims);
-        let available = || (0..cluster.len()).map(|p| kept(at(p)).len() / dims).sum::<usize>();
+        let wanted = if store.capacity() > 0 { self.settings.mi_samples } else { 0 };
+        samples.extend(kept(i).take(wanted));
+        let others = wanted - samples.len();
+        let available = || (0..cluster.len()).map(|p| kept(at(p)).len()).sum::<usize>();
         if cluster.len() <= wanted && available() <= wanted {
-            for j in (0..cluster.len()).map(at).filter(|&j| j != i) {
-                kept(j).chunks_exact(dims).for_each(&mut take);
-            }
-        } else {
-            // One pixel from each of `others` equal parts of the cluster.
-            let pixel = (i.1 * self.store.width() + i.0) as u64;
-            let mut rng = Pcg32::new(self.seed ^ pixel, self.pass as u64);
-            let part = cluster.len() as f64 / others as f64;
-            let (mut last, mut again) = (usize::MAX, 0);
-            for s in 0..others {
-                let jitter = f64::from(rng.next_u32()) / (f64::from(u32::MAX) + 1.0);
-                let p = ((s as f64 + jitter) * part) as usize;
-                let p = if at(p) == i { (p + 1) % cluster.len() } else { p };
-                // Neighbouring parts may give the same pixel, and then its next sample.
-                again = if p == last { again + 1 } else { 0 };
-                last = p;
-                let samples = kept(at(p));
-                let slot = (self.first_slot(at(p)) + again) % (samples.len() / dims);
-                take(&samples[slot * dims..][..dims]);
-            }
+            samples.extend((0..cluster.len()).map(at).filter(|&j| j != i).flat_map(kept));
+            return;
         }
-
-        if filled > 0 {
-            block[filled..].fill([NO_SAMPLE; LANES]);
-            slices.push(block, filled, standard, &variables.dims);
+        // One pixel from each of `others` equal parts of the cluster.
+        let pixel = (i.1 * store.width() + i.0) as u64;
+        let mut rng = Pcg32::new(self.seed ^ pixel, self.pass as u64);
+        let part = cluster.len() as f64 / others as f64;
+        let (mut last, mut again) = (usize::MAX, 0);
+        for s in 0..others {
+            let jitter = f64::from(rng.next_u32()) / (f64::from(u32::MAX) + 1.0);
+            let p = ((s as f64 + jitter) * part) as usize;
+            let p = if at(p) == i { (p + 1) % cluster.len() } else { p };
+            // Neighbouring parts may give the same pixel, and then its next sample.
+            again = if p == last { again + 1 } else { 0 };
+            last = p;
+            let (x, y) = at(p);
+            let row = &store.rows()[y];
+            let slot = (self.first_slot((x, y)) + again) % row.kept(x) as u32;
+            samples.push(&row.reservoir(x)[slot as usize * dims..][..dims]);
         }
-        taken
     }
 
     /// Which of a pixel's kept samples is taken first: any, but the same for all evaluations of a pass, so that
     /// what neighbouring evaluations look at stays in the cache.
-    fn first_slot(&self, (x, y): (usize, usize)) -> usize {
+    fn first_slot(&self, (x, y): (usize, usize)) -> u32 {
         /// 2³² over the golden ratio: scatters neighbouring numbers (Knuth, vol. 3, section 6.4).
         const SCATTER: u32 = 0x9E37_79B9;
         let pixel = (y * self.store.width() + x) as u32;
-        ((pixel ^ self.seed as u32).wrapping_mul(SCATTER) >> 16) as usize + self.pass
+        ((pixel ^ self.seed as u32).wrapping_mul(SCATTER) >> 16) + self.pass as u32
     }
 }
 

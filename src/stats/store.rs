@@ -342,10 +342,16 @@ impl Row {
         }
     }
 
+    /// Number of sample vectors that are kept of a pixel.
+    #[inline]
+    pub fn kept(&self, x: usize) -> usize {
+        (self.count(x, Part::Whole) as usize).min(self.capacity)
+    }
+
     /// Whole sample vectors kept of a pixel, one after the other: a uniform choice of those seen.
+    #[inline]
     pub fn reservoir(&self, x: usize) -> &[f32] {
-        let kept = (self.count(x, Part::Whole) as usize).min(self.capacity);
-        &self.reservoir[x * self.capacity * self.dims..][..kept * self.dims]
+        &self.reservoir[x * self.capacity * self.dims..][..self.kept(x) * self.dims]
     }
 
     #[inline]

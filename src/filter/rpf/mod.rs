@@ -85,7 +85,7 @@ fn filter_once(
     let mut filtered = values.to_vec();
     let rows = samples.rows_of(&mut filtered).into_par_iter().enumerate();
     rows.for_each_init(
-        || (Neighbourhood::new(&draws), Weights::new(store.layout(), &draws), Kernel::default()),
+        || (Neighbourhood::new(&draws), Weights::new(store.layout()), Kernel::default()),
         |(neighbourhood, weights, kernel), (y, mut row)| {
             for x in 0..samples.width() {
                 let own;
@@ -115,8 +115,7 @@ pub fn feature_weights(store: &Store, settings: &RpfSettings, seed: u64) -> (Vec
     let of_pass = |(t, pass): (usize, &RpfPass)| {
         let draws = Draws::new(pass, settings, &samples, store.layout());
         let row = |y: usize| {
-            let (mut neighbourhood, mut weights) =
-                (Neighbourhood::new(&draws), Weights::new(store.layout(), &draws));
+            let (mut neighbourhood, mut weights) = (Neighbourhood::new(&draws), Weights::new(store.layout()));
             let mut row = vec![0.0; samples.width() * names.len()];
             for (x, out) in row.chunks_exact_mut(names.len()).enumerate() {
                 let own = samples.count(x, y);

@@ -1,7 +1,7 @@
 //! From a neighbourhood to what differences count: mutual information over its samples (paper, section
 //! 4; the formulas are those of P-RPF and shared with it).
 
-use super::neighbourhood::{Draws, Neighbourhood};
+use super::neighbourhood::Neighbourhood;
 use super::settings::RpfSettings;
 use crate::filter::bilateral::{CONSTANT, rpf_factor};
 use crate::filter::mutual_information::{BitSlices, LANES, Standard, WORD};
@@ -21,14 +21,13 @@ pub(super) struct Weights {
 }
 
 impl Weights {
-    pub fn new(layout: &Layout, draws: &Draws) -> Self {
+    pub fn new(layout: &Layout) -> Self {
         let (dims, kinds): (Vec<usize>, Vec<Feature>) = layout.features().into_iter().unzip();
         let variables = Variables::new(layout, &dims);
         let mut of_order_1 = [true; LANES];
         layout.radiance().for_each(|dim| of_order_1[dim] = false);
         let weights = vec![0.0; variables.features.len() + variables.colours.len() + 1];
-        let slices = BitSlices::new(draws.most_samples());
-        Self { variables, kinds, of_order_1, slices, weights, scale: [0.0; LANES] }
+        Self { variables, kinds, of_order_1, slices: BitSlices::default(), weights, scale: [0.0; LANES] }
     }
 
     /// Weighs the dimensions in pass `t` for a pixel with `own` samples. Returns what their values are to be
@@ -124,7 +123,7 @@ mod tests {
         let mut neighbourhood = Neighbourhood::new(&draws);
         let settings = RpfSettings::report();
         neighbourhood.gather(&samples, &draws, &settings, (0, 0), (1, t));
-        let mut weights = Weights::new(layout, &draws);
+        let mut weights = Weights::new(layout);
         let scale = *weights.evaluate(&neighbourhood, &settings, t, 64);
         (weights.weights, scale)
     }

@@ -122,7 +122,7 @@ fn with_evidence<T>(
     settings: &PrpfSettings,
     window: usize,
     at: (usize, usize),
-    make: impl FnOnce(&Evidence, &mut Scratch) -> T,
+    make: impl for<'a> FnOnce(&Evidence<'a>, &mut Scratch<'a>) -> T,
 ) -> T {
     let colours = Colours::new(store, &settings.outliers);
     let guide = Guide::new(store, colours.guide(), settings);
