@@ -1,14 +1,16 @@
-//! Rays per second against a million generated triangles: coherent camera rays, shadow rays to one
-//! light, rays scattered where camera rays hit, and rays without any order. Set `RAYON_NUM_THREADS`
-//! to choose the threads. With `PRPF_RAYS` naming a folder, mesh and rays are written there for
-//! `experiments/embree`, which runs Embree on them.
+//! Rays per second against a million generated triangles, and against San Miguel if `PRPF_SCENES` names the
+//! folder of public scenes: coherent camera rays, shadow rays to one light, rays scattered where camera rays
+//! hit, and rays without any order. San Miguel is traced with its instances, as the renderer does, and once
+//! more as a single mesh; what is cut out of its leaves stays in. Set `RAYON_NUM_THREADS` to choose the
+//! threads. With `PRPF_RAYS` naming a folder, meshes and rays are written there for `experiments/embree`,
+//! which runs Embree on them.
 
 use std::f32::consts::{PI, TAU};
 use std::path::Path;
 use std::sync::Arc;
 
 use criterion::{BatchSize, Criterion, Throughput, criterion_group, criterion_main};
-use glam::{DAffine3, DVec3, Vec3};
+use glam::{DAffine3, DQuat, DVec3, Vec3};
 use prpf::geometry::{Accel, Ray};
 use prpf::scene::camera::Projection;
 use prpf::scene::*;
@@ -22,8 +24,8 @@ static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
 
 /// Side of the image of camera rays.
 const IMAGE: usize = 512;
-const LIGHT: Vec3 = Vec3::new(4.0, 6.0, 8.0);
-/// Balls in the scene; each has 2 · 100 · 50 triangles.
+const SAN_MIGUEL: &str = "pbrt-v3/sanmiguel/sanmiguel-courtyard.pbrt";
+/// Balls in the generated scene; each has 2 · 100 · 50 triangles.
 const BALLS: usize = 100;
 const RINGS: u32 = 50;
 const COLUMNS: u32 = 100;
@@ -101,21 +103,50 @@ fn scene_of(mesh: TriangleMesh) -> Scene {
     }
 }
 
-fn camera_rays() -> Vec<Ray> {
-    let coordinate = |pixel: usize| 2.0 * (pixel as f32 + 0.5) / IMAGE as f32 - 1.0;
-    (0..IMAGE * IMAGE)
-        .map(|pixel| Ray {
-            origin: Vec3::new(0.1, 0.2, 6.0),
-            direction: Vec3::new(0.5 * coordinate(pixel % IMAGE), 0.5 * coordinate(pixel / IMAGE), -1.0),
-            t_max: f32::INFINITY,
-            time: 0.0,
-        })
-        .collect()
+/// San Miguel without what is cut out of its leaves, which Embree would not see either.
+fn san_miguel() -> Option<Scene> {
+    let file = Path::new(&std::env::var_os("PRPF_SCENES")?).join(SAN_MIGUEL);
+    let mut scene = pbrt::read(&file).ok()?;
+    scene.primitives.iter_mut().for_each(|primitive| primitive.alpha = None);
+    Some(scene)
 }
 
-fn random_rays() -> Vec<Ray> {
+/// All triangles of a scene, instances copied, in render space.
+fn flattened(scene: &Scene) -> TriangleMesh {
+    let mut flat = TriangleMesh::default();
+    let fixed = (0, DAffine3::IDENTITY);
+    let placed = scene.instances.iter().map(|instance| (instance.object, instance.transform.at_f64(0.0)));
+    for (object, to_render) in std::iter::once(fixed).chain(placed) {
+        for primitive in &scene.primitives[scene.objects[object].primitives.clone()] {
+            let Shape::Mesh(mesh) = &primitive.shape else { continue };
+            let first = flat.positions.len() as u32;
+            let moved = |p: &Vec3| to_render.transform_point3(p.as_dvec3()).as_vec3();
+            flat.positions.extend(mesh.positions.iter().map(moved));
+            flat.indices.extend(mesh.indices.iter().map(|triangle| triangle.map(|i| first + i)));
+        }
+    }
+    flat
+}
+
+/// A pinhole's rays into a square image.
+fn camera_rays(to_render: DAffine3, tan_half_fov: f32) -> Vec<Ray> {
+    let coordinate = |pixel: usize| 2.0 * (pixel as f32 + 0.5) / IMAGE as f32 - 1.0;
+    let ray = |pixel: usize| {
+        let [x, y] = [pixel % IMAGE, pixel / IMAGE].map(|at| tan_half_fov * coordinate(at));
+        Ray {
+            origin: to_render.translation.as_vec3(),
+            direction: to_render.transform_vector3(DVec3::new(x.into(), y.into(), 1.0)).as_vec3(),
+            t_max: f32::INFINITY,
+            time: 0.0,
+        }
+    };
+    (0..IMAGE * IMAGE).map(ray).collect()
+}
+
+/// From any point of a box to any other.
+fn random_rays([min, max]: [Vec3; 2]) -> Vec<Ray> {
     let mut random = Pcg64Mcg::seed_from_u64(2);
-    let mut point = || Vec3::from_array(std::array::from_fn(|_| random.random_range(-2.5f32..2.5)));
+    let mut point = || min + (max - min) * Vec3::from_array(std::array::from_fn(|_| random.random::<f32>()));
     (0..IMAGE * IMAGE)
         .map(|_| {
             let origin = point();
@@ -124,11 +155,11 @@ fn random_rays() -> Vec<Ray> {
         .collect()
 }
 
-fn shadow_rays(accel: &Accel, camera_rays: &[Ray]) -> Vec<Ray> {
+fn shadow_rays(accel: &Accel, camera_rays: &[Ray], light: Vec3) -> Vec<Ray> {
     let spawn = |ray: &Ray| {
         let point = accel.surface(ray, &accel.intersect(ray)?);
-        let origin = point.offset_origin(LIGHT - point.position);
-        Some(Ray { origin, direction: LIGHT - origin, t_max: 1.0, time: 0.0 })
+        let origin = point.offset_origin(light - point.position);
+        Some(Ray { origin, direction: light - origin, t_max: 1.0, time: 0.0 })
     };
     camera_rays.iter().filter_map(spawn).collect()
 }
@@ -152,16 +183,51 @@ fn bounce_rays(accel: &Accel, camera_rays: &[Ray]) -> Vec<Ray> {
     camera_rays.iter().filter_map(spawn).collect()
 }
 
-/// Writes what another program needs to trace the same rays, as plain numbers.
-fn write_rays(folder: &Path, mesh: &TriangleMesh, rays: &[(&str, &[Ray])]) -> std::io::Result<()> {
-    std::fs::create_dir_all(folder)?;
-    std::fs::write(folder.join("positions"), bytemuck::cast_slice(&mesh.positions))?;
-    std::fs::write(folder.join("indices"), bytemuck::cast_slice(&mesh.indices))?;
-    for (name, rays) in rays {
-        let numbers: Vec<Vec3> = rays.iter().flat_map(|ray| [ray.origin, ray.direction]).collect();
-        std::fs::write(folder.join(name), bytemuck::cast_slice(&numbers))?;
+/// Rays by kind.
+struct Rays {
+    primary: Vec<Ray>,
+    shadow: Vec<Ray>,
+    bounce: Vec<Ray>,
+    incoherent: Vec<Ray>,
+}
+
+impl Rays {
+    fn of(accel: &Accel, primary: Vec<Ray>, light: Vec3, bounds: [Vec3; 2]) -> Self {
+        let shadow = shadow_rays(accel, &primary, light);
+        let bounce = bounce_rays(accel, &primary);
+        Self { primary, shadow, bounce, incoherent: random_rays(bounds) }
     }
-    Ok(())
+
+    /// Of the scene's own camera: the light is half way to what it sees, and rays without order stay within that.
+    fn of_camera(accel: &Accel, camera: &Camera) -> Self {
+        let to_render = camera.to_render.at_f64(0.0);
+        let Projection::Perspective { tan_half_fov } = camera.projection else {
+            panic!("a perspective camera")
+        };
+        let primary = camera_rays(to_render, tan_half_fov);
+        let point = |ray: &Ray| Some(ray.origin + accel.intersect(ray)?.t * ray.direction);
+        let seen: Vec<Vec3> = primary.iter().filter_map(point).collect();
+        let nowhere = [Vec3::INFINITY, Vec3::NEG_INFINITY];
+        let bounds = seen.iter().fold(nowhere, |[min, max], &p| [min.min(p), max.max(p)]);
+        let mean = seen.iter().sum::<Vec3>() / seen.len() as f32;
+        let light = to_render.translation.as_vec3().midpoint(mean);
+        Self::of(accel, primary, light, bounds)
+    }
+
+    /// Writes what another program needs to trace the same rays, as plain numbers.
+    fn write(&self, folder: &Path, mesh: &TriangleMesh) -> std::io::Result<()> {
+        std::fs::create_dir_all(folder)?;
+        std::fs::write(folder.join("positions"), bytemuck::cast_slice(&mesh.positions))?;
+        std::fs::write(folder.join("indices"), bytemuck::cast_slice(&mesh.indices))?;
+        let Self { primary, shadow, bounce, incoherent } = self;
+        for (name, rays) in
+            [("primary", primary), ("shadow", shadow), ("bounce", bounce), ("incoherent", incoherent)]
+        {
+            let numbers: Vec<Vec3> = rays.iter().flat_map(|ray| [ray.origin, ray.direction]).collect();
+            std::fs::write(folder.join(name), bytemuck::cast_slice(&numbers))?;
+        }
+        Ok(())
+    }
 }
 
 /// Tiles of this many rays are handed to threads.
@@ -179,41 +245,59 @@ fn occluded(accel: &Accel, rays: &[Ray]) -> usize {
     count
 }
 
-fn rays(criterion: &mut Criterion) {
-    let mesh = million_triangles();
-    let scene = scene_of(mesh.clone());
-    let accel = Accel::build(&scene);
-    let camera = camera_rays();
-    let shadow = shadow_rays(&accel, &camera);
-    let bounce = bounce_rays(&accel, &camera);
-    let random = random_rays();
-    if let Some(folder) = std::env::var_os("PRPF_RAYS") {
-        let rays: [(&str, &[Ray]); 4] =
-            [("primary", &camera), ("shadow", &shadow), ("bounce", &bounce), ("incoherent", &random)];
-        write_rays(Path::new(&folder), &mesh, &rays).expect("PRPF_RAYS names a folder to write to");
-    }
-
-    let mut group = criterion.benchmark_group("rays");
+fn measure(criterion: &mut Criterion, name: &str, accel: &Accel, rays: &Rays) {
+    let mut group = criterion.benchmark_group(name);
     let mut measure = |name: &str, rays: &[Ray], count: fn(&Accel, &[Ray]) -> usize| {
         group.throughput(Throughput::Elements(rays.len() as u64));
         group.bench_function(name, |bencher| {
-            bencher.iter(|| rays.par_chunks(TILE).map(|tile| count(&accel, tile)).sum::<usize>());
+            bencher.iter(|| rays.par_chunks(TILE).map(|tile| count(accel, tile)).sum::<usize>());
         });
     };
-    measure("primary", &camera, hits);
-    measure("shadow", &shadow, occluded);
-    measure("bounce", &bounce, hits);
-    measure("incoherent", &random, hits);
+    measure("primary", &rays.primary, hits);
+    measure("shadow", &rays.shadow, occluded);
+    measure("bounce", &rays.bounce, hits);
+    measure("incoherent", &rays.incoherent, hits);
     group.finish();
+}
 
+/// Writes rays and mesh to where `PRPF_RAYS` says.
+fn write_for_embree(name: &str, rays: &Rays, mesh: &TriangleMesh) {
+    let Some(folder) = std::env::var_os("PRPF_RAYS") else { return };
+    rays.write(&Path::new(&folder).join(name), mesh).expect("PRPF_RAYS names a folder to write to");
+}
+
+fn generated(criterion: &mut Criterion) {
+    let mesh = million_triangles();
+    let scene = scene_of(mesh.clone());
+    let accel = Accel::build(&scene);
+    let away = DAffine3::from_scale_rotation_translation(
+        DVec3::new(1.0, 1.0, -1.0),
+        DQuat::IDENTITY,
+        DVec3::new(0.1, 0.2, 6.0),
+    );
+    let bounds = [Vec3::splat(-2.5), Vec3::splat(2.5)];
+    let rays = Rays::of(&accel, camera_rays(away, 0.5), Vec3::new(4.0, 6.0, 8.0), bounds);
+    write_for_embree("million", &rays, &mesh);
+    measure(criterion, "million", &accel, &rays);
     criterion.bench_function("build", |bencher| {
         bencher.iter_batched(|| (), |()| Accel::build(&scene), BatchSize::PerIteration);
     });
 }
 
+fn instanced(criterion: &mut Criterion) {
+    let Some(scene) = san_miguel() else { return println!("San Miguel is left out: it was not found") };
+    let accel = Accel::build(&scene);
+    let rays = Rays::of_camera(&accel, &scene.camera);
+    let mesh = flattened(&scene);
+    write_for_embree("sanmiguel", &rays, &mesh);
+    measure(criterion, "sanmiguel", &accel, &rays);
+    let flat = scene_of(mesh);
+    measure(criterion, "sanmiguel as one mesh", &Accel::build(&flat), &rays);
+}
+
 criterion_group! {
     name = benches;
     config = Criterion::default().sample_size(10);
-    targets = rays
+    targets = generated, instanced
 }
 criterion_main!(benches);
