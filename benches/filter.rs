@@ -87,7 +87,7 @@ fn mutual_information(c: &mut Criterion) {
     let store = store(64, 8);
     let mut group = c.benchmark_group("weights at every pixel");
     group.sample_size(10);
-    for mi_samples in [512, 1024] {
+    for mi_samples in [512, 2048] {
         group.bench_function(format!("64×64, {mi_samples} samples"), |b| {
             let settings = PrpfSettings { mi_samples, upsampling: false, ..PrpfSettings::paper() };
             b.iter(|| filter(&store, &settings, 1));

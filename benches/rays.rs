@@ -103,15 +103,15 @@ fn scene_of(mesh: TriangleMesh) -> Scene {
     }
 }
 
-/// San Miguel without what is cut out of its leaves, which Embree would not see either.
+/// San Miguel with whole leaves: Embree knows nothing of what alpha cuts out.
 fn san_miguel() -> Option<Scene> {
     let file = Path::new(&std::env::var_os("PRPF_SCENES")?).join(SAN_MIGUEL);
-    let mut scene = pbrt::read(&file).ok()?;
+    let mut scene = pbrt::read(&file).inspect_err(|error| println!("{error}")).ok()?;
     scene.primitives.iter_mut().for_each(|primitive| primitive.alpha = None);
     Some(scene)
 }
 
-/// All triangles of a scene, instances copied, in render space.
+/// All triangles of a scene, and nothing else of it, instances copied, in render space.
 fn flattened(scene: &Scene) -> TriangleMesh {
     let mut flat = TriangleMesh::default();
     let fixed = (0, DAffine3::IDENTITY);
@@ -198,7 +198,8 @@ impl Rays {
         Self { primary, shadow, bounce, incoherent: random_rays(bounds) }
     }
 
-    /// Of the scene's own camera: the light is half way to what it sees, and rays without order stay within that.
+    /// Of the scene's own camera: the light is half way to what it sees, and rays without order go from any of
+    /// that to any other.
     fn of_camera(accel: &Accel, camera: &Camera) -> Self {
         let to_render = camera.to_render.at_f64(0.0);
         let Projection::Perspective { tan_half_fov } = camera.projection else {
@@ -247,16 +248,17 @@ fn occluded(accel: &Accel, rays: &[Ray]) -> usize {
 
 fn measure(criterion: &mut Criterion, name: &str, accel: &Accel, rays: &Rays) {
     let mut group = criterion.benchmark_group(name);
-    let mut measure = |name: &str, rays: &[Ray], count: fn(&Accel, &[Ray]) -> usize| {
+    let mut measure_kind = |name: &str, rays: &[Ray], count: fn(&Accel, &[Ray]) -> usize| {
+        println!("{name}: {:.4} hit", count(accel, rays) as f64 / rays.len() as f64);
         group.throughput(Throughput::Elements(rays.len() as u64));
         group.bench_function(name, |bencher| {
             bencher.iter(|| rays.par_chunks(TILE).map(|tile| count(accel, tile)).sum::<usize>());
         });
     };
-    measure("primary", &rays.primary, hits);
-    measure("shadow", &rays.shadow, occluded);
-    measure("bounce", &rays.bounce, hits);
-    measure("incoherent", &rays.incoherent, hits);
+    measure_kind("primary", &rays.primary, hits);
+    measure_kind("shadow", &rays.shadow, occluded);
+    measure_kind("bounce", &rays.bounce, hits);
+    measure_kind("incoherent", &rays.incoherent, hits);
     group.finish();
 }
 
@@ -270,13 +272,13 @@ fn generated(criterion: &mut Criterion) {
     let mesh = million_triangles();
     let scene = scene_of(mesh.clone());
     let accel = Accel::build(&scene);
-    let away = DAffine3::from_scale_rotation_translation(
+    let camera_to_render = DAffine3::from_scale_rotation_translation(
         DVec3::new(1.0, 1.0, -1.0),
         DQuat::IDENTITY,
         DVec3::new(0.1, 0.2, 6.0),
     );
     let bounds = [Vec3::splat(-2.5), Vec3::splat(2.5)];
-    let rays = Rays::of(&accel, camera_rays(away, 0.5), Vec3::new(4.0, 6.0, 8.0), bounds);
+    let rays = Rays::of(&accel, camera_rays(camera_to_render, 0.5), Vec3::new(4.0, 6.0, 8.0), bounds);
     write_for_embree("million", &rays, &mesh);
     measure(criterion, "million", &accel, &rays);
     criterion.bench_function("build", |bencher| {
@@ -285,7 +287,9 @@ fn generated(criterion: &mut Criterion) {
 }
 
 fn instanced(criterion: &mut Criterion) {
-    let Some(scene) = san_miguel() else { return println!("San Miguel is left out: it was not found") };
+    let Some(scene) = san_miguel() else {
+        return println!("San Miguel is left out: PRPF_SCENES names no folder with {SAN_MIGUEL}");
+    };
     let accel = Accel::build(&scene);
     let rays = Rays::of_camera(&accel, &scene.camera);
     let mesh = flattened(&scene);

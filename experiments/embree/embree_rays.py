@@ -13,7 +13,10 @@ from embreex.mesh_construction import TriangleMesh
 
 RUNS = 25
 
-for folder in sorted(path.parent for path in Path(sys.argv[1]).glob("*/positions")):
+folders = sorted(path.parent for path in Path(sys.argv[1]).glob("*/positions"))
+if not folders:
+    sys.exit(f"{sys.argv[1]}: no rays in its folders; PRPF_RAYS=FOLDER cargo bench --bench rays writes them")
+for folder in folders:
     positions = np.fromfile(folder / "positions", np.float32).reshape(-1, 3)
     indices = np.fromfile(folder / "indices", np.uint32).reshape(-1, 3).astype(np.int32)
     scene = rtcore_scene.EmbreeScene()
@@ -29,5 +32,5 @@ for folder in sorted(path.parent for path in Path(sys.argv[1]).glob("*/positions
             else:
                 hit = scene.run(origins, directions, query="INTERSECT")
             best = min(best, time.perf_counter() - start)
-        # The share of rays that hit: the same as of the program, if it traced the same.
+        # The share of rays that hit: the bench prints the same.
         print(f"{folder.name}/{name}: {len(rays) / best / 1e6:.2f} M rays/s, {np.mean(hit >= 0):.4f} hit")

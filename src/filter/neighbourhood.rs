@@ -81,6 +81,8 @@ impl Guide {
             Some(dims) => store.means(Part::Whole, dims),
             None => filled(width, height, 1.0),
         };
+        // A share, whatever a store was fed with: what is beyond would resemble what is not there.
+        hit.data_mut().iter_mut().for_each(|share| *share = share.clamp(0.0, 1.0));
         let mut own_hit = hit.clone();
         let mut count_plane = Planes::new(width, height, 1);
         for (i, &count) in counts.iter().enumerate() {

@@ -194,8 +194,7 @@ impl<'a> Evidence<'a> {
         standard
     }
 
-    /// Takes the pixel's own kept samples and as many of the rest of the cluster's as are wanted,
-    /// every pixel of it with the same chance. Returns their number.
+    /// Makes bits of the samples of the cluster. Returns their number.
     fn gather(&self, i: (usize, usize), standard: &Standard, scratch: &mut Scratch<'a>) -> usize {
         self.choose(i, scratch);
         // Apart from the choice, so that many samples are on their way from memory at once.
@@ -209,20 +208,21 @@ impl<'a> Evidence<'a> {
         samples.len()
     }
 
-    /// Lists the samples to be taken.
+    /// Lists the pixel's own kept samples and as many of the rest of the cluster's as are wanted,
+    /// every pixel of it with the same chance.
     fn choose(&self, i: (usize, usize), scratch: &mut Scratch<'a>) {
         let Scratch { cluster, samples, .. } = scratch;
         samples.clear();
         let store = self.store;
         let dims = store.layout().len();
-        let kept = |(x, y): (usize, usize)| store.rows()[y].reservoir(x).chunks_exact(dims);
+        let samples_of = |(x, y): (usize, usize)| store.rows()[y].reservoir(x).chunks_exact(dims);
         let at = |p: usize| (cluster[p].0 as usize, cluster[p].1 as usize);
         let wanted = if store.capacity() > 0 { self.settings.mi_samples } else { 0 };
-        samples.extend(kept(i).take(wanted));
+        samples.extend(samples_of(i).take(wanted));
         let others = wanted - samples.len();
-        let available = || (0..cluster.len()).map(|p| kept(at(p)).len()).sum::<usize>();
+        let available = || (0..cluster.len()).map(|p| samples_of(at(p)).len()).sum::<usize>();
         if cluster.len() <= wanted && available() <= wanted {
-            samples.extend((0..cluster.len()).map(at).filter(|&j| j != i).flat_map(kept));
+            samples.extend((0..cluster.len()).map(at).filter(|&j| j != i).flat_map(samples_of));
             return;
         }
         // One pixel from each of `others` equal parts of the cluster.

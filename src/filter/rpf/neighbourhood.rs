@@ -77,7 +77,7 @@ impl Draws {
     }
 
     /// Samples that a neighbourhood has at most.
-    pub fn most_samples(&self) -> usize {
+    fn most_samples(&self) -> usize {
         self.samples.max(self.most_own)
     }
 

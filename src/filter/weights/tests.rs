@@ -233,3 +233,21 @@ fn samples_are_as_many_as_are_wanted_or_there() {
     });
     assert_eq!(taken, 0);
 }
+
+/// Any program may fill a store: shares of hits beyond 1 must not make pixels without samples alike.
+#[test]
+fn shares_of_hits_that_no_renderer_makes_leave_pixels_without_samples_out() {
+    let layout = Layout::with_blocks(|block| block == Block::Hit);
+    let mut store = Store::new(24, 24, layout.clone(), 8, 1);
+    let mut sample = vec![0.5; layout.len()];
+    layout.write(&mut sample, Block::Hit, &[4.0]);
+    for i in (0..24 * 24).filter(|i| i % 3 > 0) {
+        (0..8).for_each(|_| store.push(i % 24, i / 24, &sample));
+    }
+    let settings = PrpfSettings { mi_samples: 64, ..PrpfSettings::paper() };
+    let taken = with_evidence(&store, &settings, 55, (13, 12), |evidence, scratch| {
+        let standard = evidence.standard((13, 12), scratch);
+        evidence.gather((13, 12), &standard, scratch)
+    });
+    assert_eq!(taken, 64);
+}
