@@ -24,7 +24,7 @@ use crate::progressive::{ErrorEstimate, Keep, Loop, Outcome, Progress, StoppedBy
 use crate::render::Renderer;
 use crate::scene::{Scene, pbrt};
 use crate::state::Frame;
-use crate::stats::{Part, Store};
+use crate::stats::{LARGEST_VALUE, Part, Store};
 
 /// Exit status after a person's interruption: 128 + SIGINT.
 const INTERRUPTED: u8 = 130;
@@ -201,7 +201,7 @@ pub(super) fn can_be_written(path: &Path) -> anyhow::Result<()> {
     if path.is_dir() {
         anyhow::bail!("{}: found a folder; accepted is the name of a file", path.display());
     }
-    Ok(())
+    Ok(image::atomic::can_replace(path).map_err(|error| image::Problem::from(error).at(path))?)
 }
 
 /// Refuses outputs that would replace each other or the scene.
@@ -351,7 +351,9 @@ fn summary(outcome: &Outcome, seconds: Times, outfiles: &[PathBuf], verbose: boo
     }
     let rejected = outcome.store.rejected();
     if rejected > 0 {
-        lines.push(format!("{rejected} samples were rejected: their radiance was not finite, or negative"));
+        lines.push(format!(
+            "{rejected} samples were rejected: their radiance was not finite, negative, or beyond {LARGEST_VALUE:e}"
+        ));
     }
     let error = outcome.estimate.as_ref().map(|e| said(e, &outcome.store)).unwrap_or_default();
     lines.push(format!("{error}stopped by {}", stopped_by.unwrap_or_default()));

@@ -28,7 +28,15 @@ pub fn replace_file<E: From<io::Error>>(
     fill_and_rename(temporary, &target, write)
 }
 
-/// The same for a file that one program replaces again and again, and that nobody reads soon: on Linux it does
+/// Whether [`replace_file`] could begin now; nothing is left behind.
+///
+/// # Errors
+/// Its own, but for what can only be known of the whole file.
+pub fn can_replace(path: &Path) -> io::Result<()> {
+    temporary_file(folder_of(&resolve(path)?)).map(drop)
+}
+
+/// [`replace_file`] for a file that one program replaces again and again, and that nobody reads soon: on Linux it does
 /// not go through the system's cache of files, whose fresh pages can cost more than the disk. The temporary file is
 /// named after the target, so that what a killed program left is taken up by the next and does not pile up.
 ///
@@ -215,6 +223,17 @@ mod tests {
 
     fn replace(path: &Path, content: &[u8]) -> io::Result<()> {
         replace_file(path, |writer| writer.write_all(content))
+    }
+
+    #[test]
+    fn whether_a_file_can_be_replaced_is_known_before_and_leaves_nothing() {
+        let folder = tempfile::tempdir().unwrap();
+        assert!(can_replace(&folder.path().join("new.exr")).is_ok());
+        assert!(can_replace(&folder.path().join("none/new.exr")).is_err());
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
+        // Not even root may.
+        #[cfg(target_os = "linux")]
+        assert!(can_replace(Path::new("/proc/new.exr")).is_err());
     }
 
     #[test]
