@@ -390,6 +390,17 @@ mod tests {
     use crate::stats::Layout;
 
     #[test]
+    fn outputs_that_cannot_be_written_are_refused_before_the_render() {
+        let folder = tempfile::tempdir().unwrap();
+        assert!(can_be_written(&folder.path().join("new.exr")).is_ok());
+        assert!(can_be_written(&folder.path().join("none/new.exr")).is_err());
+        assert!(can_be_written(folder.path()).is_err());
+        // A folder in which not even root may write.
+        #[cfg(target_os = "linux")]
+        assert!(can_be_written(Path::new("/proc/new.exr")).is_err());
+    }
+
+    #[test]
     fn an_error_hidden_by_noise_is_said_to_be_below_a_limit() {
         let store = Store::new(10, 10, Layout::with_blocks(|_| false), 0, 0);
         let of = |image, standard_error| {
