@@ -22,14 +22,19 @@ struct TriangleId {
     triangle: u32,
 }
 
+/// The triangles of a packet, in one line of the cache.
+#[derive(Clone, Copy, Debug)]
+#[repr(align(64))]
+struct PacketIds([TriangleId; WIDTH]);
+
 /// An object, in its own space.
 #[derive(Debug)]
 pub struct ObjectAccel {
     triangles: Bvh,
     /// One for each leaf of `triangles`.
     packets: Vec<TrianglePacket>,
-    /// [`WIDTH`] for each packet.
-    triangle_ids: Vec<TriangleId>,
+    /// One for each of `packets`.
+    packet_ids: Vec<PacketIds>,
     quadrics: Bvh,
     /// One for each leaf of `quadrics`.
     quadric_tests: Vec<Quadric>,
@@ -63,21 +68,19 @@ impl ObjectAccel {
         }
 
         let triangles = Bvh::build(&boxes, WIDTH);
+        let absent = PacketIds([TriangleId { primitive: NO_ITEM, triangle: NO_ITEM }; WIDTH]);
         let mut packets = vec![TrianglePacket::EMPTY; triangles.slots.len() / WIDTH];
-        let mut triangle_ids = Vec::with_capacity(triangles.slots.len());
-        for (slot, &item) in triangles.slots.iter().enumerate() {
-            let absent = TriangleId { primitive: NO_ITEM, triangle: NO_ITEM };
-            let id = if item == NO_ITEM { absent } else { ids[item as usize] };
-            triangle_ids.push(id);
-            if item != NO_ITEM
-                && let Shape::Mesh(mesh) = &scene.primitives[id.primitive as usize].shape
-            {
+        let mut packet_ids = vec![absent; packets.len()];
+        for (slot, &item) in triangles.slots.iter().enumerate().filter(|&(_, &item)| item != NO_ITEM) {
+            let id = ids[item as usize];
+            packet_ids[slot / WIDTH].0[slot % WIDTH] = id;
+            if let Shape::Mesh(mesh) = &scene.primitives[id.primitive as usize].shape {
                 packets[slot / WIDTH].set(slot % WIDTH, mesh::corners(mesh, id.triangle));
             }
         }
         let quadric_bvh = Bvh::build(&quadric_boxes, 1);
         let quadric_tests = quadric_bvh.slots.iter().map(|&item| quadrics[item as usize]).collect();
-        Self { triangles, packets, triangle_ids, quadrics: quadric_bvh, quadric_tests }
+        Self { triangles, packets, packet_ids, quadrics: quadric_bvh, quadric_tests }
     }
 
     /// The box around everything, or `None` if there is nothing.
@@ -88,7 +91,8 @@ impl ObjectAccel {
 
     /// The triangles: corners, primitive, and number in its mesh.
     pub fn triangles(&self) -> impl Iterator<Item = ([Vec3; 3], u32, u32)> {
-        let ids = self.triangle_ids.iter().enumerate().filter(|(_, id)| id.primitive != NO_ITEM);
+        let ids = self.packet_ids.iter().flat_map(|ids| &ids.0).enumerate();
+        let ids = ids.filter(|(_, id)| id.primitive != NO_ITEM);
         ids.map(|(slot, id)| {
             let corners = self.packets[slot / WIDTH].corners;
             let corners = corners.map(|planes| Vec3::from_array(planes.map(|plane| plane[slot % WIDTH])));
@@ -111,7 +115,7 @@ impl ObjectAccel {
         self.triangles.memory_bytes()
             + self.quadrics.memory_bytes()
             + size_of_val(&*self.packets)
-            + size_of_val(&*self.triangle_ids)
+            + size_of_val(&*self.packet_ids)
             + size_of_val(&*self.quadric_tests)
     }
 }
@@ -149,6 +153,7 @@ impl<K: Kernels> Leaves for TriangleLeaves<'_, '_, K> {
     #[inline(always)]
     fn prefetch(&self, leaf: u32) {
         prefetch(&self.object.packets, leaf);
+        prefetch(&self.object.packet_ids, leaf);
     }
 
     #[inline(always)]
@@ -165,7 +170,7 @@ impl<K: Kernels> Leaves for TriangleLeaves<'_, '_, K> {
                 packet.hit(ray, lane)
             };
             let Some(found) = found else { continue };
-            let id = self.object.triangle_ids[leaf as usize * WIDTH + lane];
+            let id = self.object.packet_ids[leaf as usize].0[lane];
             let hit = Hit {
                 t: found.t,
                 primitive: id.primitive,
