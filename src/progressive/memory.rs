@@ -55,7 +55,7 @@ pub struct Rerun {
 impl Rerun {
     /// `shown`: what the filter makes of `store`.
     pub(super) fn new(shown: Shown, store: &Store) -> Self {
-        let Shown { filtered, failure, success } = shown;
+        let Shown { filtered, failure, success, .. } = shown;
         Self {
             image: filtered.image,
             variance: filtered.variance,

@@ -82,6 +82,8 @@ pub struct Loop<'a> {
     /// Seconds of all reruns of the filter, and of the latest one of interim quality.
     reruns: f64,
     interim_seconds: Option<f64>,
+    /// What it took last to find where interpolation fails.
+    maps_seconds: Option<f64>,
     estimate: Option<ErrorEstimate>,
     rerun: Option<Rerun>,
     /// Whether the last filter pass will be a draft, because there is no time for another.
@@ -101,7 +103,7 @@ impl<'a> Loop<'a> {
         let (width, height) = renderer.resolution();
         let (layout, capacity) = (renderer.layout().clone(), reservoir_capacity(settings));
         let store = Store::new(width, height, layout, capacity, settings.seed);
-        Self {
+        let mut new = Self {
             renderer,
             settings: settings.clone(),
             start,
@@ -119,20 +121,19 @@ impl<'a> Loop<'a> {
             ),
             store: Arc::new(store),
             resumed_samples: 0,
-            // Without a budget of time nothing is predicted, and a camera's movement waits for nothing.
-            rehearsal: settings
-                .budget
-                .seconds
-                .map_or_else(Rehearsal::default, |_| Rehearsal::new(width * height)),
+            rehearsal: Rehearsal::default(),
             batches: Vec::new(),
             seconds: Seconds::default(),
             reruns: 0.0,
             interim_seconds: None,
+            maps_seconds: None,
             estimate: None,
             rerun: None,
             hurried: false,
             favoured: None,
-        }
+        };
+        new.expect_unrehearsed();
+        new
     }
 
     /// What the caller will do with the image counts as part of a budget of time: it is rehearsed on
@@ -147,11 +148,13 @@ impl<'a> Loop<'a> {
         let decisive = |s: &Settings| (s.budget, s.denoiser, s.quality);
         if decisive(settings) != decisive(&self.settings) {
             self.hurried = false;
-            self.rehearsal = self.rehearsal.anew();
-            self.schedule.forget_rehearsals();
+            self.rehearsal = Rehearsal::default();
         }
         self.schedule.change(&settings.budget);
         self.settings = Settings { seed: self.settings.seed, ..settings.clone() };
+        if self.rehearsal.is_missing() {
+            self.expect_unrehearsed();
+        }
     }
 
     /// Whether the samples so far can be filtered as these settings ask for.

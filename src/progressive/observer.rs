@@ -2,7 +2,7 @@
 //! the progress bar. Nothing here computes; a render without an observer is the same to the last bit.
 
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use super::{Denoiser, Progress};
 use crate::filter::{self, Filtered, PrpfSettings, Quality, RpfSettings, rpf};
@@ -64,6 +64,8 @@ pub struct FilterJob {
 #[derive(Clone)]
 pub struct Shown {
     pub filtered: Filtered,
+    /// What that took.
+    pub filter_seconds: f64,
     /// Where interpolation failed, and the share of pixels where it did not.
     pub failure: Option<Planes>,
     pub success: Option<f32>,
@@ -71,12 +73,14 @@ pub struct Shown {
 
 impl FilterJob {
     pub fn run(&self) -> Shown {
+        let started = Instant::now();
         let filtered = filtered(&self.store, self.denoiser, self.quality, self.seed);
+        let filter_seconds = started.elapsed().as_secs_f64();
         let grid = self.interpolation.then(|| {
             filter::prpf::interpolation_failure(&self.store, &PrpfSettings::paper(), FAILURE_WINDOW)
         });
         let (failure, success) = grid.unzip();
-        Shown { filtered, failure, success }
+        Shown { filtered, filter_seconds, failure, success }
     }
 }
 

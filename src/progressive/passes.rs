@@ -2,12 +2,21 @@
 
 use std::time::Instant;
 
+use super::rehearsal::make_ready;
 use super::{Batch, Denoiser, FilterJob, Loop, Observer, Rerun, Settings, Shown, observer};
 use crate::filter::{Filtered, Quality};
 use crate::image::Planes;
 use crate::image::metrics::Pair;
 use crate::stats::{Part, Store};
 
+/// What comes after the last batch takes about this long where it was not rehearsed yet, in seconds per pixel:
+/// without a filter, with a draft, with any other. Most of it is new memory.
+const UNREHEARSED: [f64; 3] = [1e-6, 1.8e-6, 3e-6];
+/// Memory of the same, in bytes per pixel (measured: 720 for `standard` with the snapshot that a rerun leaves).
+const PASS_BYTES: [usize; 3] = [0, 350, 700];
+/// To find where interpolation fails takes about this share of the time of a draft, of `standard`, and of what
+/// takes longer.
+const MAPS_SHARE: [f64; 3] = [2.5, 0.9, 0.2];
 /// Share of the time that reruns of the filter may take under a budget of time.
 const RERUN_SHARE: f64 = 0.1;
 /// The one before the last batch may take this share by itself, however short the budget: without it
@@ -36,6 +45,18 @@ impl Loop<'_> {
         let changes = !self.hurried && !draft;
         self.hurried |= changes;
         changes
+    }
+
+    /// Predicts what comes after the last batch without a rehearsal.
+    pub(super) fn expect_unrehearsed(&mut self) {
+        let [unfiltered, draft, other] = UNREHEARSED;
+        let per_pixel = match (self.settings.denoiser, self.settings.quality) {
+            (Denoiser::None, _) => unfiltered,
+            (Denoiser::Prpf, Quality::Draft) => draft,
+            _ if self.hurried => draft,
+            _ => other,
+        };
+        self.schedule.expects(per_pixel * self.store.pixels() as f64);
     }
 
     /// The filter between batches.
@@ -73,9 +94,12 @@ impl Loop<'_> {
             return Some(if last { ending } else { interim });
         };
         let budget = self.settings.budget.seconds.unwrap_or(0.0);
-        let ending_seconds =
-            if self.rehearsal.is_missing() { f64::INFINITY } else { self.rehearsal.filter_seconds };
-        let interim_seconds = self.interim_seconds.unwrap_or(ending_seconds).min(ending_seconds);
+        let ending_seconds = if self.rehearsal.is_missing() {
+            f64::INFINITY
+        } else {
+            self.rehearsal.filter_seconds + self.maps_seconds()
+        };
+        let interim_seconds = self.interim_seconds.unwrap_or(f64::INFINITY).min(ending_seconds);
         let of_use = |seconds: f64| LEAST_USE_OF_RERUN * seconds <= left;
         if !again {
             // There has to be something to decide; then the first comes whatever its share.
@@ -93,29 +117,42 @@ impl Loop<'_> {
         (fits && of_use(interim_seconds)).then_some(interim)
     }
 
+    /// What it takes a rerun longer to find where interpolation fails as well: as it took last, or as follows from the
+    /// rehearsal of the last pass if that is less, since the first time all the memory is new.
+    fn maps_seconds(&self) -> f64 {
+        let [of_draft, of_standard, of_others] = MAPS_SHARE;
+        let share = match self.last_filter() {
+            _ if !self.settings.drives_interpolation() => 0.0,
+            (Denoiser::Prpf, Quality::Draft) => of_draft,
+            (Denoiser::Prpf, Quality::Standard) => of_standard,
+            _ => of_others,
+        };
+        self.maps_seconds.unwrap_or(f64::INFINITY).min(share * self.rehearsal.filter_seconds)
+    }
+
     /// Under a budget of time, measures on some rows what comes after the last batch, now and then.
     pub(super) fn rehearse(&mut self) {
         let elapsed = self.elapsed();
-        let Some(left) = self.schedule.seconds_left(elapsed) else { return };
-        let drawn = self.store.drawn();
-        if drawn < self.store.pixels() as u64 {
-            // A rehearsal would have to fill the pixels without samples first, and takes time from them. Without
-            // one the prediction stays that of a better filter: fresh memory makes the first pass a slow one.
-            if !self.schedule.fills(elapsed, drawn) {
-                self.hurry();
-            }
-            return;
-        }
-        if !self.rehearsal.is_due(elapsed, left, self.schedule.closing()) {
-            if self.rehearsal.is_missing() {
-                // There is no time to find out how long the last pass takes.
-                self.hurry();
-            }
+        if self.schedule.seconds_left(elapsed).is_none() {
             return;
         }
         if self.rehearsal.is_missing() {
-            // The pixels got their samples against expectation.
-            self.hurried = false;
+            self.choose_unrehearsed(elapsed);
+        }
+        let left = self.schedule.seconds_left(elapsed).unwrap_or(0.0);
+        // A rehearsal would have to fill the pixels without samples first, and takes time from them.
+        let sparse = self.store.drawn() < self.store.pixels() as u64;
+        if sparse || !self.rehearsal.is_due(elapsed, left, self.schedule.closing()) {
+            return;
+        }
+        if self.rehearsal.is_missing() {
+            let [unfiltered, draft, other] = PASS_BYTES;
+            let per_pixel = match self.last_filter() {
+                (Denoiser::None, _) => unfiltered,
+                (_, Quality::Draft) => draft,
+                _ => other,
+            };
+            make_ready(per_pixel * self.store.pixels());
         }
         self.rehearse_now(left);
         let left = self.schedule.seconds_left(self.elapsed()).unwrap_or(left);
@@ -123,17 +160,34 @@ impl Loop<'_> {
             self.rehearse_now(left);
         }
         if self.schedule.is_late(self.elapsed()) && self.hurry() {
-            self.schedule.forget_rehearsals();
+            self.expect_unrehearsed();
             self.rehearse_now(left);
         }
         self.seconds.filter += self.elapsed() - elapsed;
+    }
+
+    /// Before the first rehearsal: whether the last pass can be as asked for, or is hurried.
+    fn choose_unrehearsed(&mut self, elapsed: f64) {
+        let drawn = self.store.drawn();
+        let has_time = if drawn < self.store.pixels() as u64 {
+            self.schedule.fills(elapsed, drawn)
+        } else {
+            // The pixels may have got their samples against expectation.
+            self.hurried = false;
+            self.expect_unrehearsed();
+            let left = self.schedule.seconds_left(elapsed).unwrap_or(0.0);
+            self.rehearsal.is_due(elapsed, left, self.schedule.closing())
+        };
+        if !has_time && self.hurry() {
+            self.expect_unrehearsed();
+        }
     }
 
     fn rehearse_now(&mut self, left: f64) {
         let ((denoiser, quality), seed) = (self.last_filter(), self.settings.seed);
         let filter = |store: &Store| observer::filtered(store, denoiser, quality, seed);
         self.rehearsal.run(&self.store, left, filter, self.closing);
-        self.schedule.rehearsed(self.rehearsal.closing_seconds + self.rehearsal.fresh_seconds);
+        self.schedule.rehearsed(self.rehearsal.closing_seconds);
     }
 
     /// Filters between batches; false if the observer gave it up.
@@ -145,6 +199,8 @@ impl Loop<'_> {
         };
         self.report(&shown.filtered, filter_seconds, shown.success);
         observer.filtered(&shown);
+        let of_filter = shown.filter_seconds;
+        self.maps_seconds = Some(filter_seconds - of_filter);
         let started = Instant::now();
         self.rerun = Some(Rerun::new(shown, &self.store));
         let snapshot_seconds = started.elapsed().as_secs_f64();
@@ -155,14 +211,9 @@ impl Loop<'_> {
             self.interim_seconds = Some(seconds);
         }
         let is_as_the_last = (self.interim_denoiser(), quality) == self.last_filter();
-        let saved = if is_as_the_last {
+        if is_as_the_last && !self.rehearsal.is_missing() {
             // What the whole takes is better known now than by some of its rows.
-            self.rehearsal.corrected_by_pass(filter_seconds)
-        } else {
-            self.rehearsal.warmed_by_draft()
-        };
-        if !self.rehearsal.is_missing() {
-            self.schedule.corrected(saved);
+            self.schedule.corrected(self.rehearsal.corrected_by_pass(of_filter));
         }
         true
     }

@@ -6,6 +6,8 @@
 
 use std::time::Instant;
 
+use rayon::prelude::*;
+
 use super::Closing;
 use crate::filter::Filtered;
 use crate::stats::Store;
@@ -21,12 +23,8 @@ const SHARE_OF_TIME: f64 = 0.06;
 /// The whole takes longer than its rows say (measured: 0 to 18 %, the more the larger the image): it needs memory
 /// that they did not, and a disk. The budget's margin has to cover what this leaves.
 const WHOLE_EXCESS: f64 = 1.06;
-/// Memory of a whole pass of `standard`, in bytes per pixel (measured: 720 with the snapshot that a rerun leaves).
-const PASS_BYTES: usize = 700;
-/// Memory that is tried, in bytes: 30 ms where it is dearest.
-const PROBE_BYTES: usize = 8 << 20;
-/// Share of that which a draft does not use.
-const DRAFT_REST: f64 = 0.5;
+/// Memory is made ready in pieces of so many bytes.
+const PIECE: usize = 8 << 20;
 /// A rehearsal must be followed by more than this many times its time for samples.
 const LEAST_USE: f64 = 2.0;
 /// The first rehearsal takes about so many times as long as the others will: all the memory is new to it.
@@ -42,11 +40,6 @@ pub(super) struct Rehearsal {
     pub filter_seconds: f64,
     /// Seconds of that and of what the caller does.
     pub closing_seconds: f64,
-    /// Seconds that memory which no pass has used before adds to the next whole pass. The rows do not show it:
-    /// from the second rehearsal on, theirs has been used.
-    pub fresh_seconds: f64,
-    /// Whether a draft has used a part of it.
-    drafted: bool,
     /// Seconds of all rehearsals so far.
     spent: f64,
     /// Seconds of the latest one.
@@ -56,37 +49,10 @@ pub(super) struct Rehearsal {
 }
 
 impl Rehearsal {
-    /// Before the first. Tries how long the system takes for fresh memory.
-    pub fn new(pixels: usize) -> Self {
-        let started = Instant::now();
-        // What is not zero has to be written, page by page.
-        std::hint::black_box(vec![1u8; PROBE_BYTES]);
-        let of_all_threads = (PROBE_BYTES * rayon::current_num_threads()) as f64;
-        let seconds_per_byte = started.elapsed().as_secs_f64() / of_all_threads;
-        Self { fresh_seconds: (PASS_BYTES * pixels) as f64 * seconds_per_byte, ..Self::default() }
-    }
-
-    /// The same before any rehearsal: of another filter.
-    pub fn anew(&self) -> Self {
-        Self { fresh_seconds: self.fresh_seconds, drafted: self.drafted, ..Self::default() }
-    }
-
-    /// A draft was made of the whole image. How much less the next pass will take, in seconds.
-    pub fn warmed_by_draft(&mut self) -> f64 {
-        let before = self.fresh_seconds;
-        if !std::mem::replace(&mut self.drafted, true) {
-            self.fresh_seconds *= DRAFT_REST;
-        }
-        before - self.fresh_seconds
-    }
-
     /// A pass of the final quality was made of the whole image in so many seconds. How much less than predicted
     /// the next one will take.
     pub fn corrected_by_pass(&mut self, seconds: f64) -> f64 {
-        let fresh = std::mem::take(&mut self.fresh_seconds);
-        let predicted = self.filter_seconds + fresh;
-        self.filter_seconds = (seconds - fresh).max(0.0);
-        predicted - self.filter_seconds
+        std::mem::replace(&mut self.filter_seconds, seconds) - seconds
     }
 
     /// Whether it is time for another one, with so many seconds `left` for samples and so many predicted
@@ -138,6 +104,15 @@ impl Rehearsal {
     }
 }
 
+/// Takes so many bytes from the system before they are needed. The allocator keeps them (see `main`), so that what
+/// uses them later takes as long as a rehearsal says: where memory is dear (a virtual machine), new pages are most
+/// of a first pass.
+pub(super) fn make_ready(bytes: usize) {
+    // What is not zero has to be written, page by page.
+    let pieces: Vec<_> = (0..bytes / PIECE).into_par_iter().map(|_| vec![1u8; PIECE]).collect();
+    std::hint::black_box(pieces);
+}
+
 /// The rows that stand for an image of so many.
 fn rows(height: usize) -> Vec<usize> {
     let rows = (height / (SHARE_OF_ROWS * BANDS)).max(LEAST_ROWS);
@@ -176,14 +151,10 @@ mod tests {
     }
 
     #[test]
-    fn fresh_memory_counts_until_a_whole_pass_has_used_it() {
-        let mut rehearsal = Rehearsal { filter_seconds: 1.0, fresh_seconds: 0.7, ..Rehearsal::default() };
-        assert!((rehearsal.warmed_by_draft() - 0.35).abs() < 1e-9);
-        assert_eq!(rehearsal.warmed_by_draft(), 0.0, "the second draft uses the memory of the first");
-        // Predicted 1.35 with fresh memory; it took 1.55, and without will take 1.2.
-        assert!((rehearsal.corrected_by_pass(1.55) - 0.15).abs() < 1e-9);
-        assert_eq!(rehearsal.fresh_seconds, 0.0);
-        assert!(rehearsal.corrected_by_pass(1.2).abs() < 1e-9);
+    fn a_whole_pass_replaces_what_its_rows_said() {
+        let mut rehearsal = Rehearsal { filter_seconds: 1.0, ..Rehearsal::default() };
+        assert!((rehearsal.corrected_by_pass(1.2) + 0.2).abs() < 1e-9);
+        assert!((rehearsal.corrected_by_pass(0.9) - 0.3).abs() < 1e-9);
     }
 
     #[test]

@@ -58,8 +58,8 @@ const LAST_EXCESS: f64 = 1.25;
 const RATE_MEMORY: f64 = 0.5;
 /// As many of the latest rehearsals make the prediction of what comes after the last batch.
 const REHEARSALS: f64 = 2.0;
-/// What comes after the last batch takes about this long where it was not rehearsed yet.
-const CLOSING_SECONDS_PER_PIXEL: f64 = 3e-6;
+/// Share by which a rehearsal may be wrong, as long as no other confirms it (measured on 0.9 megapixels: 0.1 to 0.2).
+const DOUBT: f64 = 0.1;
 
 /// See the module.
 #[derive(Clone, Debug)]
@@ -86,7 +86,7 @@ impl Schedule {
             min_spp,
             max_spp,
             recent: (0.0, 0.0),
-            closing: CLOSING_SECONDS_PER_PIXEL * pixels as f64,
+            closing: 0.0,
             deviation: 0.0,
             rehearsals: 0.0,
         }
@@ -115,9 +115,8 @@ impl Schedule {
         // The first one took longer than the others will: all the memory was new to it.
         let warm = (self.rehearsals - 1.0).max(1.0);
         let weight = 1.0 / warm.min(REHEARSALS);
-        if warm > 1.0 {
-            self.deviation += weight * ((seconds - self.closing).abs() - self.deviation);
-        }
+        let deviation = if warm > 1.0 { (seconds - self.closing).abs() } else { DOUBT * seconds };
+        self.deviation += weight * (deviation - self.deviation);
         self.closing += weight * (seconds - self.closing);
     }
 
@@ -127,10 +126,10 @@ impl Schedule {
         self.deviation = 0.0;
     }
 
-    /// What comes after the last batch is something else from now on: the next rehearsal alone tells of it.
-    pub fn forget_rehearsals(&mut self) {
-        self.closing = CLOSING_SECONDS_PER_PIXEL * self.pixels as f64;
-        (self.deviation, self.rehearsals) = (0.0, 0.0);
+    /// What comes after the last batch is something else from now on, and supposed to take so long: the next
+    /// rehearsal alone tells of it.
+    pub fn expects(&mut self, seconds: f64) {
+        (self.closing, self.deviation, self.rehearsals) = (seconds, 0.0, 0.0);
     }
 
     /// The next batch, or what ended the render.
@@ -326,7 +325,8 @@ mod tests {
         {
             let (end, batches) = simulate(budget, rate, closing);
             let aim = 0.98 * budget - closing;
-            assert!(end <= aim + 0.011 && end >= aim - 0.011, "{budget} {rate} {closing}: {end}");
+            let doubt = DOUBT * closing;
+            assert!(end <= aim + 0.011 && end >= aim - doubt - 0.011, "{budget} {rate} {closing}: {end}");
             assert!((3..200).contains(&batches), "{batches}");
         }
     }
@@ -337,11 +337,11 @@ mod tests {
         let mut schedule = Schedule::new(&budget, 1000, 4, u32::MAX);
         let left = |schedule: &Schedule| schedule.seconds_left(4.0).unwrap();
         schedule.rehearsed(5.0);
-        assert!((left(&schedule) - (9.8 - 5.0 - 4.0)).abs() < 1e-9);
+        assert!((left(&schedule) - (9.8 - 5.5 - 4.0)).abs() < 1e-9, "there is doubt about the first");
         schedule.rehearsed(1.0);
-        assert!((left(&schedule) - (9.8 - 1.0 - 4.0)).abs() < 1e-9, "the first one is forgotten");
+        assert!((left(&schedule) - (9.8 - 1.1 - 4.0)).abs() < 1e-9, "the first one is forgotten");
         schedule.rehearsed(2.0);
-        assert!((left(&schedule) - (9.8 - 1.5 - 0.5 - 4.0)).abs() < 1e-9, "mean and deviation");
+        assert!((left(&schedule) - (9.8 - 1.5 - 0.55 - 4.0)).abs() < 1e-9, "mean and deviation");
         // By rehearsal 1.2 seconds, and 0.9 in truth; nothing deviates from a truth.
         schedule.corrected(1.2 - 0.9);
         assert!((left(&schedule) - (9.8 - 1.2 - 4.0)).abs() < 1e-9);
@@ -352,15 +352,15 @@ mod tests {
     #[test]
     fn it_is_known_early_whether_every_pixel_gets_a_sample_and_whether_a_quicker_filter_helps() {
         let budget = Budget { seconds: Some(4.0), ..Budget::default() };
-        // Predicted without rehearsal: 3 seconds for the filter and the file.
         let mut schedule = Schedule::new(&budget, 1_000_000, 4, u32::MAX);
+        schedule.expects(3.0);
         schedule.rendered(100_000, 0.1);
         assert!(schedule.fills(0.01, 100_000), "0.9 seconds for 0.9 million samples");
         assert!(!schedule.fills(0.1, 100_000) && !schedule.is_late(0.1));
         assert!(schedule.is_late(1.1));
         schedule.rehearsed(1.5);
         assert!(schedule.fills(0.1, 100_000) && !schedule.is_late(1.1));
-        schedule.forget_rehearsals();
+        schedule.expects(3.0);
         assert!(!schedule.fills(0.1, 100_000) && schedule.is_late(1.1));
         let without = Schedule::new(&Budget::default(), 1_000_000, 4, u32::MAX);
         assert!(without.fills(9.0, 0) && !without.is_late(9.0));
