@@ -113,7 +113,7 @@ struct InstanceLeaves<'a, 'q, K> {
 
 impl<K: Kernels> Leaves for InstanceLeaves<'_, '_, K> {
     #[inline(always)]
-    fn prefetch(&self, leaf: u32) {
+    fn prefetch(&self, leaf: usize) {
         prefetch(&self.instances.placed, leaf);
     }
 

@@ -39,6 +39,7 @@ use local::Detail;
 use object::ObjectAccel;
 pub use rounding::offset_origin;
 pub use sampling::{ShapeSample, area, pdf_shape, sample_shape};
+pub(crate) use traverse::prefetch;
 pub use triangle_sampling::TriangleSampler;
 
 /// A ray in render space.

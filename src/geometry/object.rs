@@ -151,7 +151,7 @@ struct TriangleLeaves<'a, 'q, K> {
 
 impl<K: Kernels> Leaves for TriangleLeaves<'_, '_, K> {
     #[inline(always)]
-    fn prefetch(&self, leaf: u32) {
+    fn prefetch(&self, leaf: usize) {
         prefetch(&self.object.packets, leaf);
         prefetch(&self.object.packet_ids, leaf);
     }
@@ -197,7 +197,7 @@ struct QuadricLeaves<'a, 'q> {
 
 impl Leaves for QuadricLeaves<'_, '_> {
     #[inline(always)]
-    fn prefetch(&self, leaf: u32) {
+    fn prefetch(&self, leaf: usize) {
         prefetch(&self.object.quadric_tests, leaf);
     }
 

@@ -89,18 +89,18 @@ pub trait Leaves {
     fn test(&mut self, leaf: u32, ray: &mut TraversalRay, stack: &mut Stack) -> bool;
 
     /// Has a leaf that will be tested soon brought into the cache.
-    fn prefetch(&self, leaf: u32);
+    fn prefetch(&self, leaf: usize);
 }
 
 /// Has one of some items brought into the cache.
 #[inline(always)]
-pub fn prefetch<T>(items: &[T], index: u32) {
+pub fn prefetch<T>(items: &[T], index: usize) {
     #[cfg(target_arch = "x86_64")]
     {
         use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
         /// Bytes.
         const CACHE_LINE: usize = 64;
-        let item = items.as_ptr().wrapping_add(index as usize).cast::<i8>();
+        let item = items.as_ptr().wrapping_add(index).cast::<i8>();
         for offset in (0..size_of::<T>()).step_by(CACHE_LINE) {
             // SAFETY: a hint that every such processor takes, and that no address makes fail.
             unsafe { _mm_prefetch::<_MM_HINT_T0>(item.wrapping_add(offset)) };
@@ -129,7 +129,11 @@ pub fn traverse(
         let child = if current & LEAF == 0 {
             let node = &bvh.nodes[current as usize];
             let prefetch = |child| {
-                if child & LEAF == 0 { prefetch(&bvh.nodes, child) } else { leaves.prefetch(child & !LEAF) }
+                if child & LEAF == 0 {
+                    prefetch(&bvh.nodes, child as usize)
+                } else {
+                    leaves.prefetch((child & !LEAF) as usize)
+                }
             };
             descend(node, enter(node, ray), stack, prefetch)
         } else if leaves.test(current & !LEAF, ray, stack) {

@@ -2,7 +2,8 @@
 
 use multiversion::multiversion;
 
-use super::LARGEST_VALUE;
+use super::{CACHE_LINE, LARGEST_VALUE};
+use crate::geometry::prefetch;
 use crate::stats::moments;
 
 /// Neighbouring pixels of a row whose samples are taken in together.
@@ -55,6 +56,11 @@ pub(super) fn update(
 ) {
     let blocks = means.chunks_mut(stride).zip(m2s.chunks_mut(stride));
     for ((means, m2s), values) in blocks.zip(values) {
+        // Dimensions lie pages apart, where no processor foresees that the next block comes next.
+        for line in (BLOCK..2 * BLOCK).step_by(CACHE_LINE) {
+            prefetch(means, line);
+            prefetch(m2s, line);
+        }
         let means: &mut [f64; BLOCK] = means.first_chunk_mut().expect("a row is of whole blocks");
         let m2s: &mut [f64; BLOCK] = m2s.first_chunk_mut().expect("a row is of whole blocks");
         for lane in 0..BLOCK {
