@@ -90,6 +90,7 @@ impl<'a> Loop<'a> {
     /// before the last filter pass.
     pub fn keeping(mut self, seconds: f64, keep: Keep<'a>) -> Self {
         self.keep = Some((seconds, keep));
+        self.expect_unrehearsed();
         self
     }
 

@@ -5,6 +5,7 @@
 
 mod account;
 mod batches;
+mod cost;
 mod estimate;
 mod forecast;
 mod memory;
@@ -151,6 +152,10 @@ impl<'a> Loop<'a> {
             self.rehearsal = Rehearsal::default();
         }
         self.schedule.change(&settings.budget);
+        let rerun = |s: &Settings| (s.denoiser, s.quality, s.sampling, s.budget.target_error.is_some());
+        if rerun(settings) != rerun(&self.settings) {
+            (self.interim_seconds, self.maps_seconds) = (None, None);
+        }
         self.settings = Settings { seed: self.settings.seed, ..settings.clone() };
         if self.rehearsal.is_missing() {
             self.expect_unrehearsed();
@@ -190,6 +195,10 @@ impl<'a> Loop<'a> {
     /// Runs until a budget is spent or the observer wants to leave; may be called again, after
     /// changes or not, and goes on where it was.
     pub fn advance(&mut self, observer: &mut dyn Observer) -> Ended {
+        if self.store.drawn() > 0 {
+            // Of another process or other settings: their last pass may not fit any more.
+            self.choose_unrehearsed();
+        }
         let stopped_by = loop {
             // The maps decide where the next batch goes.
             let batch = match std::mem::take(&mut self.entry) {

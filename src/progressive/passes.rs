@@ -2,6 +2,7 @@
 
 use std::time::Instant;
 
+use super::cost::Cost;
 use super::rehearsal::make_ready;
 use super::{Batch, Denoiser, FilterJob, Loop, Observer, Rerun, Settings, Shown, observer};
 use crate::filter::{Filtered, Quality};
@@ -9,14 +10,6 @@ use crate::image::Planes;
 use crate::image::metrics::Pair;
 use crate::stats::{Part, Store};
 
-/// What comes after the last batch takes about this long where it was not rehearsed yet, in seconds per pixel:
-/// without a filter, with a draft, with any other. Most of it is new memory.
-const UNREHEARSED: [f64; 3] = [1e-6, 1.8e-6, 3e-6];
-/// Memory of the same, in bytes per pixel (measured: 720 for `standard` with the snapshot that a rerun leaves).
-const PASS_BYTES: [usize; 3] = [0, 350, 700];
-/// To find where interpolation fails takes about this share of the time of a draft, of `standard`, and of what
-/// takes longer.
-const MAPS_SHARE: [f64; 3] = [2.5, 0.9, 0.2];
 /// Share of the time that reruns of the filter may take under a budget of time.
 const RERUN_SHARE: f64 = 0.1;
 /// The one before the last batch may take this share by itself, however short the budget: without it
@@ -47,16 +40,13 @@ impl Loop<'_> {
         changes
     }
 
-    /// Predicts what comes after the last batch without a rehearsal.
+    /// Predicts what comes after the last batch without a rehearsal. By then every pixel should have a sample.
     pub(super) fn expect_unrehearsed(&mut self) {
-        let [unfiltered, draft, other] = UNREHEARSED;
-        let per_pixel = match (self.settings.denoiser, self.settings.quality) {
-            (Denoiser::None, _) => unfiltered,
-            (Denoiser::Prpf, Quality::Draft) => draft,
-            _ if self.hurried => draft,
-            _ => other,
+        let pass = match self.settings.denoiser {
+            Denoiser::Prpf | Denoiser::Rpf if self.hurried => (Denoiser::Prpf, Quality::Draft),
+            denoiser => (denoiser, self.settings.quality),
         };
-        self.schedule.expects(per_pixel * self.store.pixels() as f64);
+        self.schedule.expects(Cost::of(pass).seconds(self.store.pixels(), self.keep.is_some()));
     }
 
     /// The filter between batches.
@@ -94,12 +84,7 @@ impl Loop<'_> {
             return Some(if last { ending } else { interim });
         };
         let budget = self.settings.budget.seconds.unwrap_or(0.0);
-        let ending_seconds = if self.rehearsal.is_missing() {
-            f64::INFINITY
-        } else {
-            self.rehearsal.filter_seconds + self.maps_seconds()
-        };
-        let interim_seconds = self.interim_seconds.unwrap_or(f64::INFINITY).min(ending_seconds);
+        let [interim_seconds, ending_seconds] = self.rerun_seconds();
         let of_use = |seconds: f64| LEAST_USE_OF_RERUN * seconds <= left;
         if !again {
             // There has to be something to decide; then the first comes whatever its share.
@@ -117,42 +102,34 @@ impl Loop<'_> {
         (fits && of_use(interim_seconds)).then_some(interim)
     }
 
-    /// What it takes a rerun longer to find where interpolation fails as well: as it took last, or as follows from the
-    /// rehearsal of the last pass if that is less, since the first time all the memory is new.
-    fn maps_seconds(&self) -> f64 {
-        let [of_draft, of_standard, of_others] = MAPS_SHARE;
-        let share = match self.last_filter() {
-            _ if !self.settings.drives_interpolation() => 0.0,
-            (Denoiser::Prpf, Quality::Draft) => of_draft,
-            (Denoiser::Prpf, Quality::Standard) => of_standard,
-            _ => of_others,
-        };
-        self.maps_seconds.unwrap_or(f64::INFINITY).min(share * self.rehearsal.filter_seconds)
+    /// What reruns of interim and of final quality would take: as they took last, or as follows from the rehearsal of
+    /// the last pass if that is less, since the first time all the memory is new.
+    fn rerun_seconds(&self) -> [f64; 2] {
+        if self.rehearsal.is_missing() {
+            return [self.interim_seconds.unwrap_or(f64::INFINITY), f64::INFINITY];
+        }
+        let last = self.last_filter();
+        let (cost, filter) = (Cost::of(last), self.rehearsal.filter_seconds);
+        let expected_maps = if self.settings.drives_interpolation() { cost.maps * filter } else { 0.0 };
+        let maps = self.maps_seconds.unwrap_or(f64::INFINITY).min(expected_maps);
+        let interim = (self.interim_denoiser(), self.interim_quality());
+        let share = if interim == last { 1.0 } else { cost.draft };
+        let expected = share * filter + maps;
+        [self.interim_seconds.unwrap_or(f64::INFINITY).min(expected), filter + maps]
     }
 
     /// Under a budget of time, measures on some rows what comes after the last batch, now and then.
     pub(super) fn rehearse(&mut self) {
         let elapsed = self.elapsed();
-        if self.schedule.seconds_left(elapsed).is_none() {
-            return;
-        }
-        if self.rehearsal.is_missing() {
-            self.choose_unrehearsed(elapsed);
-        }
-        let left = self.schedule.seconds_left(elapsed).unwrap_or(0.0);
+        self.choose_unrehearsed();
+        let Some(left) = self.schedule.seconds_left(elapsed) else { return };
         // A rehearsal would have to fill the pixels without samples first, and takes time from them.
         let sparse = self.store.drawn() < self.store.pixels() as u64;
         if sparse || !self.rehearsal.is_due(elapsed, left, self.schedule.closing()) {
             return;
         }
         if self.rehearsal.is_missing() {
-            let [unfiltered, draft, other] = PASS_BYTES;
-            let per_pixel = match self.last_filter() {
-                (Denoiser::None, _) => unfiltered,
-                (_, Quality::Draft) => draft,
-                _ => other,
-            };
-            make_ready(per_pixel * self.store.pixels());
+            make_ready(Cost::of(self.last_filter()).bytes * self.store.pixels());
         }
         self.rehearse_now(left);
         let left = self.schedule.seconds_left(self.elapsed()).unwrap_or(left);
@@ -167,7 +144,11 @@ impl Loop<'_> {
     }
 
     /// Before the first rehearsal: whether the last pass can be as asked for, or is hurried.
-    fn choose_unrehearsed(&mut self, elapsed: f64) {
+    pub(super) fn choose_unrehearsed(&mut self) {
+        let elapsed = self.elapsed();
+        if !self.rehearsal.is_missing() || self.schedule.seconds_left(elapsed).is_none() {
+            return;
+        }
         let drawn = self.store.drawn();
         let has_time = if drawn < self.store.pixels() as u64 {
             self.schedule.fills(elapsed, drawn)
@@ -199,8 +180,7 @@ impl Loop<'_> {
         };
         self.report(&shown.filtered, filter_seconds, shown.success);
         observer.filtered(&shown);
-        let of_filter = shown.filter_seconds;
-        self.maps_seconds = Some(filter_seconds - of_filter);
+        self.maps_seconds = shown.maps_seconds;
         let started = Instant::now();
         self.rerun = Some(Rerun::new(shown, &self.store));
         let snapshot_seconds = started.elapsed().as_secs_f64();
@@ -213,7 +193,9 @@ impl Loop<'_> {
         let is_as_the_last = (self.interim_denoiser(), quality) == self.last_filter();
         if is_as_the_last && !self.rehearsal.is_missing() {
             // What the whole takes is better known now than by some of its rows.
-            self.schedule.corrected(self.rehearsal.corrected_by_pass(of_filter));
+            self.schedule.corrected(
+                self.rehearsal.corrected_by_pass(filter_seconds - self.maps_seconds.unwrap_or(0.0)),
+            );
         }
         true
     }
@@ -271,5 +253,108 @@ impl Loop<'_> {
             noisy_relmse: against(noisy.as_ref(), |pair| pair.relmse()),
         };
         self.batches.push(batch);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+    use std::sync::Arc;
+    use std::sync::atomic::AtomicBool;
+    use std::time::Duration;
+
+    use super::*;
+    use crate::adaptive::Sampling;
+    use crate::geometry::Accel;
+    use crate::progressive::{Budget, Flow, Progress};
+    use crate::render::Renderer;
+    use crate::scene::pbrt::read_str;
+
+    const SCENE: &str = r#"Film "rgb" "integer xresolution" [ 32 ] "integer yresolution" [ 32 ]
+        WorldBegin LightSource "infinite" Translate 0 0 4 Shape "sphere""#;
+    const SLOW: Duration = Duration::from_millis(300);
+
+    /// Finds maps, but slowly.
+    struct SlowMaps;
+
+    impl Observer for SlowMaps {
+        fn stepped(&mut self, _: Progress, _: &Arc<Store>) -> Flow {
+            Flow::GoOn
+        }
+
+        fn run_filter(&mut self, job: FilterJob) -> Option<Shown> {
+            let shown = job.run();
+            let maps_seconds = shown.maps_seconds.map(|seconds| {
+                std::thread::sleep(SLOW);
+                seconds + SLOW.as_secs_f64()
+            });
+            Some(Shown { maps_seconds, ..shown })
+        }
+    }
+
+    /// Calls a test with a loop of so many seconds that has two samples in each pixel.
+    fn with_loop(seconds: f64, started: Instant, test: impl FnOnce(&mut Loop)) {
+        let scene = read_str(SCENE, Path::new("")).expect("the test's scene is right");
+        let accel = Accel::build(&scene);
+        let settings = Settings {
+            budget: Budget { seconds: Some(seconds), ..Budget::default() },
+            ..Settings::default()
+        };
+        let renderer = Renderer::new(&scene, &accel, 0);
+        let interrupt = AtomicBool::new(false);
+        let mut circle = Loop::new(&renderer, &settings, started, &interrupt, None);
+        let counts = vec![2; circle.store.pixels()];
+        renderer.render_batch(&counts, Arc::make_mut(&mut circle.store));
+        test(&mut circle);
+    }
+
+    #[test]
+    fn what_reruns_find_for_the_next_batch_is_no_part_of_the_last_pass() {
+        with_loop(1e3, Instant::now(), |circle| {
+            circle.rehearse();
+            let before = circle.rehearsal.filter_seconds;
+            assert!(circle.rerun(Quality::Standard, &mut SlowMaps));
+            assert_ne!(circle.rehearsal.filter_seconds, before, "a whole pass tells more");
+            assert!(circle.rehearsal.filter_seconds < SLOW.as_secs_f64());
+            assert!(circle.schedule.closing() < SLOW.as_secs_f64());
+            assert!(circle.reruns > SLOW.as_secs_f64());
+        });
+    }
+
+    #[test]
+    fn what_other_settings_took_says_nothing() {
+        with_loop(1e3, Instant::now(), |circle| {
+            circle.rehearse();
+            let uniform = Settings { sampling: Sampling::Uniform, ..circle.settings.clone() };
+            let adaptive = circle.settings.clone();
+            circle.change(&uniform);
+            assert!(circle.rerun(Quality::Draft, &mut SlowMaps));
+            assert_eq!(circle.maps_seconds, None, "no maps were made");
+            assert!(circle.interim_seconds.is_some());
+            circle.change(&adaptive);
+            assert_eq!(circle.interim_seconds, None);
+        });
+    }
+
+    /// As a state that another process left, where the clock has run on.
+    #[test]
+    fn a_last_pass_for_which_there_is_no_time_is_predicted_as_a_draft() {
+        let pixels = 32 * 32;
+        let [standard, draft] = [Quality::Standard, Quality::Draft]
+            .map(|quality| Cost::of((Denoiser::Prpf, quality)).seconds(pixels, false));
+        let started =
+            Instant::now().checked_sub(Duration::from_secs(60)).expect("a clock that began earlier");
+        with_loop(60.0, started, |circle| {
+            assert_eq!(circle.schedule.closing(), standard);
+            circle.choose_unrehearsed();
+            assert!(circle.hurried);
+            assert_eq!(circle.schedule.closing(), draft);
+            // More time, as a person may give.
+            let budget = Budget { seconds: Some(1e4), ..Budget::default() };
+            circle.change(&Settings { budget, ..circle.settings.clone() });
+            circle.choose_unrehearsed();
+            assert!(!circle.hurried);
+            assert_eq!(circle.schedule.closing(), standard);
+        });
     }
 }

@@ -2,6 +2,7 @@
 
 use sysinfo::System;
 
+use super::cost::Cost;
 use super::{Denoiser, NO_CEILING, PixelMemory, Settings};
 use crate::stats::{BLOCK, Layout, Row};
 
@@ -36,23 +37,26 @@ pub fn has_room(
         copy = bytes(0);
         memory.per_sample += bytes(1) - bytes(0);
     }
-    available_bytes().map_or(Ok(()), |available| within(available, &memory, copy, size, rpf))
+    let pass = Cost::of((settings.denoiser, settings.quality)).bytes;
+    available_bytes().map_or(Ok(()), |available| within(available, &memory, copy, pass, size, rpf))
 }
 
-/// `copy`: bytes of a pixel's statistics in a state.
+/// `copy`: bytes of a pixel's statistics in a state; `pass`: of what a filter pass holds.
 fn within(
     available: f64,
     memory: &PixelMemory,
     copy: usize,
+    pass: usize,
     (width, height): (usize, usize),
     rpf: bool,
 ) -> Result<(), NoRoom> {
-    /// The filters hold planes of their own beside the store.
-    const BESIDE_STORE: f64 = 1.5;
+    /// The filters hold planes of their own beside the store, more of them the more it holds.
+    const BESIDE_STORE: f64 = 0.5;
     let pixels = width as f64 * height as f64;
     // Statistics come in whole blocks of a row.
     let blocks = width.next_multiple_of(BLOCK) as f64 / width.max(1) as f64;
-    let statistics = memory.statistics as f64 * BESIDE_STORE * blocks + copy as f64;
+    let store = memory.statistics as f64 * blocks;
+    let statistics = store + (BESIDE_STORE * store).max(pass as f64) + copy as f64;
     let samples = memory.samples as f64 * memory.per_sample as f64;
     let needed = (statistics + samples) * pixels;
     if needed <= available {
@@ -93,7 +97,8 @@ mod tests {
     const MEMORY: PixelMemory = PixelMemory { statistics: 1000, samples: 10, per_sample: 100 };
 
     fn refused(available: f64, copy: usize, size: (usize, usize), rpf: bool) -> String {
-        within(available, &MEMORY, copy, size, rpf).map_or_else(|error| error.to_string(), |()| String::new())
+        within(available, &MEMORY, copy, 400, size, rpf)
+            .map_or_else(|error| error.to_string(), |()| String::new())
     }
 
     #[test]
@@ -113,6 +118,15 @@ mod tests {
         // A column takes as many statistics as sixteen.
         assert!(!refused((1500.0 * 16.0 + 1000.0) * 50.0 - 1.0, 0, (1, 50), false).is_empty());
         assert_eq!(refused((1500.0 * 16.0 + 1000.0) * 50.0, 0, (1, 50), false), "");
+    }
+
+    #[test]
+    fn what_a_pass_holds_counts_where_it_is_more_than_half_of_the_store() {
+        let needs = |pass| (1000 + pass + 1000) as f64;
+        for (pass, counted) in [(500, 500), (700, 700), (100, 500)] {
+            assert!(within(16.0 * needs(counted), &MEMORY, 0, pass, (16, 1), false).is_ok(), "{pass}");
+            assert!(within(16.0 * needs(counted) - 1.0, &MEMORY, 0, pass, (16, 1), false).is_err(), "{pass}");
+        }
     }
 
     #[test]

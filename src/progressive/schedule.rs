@@ -112,7 +112,7 @@ impl Schedule {
     /// What comes after the last batch would take so long now.
     pub fn rehearsed(&mut self, seconds: f64) {
         self.rehearsals += 1.0;
-        // The first one took longer than the others will: all the memory was new to it.
+        // The first one took longer than the others will: the caches knew nothing of it.
         let warm = (self.rehearsals - 1.0).max(1.0);
         let weight = 1.0 / warm.min(REHEARSALS);
         let deviation = if warm > 1.0 { (seconds - self.closing).abs() } else { DOUBT * seconds };
@@ -124,6 +124,8 @@ impl Schedule {
     pub fn corrected(&mut self, seconds: f64) {
         self.closing = (self.closing - seconds).max(0.0);
         self.deviation = 0.0;
+        // That is no less than what a first rehearsal says.
+        self.rehearsals = self.rehearsals.max(REHEARSALS);
     }
 
     /// What comes after the last batch is something else from now on, and supposed to take so long: the next
@@ -297,12 +299,12 @@ mod tests {
         assert_eq!(schedule.next(0.0, 1600, Some(0.01)), Err(StoppedBy::TargetError));
     }
 
-    /// A render by a clock that only the schedule's own steps move: when its samples end, and how many
-    /// batches there were.
-    fn simulate(budget: f64, rate: f64, closing: f64) -> (f64, usize) {
+    /// A render by a clock that only the schedule's own steps move: when its samples end, how many
+    /// batches there were, and how much more than `closing` is kept back then.
+    fn simulate(budget: f64, rate: f64, closing: f64) -> (f64, usize, f64) {
         let budget = Budget { seconds: Some(budget), ..Budget::default() };
         let mut schedule = Schedule::new(&budget, 1000, 4, u32::MAX);
-        let (mut elapsed, mut samples, mut batches) = (0.1, 0, 0);
+        let (mut elapsed, mut samples, mut batches, mut doubt) = (0.1, 0, 0, 0.0);
         while let Ok(plan) = schedule.next(elapsed, samples, None) {
             let mut done = 0.0;
             while done < 1.0 {
@@ -314,20 +316,22 @@ mod tests {
                 schedule.rendered(n as u64, n / rate);
             }
             batches += 1;
+            doubt = schedule.closing() - closing;
             schedule.rehearsed(closing);
         }
-        (elapsed, batches)
+        (elapsed, batches, doubt)
     }
 
     #[test]
     fn time_is_spent_to_the_last_step_and_not_beyond() {
         for (budget, rate, closing) in [(3.0, 1e4, 0.5), (10.0, 1e3, 2.0), (10.0, 1e6, 0.1), (60.0, 1e5, 3.0)]
         {
-            let (end, batches) = simulate(budget, rate, closing);
-            let aim = 0.98 * budget - closing;
-            let doubt = DOUBT * closing;
-            assert!(end <= aim + 0.011 && end >= aim - doubt - 0.011, "{budget} {rate} {closing}: {end}");
+            let (end, batches, doubt) = simulate(budget, rate, closing);
+            let aim = 0.98 * budget - closing - doubt;
+            assert!((end - aim).abs() <= 0.011, "{budget} {rate} {closing}: {end}");
             assert!((3..200).contains(&batches), "{batches}");
+            let least = DOUBT * closing * 0.5f64.powi(batches as i32 - 3);
+            assert!(doubt <= least + 1e-9, "doubt fades by half with each rehearsal: {doubt} of {closing}");
         }
     }
 
