@@ -173,7 +173,7 @@ fn a_wrong_scene_gets_one_line_with_its_place() {
 #[test]
 fn wrong_command_lines_exit_with_2_and_say_what_is_accepted() {
     let folder = folder_with(SCENE);
-    let cases: [(&[&str], &str); 18] = [
+    let cases: [(&[&str], &str); 19] = [
         (&["render", "scene.pbrt", "--foo"], "found `--foo`"),
         (&["render", "scene.pbrt", "--qualty", "draft"], "`--quality`"),
         (&["render", "scene.pbrt", "--spp", "many"], "whole number"),
@@ -189,6 +189,7 @@ fn wrong_command_lines_exit_with_2_and_say_what_is_accepted() {
         (&["render", "scene.pbrt", "--quality", "best"], "standard"),
         (&["render", "scene.pbrt", "--time", "soon"], "20s"),
         (&["render", "scene.pbrt", "--pixelbounds", "0,50,0,10"], "24"),
+        (&["render", "scene.pbrt", "--pixelbounds", "-1,5,0,5"], "accepted are four whole numbers"),
         (&["render", "scene.pbrt", "--resolution", "0x0"], "WIDTHxHEIGHT"),
         (&["render", "scene.pbrt", "--reference", "none.exr"], "none.exr"),
         (&["info", "missing.pbrt"], "missing.pbrt"),

@@ -194,6 +194,21 @@ fn a_signal_ends_the_batch_writes_image_and_state_and_exits_130() {
     assert_eq!(image(folder, "out.exr"), image(folder, "whole.exr"));
 }
 
+#[cfg(unix)]
+#[test]
+fn a_second_signal_ends_the_program_at_once() {
+    let folder = folder();
+    let folder = folder.path();
+    let arguments = ["render", "scene.pbrt", "--spp", "1000000", "--quiet", "-o", "out.exr"];
+    let mut child = command(folder, &arguments).spawn().expect("the program starts");
+    std::thread::sleep(Duration::from_millis(300));
+    // Another one, as two of a kind may arrive as one.
+    let both = format!("kill -s INT {id}; kill -s TERM {id}", id = child.id());
+    assert!(Command::new("sh").args(["-c", &both]).status().expect("a shell").success());
+    assert_eq!(child.wait().expect("a child ends").code(), Some(130));
+    assert!(!folder.join("out.exr").exists(), "no time is taken for an image");
+}
+
 #[test]
 fn a_finished_render_is_written_again_and_goes_on_with_a_larger_budget() {
     let folder = folder();

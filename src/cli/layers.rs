@@ -53,7 +53,7 @@ impl Layers {
         if let Some(failure) = &filtered.interpolation_failure {
             add("InterpolationFailure", X, failure.clone(), Half);
         }
-        add("FilterResidual", X, filtered.residual.clone(), Half);
+        add("FilterResidual", X, filtered.residual.clone(), Float);
         if let Some(estimate) = estimate {
             add("TileError", X, estimate.of_pixels(store.width(), store.height()), Float);
         }

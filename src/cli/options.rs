@@ -64,7 +64,7 @@ pub(super) struct RenderOptions {
     #[arg(long, value_name = "WxH", value_parser = parse_resolution)]
     pub resolution: Option<[usize; 2]>,
     /// Override the part of the film that is rendered: pixels, half open
-    #[arg(long, value_name = "X0,X1,Y0,Y1", value_parser = parse_bounds)]
+    #[arg(long, value_name = "X0,X1,Y0,Y1", value_parser = parse_bounds, allow_hyphen_values = true)]
     pub pixelbounds: Option<[usize; 4]>,
     /// Override the integrator's path depth
     #[arg(long, value_name = "N", allow_negative_numbers = true)]

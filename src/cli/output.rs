@@ -64,7 +64,7 @@ fn attributes(
 ) -> Vec<(String, Attribute)> {
     let spread = Spread::of(written.store);
     let own = |name: &str| format!("prpf.{name}");
-    let schedule = written.batches.iter().map(|b| b.samples_total as i64).collect();
+    let schedule = written.batches.iter().map(|b| b.samples_total.try_into().unwrap_or(i64::MAX)).collect();
     let mut attributes = vec![
         (names::SAMPLES_PER_PIXEL.to_owned(), Attribute::Int(spread.mean.round() as i32)),
         (names::RENDER_TIME_SECONDS.to_owned(), Attribute::Float(start.elapsed().as_secs_f32())),
@@ -73,9 +73,9 @@ fn attributes(
         (own("commandLine"), Attribute::Text(command_line())),
         (own("scene"), Attribute::Text(frame.source.clone())),
         (own("sceneHash"), Attribute::Text(format!("sha256:{}", frame.hash))),
-        (own("samplesMin"), Attribute::Int(spread.min as i32)),
+        (own("samplesMin"), Attribute::Int(spread.min.try_into().unwrap_or(i32::MAX))),
         (own("samplesMean"), Attribute::Float(spread.mean as f32)),
-        (own("samplesMax"), Attribute::Int(spread.max as i32)),
+        (own("samplesMax"), Attribute::Int(spread.max.try_into().unwrap_or(i32::MAX))),
         (own("batches"), Attribute::Ints(schedule)),
     ];
     if let Some(mse) = reference.and_then(|r| Some(Pair::new(written.image, r).ok()?.mse())) {

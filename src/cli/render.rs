@@ -95,6 +95,8 @@ fn run_in_pool(options: &RenderOptions, mode: Mode, start: Instant) -> Result<u8
     let keep = |memory| kept.iter().for_each(|kept| kept.keep(&memory));
     let keeping = kept.as_ref().map(|kept| (kept.every, &keep as Keep));
     let mut listen = |progress| show(&bar, progress, interrupt.load(Ordering::Relaxed));
+    // Looks on until the image is written: what it waits for at its end is no part of a budget.
+    let mut display = None;
     let outcome = if serves || options.display_server.is_some() {
         let hub = Arc::new(Hub::default());
         if serves {
@@ -106,7 +108,7 @@ fn run_in_pool(options: &RenderOptions, mode: Mode, start: Instant) -> Result<u8
                 beside.suspend(|| super::complain(&format!("warning: {}", escaped(warning))));
             }
         };
-        let _display = preview::display(&hub, options.display_server.as_deref(), &scene, warn)?;
+        display = preview::display(&hub, options.display_server.as_deref(), &scene, warn)?;
         let stage = Stage {
             scene: &scene,
             accel: &accel,
@@ -150,6 +152,8 @@ fn run_in_pool(options: &RenderOptions, mode: Mode, start: Instant) -> Result<u8
         .map_err(|error| Failure::Run(error.into()));
     let kept = kept.map_or(Ok(()), Kept::finish);
     images?;
+    let written_after = start.elapsed().as_secs_f64();
+    drop(display);
     let seconds = Times {
         load,
         build,
@@ -157,7 +161,7 @@ fn run_in_pool(options: &RenderOptions, mode: Mode, start: Instant) -> Result<u8
         filter: outcome.seconds.filter,
         allocate: outcome.seconds.allocate,
         write: writing.elapsed().as_secs_f64(),
-        total: start.elapsed().as_secs_f64(),
+        total: written_after,
     };
     if let Some(path) = &options.report {
         let report = Report::of(&frame, &settings, &outcome, seconds);

@@ -87,7 +87,7 @@ impl Rig {
             && matrix.is_finite()
             && pivot.is_finite()
             && lens_radius.is_finite()
-            && (f32::MIN_POSITIVE..f32::MAX).contains(focal_distance)
+            && (f32::MIN_POSITIVE..=f32::MAX).contains(focal_distance)
     }
 
     fn go(&mut self, step: &Move, seen: Option<DVec3>) {

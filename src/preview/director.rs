@@ -191,6 +191,11 @@ impl<'a> Director<'a> {
 
     /// Obeys what can be obeyed at once and remembers the rest.
     fn obey(&mut self, command: Command, store: &Arc<Store>) {
+        let steers = !matches!(command, Command::Look | Command::Save | Command::Inspect { .. });
+        if steers && self.stage.interrupt.load(Ordering::Relaxed) {
+            // Whoever interrupts a render wants what there is of it, and not the start of another.
+            return;
+        }
         match command {
             Command::Look => {}
             Command::Pause(paused) => {
@@ -341,7 +346,12 @@ impl Observer for Director<'_> {
         if self.should_filter(&progress) {
             let started = Instant::now();
             // Given up means that something is wished for.
-            let _ = self.pass(self.job(store, Quality::Draft));
+            let mut job = self.job(store, Quality::Draft);
+            if job.denoiser == Denoiser::Rpf {
+                // It knows no drafts.
+                job.denoiser = Denoiser::Prpf;
+            }
+            let _ = self.pass(job);
             self.extra_filter_seconds += started.elapsed().as_secs_f64();
             if self.wishes.any() {
                 return Flow::Leave;

@@ -36,6 +36,8 @@ pub struct Reporter {
     progress: Option<Progress>,
     /// Elapsed seconds and samples, of the last [`RATE_WINDOW`].
     pace: VecDeque<(f64, u64)>,
+    /// The same after the first step.
+    first: Option<(f64, u64)>,
     filter_seconds: f64,
     curve: Vec<Point>,
     notice: Notice,
@@ -54,6 +56,7 @@ impl Reporter {
             shown_samples: 0,
             progress: None,
             pace: VecDeque::new(),
+            first: None,
             filter_seconds: 0.0,
             curve: Vec::new(),
             notice: Notice::default(),
@@ -69,6 +72,7 @@ impl Reporter {
         self.shown_samples = 0;
         self.progress = None;
         self.pace.clear();
+        self.first = None;
         self.filter_seconds = 0.0;
         self.told = None;
     }
@@ -125,6 +129,7 @@ impl Reporter {
     /// There is something that a person should know.
     pub fn notice(&mut self, text: String, is_problem: bool) {
         self.notice.next(text, is_problem);
+        self.hasten();
     }
 
     /// What is told next is told at once.
@@ -140,10 +145,15 @@ impl Reporter {
         while self.pace.len() > 2 && progress.elapsed - self.pace[0].0 > RATE_WINDOW {
             self.pace.pop_front();
         }
+        let (first_seconds, first_samples) = *self.first.get_or_insert((progress.elapsed, progress.samples));
         if let Some(error) = progress.estimated_error.map(|e| e.max(0.0))
             && self.curve.last().is_none_or(|last| last.error != error)
+            && progress.samples > first_samples
         {
-            self.curve.push(Point { seconds: progress.elapsed, error });
+            // As long as all samples would have taken here, those of a state that was resumed included.
+            let own = (progress.samples - first_samples) as f64;
+            let seconds = (progress.elapsed - first_seconds) * progress.samples as f64 / own;
+            self.curve.push(Point { seconds, error });
         }
         self.publisher.stepped();
         if self.publisher.is_due() {

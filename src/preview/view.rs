@@ -83,9 +83,9 @@ impl View {
         let scale = |unit, curve, low, high| Some(Scale { unit, curve, low, high, mark: None });
         match self {
             View::Samples => {
-                let budget = settings.budget.spp.unwrap_or(0).max(LEAST_BUDGET);
+                let budget = u64::from(settings.budget.spp.unwrap_or(0).max(LEAST_BUDGET));
                 // Twice the budget's spp, at a power of two that the legend can name.
-                let high = budget.saturating_mul(SAMPLES_HEADROOM).next_power_of_two() as f32;
+                let high = (budget * SAMPLES_HEADROOM).next_power_of_two() as f32;
                 let mark = settings.budget.spp.map(|spp| spp as f32);
                 Some(Scale { unit: "samples per pixel", curve: Curve::Log2, low: 1.0, high, mark })
             }
@@ -116,7 +116,7 @@ impl View {
 /// Budget that the scale of sample counts assumes at least, in samples per pixel.
 const LEAST_BUDGET: u32 = 16;
 /// How far that scale goes beyond the budget: adaptive sampling gives some pixels so many times more.
-const SAMPLES_HEADROOM: u32 = 8;
+const SAMPLES_HEADROOM: u64 = 8;
 /// Where the scales of relative errors begin: below, no noise can be seen.
 const LOWEST_ERROR: f32 = 1e-5;
 /// The denominator's floor in relMSE.
@@ -156,12 +156,23 @@ fn relative(squares: &Planes, image: &Planes) -> Planes {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::progressive::Budget;
 
     #[test]
     fn views_stand_at_their_index() {
         for (i, view) in View::ALL.into_iter().enumerate() {
             assert_eq!(view.index(), i);
         }
+    }
+
+    #[test]
+    fn the_scale_of_samples_holds_the_largest_budget() {
+        let scale = |spp| {
+            let budget = Budget { spp: Some(spp), ..Budget::default() };
+            View::Samples.scale(&Settings { budget, ..Settings::default() }).unwrap()
+        };
+        assert_eq!((scale(1 << 10).high, scale(1 << 10).mark), (8192.0, Some(1024.0)));
+        assert_eq!(scale(u32::MAX).high, 8.0 * 2f32.powi(32));
     }
 
     #[test]

@@ -60,7 +60,8 @@ impl Loop<'_> {
             None => adaptive::uniform(total, have, max_spp),
         };
         let width = self.store.width();
-        let favoured = self.favoured.and_then(|region| {
+        // First of all, the whole is an image.
+        let favoured = self.favoured.filter(|_| counts.iter().all(|&n| n > 0)).and_then(|region| {
             let share = region.share(&counts, width, total, &self.settings)?;
             Some(share.allocate(&counts, priority.as_deref(), spread))
         });
@@ -130,7 +131,8 @@ impl Loop<'_> {
         let Some(Rerun { image, made_of, probes: all, .. }) = &mut self.rerun else { return };
         all.iter_mut().zip(probes).for_each(|(all, &new)| *all |= new);
         let new = ErrorEstimate::of(image, made_of, &self.store, all);
-        if let Some(new) = new {
+        // A forged state may hold an image that is none.
+        if let Some(new) = new.filter(|new| new.image.is_finite()) {
             self.estimate = Some(new.or_keep(self.estimate.take()));
         }
     }

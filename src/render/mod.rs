@@ -186,17 +186,11 @@ impl<'s> Renderer<'s> {
         }
         let mut rays = RayLanes::NONE;
         self.camera.rays(&film, &camera.lens, &camera.time, &mut rays);
+        let records = wave.start(&rays, &starts.samples, present);
+        (records.film, records.lens, records.time) = (film, camera.lens, camera.time);
         // The first hit's numbers are there even if there is none: that they were not used must not show in
         // their distribution.
-        let records = Records {
-            film,
-            lens: camera.lens,
-            time: camera.time,
-            light1: camera.light_uv,
-            bsdf1: camera.bsdf_uv,
-            ..Records::NONE
-        };
-        wave.start(&rays, &starts.samples, &records, present);
+        (records.light1, records.bsdf1) = (camera.light_uv, camera.bsdf_uv);
     }
 
     /// Traces what was started and takes it into the store.

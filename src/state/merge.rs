@@ -14,6 +14,8 @@ pub enum MergeError {
     Differ { field: &'static str, found: String, accepted: String },
     #[error("both hold the same samples: found {0}, beside {1}; accepted are other seeds or other shards")]
     Overlap(Stream, Stream),
+    #[error("a pixel would have more than {} samples, which a state cannot count", u32::MAX)]
+    TooMany,
 }
 
 /// Several states on their way to become one.
@@ -32,7 +34,7 @@ impl Merge {
     /// Adds a state's samples. What belongs to the loop is lost.
     ///
     /// # Errors
-    /// Another picture, or samples that are there already.
+    /// Another picture, samples that are there already, or more than can be counted.
     pub fn add(&mut self, other: &State) -> Result<(), MergeError> {
         let state = &mut self.state;
         if let Some((field, found, accepted)) = state.frame.difference(&other.frame) {
@@ -50,7 +52,11 @@ impl Merge {
         if let Some((ours, theirs)) = pairs.find(|(a, b)| a.overlaps(*b)) {
             return Err(MergeError::Overlap(theirs, ours));
         }
-        self.drawn.push(drawn(theirs));
+        let theirs_drawn = drawn(theirs);
+        if !can_be_added(&drawn(ours), &theirs_drawn) {
+            return Err(MergeError::TooMany);
+        }
+        self.drawn.push(theirs_drawn);
         Arc::make_mut(&mut state.memory.store).merge(theirs);
         state.streams.extend(&other.streams);
         let Memory { batches, estimate, rerun, under_way, .. } = &mut state.memory;
@@ -85,6 +91,21 @@ fn drawn(store: &Store) -> Vec<u32> {
     store.rows().iter().flat_map(|row| (0..width).map(|x| row.next_index(x))).collect()
 }
 
+fn can_be_added(ours: &[u32], theirs: &[u32]) -> bool {
+    ours.iter().zip(theirs).all(|(a, b)| a.checked_add(*b).is_some())
+}
+
 fn names(layout: &Layout) -> String {
     layout.dimensions().iter().map(|d| d.name).collect::<Vec<_>>().join(" ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn samples_are_added_as_far_as_they_can_be_counted() {
+        assert!(can_be_added(&[u32::MAX - 1, 5], &[1, 7]));
+        assert!(!can_be_added(&[5, u32::MAX - 1], &[7, 2]));
+    }
 }

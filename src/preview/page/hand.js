@@ -35,7 +35,8 @@ export class Hand {
   down(event) {
     this.canvas.focus({ preventScroll: true });
     this.canvas.setPointerCapture(event.pointerId);
-    this.pointers.set(event.pointerId, { start: this.at(event), last: this.at(event), slipped: false });
+    this.pointers.set(event.pointerId, { start: this.at(event), last: this.at(event), slipped: false, marks: false });
+    if (this.pointers.size > 1) this.unmark();
     this.canvas.classList.add("held");
   }
 
@@ -48,8 +49,10 @@ export class Hand {
     if (!held.slipped) return;
     if (this.pointers.size === 2) this.pinch(event.pointerId, at);
     else if (this.tool === "camera") this.turn(delta, event);
-    else if (this.tool === "region" && event.buttons === 1) this.act.region(this.shares(held.start, at), false);
-    else this.picture.pan(...delta);
+    else if (this.tool === "region" && event.buttons === 1) {
+      held.marks = true;
+      this.act.region(this.shares(held.start, at), false);
+    } else this.picture.pan(...delta);
     held.last = at;
   }
 
@@ -61,11 +64,17 @@ export class Hand {
     const at = this.at(event);
     const pixel = this.picture.pixelAt(...at);
     if (held.slipped) {
-      if (this.tool === "region") this.act.region(this.shares(held.start, at), true);
+      if (held.marks) this.act.region(this.shares(held.start, at), true);
     } else if (this.picture.contains(pixel)) {
       if (this.tool === "focus") this.act.focus(pixel);
       this.put(pixel);
     }
+  }
+
+  // A second finger makes a pinch of what was going to be a region.
+  unmark() {
+    for (const held of this.pointers.values()) held.marks = false;
+    this.act.region([[0, 0], [0, 0]], true);
   }
 
   pinch(id, at) {

@@ -15,7 +15,8 @@ const picture = new Picture($("picture"));
 const state = { view: "filtered", wiping: false, wipe: 0.5, status: null, pixel: null, values: null, kept: false, notice: 0 };
 
 const link = new Link({
-  open: () => { state.looks = ""; look(); },
+  // It may be another program than before.
+  open: () => { picture.frames.clear(); state.looks = ""; look(); },
   lost: () => {
     $("phase").textContent = "connection lost, trying again";
     $("phase").className = "lost";
@@ -223,16 +224,21 @@ const KEYS = {
   0: () => picture.fit(), z: actual, "+": () => picture.zoomBy(1.25), "-": () => picture.zoomBy(0.8),
   q: () => use("look"), c: () => use("camera"), f: () => use("focus"), r: () => use("region"),
   " ": pause, s: save, R: () => command("restart", {}), Home: () => command("camera", { reset: true }),
-  Escape: () => command("favour", { region: null }), "?": help,
+  Escape: () => $("help").hidden ? command("favour", { region: null }) : help(), "?": help,
 };
 
+const FIELD_KEYS = new Set([" ", "Enter", "Home", "End", "PageUp", "PageDown", "ArrowLeft", "ArrowRight", "ArrowUp", "ArrowDown"]);
+
 document.addEventListener("keydown", (event) => {
-  const field = event.target.closest("input[type=number], input[type=range], button");
+  const field = event.target.closest("input:not([type=radio]), button, [role=slider]");
   if (event.ctrlKey || event.metaKey || event.altKey) return;
-  if (field && (event.target.type === "number" || " Enter".includes(event.key) || event.key.startsWith("Arrow"))) return;
-  const number = Number(event.key);
+  // Keys that fields have a use for are theirs.
+  if (field && (event.target.type === "number" || FIELD_KEYS.has(event.key))) return;
+  // The shift key decides, whatever the caps lock says.
+  const key = event.key.length > 1 ? event.key : event.shiftKey ? event.key.toUpperCase() : event.key.toLowerCase();
+  const number = Number(key);
   const view = number >= 1 && number <= 9 ? state.status?.views[number - 1]?.view : null;
-  const act = view ? () => choose(view) : KEYS[event.key];
+  const act = view ? () => choose(view) : KEYS[key];
   if (!act) return;
   act();
   event.preventDefault();

@@ -27,7 +27,9 @@ pub struct Wavefront<'s> {
     pub(super) samples: Vec<Addresses>,
     pub(super) records: Vec<Records>,
     pub(super) waiting: Waiting,
-    pub(super) arrivals: Arrivals,
+    pub(super) arrivals: Box<Arrivals>,
+    /// What arrivals are gathered in while others are shaded.
+    pub(super) spare: Option<Box<Arrivals>>,
     pub(super) shadows: Shadows,
     pub(super) others: Vec<Other<'s>>,
     /// The packet that is being shaded, after that.
@@ -40,7 +42,8 @@ impl Default for Wavefront<'_> {
             samples: Vec::new(),
             records: Vec::new(),
             waiting: Waiting::default(),
-            arrivals: Arrivals::NONE,
+            arrivals: Box::new(Arrivals::NONE),
+            spare: None,
             shadows: Shadows::NONE,
             others: Vec::new(),
             next: Box::new(Flights::NONE),
@@ -54,8 +57,8 @@ impl Wavefront<'_> {
         self.records.clear();
     }
 
-    /// Adds some paths that start at the camera: those whose bit is set.
-    pub fn start(&mut self, rays: &RayLanes, samples: &Addresses, records: &Records, present: u32) {
+    /// Adds some paths that start at the camera: those whose bit is set. What is remembered of them is empty.
+    pub fn start(&mut self, rays: &RayLanes, samples: &Addresses, present: u32) -> &mut Records {
         let first = (self.records.len() * LANES) as u32;
         let mut flights = Flights {
             rays: *rays,
@@ -67,7 +70,9 @@ impl Wavefront<'_> {
         (first..).zip(&mut flights.path).for_each(|(path, lane)| *lane = path);
         self.waiting.push_packet(&flights, present);
         self.samples.push(*samples);
-        self.records.push(*records);
+        let packet = self.records.len();
+        self.records.push(Records::NONE);
+        &mut self.records[packet]
     }
 
     /// What is remembered of the paths, in the packets in which they were started.
@@ -90,7 +95,7 @@ impl<'s> PathTracer<'s> {
                 self.fly::<S>(wave, &flights, count);
                 wave.waiting.give_back(flights);
             } else if wave.arrivals.count > 0 {
-                self.shade::<S>(wave);
+                self.shade_arrivals::<S>(wave);
             } else {
                 break;
             }
@@ -104,6 +109,9 @@ impl<'s> PathTracer<'s> {
         self.accel.intersect_lanes(&flights.rays, count, &mut hits);
         let missed = |lane| hits.primitive[lane] == HitLanes::NOTHING;
         let escapes = mask_of(|lane| lane < count && missed(lane));
+        if escapes == 0 && count == LANES {
+            return self.shade::<S>(wave, flights, &hits, count);
+        }
         if escapes != 0 {
             let within = self.lights.expected_within(&flights.from);
             lanes_of(escapes).for_each(|lane| self.escape(flights, within[lane], lane, &mut wave.records));
@@ -111,9 +119,17 @@ impl<'s> PathTracer<'s> {
         for lane in (0..count).filter(|&lane| !missed(lane)) {
             wave.arrivals.push(flights, &hits, lane);
             if wave.arrivals.count == LANES {
-                self.shade::<S>(wave);
+                self.shade_arrivals::<S>(wave);
             }
         }
+    }
+
+    fn shade_arrivals<S: Source>(&self, wave: &mut Wavefront<'s>) {
+        let empty = wave.spare.take().unwrap_or_else(|| Box::new(Arrivals::NONE));
+        let mut arrivals = std::mem::replace(&mut wave.arrivals, empty);
+        let count = std::mem::take(&mut arrivals.count);
+        self.shade::<S>(wave, &arrivals.flights, &arrivals.hits, count);
+        wave.spare = Some(arrivals);
     }
 
     /// Light from around the scene, where nothing is hit.

@@ -7,7 +7,7 @@ use glam::{Vec2, Vec3};
 use super::PathTracer;
 use super::direct::{MAX_PASSES, turned};
 use super::events::{receive, scattered_on};
-use super::flights::{Arrivals, Flights, LIGHT_SAMPLING, SCATTERED, Waiting};
+use super::flights::{Flights, LIGHT_SAMPLING, SCATTERED, Waiting};
 use super::path::{Wavefront, add, place, share};
 use crate::geometry::{HitLanes, LANES, Lanes3, PointLanes, SurfacePoint, lanes_of, mask_of};
 use crate::render::bsdf::{Bsdf, Evaluated, PlainSurfaces, Scattered};
@@ -36,11 +36,16 @@ pub(super) struct Places<'a> {
 }
 
 impl<'s> PathTracer<'s> {
-    /// Shades the paths that arrived. Those that go on wait again afterwards.
-    pub(super) fn shade<S: Source>(&self, wave: &mut Wavefront<'s>) {
-        let count = std::mem::take(&mut wave.arrivals.count);
+    /// Shades the first `count` paths of a packet, which arrived. Those that go on wait again afterwards.
+    pub(super) fn shade<S: Source>(
+        &self,
+        wave: &mut Wavefront<'s>,
+        flights: &Flights,
+        hits: &HitLanes,
+        count: usize,
+    ) {
         let all = (1 << count) - 1;
-        let Wavefront { samples, records, waiting, arrivals, shadows, others, next } = wave;
+        let Wavefront { samples, records, waiting, shadows, others, next, .. } = wave;
         let mut places = Places {
             points: PointLanes::NONE,
             normals: Lanes3::ZERO,
@@ -48,8 +53,7 @@ impl<'s> PathTracer<'s> {
             plain: 0,
             receivers: Receivers::NONE,
         };
-        self.find_places(arrivals, all, others, &mut places);
-        let (flights, hits) = (&arrivals.flights, &arrivals.hits);
+        self.find_places(flights, hits, all, others, &mut places);
         for lane in 0..count {
             if self.lights.is_light(hits.primitive[lane]) {
                 let point = point_at(others, &places.points, hits, lane);
@@ -118,13 +122,19 @@ impl<'s> PathTracer<'s> {
         self.sample_lights(scatters & lit, flights, &places, others, &numbers, shadows, records);
         if self.follows {
             let alive = self.scatter(scatters, flights, &places, others, &numbers, next);
-            lanes_of(alive).for_each(|lane| waiting.push(next, lane));
+            waiting.push_packet(next, alive);
         }
     }
 
     /// The points at which paths arrived, and which of them are plain; the others are listed.
-    fn find_places(&self, arrivals: &Arrivals, all: u32, others: &mut Vec<Other>, places: &mut Places) {
-        let (flights, hits) = (&arrivals.flights, &arrivals.hits);
+    fn find_places(
+        &self,
+        flights: &Flights,
+        hits: &HitLanes,
+        all: u32,
+        others: &mut Vec<Other>,
+        places: &mut Places,
+    ) {
         for lane in lanes_of(all) {
             places.plain |= u32::from(self.is_plain[hits.primitive[lane] as usize]) << lane;
         }

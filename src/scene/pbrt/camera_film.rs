@@ -12,8 +12,8 @@ use super::{Fault, Place, Result};
 use crate::scene::camera::Projection;
 use crate::scene::{AnimatedTransform, Camera, Film, Integrator, PixelFilter, SamplerKind};
 
-/// Longest side of a film. Keeps a slip of the pen from asking for all memory.
-const MAX_SIDE: u32 = 1 << 16;
+/// Longest side of a film: what the live page's frames can say. Keeps a slip of the pen from asking for all memory.
+const MAX_SIDE: u32 = u16::MAX as u32;
 /// Most pixels of a film.
 const MAX_PIXELS: u64 = 1 << 27;
 /// Most samples per pixel.
@@ -64,8 +64,9 @@ impl View {
             Some(_) => pixel_filter(reader.dialect, &entry(&["PixelFilter"], ""))?,
             None => reader.dialect.default_filter(),
         };
-        let film = film(reader, &entry(&["Film"], "rgb"), filter)?;
-        let (camera, origin) = camera(reader, &entry(&["Camera"], "perspective"), &film)?;
+        let camera_entry = entry(&["Camera"], "perspective");
+        let film = film(reader, &entry(&["Film"], "rgb"), filter, exposure_time(reader, &camera_entry)?)?;
+        let (camera, origin) = camera(reader, &camera_entry, &film)?;
         let default_integrator = reader.dialect.default_integrator();
         let integrator =
             integrator(reader, &entry(&["Integrator", "SurfaceIntegrator"], default_integrator))?;
@@ -74,7 +75,17 @@ impl View {
     }
 }
 
-fn film(reader: &mut Reader, entry: &Entry, filter: PixelFilter) -> Result<Film> {
+/// Seconds for which the film is exposed. A shutter that does not stay open stops all motion, and counts as one
+/// second.
+fn exposure_time(reader: &Reader, camera: &Entry) -> Result<f64> {
+    let [open, close] =
+        [camera.params.float_or("shutteropen", 0.0)?, camera.params.float_or("shutterclose", 1.0)?];
+    let counts = reader.dialect.shutter_exposes() && open != close;
+    Ok(if counts { (close - open).abs() } else { 1.0 })
+}
+
+/// `exposure_time` in seconds.
+fn film(reader: &mut Reader, entry: &Entry, filter: PixelFilter, exposure_time: f64) -> Result<Film> {
     let Entry { kind, params, place, .. } = entry;
     if !["rgb", "gbuffer", "image"].contains(kind) {
         reader.warnings.add(*place, format!("film \"{kind}\" is read as \"rgb\""));
@@ -110,9 +121,13 @@ fn film(reader: &mut Reader, entry: &Entry, filter: PixelFilter) -> Result<Film>
     }
     // The imaging ratio of pbrt-v4's default sensor.
     let imaging_ratio =
-        params.positive_or("iso", 100.0)? / 100.0 * params.positive_or("exposuretime", 1.0)?;
+        params.positive_or("iso", 100.0)? / 100.0 * params.positive_or("exposuretime", exposure_time)?;
     // v3 has a factor instead.
-    let scale = imaging_ratio * params.positive_or("scale", 1.0)?;
+    let scale = (imaging_ratio * params.positive_or("scale", 1.0)?) as f32;
+    if !(scale > 0.0 && scale.is_finite()) {
+        let message = format!("a film that multiplies by {scale}; a finite number above 0 would be accepted");
+        return Err(Fault::new(*place, message));
+    }
     match params.string("sensor")? {
         None | Some("cie1931") => {}
         Some(sensor) => {
@@ -120,14 +135,7 @@ fn film(reader: &mut Reader, entry: &Entry, filter: PixelFilter) -> Result<Film>
         }
     }
     let filename = params.string("filename")?.filter(|name| !name.is_empty()).map(String::from);
-    Ok(Film {
-        width: width as usize,
-        height: height as usize,
-        pixel_bounds,
-        filter,
-        filename,
-        scale: scale as f32,
-    })
+    Ok(Film { width: width as usize, height: height as usize, pixel_bounds, filter, filename, scale })
 }
 
 fn pixel_filter(dialect: Dialect, entry: &Entry) -> Result<PixelFilter> {
@@ -182,12 +190,17 @@ fn camera(reader: &mut Reader, entry: &Entry, film: &Film) -> Result<(Camera, DV
     let aspect = params.positive_or("frameaspectratio", film.width as f64 / film.height as f64)?;
     let (x, y) = if aspect > 1.0 { (aspect, 1.0) } else { (1.0, 1.0 / aspect) };
     let screen_window = match params.floats("screenwindow")? {
-        None => [-x, x, -y, y],
-        Some(&[x0, x1, y0, y1]) if x0 < x1 && y0 < y1 => [x0, x1, y0, y1],
-        Some(_) => {
-            let message = "\"screenwindow\" is not a window; x min, x max, y min, y max would be accepted";
-            return Err(Fault::new(*place, message));
-        }
+        None => Some([-x, x, -y, y]),
+        Some(&[x0, x1, y0, y1]) => Some([x0, x1, y0, y1]),
+        Some(_) => None,
+    };
+    // As `f32`, which it will become.
+    let is_window =
+        |&[x0, x1, y0, y1]: &[f32; 4]| x0 < x1 && y0 < y1 && (x1 - x0).is_finite() && (y1 - y0).is_finite();
+    let screen_window = screen_window.map(|window| window.map(|side| side as f32)).filter(is_window);
+    let Some(screen_window) = screen_window else {
+        let message = "\"screenwindow\" is not a window; x min, x max, y min, y max would be accepted";
+        return Err(Fault::new(*place, message));
     };
     let projection = match *kind {
         "perspective" => {
@@ -245,9 +258,9 @@ fn camera(reader: &mut Reader, entry: &Entry, film: &Film) -> Result<(Camera, DV
     let camera = Camera {
         to_render: AnimatedTransform::new(shift * to_world_start, shift * to_world_end, t0, t1),
         projection,
-        screen_window: screen_window.map(|s| s as f32),
+        screen_window,
         lens_radius: lens_radius as f32,
-        focal_distance: focal_distance as f32,
+        focal_distance: (focal_distance as f32).max(f32::MIN_POSITIVE),
         shutter_open,
         shutter_close,
     };
@@ -306,6 +319,25 @@ mod tests {
 
     fn header(text: &str) -> Scene {
         read_str(&format!("{text} WorldBegin"), Path::new("")).unwrap_or_else(|error| panic!("{error}"))
+    }
+
+    /// They are read in double precision, and used in single.
+    #[test]
+    fn what_single_precision_cannot_hold_is_refused() {
+        for text in [
+            "Camera \"perspective\" \"float frameaspectratio\" 1e-45",
+            "Camera \"perspective\" \"float screenwindow\" [0 1e-50 0 1]",
+            "Camera \"perspective\" \"float screenwindow\" [-3e38 3e38 0 1]",
+            "Film \"rgb\" \"float iso\" 1e30 \"float exposuretime\" 1e30",
+            "Film \"rgb\" \"float iso\" 1e-30 \"float exposuretime\" 1e-30",
+            "Film \"rgb\" \"integer xresolution\" 65536",
+            "MakeNamedMaterial \"m\" \"string type\" \"dielectric\" \"float eta\" 1e-50",
+        ] {
+            let error = read_str(&format!("{text} WorldBegin"), Path::new("")).map(|_| ()).unwrap_err();
+            assert!(error.to_string().contains("would be accepted"), "{text}: {error}");
+        }
+        let near = header("Camera \"perspective\" \"float focaldistance\" 1e-40");
+        assert_eq!(near.camera.focal_distance, f32::MIN_POSITIVE);
     }
 
     #[test]

@@ -13,6 +13,9 @@ use super::{Fault, Result};
 
 /// Sides of a tube.
 const SIDES: u32 = 6;
+/// Makes a tube as wide as it should be, in the mean over all directions: a convex outline is as wide as its
+/// circumference over π, which for an inscribed hexagon is 6 radii over π in place of 2 radii.
+const WIDENING: f64 = std::f64::consts::PI / 3.0;
 /// Largest error of a curve's course, of its width.
 const TOLERANCE: f64 = 0.05;
 /// Most pieces of a segment.
@@ -134,7 +137,7 @@ fn swept(stations: &[Station], ribbon: bool) -> MeshDescription {
                 (across * (width * (v - 0.5)), across.cross(tangent))
             } else {
                 let out = DMat3::from_axis_angle(tangent, std::f64::consts::TAU * v) * side;
-                (out * (width / 2.0), out)
+                (out * (WIDENING * width / 2.0), out)
             };
             mesh.positions.push(at + offset);
             mesh.normals.push(facing);
@@ -151,6 +154,7 @@ mod tests {
 
     use glam::Vec3;
 
+    use super::{SIDES, WIDENING};
     use crate::scene::pbrt::read_str;
     use crate::scene::{Shape, TriangleMesh};
 
@@ -171,9 +175,23 @@ mod tests {
         assert_eq!(mesh.indices.len(), 12);
         for p in &mesh.positions {
             let radius = p.y.hypot(p.z);
-            assert!((radius - if p.x < 1.0 { 0.1 } else { 0.05 }).abs() < 1e-6, "{p}");
+            let expected = WIDENING as f32 * if p.x < 1.0 { 0.1 } else { 0.05 };
+            assert!((radius - expected).abs() < 1e-6, "{p}");
         }
         assert!(mesh.positions.iter().zip(&mesh.normals).all(|(p, n)| p.with_x(0.0).dot(*n) > 0.0));
+    }
+
+    #[test]
+    fn a_tube_is_as_wide_as_it_should_be_in_the_mean_over_all_directions() {
+        let mesh = curve(&format!("{STRAIGHT} \"float width\" .2")).unwrap();
+        let ring = &mesh.positions[..SIDES as usize];
+        let width = |angle: f32| {
+            let along = |p: &Vec3| p.y * angle.cos() + p.z * angle.sin();
+            let all = ring.iter().map(along);
+            all.clone().fold(f32::MIN, f32::max) - all.fold(f32::MAX, f32::min)
+        };
+        let mean = (0..1000).map(|i| width(i as f32 * 0.002 * std::f32::consts::PI)).sum::<f32>() / 1000.0;
+        assert!((mean - 0.2).abs() < 1e-4, "{mean}");
     }
 
     #[test]

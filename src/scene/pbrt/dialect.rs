@@ -29,7 +29,7 @@ pub enum Dialect {
 
 impl Dialect {
     /// Recognises the dialect of a main file. Only the older ones close the world with `WorldEnd`,
-    /// and only v3 of these says `Integrator`.
+    /// and only v3 of these has `Integrator` and named media.
     pub fn detect(text: &[u8]) -> Self {
         let mut lexer = Lexer::new(text, 0);
         let (mut world_end, mut integrator) = (false, false);
@@ -37,7 +37,7 @@ impl Dialect {
         while let Ok(Some(token)) = lexer.next() {
             if let TokenKind::Word(word) = token.kind {
                 world_end |= word == "WorldEnd";
-                integrator |= word == "Integrator";
+                integrator |= ["Integrator", "MediumInterface", "MakeNamedMedium"].contains(&&*word);
             }
         }
         match (world_end, integrator) {
@@ -61,6 +61,27 @@ impl Dialect {
     /// Whether `NamedMaterial` of an unknown name leaves things as they are.
     pub fn unknown_materials_are_forgiven(self) -> bool {
         self != Dialect::V4
+    }
+
+    /// Whether a surface is there wherever its alpha is not 0, rather than with that probability.
+    pub fn alpha_is_a_mask(self) -> bool {
+        self != Dialect::V4
+    }
+
+    /// Whether solid textures are looked up where the current transform takes a point of the world, and planar ones
+    /// at that point, rather than both in the space that the transform leads from.
+    pub fn textures_turn_the_world(self) -> bool {
+        self != Dialect::V4
+    }
+
+    /// Whether the amount of a mix of materials is a colour.
+    pub fn mixes_by_colour(self) -> bool {
+        self != Dialect::V4
+    }
+
+    /// Whether an image is as bright as its shutter is long open.
+    pub fn shutter_exposes(self) -> bool {
+        self == Dialect::V4
     }
 
     /// Whether v = 0 is the bottom row of an image.

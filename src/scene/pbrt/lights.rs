@@ -48,7 +48,7 @@ impl Reader {
             "point" => self.point(params)?,
             "spot" => self.spot(params)?,
             "distant" => self.distant(params)?,
-            "infinite" => self.infinite(params)?,
+            "infinite" | "exinfinite" => self.infinite(params)?,
             other @ ("goniometric" | "projection") => {
                 self.warnings.add(statement.place, format!("light \"{other}\" is left out"));
                 statement.params.mark_all_used();
@@ -113,7 +113,7 @@ impl Reader {
         let from = params.triple_or("from", DVec3::ZERO)?;
         let position = self.to_render().transform_point3(from).as_vec3();
         let mut intensity = self.light_color(params, "I")?;
-        if let Some(power) = params.float("power")? {
+        if let Some(power) = params.float("power")?.filter(|&power| power > 0.0) {
             intensity *= (power / (4.0 * PI)) as f32;
         }
         Ok(Light::Point { position, intensity })
@@ -126,7 +126,7 @@ impl Reader {
         let cos_total_width = total.to_radians().cos();
         let cos_falloff_start = (total - delta).max(0.0).to_radians().cos().max(cos_total_width);
         let mut intensity = self.light_color(params, "I")?;
-        if let Some(power) = params.float("power")? {
+        if let Some(power) = params.float("power")?.filter(|&power| power > 0.0) {
             // The falloff is halfway between its ends in the mean.
             let solid_angle =
                 2.0 * PI * ((1.0 - cos_falloff_start) + (cos_falloff_start - cos_total_width) / 2.0);
@@ -148,7 +148,7 @@ impl Reader {
         let (_, axis) = self.source_and_axis(params)?;
         let direction = -self.to_render().transform_vector3(axis).normalize().as_vec3();
         let mut radiance = self.light_color(params, "L")?;
-        if let Some(illuminance) = params.float("illuminance")? {
+        if let Some(illuminance) = params.float("illuminance")?.filter(|&illuminance| illuminance > 0.0) {
             radiance *= illuminance as f32;
         }
         Ok(Light::Distant { direction, radiance })
@@ -273,6 +273,27 @@ mod tests {
 
     fn world(text: &str) -> Scene {
         read_str(&format!("WorldBegin {text}"), Path::new("")).unwrap_or_else(|error| panic!("{error}"))
+    }
+
+    /// As in pbrt-v4, where -1 says that there is none.
+    #[test]
+    fn powers_that_are_none_leave_a_light_as_it_is() {
+        for none in ["-1", "0"] {
+            let lights = format!(
+                "LightSource \"point\" \"rgb I\" [1 2 3] \"float power\" {none}
+                 LightSource \"spot\" \"rgb I\" [1 2 3] \"float power\" {none}
+                 LightSource \"distant\" \"rgb L\" [1 2 3] \"float illuminance\" {none}"
+            );
+            for light in &world(&lights).lights {
+                let (Light::Point { intensity: colour, .. }
+                | Light::Spot { intensity: colour, .. }
+                | Light::Distant { radiance: colour, .. }) = light
+                else {
+                    panic!("{light:?}")
+                };
+                assert_eq!(*colour, Vec3::new(1.0, 2.0, 3.0));
+            }
+        }
     }
 
     #[test]

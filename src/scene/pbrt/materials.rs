@@ -280,13 +280,16 @@ impl Reader {
             let message = format!("mixes more than {MAX_MIX_DEPTH} deep; fewer would be accepted");
             return Err(Fault::new(place, message));
         }
-        let amount = match params.get("amount").map(|param| param.kind) {
-            // The older dialects mix by colour; its mean is what a single choice can follow.
-            Some(ParamType::Rgb | ParamType::Xyz | ParamType::Spectrum) => {
-                let amount = self.spectrum(params, "amount")?.map_or(Vec3::splat(0.5), |s| s.reflectance());
-                self.textures.add(Texture::Constant(amount.element_sum() / 3.0))
+        let amount = if self.dialect.mixes_by_colour() {
+            let colour = self.rgb_texture_or(params, "amount", Vec3::splat(0.5))?;
+            let same = |value: Vec3| value == Vec3::splat(value.x);
+            if !self.textures.constant_rgb(colour).is_some_and(same) {
+                self.warnings
+                    .add(place, "a mix by colour goes by its mean, which is what a single choice can follow");
             }
-            _ => self.float_texture_or(params, "amount", 0.5)?,
+            self.textures.add(Texture::<f32>::Mean(colour))
+        } else {
+            self.float_texture_or(params, "amount", 0.5)?
         };
         Ok(MaterialKind::Mix { first, second, amount })
     }
@@ -347,7 +350,11 @@ impl Reader {
                 self.spectrum(params, name)?.map_or(default, |spectrum| spectrum.refractive_index())
             }
         };
-        if eta > 0.0 { Ok(eta as f32) } else { Err(param.fault(eta, "an index of refraction above 0")) }
+        let single = eta as f32;
+        if single > 0.0 && single.is_finite() {
+            return Ok(single);
+        }
+        Err(param.fault(eta, "an index of refraction above 0"))
     }
 }
 

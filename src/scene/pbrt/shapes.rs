@@ -171,6 +171,8 @@ impl Reader {
                 self.textures.add(Texture::Constant(alpha))
             }
         };
+        let id =
+            if self.dialect.alpha_is_a_mask() { self.textures.add(Texture::<f32>::NotZero(id)) } else { id };
         Ok((self.textures.constant_float(id) != Some(1.0)).then_some(id))
     }
 }

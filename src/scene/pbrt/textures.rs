@@ -169,7 +169,7 @@ impl Reader {
             "checkerboard" => Texture::Checkerboard {
                 mapping: match params.integer_in("dimension", 2, 2..=3)? {
                     2 => self.mapping(params, false)?,
-                    _ => Mapping::Space(self.to_texture(params.place)?.as_affine3a()),
+                    _ => Mapping::Space(self.solid_space(params.place)?.as_affine3a()),
                 },
                 even: self.texture_or(params, "tex1", one)?,
                 odd: self.texture_or(params, "tex2", zero)?,
@@ -186,7 +186,7 @@ impl Reader {
                 Texture::Bilinear { mapping: self.mapping(params, false)?, corners: [v00?, v01?, v10?, v11?] }
             }
             "fbm" | "wrinkled" | "windy" | "marble" => Texture::Procedural {
-                to_texture: self.to_texture(params.place)?.as_affine3a(),
+                to_texture: self.solid_space(params.place)?.as_affine3a(),
                 kind: procedural(kind, params)?,
             },
             other => {
@@ -255,7 +255,11 @@ impl Reader {
                     * DAffine3::from_scale(DVec3::new(1.0, -1.0, 1.0))
                     * planes;
             }
-            return Ok(Mapping::Space((planes * self.to_texture(params.place)?).as_affine3a()));
+            let space = match self.dialect.textures_turn_the_world() {
+                true => self.to_world(),
+                false => self.to_texture(params.place)?,
+            };
+            return Ok(Mapping::Space((planes * space).as_affine3a()));
         }
         match params.string("mapping")? {
             None | Some("uv") => {}
@@ -277,6 +281,18 @@ impl Reader {
             offset.y = 1.0 - offset.y;
         }
         Ok(Mapping::Uv { scale, offset })
+    }
+
+    fn to_world(&self) -> DAffine3 {
+        DAffine3::from_translation(self.origin())
+    }
+
+    /// Render space to where solid textures are looked up.
+    fn solid_space(&self, place: Place) -> Result<DAffine3> {
+        match self.dialect.textures_turn_the_world() {
+            true => Ok(self.state.ctm[0] * self.to_world()),
+            false => self.to_texture(place),
+        }
     }
 
     /// Render space to the current, the texture's, space.

@@ -115,6 +115,10 @@ pub enum Texture<V: TextureValue> {
     },
     /// A scalar texture, the same in every channel.
     Gray(FloatTextureId),
+    /// The mean of a coloured texture's channels.
+    Mean(RgbTextureId),
+    /// 0 where a scalar texture is 0, and 1 elsewhere.
+    NotZero(FloatTextureId),
 }
 
 /// An image on a surface. (s, t) runs over [0, 1]² from the image's top left.
@@ -270,6 +274,8 @@ impl Textures {
                 .zip(self.constant_float(*amount))
                 .map(|((a, b), t)| a * (1.0 - t) + b * t),
             Texture::Gray(float) => self.constant_float(*float).map(V::splat),
+            Texture::Mean(rgb) => self.constant_rgb(*rgb).map(|value| V::splat(mean(value))),
+            Texture::NotZero(float) => self.constant_float(*float).map(|value| V::splat(not_zero(value))),
             Texture::Constant(_)
             | Texture::Image(_)
             | Texture::Checkerboard { .. }
@@ -314,6 +320,8 @@ impl Textures {
                 self.value::<V>(*first, at) * (1.0 - t) + self.value::<V>(*second, at) * t
             }
             Texture::Gray(float) => V::splat(self.float(*float, at)),
+            Texture::Mean(id) => V::splat(mean(self.rgb(*id, at))),
+            Texture::NotZero(float) => V::splat(not_zero(self.float(*float, at))),
         }
     }
 
@@ -322,6 +330,14 @@ impl Textures {
         let value = self.image(texture.image).bilinear::<V>(st, texture.wrap) * texture.scale;
         if texture.invert { (V::splat(1.0) + value * -1.0).not_below_zero() } else { value }
     }
+}
+
+fn mean(colour: Vec3) -> f32 {
+    colour.element_sum() / 3.0
+}
+
+fn not_zero(value: f32) -> f32 {
+    if value == 0.0 { 0.0 } else { 1.0 }
 }
 
 #[cfg(test)]
