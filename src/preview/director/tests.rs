@@ -15,7 +15,7 @@ const SPP: u32 = 8;
 
 /// What is done at moments of a render that a person looks at.
 struct Moments<'a> {
-    stepped: &'a dyn Fn(Progress, &Hub),
+    stepped: &'a dyn Fn(Progress, &Hub, &AtomicBool),
     kept: &'a dyn Fn(Memory, &Hub),
     saved: &'a dyn Fn(&Picture),
 }
@@ -48,7 +48,7 @@ fn directed(moments: Moments) -> Outcome {
             (moments.saved)(picture);
             Ok(Vec::new())
         }),
-        listen: Box::new(|progress| (moments.stepped)(progress, &hub)),
+        listen: Box::new(|progress| (moments.stepped)(progress, &hub, &interrupt)),
     };
     Director::new(hub.clone(), stage).run().expect("it ends by its budget")
 }
@@ -57,7 +57,7 @@ fn directed(moments: Moments) -> Outcome {
 fn what_is_asked_for_during_the_last_pass_is_saved() {
     let saved = RefCell::new(Vec::new());
     let outcome = directed(Moments {
-        stepped: &|_, _| (),
+        stepped: &|_, _, _| (),
         // The last memory is kept when all samples are there, and the last pass comes next.
         kept: &|memory, hub| {
             if memory.store.samples() == u64::from(SPP) * SIDE * SIDE {
@@ -77,7 +77,7 @@ fn once_the_camera_is_moved_no_memory_is_kept_of_what_it_sees() {
     let (before, after) = (Cell::new(0), RefCell::new(Vec::new()));
     let step = Move { orbit: Some([0.3, 0.1]), ..Move::default() };
     let outcome = directed(Moments {
-        stepped: &|progress, hub| {
+        stepped: &|progress, hub, _| {
             if progress.spp >= 2.0 && !moved.replace(true) {
                 before.set(progress.samples);
                 assert!(hub.command(Command::Camera(step.clone())));
@@ -101,7 +101,7 @@ fn once_the_camera_is_moved_no_memory_is_kept_of_what_it_sees() {
 fn a_filter_that_needs_more_memory_than_there_is_is_refused_and_the_render_goes_on() {
     let asked = Cell::new(false);
     let outcome = directed(Moments {
-        stepped: &|_, hub| {
+        stepped: &|_, hub, _| {
             if !asked.replace(true) {
                 // Without a budget of samples, random parameter filtering would keep any number of them.
                 let change = Change { denoiser: Some(Denoiser::Rpf), spp: Some(0), ..Change::default() };
@@ -113,4 +113,20 @@ fn a_filter_that_needs_more_memory_than_there_is_is_refused_and_the_render_goes_
     });
     assert_eq!(outcome.store.samples(), u64::from(SPP) * SIDE * SIDE);
     assert_eq!(outcome.store.capacity(), 0);
+}
+
+#[test]
+fn a_movement_after_an_interruption_does_not_throw_the_render_away() {
+    let had = Cell::new(0);
+    let outcome = directed(Moments {
+        stepped: &|progress, hub, interrupt| {
+            if progress.spp >= f64::from(SPP) && !interrupt.swap(true, Ordering::Relaxed) {
+                had.set(progress.samples);
+                assert!(hub.command(Command::Camera(Move { orbit: Some([0.3, 0.1]), ..Move::default() })));
+            }
+        },
+        kept: &|_, _| (),
+        saved: &|_| unreachable!("nobody asked for it"),
+    });
+    assert_eq!((had.get(), outcome.store.samples()), (u64::from(SPP) * SIDE * SIDE, had.get()));
 }
