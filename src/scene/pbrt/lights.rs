@@ -24,7 +24,7 @@ impl Reader {
         params.get("samples");
         let radiance = self.light_color(&params, "L")?;
         let two_sided = params.bool_or("twosided", false)?;
-        let power = params.float("power")?.filter(|&power| power > 0.0);
+        let power = params.positive("power")?;
         let image = params.string("filename")?.filter(|file| !file.is_empty());
         let image = image.map(|file| self.image(file, self.dialect.default_encoding(), params.place));
         let light = AreaLight { radiance, image, two_sided };
@@ -113,7 +113,7 @@ impl Reader {
         let from = params.triple_or("from", DVec3::ZERO)?;
         let position = self.to_render().transform_point3(from).as_vec3();
         let mut intensity = self.light_color(params, "I")?;
-        if let Some(power) = params.float("power")?.filter(|&power| power > 0.0) {
+        if let Some(power) = params.positive("power")? {
             intensity *= (power / (4.0 * PI)) as f32;
         }
         Ok(Light::Point { position, intensity })
@@ -126,7 +126,7 @@ impl Reader {
         let cos_total_width = total.to_radians().cos();
         let cos_falloff_start = (total - delta).max(0.0).to_radians().cos().max(cos_total_width);
         let mut intensity = self.light_color(params, "I")?;
-        if let Some(power) = params.float("power")?.filter(|&power| power > 0.0) {
+        if let Some(power) = params.positive("power")? {
             // The falloff is halfway between its ends in the mean.
             let solid_angle =
                 2.0 * PI * ((1.0 - cos_falloff_start) + (cos_falloff_start - cos_total_width) / 2.0);
@@ -148,7 +148,7 @@ impl Reader {
         let (_, axis) = self.source_and_axis(params)?;
         let direction = -self.to_render().transform_vector3(axis).normalize().as_vec3();
         let mut radiance = self.light_color(params, "L")?;
-        if let Some(illuminance) = params.float("illuminance")?.filter(|&illuminance| illuminance > 0.0) {
+        if let Some(illuminance) = params.positive("illuminance")? {
             radiance *= illuminance as f32;
         }
         Ok(Light::Distant { direction, radiance })
@@ -185,7 +185,7 @@ impl Reader {
             }
         };
         let portal = self.portal(params)?;
-        match (map, params.float("illuminance")?.filter(|&illuminance| illuminance > 0.0)) {
+        match (map, params.positive("illuminance")?) {
             (None, Some(illuminance)) => scale *= (illuminance / PI) as f32,
             (Some(_), Some(illuminance)) if scale != Vec3::ZERO => {
                 self.lit_environments.push((self.lights.len(), illuminance))

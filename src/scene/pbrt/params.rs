@@ -164,6 +164,11 @@ impl Params {
         Ok(self.float(name)?.unwrap_or(default))
     }
 
+    /// A number above 0; any other says that there is none, as the -1 that pbrt-v4 has for that.
+    pub fn positive(&self, name: &str) -> Result<Option<f64>> {
+        Ok(self.float(name)?.filter(|&number| number > 0.0))
+    }
+
     /// A number above 0.
     pub fn positive_or(&self, name: &str, default: f64) -> Result<f64> {
         match self.float_or(name, default)? {

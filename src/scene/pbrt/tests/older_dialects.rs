@@ -1,0 +1,93 @@
+//! What pbrt-v2 and v3 mean otherwise than v4 does, and what tells them apart.
+
+use glam::{Vec2, Vec3};
+
+use super::{scene, world};
+use crate::scene::texture::TexturePoint;
+use crate::scene::{Light, MaterialKind, Scene};
+
+/// What a v3 file says of a world, read as such.
+fn v3_world(text: &str) -> Scene {
+    scene(&format!("Integrator \"path\" WorldBegin {text} WorldEnd"))
+}
+
+#[test]
+fn the_older_dialects_cut_out_what_has_no_alpha_and_nothing_else() {
+    let mask = "Texture \"m\" \"float\" \"checkerboard\" \"float tex1\" 0 \"float tex2\" .3";
+    let shape = "Shape \"sphere\" \"texture alpha\" \"m\"";
+    for (scene, elsewhere) in
+        [(v3_world(&format!("{mask} {shape}")), 1.0), (world(&format!("{mask} {shape}")), 0.3)]
+    {
+        let alpha = scene.primitives[0].alpha.expect("a mask");
+        let at =
+            |u| scene.textures.float(alpha, TexturePoint { uv: Vec2::new(u, 0.5), position: Vec3::ZERO });
+        assert_eq!([at(0.5), at(1.5)], [0.0, elsewhere]);
+    }
+    let opaque = "Shape \"sphere\" \"float alpha\" .5";
+    assert_eq!(v3_world(opaque).primitives[0].alpha, None);
+    assert!(world(opaque).primitives[0].alpha.is_some());
+}
+
+#[test]
+fn solid_and_planar_textures_of_the_older_dialects_see_the_world() {
+    let texture = |kind: &str| {
+        format!(
+            "Scale 2 2 2 Texture \"t\" \"float\" \"checkerboard\" {kind} \"float tex1\" 0 \"float tex2\" 1
+             Shape \"sphere\" \"texture alpha\" \"t\""
+        )
+    };
+    let value = |scene: &Scene, x: f32| {
+        let alpha = scene.primitives[0].alpha.expect("a texture");
+        let position = Vec3::new(x, 0.1, 0.1);
+        scene.textures.float(alpha, TexturePoint { uv: Vec2::ZERO, position })
+    };
+    // Of x = 0.6, the transform makes 1.2 and its inverse 0.3; of 1.6 its inverse makes 0.8.
+    let solid = texture("\"integer dimension\" 3");
+    let (old, new) = (v3_world(&solid), world(&solid));
+    assert_eq!([value(&old, 0.6), value(&new, 0.6)], [1.0, 0.0]);
+    let planar = texture("\"string mapping\" \"planar\"");
+    let (old, new) = (v3_world(&planar), world(&planar));
+    assert_eq!([value(&old, 1.6), value(&new, 1.6)], [1.0, 0.0]);
+}
+
+#[test]
+fn a_film_is_exposed_as_long_as_the_shutter_is_open() {
+    let scale = |text: &str| scene(&format!("{text} WorldBegin")).film.scale;
+    let iso = "Film \"rgb\" \"float iso\" 10000";
+    assert_eq!(scale(&format!("Camera \"perspective\" \"float shutterclose\" .01 {iso}")), 1.0);
+    assert_eq!(scale(&format!("Camera \"perspective\" \"float shutterclose\" 0 {iso}")), 100.0);
+    let old = "Integrator \"path\" Camera \"perspective\" \"float shutterclose\" .01 WorldBegin WorldEnd";
+    assert_eq!(scene(old).film.scale, 1.0);
+}
+
+#[test]
+fn media_tell_the_third_dialect_from_the_second() {
+    let default_height = |text: &str| scene(&format!("{text} WorldBegin WorldEnd")).film.height;
+    assert_eq!(default_height("MediumInterface \"\" \"\""), default_height("Integrator \"path\""));
+    assert_ne!(default_height("MediumInterface \"\" \"\""), default_height(""));
+}
+
+#[test]
+fn the_older_dialects_mix_by_textures_of_colour() {
+    let scene = v3_world(
+        "Texture \"c\" \"color\" \"checkerboard\" \"rgb tex1\" [0 .3 .6] \"rgb tex2\" [1 1 1]
+         MakeNamedMaterial \"a\" \"string type\" \"matte\" MakeNamedMaterial \"b\" \"string type\" \"mirror\"
+         Material \"mix\" \"string namedmaterial1\" \"a\" \"string namedmaterial2\" \"b\" \"texture amount\" \"c\"
+         Shape \"sphere\"",
+    );
+    assert!(
+        scene.warnings.iter().any(|warning| warning.to_string().contains("mean")),
+        "{:?}",
+        scene.warnings
+    );
+    let material = &scene.materials[scene.primitives[0].material.0 as usize].kind;
+    let MaterialKind::Mix { amount, .. } = material else { panic!("{material:?}") };
+    let at = |u| scene.textures.float(*amount, TexturePoint { uv: Vec2::new(u, 0.5), position: Vec3::ZERO });
+    assert!((at(0.5) - 0.3).abs() < 1e-6 && at(1.5) == 1.0);
+}
+
+#[test]
+fn infinite_lights_of_the_third_dialect_have_a_second_name() {
+    let lights = v3_world("LightSource \"exinfinite\" \"rgb L\" [1 2 3]").lights;
+    assert!(matches!(lights[..], [Light::Environment(_)]), "{lights:?}");
+}
