@@ -13,7 +13,7 @@ use prpf::geometry::Accel;
 use prpf::image::Planes;
 use prpf::preview::{Message, Rig};
 use prpf::render::Renderer;
-use prpf::scene::texture::{self, Encoding, Wrap};
+use prpf::scene::texture::{self, Channels, Encoding, Wrap};
 use prpf::scene::{Camera, Integrator, Scene, Shape, pbrt};
 use prpf::state::{self, Merge};
 use prpf::stats::{Block, Layout, Part, Store};
@@ -61,14 +61,18 @@ pub fn ply(bytes: &[u8]) {
     with_file(name, bytes, &format!("WorldBegin Shape \"plymesh\" \"string filename\" \"{name}\""));
 }
 
-/// An image file after a byte that tells its format.
+/// An image file after a byte that tells its format and how it is read.
 pub fn texture(bytes: &[u8]) {
     const NAMES: [&str; 5] = ["a.exr", "a.png", "a.jpg", "a.tga", "a.pfm"];
     let Some((kind, content)) = bytes.split_first() else { return };
     let folder = tempfile::tempdir().expect("a temporary folder can be made");
     let name = NAMES[usize::from(*kind) % NAMES.len()];
     write(folder.path(), name, content);
-    let Ok(image) = texture::load(&folder.path().join(name), Encoding::Srgb) else { return };
+    let (encoding, channels) = match usize::from(*kind) / NAMES.len() % 2 {
+        0 => (Encoding::Srgb, Channels::All),
+        _ => (Encoding::Gamma(2.2), Channels::Luminance),
+    };
+    let Ok(image) = texture::load(&folder.path().join(name), encoding, channels) else { return };
     let (width, height) = (image.width(), image.height());
     assert!(width > 0 && height > 0);
     for (x, y) in [(0, 0), (width - 1, 0), (width / 2, height / 2), (width - 1, height - 1)] {

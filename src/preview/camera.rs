@@ -162,6 +162,8 @@ impl Rig {
         let spread = match self.camera.projection {
             Projection::Perspective { tan_half_fov } => f64::from(tan_half_fov) * self.distance(),
             Projection::Orthographic => 1.0,
+            // As a field of view of a right angle.
+            Projection::Spherical(_) => self.distance(),
         };
         let shift = (y_max - y_min) * spread * (down * pose.up - right * pose.right);
         self.moved(DAffine3::from_translation(shift));
@@ -170,7 +172,7 @@ impl Rig {
 
     fn dolly(&mut self, amount: f64) {
         match self.camera.projection {
-            Projection::Perspective { .. } => {
+            Projection::Perspective { .. } | Projection::Spherical(_) => {
                 let pose = Pose::of(&self.camera);
                 let away = pose.position - self.pivot;
                 let factor = (-amount).exp().max(NEAREST * self.first_distance / away.length().max(1e-30));

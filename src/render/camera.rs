@@ -5,19 +5,29 @@ use glam::{Mat3, Vec2, Vec3};
 use multiversion::multiversion;
 
 use super::disk::concentric_disk;
+use super::sphere_map::SphereMap;
 use crate::geometry::{LANES, Lanes, Ray, RayLanes};
-use crate::scene::{AnimatedTransform, Camera, Film, camera::Projection};
+use crate::scene::camera::{Projection, SphericalMapping};
+use crate::scene::{AnimatedTransform, Camera, Film};
 
 /// What is left of camera and film when all that is the same for every ray has been computed.
 #[derive(Clone, Debug)]
 pub struct CameraRays {
     to_render: Motion,
-    lens: Lens,
+    optics: Optics,
     shutter_open: f32,
     shutter: f32,
 }
 
 /// From film and lens to a ray in the camera's space.
+#[derive(Clone, Debug)]
+enum Optics {
+    Lens(Lens),
+    /// All around: the map, and what a film position is times to lie in its square.
+    Sphere(SphereMap, Vec2),
+}
+
+/// A thin lens, or a pinhole.
 #[derive(Clone, Debug)]
 struct Lens {
     /// What the position in the screen window is times in origin and direction.
@@ -45,35 +55,30 @@ struct Placement {
 
 impl CameraRays {
     pub fn new(camera: &Camera, film: &Film) -> Self {
-        let [x_min, x_max, y_min, y_max] = camera.screen_window;
         let to_render = if camera.to_render.is_animated() {
             Motion::Moving(camera.to_render.clone())
         } else {
             Motion::Still(Placement::of(camera.to_render.at(camera.shutter_open)))
         };
-        let (screen_in_origin, screen_in_direction) = match camera.projection {
-            Projection::Perspective { tan_half_fov } => (0.0, tan_half_fov),
-            Projection::Orthographic => (1.0, 0.0),
-        };
-        let lens = Lens {
-            screen_in_origin,
-            screen_in_direction,
-            // Rows run downwards on the film, y upwards in the window.
-            scale: Vec2::new((x_max - x_min) / film.width as f32, (y_min - y_max) / film.height as f32),
-            offset: Vec2::new(x_min, y_max),
-            radius: camera.lens_radius.max(0.0),
-            inverse_focus: if camera.lens_radius > 0.0 { 1.0 / camera.focal_distance } else { 0.0 },
+        let around = |map| Optics::Sphere(map, Vec2::new(film.width as f32, film.height as f32).recip());
+        let optics = match camera.projection {
+            Projection::Perspective { tan_half_fov } => {
+                Optics::Lens(Lens::new(camera, film, 0.0, tan_half_fov))
+            }
+            Projection::Orthographic => Optics::Lens(Lens::new(camera, film, 1.0, 0.0)),
+            Projection::Spherical(SphericalMapping::LatLong) => around(SphereMap::LatLong),
+            Projection::Spherical(SphericalMapping::EqualArea) => around(SphereMap::EqualArea),
         };
         Self {
             to_render,
-            lens,
+            optics,
             shutter_open: camera.shutter_open,
             shutter: camera.shutter_close - camera.shutter_open,
         }
     }
 
     /// The ray through `film` (pixels of the whole image), with a unit direction. `lens` and
-    /// `time` are numbers in [0, 1); a pinhole does not look at `lens`.
+    /// `time` are numbers in [0, 1); only a lens looks at `lens`.
     #[inline]
     pub fn ray(&self, film: Vec2, lens: Vec2, time: f32) -> Ray {
         let time = self.shutter_open + self.shutter * time;
@@ -81,18 +86,30 @@ impl CameraRays {
             Motion::Still(placement) => *placement,
             Motion::Moving(transform) => Placement::of(transform.at(time)),
         };
-        self.lens.ray(&placement, film, lens, time)
+        match &self.optics {
+            Optics::Lens(optics) => optics.ray(&placement, film, lens, time),
+            Optics::Sphere(map, scale) => {
+                let Vec3 { x, y, z } = map.direction(map.wrapped(film * scale));
+                Ray {
+                    origin: placement.origin,
+                    // Its pole is y, and the map's is z.
+                    direction: (placement.linear * Vec3::new(x, z, y)).normalize(),
+                    t_max: f32::INFINITY,
+                    time,
+                }
+            }
+        }
     }
 
     /// [`Self::ray`] in lanes.
     pub fn rays(&self, film: &[Lanes; 2], lens: &[Lanes; 2], time: &Lanes, rays: &mut RayLanes) {
-        match &self.to_render {
-            Motion::Still(placement) => {
-                still_rays(&self.lens, placement, film, lens, rays);
+        match (&self.to_render, &self.optics) {
+            (Motion::Still(placement), Optics::Lens(optics)) => {
+                still_rays(optics, placement, film, lens, rays);
                 let times = rays.time.iter_mut().zip(time);
                 times.for_each(|(to, time)| *to = self.shutter_open + self.shutter * time);
             }
-            Motion::Moving(_) => {
+            _ => {
                 let at = |pair: &[Lanes; 2], lane: usize| Vec2::new(pair[0][lane], pair[1][lane]);
                 (0..LANES).for_each(|lane| {
                     rays.set(lane, self.ray(at(film, lane), at(lens, lane), time[lane]));
@@ -110,6 +127,19 @@ impl Placement {
 }
 
 impl Lens {
+    fn new(camera: &Camera, film: &Film, screen_in_origin: f32, screen_in_direction: f32) -> Self {
+        let [x_min, x_max, y_min, y_max] = camera.screen_window;
+        Self {
+            screen_in_origin,
+            screen_in_direction,
+            // Rows run downwards on the film, y upwards in the window.
+            scale: Vec2::new((x_max - x_min) / film.width as f32, (y_min - y_max) / film.height as f32),
+            offset: Vec2::new(x_min, y_max),
+            radius: camera.lens_radius.max(0.0),
+            inverse_focus: if camera.lens_radius > 0.0 { 1.0 / camera.focal_distance } else { 0.0 },
+        }
+    }
+
     #[inline(always)]
     fn ray(&self, placement: &Placement, film: Vec2, lens: Vec2, time: f32) -> Ray {
         let screen = film * self.scale + self.offset;
@@ -215,6 +245,26 @@ mod tests {
                 assert!(rays.ray(film, lens, 0.0).origin != rays.ray(film, Vec2::splat(0.5), 0.0).origin);
             }
         }
+    }
+
+    #[test]
+    fn a_spherical_camera_sees_all_around() {
+        let of = |mapping| CameraRays::new(&camera(Projection::Spherical(mapping), 0.0), &film());
+        let lat_long = of(SphericalMapping::LatLong);
+        let at = |x: f32, y: f32| lat_long.ray(Vec2::new(x, y), Vec2::ZERO, 0.0).direction;
+        assert!(close(at(50.0, 0.0), Vec3::Y) && close(at(50.0, 200.0), Vec3::NEG_Y));
+        assert!(close(at(0.0, 100.0), Vec3::X) && close(at(100.0, 100.0), Vec3::Z));
+        // What a pixel filter reaches beyond a border lies behind it.
+        assert!(close(at(-5.0, 70.0), at(395.0, 70.0)) && close(at(0.0, -5.0), at(200.0, 5.0)));
+        let equal_area = of(SphericalMapping::EqualArea);
+        let at = |x: f32, y: f32| equal_area.ray(Vec2::new(x, y), Vec2::ZERO, 0.0).direction;
+        assert!(close(at(200.0, 100.0), Vec3::Y) && close(at(400.0, 100.0), Vec3::X));
+        assert!(close(at(200.0, 200.0), Vec3::Z) && close(at(0.0, 0.0), Vec3::NEG_Y));
+        assert!(close(at(-4.0, 30.0), at(4.0, 170.0)) && close(at(90.0, 203.0), at(310.0, 197.0)));
+        let mut rays = RayLanes::NONE;
+        let lanes = |v: f32| [v; LANES];
+        lat_long.rays(&[lanes(100.0), lanes(100.0)], &[lanes(0.0); 2], &lanes(0.5), &mut rays);
+        assert!(close(rays.at(3).direction, Vec3::Z) && rays.at(3).time == 2.0);
     }
 
     #[test]

@@ -14,6 +14,7 @@ mod pixel_filter;
 mod record;
 mod sampler;
 mod share;
+mod sphere_map;
 
 use rayon::prelude::*;
 

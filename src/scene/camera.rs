@@ -1,4 +1,4 @@
-//! The camera: a perspective or orthographic projection with a thin lens and a shutter.
+//! The camera: a projection, a thin lens and a shutter.
 
 use super::AnimatedTransform;
 
@@ -29,6 +29,17 @@ pub enum Projection {
     Perspective { tan_half_fov: f32 },
     /// Parallel rays; the screen window is in scene units.
     Orthographic,
+    /// All directions around y, without a lens or a screen window.
+    Spherical(SphericalMapping),
+}
+
+/// How all directions lie on a film.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SphericalMapping {
+    /// Columns by azimuth, rows by angle from y.
+    LatLong,
+    /// Octahedral, every pixel of the same solid angle (Clarberg 2008).
+    EqualArea,
 }
 
 /// The screen window of a film with this aspect (width over height): the shorter side spans [-1, 1].

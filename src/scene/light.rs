@@ -1,6 +1,6 @@
 //! Lights that are not surfaces, and the emission of those that are.
 
-use glam::{Affine3A, Vec2, Vec3};
+use glam::{Affine3A, Mat3, Vec2, Vec3};
 
 use super::texture::{ImageId, Textures, Wrap};
 
@@ -18,11 +18,32 @@ pub enum Light {
         cos_total_width: f32,
         falloff: SpotFalloff,
     },
+    /// A point light that shines an image: `intensity` is a factor of the image's, which is looked up in the
+    /// direction that `from_render` makes of one of render space.
+    Projector { position: Vec3, intensity: Vec3, from_render: Mat3, image: Projected },
     /// Parallel light. `direction` points from the scene towards the light; `radiance` is the
     /// irradiance on a surface facing it.
     Distant { direction: Vec3, radiance: Vec3 },
     /// Light from everywhere: constant, or an image.
     Environment(Environment),
+}
+
+/// How an image lies around a point light.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Projected {
+    /// On the whole sphere (pbrt's `goniometric` light).
+    Around(EnvironmentMap),
+    /// On a window across z, x to the right and y downwards, and nowhere else (pbrt's `projection` light).
+    /// `tan_half_fov`: tangent of half the field of view across the image's shorter side.
+    Window { image: ImageId, tan_half_fov: f32 },
+}
+
+impl Projected {
+    /// The extent of a window's image in x / z and y / z, from the middle.
+    pub fn half_window(tan_half_fov: f32, width: usize, height: usize) -> Vec2 {
+        let size = Vec2::new(width as f32, height as f32);
+        size * (tan_half_fov / size.min_element())
+    }
 }
 
 /// How a spot's intensity falls from 1 to 0 between its two cosines.

@@ -5,14 +5,22 @@ use glam::Vec3;
 
 use super::bounds::LightBounds;
 use super::choice::Reach;
+use super::projected::ProjectedImage;
 use super::{LightSample, brightness};
-use crate::scene::Light;
 use crate::scene::light::SpotFalloff;
+use crate::scene::{Light, Textures};
 
-/// A point, a spot or a distant light.
+/// A light at a point, or a distant one.
 pub enum DeltaLight {
-    Point { position: Vec3, intensity: Vec3, cone: Option<Cone> },
+    Point { position: Vec3, intensity: Vec3, beam: Beam },
     Distant { direction: Vec3, irradiance: Vec3 },
+}
+
+/// Where a light at a point shines, as a factor of its intensity.
+pub enum Beam {
+    Everywhere,
+    Cone(Cone),
+    Image(ProjectedImage),
 }
 
 /// Where a spot light shines.
@@ -26,13 +34,19 @@ pub struct Cone {
 impl DeltaLight {
     /// # Panics
     /// For an environment, which has an extent.
-    pub fn new(light: &Light) -> Self {
+    pub fn new(textures: &Textures, light: &Light) -> Self {
         match *light {
-            Light::Point { position, intensity } => Self::Point { position, intensity, cone: None },
+            Light::Point { position, intensity } => {
+                Self::Point { position, intensity, beam: Beam::Everywhere }
+            }
             Light::Spot { position, axis, intensity, cos_falloff_start, cos_total_width, falloff } => {
                 let (cos_start, cos_end) = (cos_falloff_start, cos_total_width);
                 let cone = Cone { axis: axis.normalize(), cos_start, cos_end, falloff };
-                Self::Point { position, intensity, cone: Some(cone) }
+                Self::Point { position, intensity, beam: Beam::Cone(cone) }
+            }
+            Light::Projector { position, intensity, from_render, image } => {
+                let image = ProjectedImage::new(textures, from_render, image);
+                Self::Point { position, intensity, beam: Beam::Image(image) }
             }
             Light::Distant { direction, radiance } => {
                 Self::Distant { direction: direction.normalize(), irradiance: radiance }
@@ -44,15 +58,22 @@ impl DeltaLight {
     /// What the choice among lights goes by.
     pub fn reach(&self) -> Reach {
         match self {
-            Self::Point { position, intensity, cone } => Reach::Within(LightBounds {
-                centre: *position,
-                radius: 0.0,
-                axis: cone.as_ref().map_or(Vec3::Z, |cone| cone.axis),
-                cos_axes: cone.as_ref().map_or(-1.0, |cone| cone.cos_start),
-                cos_emission: cone.as_ref().map_or(0.0, Cone::cos_falloff),
-                two_sided: false,
-                intensity: brightness(*intensity),
-            }),
+            Self::Point { position, intensity, beam } => {
+                let (axis, cos_axes, cos_emission, mean) = match beam {
+                    Beam::Everywhere => (Vec3::Z, -1.0, 0.0, Vec3::ONE),
+                    Beam::Cone(cone) => (cone.axis, cone.cos_start, cone.cos_falloff(), Vec3::ONE),
+                    Beam::Image(image) => (image.axis(), image.cos_widest(), 1.0, image.mean()),
+                };
+                Reach::Within(LightBounds {
+                    centre: *position,
+                    radius: 0.0,
+                    axis,
+                    cos_axes,
+                    cos_emission,
+                    two_sided: false,
+                    intensity: brightness(*intensity * mean),
+                })
+            }
             Self::Distant { direction, irradiance } => {
                 Reach::Around { direction: Some(*direction), irradiance: brightness(*irradiance) }
             }
@@ -65,15 +86,19 @@ impl DeltaLight {
         let sample =
             |wi, radiance, target| LightSample { wi, radiance, pdf: 1.0, found_by_rays: false, target };
         match self {
-            Self::Point { position, intensity, cone } => {
+            Self::Point { position, intensity, beam } => {
                 let to_light = position - from;
                 let squared = to_light.length_squared();
                 if squared == 0.0 {
                     return None;
                 }
                 let wi = to_light / squared.sqrt();
-                let share = cone.as_ref().map_or(1.0, |cone| cone.share(-wi));
-                (share > 0.0).then(|| sample(wi, intensity * (share / squared), Some(*position)))
+                let share = match beam {
+                    Beam::Everywhere => Vec3::ONE,
+                    Beam::Cone(cone) => Vec3::splat(cone.share(-wi)),
+                    Beam::Image(image) => image.at(-wi),
+                };
+                (share != Vec3::ZERO).then(|| sample(wi, intensity * share / squared, Some(*position)))
             }
             Self::Distant { direction, irradiance } => Some(sample(*direction, *irradiance, None)),
         }
@@ -102,16 +127,20 @@ impl Cone {
 mod tests {
     use super::*;
 
+    fn delta(light: Light) -> DeltaLight {
+        DeltaLight::new(&Textures::default(), &light)
+    }
+
     #[test]
     fn a_point_light_falls_off_with_the_squared_distance() {
-        let light = DeltaLight::new(&Light::Point { position: Vec3::Z * 3.0, intensity: Vec3::splat(18.0) });
+        let light = delta(Light::Point { position: Vec3::Z * 3.0, intensity: Vec3::splat(18.0) });
         let sample = light.sample(Vec3::ZERO).unwrap();
         assert_eq!((sample.wi, sample.radiance, sample.pdf), (Vec3::Z, Vec3::splat(2.0), 1.0));
         assert!(light.sample(Vec3::Z * 3.0).is_none());
     }
 
     fn spot(falloff: SpotFalloff) -> DeltaLight {
-        DeltaLight::new(&Light::Spot {
+        delta(Light::Spot {
             position: Vec3::ZERO,
             axis: Vec3::NEG_Z,
             intensity: Vec3::ONE,
@@ -135,7 +164,7 @@ mod tests {
 
     #[test]
     fn a_distant_light_is_the_same_everywhere() {
-        let light = DeltaLight::new(&Light::Distant { direction: Vec3::Y * 2.0, radiance: Vec3::ONE });
+        let light = delta(Light::Distant { direction: Vec3::Y * 2.0, radiance: Vec3::ONE });
         let sample = light.sample(Vec3::splat(7.0)).unwrap();
         assert_eq!((sample.wi, sample.radiance, sample.target), (Vec3::Y, Vec3::ONE, None));
     }

@@ -8,10 +8,10 @@ use super::brightness;
 use super::choice::Reach;
 use super::distribution::Distribution2d;
 use super::portal::PortalView;
-use super::sphere_map::SphereMap;
 use crate::render::disk::sin_cos_of_turns;
-use crate::scene::Scene;
+use crate::render::sphere_map::SphereMap;
 use crate::scene::light::{Environment, EnvironmentMap};
+use crate::scene::{Scene, Textures};
 
 /// An environment, ready to be looked up and sampled.
 #[derive(Clone, Debug)]
@@ -29,14 +29,7 @@ const PLAIN_ROWS: usize = 64;
 impl EnvironmentLight {
     pub fn new(scene: &Scene, environment: &Environment) -> Self {
         let to_render = environment.to_render.matrix3;
-        let image = environment.map.map(|map| {
-            let (map, id) = match map {
-                EnvironmentMap::LatLong(id) => (SphereMap::LatLong, id),
-                EnvironmentMap::EqualArea(id) => (SphereMap::EqualArea, id),
-            };
-            let image = scene.textures.image(id);
-            EnvironmentImage::new(map, image.width(), image.height(), |x, y| image.rgb(x, y))
-        });
+        let image = environment.map.map(|map| EnvironmentImage::of(&scene.textures, map));
         let rows = image.as_ref().map_or(PLAIN_ROWS, |image| image.height);
         let mut light = Self {
             to_render,
@@ -70,7 +63,7 @@ impl EnvironmentLight {
     #[inline]
     fn unhidden(&self, direction: Vec3) -> Vec3 {
         let Some(image) = &self.image else { return self.scale };
-        self.scale * image.lookup(image.map.uv(self.local(direction)))
+        self.scale * image.towards(self.local(direction))
     }
 
     /// A direction from a point, the radiance from there and the density per solid angle.
@@ -124,7 +117,7 @@ impl EnvironmentLight {
 
 /// An image around the sphere.
 #[derive(Clone, Debug)]
-struct EnvironmentImage {
+pub struct EnvironmentImage {
     map: SphereMap,
     width: usize,
     height: usize,
@@ -135,6 +128,15 @@ struct EnvironmentImage {
 }
 
 impl EnvironmentImage {
+    pub fn of(textures: &Textures, map: EnvironmentMap) -> Self {
+        let (map, id) = match map {
+            EnvironmentMap::LatLong(id) => (SphereMap::LatLong, id),
+            EnvironmentMap::EqualArea(id) => (SphereMap::EqualArea, id),
+        };
+        let image = textures.image(id);
+        Self::new(map, image.width(), image.height(), |x, y| image.rgb(x, y))
+    }
+
     fn new(map: SphereMap, width: usize, height: usize, texel: impl Fn(usize, usize) -> Vec3) -> Self {
         let cells = || (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
         let clean = |t: Vec3| if t.is_finite() { t.max(Vec3::ZERO) } else { Vec3::ZERO };
@@ -154,6 +156,17 @@ impl EnvironmentImage {
         image.distribution = Distribution2d::new(width, &weights);
         image.mean = (sum / (weights.len().max(1) as f64 * 4.0 * std::f64::consts::PI)).as_vec3();
         image
+    }
+
+    /// The value in a unit direction of the image's space.
+    #[inline]
+    pub fn towards(&self, direction: Vec3) -> Vec3 {
+        self.lookup(self.map.uv(direction))
+    }
+
+    /// Mean over the sphere.
+    pub fn mean(&self) -> Vec3 {
+        self.mean
     }
 
     /// Bilinear interpolation between the centres of texels.

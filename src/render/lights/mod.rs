@@ -9,7 +9,7 @@ mod environment;
 mod extent;
 mod lanes;
 mod portal;
-mod sphere_map;
+mod projected;
 mod surface;
 mod tree;
 mod windowed;
@@ -68,9 +68,10 @@ impl<'s> Lights<'s> {
                 Light::Environment(environment) => {
                     Source::Environment(Box::new(EnvironmentLight::new(scene, environment)))
                 }
-                Light::Point { .. } | Light::Spot { .. } | Light::Distant { .. } => {
-                    Source::Delta(DeltaLight::new(light))
-                }
+                Light::Point { .. }
+                | Light::Spot { .. }
+                | Light::Projector { .. }
+                | Light::Distant { .. } => Source::Delta(DeltaLight::new(&scene.textures, light)),
             })
             .collect();
         let surfaces = SurfaceLights::new(scene);

@@ -9,7 +9,7 @@ use super::directives::Statement;
 use super::params::Params;
 use super::state::{Kept, Keys, Reader};
 use super::{Fault, Place, Result};
-use crate::scene::camera::Projection;
+use crate::scene::camera::{Projection, SphericalMapping};
 use crate::scene::{AnimatedTransform, Camera, Film, Integrator, PixelFilter, SamplerKind};
 
 /// Longest side of a film: what the live page's frames can say. Keeps a slip of the pen from asking for all memory.
@@ -216,6 +216,7 @@ fn camera(reader: &mut Reader, entry: &Entry, film: &Film) -> Result<(Camera, DV
             Projection::Perspective { tan_half_fov: (fov.to_radians() / 2.0).tan() as f32 }
         }
         "orthographic" => Projection::Orthographic,
+        "spherical" | "environment" => Projection::Spherical(spherical_mapping(kind, params)?),
         "realistic" => {
             reader.warnings.add(*place, "camera \"realistic\" is read as a thin lens of 50 mm");
             for name in ["lensfile", "aperture", "simpleweighting"] {
@@ -224,7 +225,8 @@ fn camera(reader: &mut Reader, entry: &Entry, film: &Film) -> Result<(Camera, DV
             Projection::Perspective { tan_half_fov: (half_short_side(film) / REALISTIC_FOCAL_LENGTH) as f32 }
         }
         other => {
-            let message = format!("camera \"{other}\"; perspective and orthographic are accepted");
+            let accepted = "perspective, orthographic, spherical and environment are accepted";
+            let message = format!("camera \"{other}\"; {accepted}");
             return Err(Fault::new(*place, message));
         }
     };
@@ -238,6 +240,8 @@ fn camera(reader: &mut Reader, entry: &Entry, film: &Film) -> Result<(Camera, DV
         let message = format!("\"lensradius\" is {lens_radius}; a number from 0 would be accepted");
         return Err(Fault::new(*place, message));
     }
+    // A camera that sees all around has none, whatever is said.
+    let has_lens = !matches!(projection, Projection::Spherical(_));
     let focal_distance = match realistic {
         true => params.positive_or("focusdistance", 10.0)?,
         false => params.positive_or("focaldistance", 1e6)?,
@@ -259,12 +263,25 @@ fn camera(reader: &mut Reader, entry: &Entry, film: &Film) -> Result<(Camera, DV
         to_render: AnimatedTransform::new(shift * to_world_start, shift * to_world_end, t0, t1),
         projection,
         screen_window,
-        lens_radius: lens_radius as f32,
+        lens_radius: if has_lens { lens_radius as f32 } else { 0.0 },
         focal_distance: (focal_distance as f32).max(f32::MIN_POSITIVE),
         shutter_open,
         shutter_close,
     };
     Ok((camera, origin))
+}
+
+/// v4 says which mapping; the older dialects' `environment` has only one.
+fn spherical_mapping(kind: &str, params: &Params) -> Result<SphericalMapping> {
+    match params.string("mapping")? {
+        None if kind == "environment" => Ok(SphericalMapping::LatLong),
+        None | Some("equalarea") => Ok(SphericalMapping::EqualArea),
+        Some("equirectangular") => Ok(SphericalMapping::LatLong),
+        Some(other) => {
+            let message = format!("mapping \"{other}\"; equalarea and equirectangular are accepted");
+            Err(Fault::new(params.place, message))
+        }
+    }
 }
 
 /// Half the shorter side of a film of [`REALISTIC_DIAGONAL`], in millimetres.
@@ -315,6 +332,7 @@ mod tests {
 
     use super::Projection;
     use crate::scene::Scene;
+    use crate::scene::camera::SphericalMapping;
     use crate::scene::pbrt::read_str;
 
     fn header(text: &str) -> Scene {
@@ -371,5 +389,21 @@ mod tests {
         assert!(scene.warnings.is_empty(), "{:?}", scene.warnings);
         let scene = header("Option \"string forcediffuse\" \"x\"");
         assert!(scene.warnings[0].contains("forcediffuse"), "{:?}", scene.warnings);
+    }
+
+    #[test]
+    fn cameras_that_see_all_around_have_no_lens() {
+        let camera = |text: &str, end: &str| {
+            let text = format!("Camera {text} \"float lensradius\" 1 WorldBegin {end}");
+            read_str(&text, Path::new("")).unwrap().camera
+        };
+        let of = |text: &str, end: &str| camera(text, end).projection;
+        let [equal_area, lat_long] =
+            [SphericalMapping::EqualArea, SphericalMapping::LatLong].map(Projection::Spherical);
+        assert_eq!(of("\"spherical\"", ""), equal_area);
+        assert_eq!(of("\"spherical\" \"string mapping\" \"equirectangular\"", ""), lat_long);
+        assert_eq!(of("\"environment\"", "WorldEnd"), lat_long);
+        assert_eq!(camera("\"environment\"", "WorldEnd").lens_radius, 0.0);
+        assert!(read_str("Camera \"spherical\" \"string mapping\" \"x\" WorldBegin", Path::new("")).is_err());
     }
 }

@@ -67,6 +67,11 @@ pub fn mesh(params: &Params) -> Result<MeshDescription> {
     Ok(swept(&stations, ribbon.is_some()))
 }
 
+/// Whether it is of pbrt's default type, which faces every ray.
+pub fn is_flat(params: &Params) -> Result<bool> {
+    Ok(matches!(params.string("type")?, None | Some("flat")))
+}
+
 fn bezier(points: &[DVec3]) -> Bezier {
     match *points {
         [a, b, c] => [a, a.lerp(b, 2.0 / 3.0), c.lerp(b, 2.0 / 3.0), c],
@@ -227,6 +232,15 @@ mod tests {
         assert_eq!(ends(&spline), (1.0, 3.0));
         let quadratic = curve("\"integer degree\" 2 \"point3 P\" [0 0 0 1 0 0 2 0 0]").unwrap();
         assert_eq!(ends(&quadratic), (0.0, 2.0));
+    }
+
+    #[test]
+    fn curves_that_are_not_shaded_as_they_should_be_are_told() {
+        let warnings = |kind: &str| {
+            let text = format!("WorldBegin Shape \"curve\" {STRAIGHT} {kind}");
+            crate::scene::pbrt::read_str(&text, std::path::Path::new("")).unwrap().warnings.len()
+        };
+        assert_eq!(["", "\"string type\" \"flat\"", "\"string type\" \"cylinder\""].map(warnings), [1, 1, 0]);
     }
 
     #[test]

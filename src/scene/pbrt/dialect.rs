@@ -18,7 +18,7 @@ use crate::scene::RgbTextureId;
 use crate::scene::film::PixelFilter;
 use crate::scene::light::SpotFalloff;
 use crate::scene::material::{Additive, Layer, MaterialKind, Metal, RoughnessScale};
-use crate::scene::texture::{Encoding, Texture};
+use crate::scene::texture::{Channels, Encoding, Texture};
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Dialect {
@@ -104,19 +104,42 @@ impl Dialect {
         }
     }
 
-    /// What 8-bit images hold, unless a parameter says so.
-    pub fn default_encoding(self) -> Encoding {
-        match self {
-            Dialect::V2 => Encoding::Linear,
-            Dialect::V3 | Dialect::V4 => Encoding::Srgb,
-        }
+    /// What an image holds whose parameters ask for `wanted`, if they do. v4 asks only of PNG files, and takes
+    /// all others of integers for sRGB; the older dialects take a parameter at its word, of every file.
+    pub fn encoding_of(self, path: &Path, wanted: Option<Encoding>) -> Encoding {
+        let is = |name: &str| path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case(name));
+        let floats = is("exr") || is("pfm");
+        let usual = if floats || self == Dialect::V2 { Encoding::Linear } else { Encoding::Srgb };
+        let asks = self != Dialect::V4 || is("png");
+        wanted.filter(|_| asks).unwrap_or(usual)
     }
 
-    /// What an image holds whose parameters ask for `wanted`. v4 asks only of PNG files, and takes
-    /// all others for sRGB; the older dialects take a parameter at its word.
-    pub fn encoding_of(self, path: &Path, wanted: Encoding) -> Encoding {
-        let png = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("png"));
-        if self == Dialect::V4 && !png { Encoding::Srgb } else { wanted }
+    /// Field of view of lights that project an image, in degrees.
+    pub fn default_projection_fov(self) -> f64 {
+        if self == Dialect::V4 { 90.0 } else { 45.0 }
+    }
+
+    /// Whether a projected image's top is above.
+    pub fn projections_are_upright(self) -> bool {
+        self == Dialect::V4
+    }
+
+    /// What images of lights hold, where that is not said as for other images.
+    pub fn light_encoding(self) -> Option<Encoding> {
+        (self != Dialect::V4).then_some(Encoding::Linear)
+    }
+
+    /// What a scalar texture takes from an image.
+    pub fn scalar_channels(self) -> Channels {
+        if self == Dialect::V4 { Channels::All } else { Channels::Luminance }
+    }
+
+    /// The factor of an image's linear values, of one that says `scale`: v2 multiplies before it decodes.
+    pub fn image_scale(self, scale: f64, encoding: Option<Encoding>) -> f64 {
+        match (self, encoding) {
+            (Dialect::V2, Some(Encoding::Gamma(gamma))) => scale.max(0.0).powf(gamma.into()),
+            _ => scale,
+        }
     }
 
     /// Reflectance, or index of refraction, by channel.
@@ -437,9 +460,28 @@ mod tests {
 
     #[test]
     fn only_v4_takes_every_jpeg_for_srgb() {
-        let of = |dialect: Dialect, name| dialect.encoding_of(Path::new(name), Encoding::Linear);
+        let of = |dialect: Dialect, name| dialect.encoding_of(Path::new(name), Some(Encoding::Linear));
         assert_eq!(of(Dialect::V4, "a.jpg"), Encoding::Srgb);
         assert_eq!(of(Dialect::V4, "a.PNG"), Encoding::Linear);
         assert_eq!(of(Dialect::V3, "a.jpg"), Encoding::Linear);
+    }
+
+    #[test]
+    fn files_of_floats_are_linear_but_where_an_older_dialect_says_otherwise() {
+        let gamma = Encoding::Gamma(2.0);
+        let of = |dialect: Dialect, wanted| dialect.encoding_of(Path::new("a.exr"), wanted);
+        for (dialect, asked) in [(Dialect::V2, gamma), (Dialect::V3, gamma), (Dialect::V4, Encoding::Linear)]
+        {
+            assert_eq!(
+                [of(dialect, None), of(dialect, Some(gamma))],
+                [Encoding::Linear, asked],
+                "{dialect:?}"
+            );
+        }
+        let png = |dialect: Dialect| dialect.encoding_of(Path::new("a.png"), None);
+        assert_eq!(
+            [png(Dialect::V2), png(Dialect::V3), png(Dialect::V4)],
+            [Encoding::Linear, Encoding::Srgb, Encoding::Srgb]
+        );
     }
 }

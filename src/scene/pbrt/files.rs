@@ -1,10 +1,11 @@
 //! Files that a scene is made of, gzipped where their name ends in `.gz`.
 
-use std::fs::File;
 use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
 
 use flate2::bufread::MultiGzDecoder;
+
+use crate::scene::regular_file;
 
 /// Most bytes that one byte of a gzip file can stand for (the limit of DEFLATE).
 pub const MAX_INFLATION: u64 = 1032;
@@ -19,18 +20,9 @@ pub struct Source {
 /// Opens a file for reading.
 ///
 /// # Errors
-/// The system's words, without the file's name.
+/// As [`regular_file::open`].
 pub fn open(path: &Path) -> Result<Source, String> {
-    // Before opening: a pipe would wait for who writes into it, a device may never end.
-    let metadata = path.metadata().map_err(|error| error.to_string())?;
-    if metadata.is_dir() {
-        return Err("it is a folder".into());
-    }
-    if !metadata.is_file() {
-        return Err("it is no regular file".into());
-    }
-    let file = File::open(path).map_err(|error| error.to_string())?;
-    let length = metadata.len();
+    let (file, length) = regular_file::open(path)?;
     let plain = BufReader::new(file);
     Ok(if path.extension().is_some_and(|extension| extension == "gz") {
         let reader = Box::new(BufReader::new(MultiGzDecoder::new(plain)));

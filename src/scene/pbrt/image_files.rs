@@ -9,11 +9,12 @@ use rayon::prelude::*;
 use super::state::Reader;
 use super::{Fault, Place, Result};
 use crate::scene::ImageId;
-use crate::scene::texture::{self, Encoding};
+use crate::scene::texture::{self, Channels, Encoding};
 
 struct ImageFile {
     path: PathBuf,
     encoding: Encoding,
+    channels: Channels,
     /// Where the scene names it first.
     place: Place,
     /// Whether nothing but a square would do.
@@ -28,14 +29,20 @@ pub struct ImageFiles {
 }
 
 impl Reader {
-    /// An image that the scene will have.
-    pub fn image(&mut self, file: &str, encoding: Encoding, place: Place) -> ImageId {
+    /// An image that the scene will have; `encoding` is what parameters ask for.
+    pub fn image(
+        &mut self,
+        file: &str,
+        encoding: Option<Encoding>,
+        channels: Channels,
+        place: Place,
+    ) -> ImageId {
         let path = self.resolve(file);
         let encoding = self.dialect.encoding_of(&path, encoding);
         let list = &mut self.images.list;
-        let key = (path.clone(), format!("{encoding:?}"));
+        let key = (path.clone(), format!("{encoding:?} {channels:?}"));
         *self.images.ids.entry(key).or_insert_with(|| {
-            list.push(ImageFile { path, encoding, place, square: false });
+            list.push(ImageFile { path, encoding, channels, place, square: false });
             ImageId((list.len() - 1) as u32)
         })
     }
@@ -52,7 +59,7 @@ impl Reader {
                 let name = file.path.display();
                 Fault::new(file.place, format!("image \"{name}\": {message}; {accepted} would be accepted"))
             };
-            let image = texture::load(&file.path, file.encoding)
+            let image = texture::load(&file.path, file.encoding, file.channels)
                 .map_err(|message| fault(message, "a sound image file"))?;
             let (width, height) = (image.width(), image.height());
             if file.square && width != height {

@@ -10,7 +10,8 @@ use super::state::{Emission, Reader};
 use super::textures::encoding;
 use super::{Fault, Result};
 use crate::scene::light::{AreaLight, Environment, EnvironmentMap, Portal};
-use crate::scene::{Light, TextureImage};
+use crate::scene::texture::{Channels, luminance};
+use crate::scene::{ImageId, Light, TextureImage};
 
 impl Reader {
     pub fn area_light_source(&mut self, statement: &Statement) -> Result<()> {
@@ -26,7 +27,7 @@ impl Reader {
         let two_sided = params.bool_or("twosided", false)?;
         let power = params.positive("power")?;
         let image = params.string("filename")?.filter(|file| !file.is_empty());
-        let image = image.map(|file| self.image(file, self.dialect.default_encoding(), params.place));
+        let image = image.map(|file| self.image(file, None, Channels::All, params.place));
         let light = AreaLight { radiance, image, two_sided };
         self.state.area_light = (radiance != Vec3::ZERO).then_some(Emission { light, power });
         statement.params.mark_used_in(&params);
@@ -49,13 +50,11 @@ impl Reader {
             "spot" => self.spot(params)?,
             "distant" => self.distant(params)?,
             "infinite" | "exinfinite" => self.infinite(params)?,
-            other @ ("goniometric" | "projection") => {
-                self.warnings.add(statement.place, format!("light \"{other}\" is left out"));
-                statement.params.mark_all_used();
-                return Ok(());
-            }
+            "goniometric" => self.goniometric(params)?,
+            "projection" => self.projection(params)?,
             other => {
-                let message = format!("light \"{other}\"; point, spot, distant and infinite are accepted");
+                let accepted = "point, spot, goniometric, projection, distant and infinite are accepted";
+                let message = format!("light \"{other}\"; {accepted}");
                 return Err(Fault::new(statement.place, message));
             }
         };
@@ -77,6 +76,7 @@ impl Reader {
                 light.radiance /= mean;
             }
         }
+        self.normalise_projectors();
         for (index, illuminance) in std::mem::take(&mut self.lit_environments) {
             let Light::Environment(Environment { scale, map: Some(EnvironmentMap::EqualArea(id)), .. }) =
                 &mut self.lights[index]
@@ -91,7 +91,7 @@ impl Reader {
     }
 
     /// Colour times `scale`, per channel not below 0.
-    fn light_color(&mut self, params: &Params, name: &str) -> Result<Vec3> {
+    pub fn light_color(&mut self, params: &Params, name: &str) -> Result<Vec3> {
         let color =
             self.spectrum(params, name)?.map_or(Vec3::ONE, |spectrum| self.dialect.light_of(&spectrum));
         // v3 has a colour for a scale.
@@ -109,7 +109,7 @@ impl Reader {
         Err(Fault::new(params.place, format!("a light of \"{name}\" {color}; {accepted}")))
     }
 
-    fn point(&mut self, params: &Params) -> Result<Light> {
+    pub fn point(&mut self, params: &Params) -> Result<Light> {
         let from = params.triple_or("from", DVec3::ZERO)?;
         let position = self.to_render().transform_point3(from).as_vec3();
         let mut intensity = self.light_color(params, "I")?;
@@ -167,21 +167,11 @@ impl Reader {
 
     fn infinite(&mut self, params: &Params) -> Result<Light> {
         let mut scale = self.light_color(params, "L")?;
-        let file = match params.string("filename")? {
-            Some(file) => Some(file),
-            None => params.string("mapname")?,
-        };
-        let map = match file.filter(|file| !file.is_empty()) {
+        let map = match image_of(params)? {
             None => None,
             Some(file) => {
-                let encoding = encoding(params, self.dialect.default_encoding())?;
-                let image = self.image(file, encoding, params.place);
-                if self.dialect.environments_are_lat_long() {
-                    Some(EnvironmentMap::LatLong(image))
-                } else {
-                    self.image_must_be_square(image);
-                    Some(EnvironmentMap::EqualArea(image))
-                }
+                let image = self.light_image(file, params)?;
+                Some(self.environment_map(image))
             }
         };
         let portal = self.portal(params)?;
@@ -201,6 +191,20 @@ impl Reader {
             map,
             portal,
         }))
+    }
+
+    pub fn light_image(&mut self, file: &str, params: &Params) -> Result<ImageId> {
+        let encoding = encoding(params)?.or(self.dialect.light_encoding());
+        Ok(self.image(file, encoding, Channels::All, params.place))
+    }
+
+    pub fn environment_map(&mut self, image: ImageId) -> EnvironmentMap {
+        if self.dialect.environments_are_lat_long() {
+            EnvironmentMap::LatLong(image)
+        } else {
+            self.image_must_be_square(image);
+            EnvironmentMap::EqualArea(image)
+        }
     }
 
     /// The rectangle that an environment is seen through. It stands in world space, whatever the
@@ -225,6 +229,15 @@ impl Reader {
     }
 }
 
+/// The file of a light's image, by its names in all dialects.
+pub fn image_of(params: &Params) -> Result<Option<&str>> {
+    let file = match params.string("filename")? {
+        Some(file) => Some(file),
+        None => params.string("mapname")?,
+    };
+    Ok(file.filter(|file| !file.is_empty()))
+}
+
 /// Illuminance that an environment image gives to what faces the top of its sphere.
 fn upper_illuminance(image: &TextureImage) -> f64 {
     let size = Vec2::new(image.width() as f32, image.height() as f32);
@@ -247,14 +260,11 @@ fn equal_area_height(uv: Vec2) -> f32 {
     (1.0 - r * r).copysign(inside)
 }
 
-/// Relative luminance of linear sRGB.
-fn luminance(colour: Vec3) -> f32 {
-    colour.dot(Vec3::new(0.2126, 0.7152, 0.0722))
-}
-
 fn emission(light: &Light) -> Vec3 {
     match light {
-        Light::Point { intensity, .. } | Light::Spot { intensity, .. } => *intensity,
+        Light::Point { intensity, .. }
+        | Light::Spot { intensity, .. }
+        | Light::Projector { intensity, .. } => *intensity,
         Light::Distant { radiance, .. } => *radiance,
         Light::Environment(environment) => environment.scale,
     }

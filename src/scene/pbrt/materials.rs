@@ -10,7 +10,7 @@ use super::spectrum::Spectrum;
 use super::state::Reader;
 use super::{Fault, Place, Result, measured};
 use crate::scene::material::{MaterialKind, Metal, Roughness, RoughnessScale};
-use crate::scene::texture::{Encoding, FloatTextureId, ImageTexture, Mapping, Texture, Wrap};
+use crate::scene::texture::{Channels, Encoding, FloatTextureId, ImageTexture, Mapping, Texture, Wrap};
 use crate::scene::{Material, MaterialId};
 
 /// Deepest mix of mixes.
@@ -111,7 +111,7 @@ impl Reader {
         let normal_map = match params.string("normalmap")?.map(String::from) {
             None => None,
             Some(file) => {
-                let image = self.image(&file, Encoding::Linear, params.place);
+                let image = self.image(&file, Some(Encoding::Linear), Channels::All, params.place);
                 let mapping = Mapping::Uv { scale: glam::Vec2::new(1.0, -1.0), offset: glam::Vec2::Y };
                 let texture = ImageTexture { image, mapping, wrap: Wrap::Repeat, scale: 1.0, invert: false };
                 Some(self.textures.add(Texture::<Vec3>::Image(texture)))

@@ -23,6 +23,7 @@ mod mesh;
 mod objects;
 mod params;
 mod ply;
+mod projectors;
 mod revolution;
 mod shapes;
 mod spectrum;

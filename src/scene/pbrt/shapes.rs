@@ -45,7 +45,12 @@ impl Reader {
                 self.mesh(params, &mesh, named)?;
             }
             "bilinearmesh" => self.mesh(params, &bilinear::mesh(params)?, fault)?,
-            "curve" => self.mesh(params, &curve::mesh(params)?, fault)?,
+            "curve" => {
+                if curve::is_flat(params)? {
+                    self.warnings.add(params.place, "curves of type \"flat\" are shaded as round ones");
+                }
+                self.mesh(params, &curve::mesh(params)?, fault)?
+            }
             "cylinder" | "cone" | "paraboloid" | "hyperboloid" => {
                 self.mesh(params, &revolution::mesh(kind, params)?, fault)?;
             }

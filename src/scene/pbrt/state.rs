@@ -117,6 +117,8 @@ pub struct Reader {
     /// images that have their illuminance given: brought to it when the images are read.
     pub powered_images: Vec<usize>,
     pub lit_environments: Vec<(usize, f64)>,
+    /// Projectors whose power is given, with it: their images are read last.
+    pub powered_projectors: Vec<(usize, f64)>,
     /// `groups[0]` is the static part of the scene.
     pub groups: Vec<Group>,
     pub instances: Vec<Instance>,
@@ -163,6 +165,7 @@ impl Reader {
             lights: Vec::new(),
             powered_images: Vec::new(),
             lit_environments: Vec::new(),
+            powered_projectors: Vec::new(),
             groups: vec![Group::new("".into())],
             instances: Vec::new(),
             objects: HashMap::new(),

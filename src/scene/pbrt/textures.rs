@@ -4,13 +4,15 @@ use std::collections::HashMap;
 
 use glam::{DAffine3, DMat3, DVec3, Vec2, Vec3};
 
+use super::dialect::Dialect;
 use super::directives::Statement;
 use super::params::{Param, ParamType, Params};
 use super::spectrum::{Spectrum, rgb_from_xyz};
 use super::state::Reader;
 use super::{Fault, Place, Result, files};
 use crate::scene::texture::{
-    Encoding, FloatTextureId, ImageTexture, Mapping, Procedural, RgbTextureId, Texture, TextureValue, Wrap,
+    Channels, Encoding, FloatTextureId, ImageTexture, Mapping, Procedural, RgbTextureId, Texture,
+    TextureValue, Wrap,
 };
 
 /// Deepest texture of textures: a lookup follows both branches of each.
@@ -34,6 +36,8 @@ pub struct TextureNames {
 pub trait Parameter: TextureValue {
     /// What is accepted, for messages.
     const KIND: &'static str;
+    /// What is made use of in an image.
+    fn channels(dialect: Dialect) -> Channels;
     fn names(names: &mut TextureNames) -> &mut Names<Self::Id>;
     /// The value of a parameter that is not a texture.
     fn value(reader: &mut Reader, params: &Params, name: &str, default: Self) -> Result<Self>;
@@ -41,6 +45,9 @@ pub trait Parameter: TextureValue {
 
 impl Parameter for f32 {
     const KIND: &'static str = "float";
+    fn channels(dialect: Dialect) -> Channels {
+        dialect.scalar_channels()
+    }
     fn names(names: &mut TextureNames) -> &mut Names<FloatTextureId> {
         &mut names.floats
     }
@@ -51,6 +58,9 @@ impl Parameter for f32 {
 
 impl Parameter for Vec3 {
     const KIND: &'static str = "spectrum";
+    fn channels(_: Dialect) -> Channels {
+        Channels::All
+    }
     fn names(names: &mut TextureNames) -> &mut Names<RgbTextureId> {
         &mut names.rgbs
     }
@@ -148,7 +158,7 @@ impl Reader {
         let (zero, one) = (V::splat(0.0), V::splat(1.0));
         let texture = match kind.as_str() {
             "constant" => Texture::Constant(V::value(self, params, "value", one)?),
-            "imagemap" => Texture::Image(self.image_texture(params)?),
+            "imagemap" => Texture::Image(self.image_texture(params, V::channels(self.dialect))?),
             "scale" => {
                 let first_name = if params.get("tex1").is_some() { "tex1" } else { "tex" };
                 let first = self.texture_or(params, first_name, one)?;
@@ -206,7 +216,7 @@ impl Reader {
         Ok(())
     }
 
-    fn image_texture(&mut self, params: &Params) -> Result<ImageTexture> {
+    fn image_texture(&mut self, params: &Params, channels: Channels) -> Result<ImageTexture> {
         let Some(file) = params.string("filename")? else {
             return Err(Fault::new(
                 params.place,
@@ -230,11 +240,12 @@ impl Reader {
         for name in ["filter", "maxanisotropy", "trilinear"] {
             params.get(name);
         }
+        let encoding = encoding(params)?;
         Ok(ImageTexture {
-            image: self.image(file, encoding(params, self.dialect.default_encoding())?, params.place),
+            image: self.image(file, encoding, channels, params.place),
             mapping: self.mapping(params, self.dialect.images_start_at_the_bottom())?,
             wrap,
-            scale: params.float_or("scale", 1.0)? as f32,
+            scale: self.dialect.image_scale(params.float_or("scale", 1.0)?, encoding) as f32,
             invert: params.bool_or("invert", false)?,
         })
     }
@@ -330,22 +341,22 @@ fn spectrum_of_numbers(param: &Param, numbers: &[f64]) -> Result<Spectrum> {
     })
 }
 
-/// How 8- and 16-bit images are encoded: `encoding`, or v3's `gamma`.
-pub fn encoding(params: &Params, default: Encoding) -> Result<Encoding> {
+/// How images are encoded, if that is said: `encoding`, or the older dialects' `gamma`.
+pub fn encoding(params: &Params) -> Result<Option<Encoding>> {
     if let Some(param) = params.get("gamma") {
-        return Ok(match param.kind {
+        return Ok(Some(match param.kind {
             ParamType::Bool if !params.bool_or("gamma", true)? => Encoding::Linear,
             ParamType::Bool => Encoding::Srgb,
             _ => Encoding::Gamma(params.positive_or("gamma", 1.0)? as f32),
-        });
+        }));
     }
     match params.string("encoding")? {
-        None => Ok(default),
-        Some("sRGB") => Ok(Encoding::Srgb),
-        Some("linear") => Ok(Encoding::Linear),
+        None => Ok(None),
+        Some("sRGB") => Ok(Some(Encoding::Srgb)),
+        Some("linear") => Ok(Some(Encoding::Linear)),
         Some(other) => {
             match other.strip_prefix("gamma ").and_then(|gamma| gamma.trim().parse::<f32>().ok()) {
-                Some(gamma) if gamma > 0.0 => Ok(Encoding::Gamma(gamma)),
+                Some(gamma) if gamma > 0.0 => Ok(Some(Encoding::Gamma(gamma))),
                 _ => {
                     let message =
                         format!("encoding \"{other}\"; sRGB, linear and \"gamma <number>\" are accepted");

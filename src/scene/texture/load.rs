@@ -8,9 +8,11 @@ use std::io::BufReader;
 use std::path::Path;
 
 use ::image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
+use glam::Vec3;
 
-use super::TextureImage;
+use super::{TextureImage, luminance};
 use crate::image::exr_file;
+use crate::scene::regular_file;
 
 /// Largest number of texels of an image: 16 384 × 16 384.
 const MAX_TEXELS: u64 = 1 << 28;
@@ -24,7 +26,7 @@ const LARGEST: f32 = 1e30;
 /// What an infinite value becomes: the largest half float, as most such values overflowed one.
 const LARGEST_HALF: f32 = 65504.0;
 
-/// What the stored values of an integer image mean. Files of floating point values are linear.
+/// What the stored values of an image mean. Those of integers are in [0, 1] before they are decoded.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Encoding {
     Srgb,
@@ -34,11 +36,11 @@ pub enum Encoding {
 }
 
 impl Encoding {
-    /// Linear value of an encoded one in [0, 1].
+    /// Linear value of an encoded one.
     fn decode(self, value: f32) -> f32 {
         match self {
             Encoding::Linear => value,
-            Encoding::Gamma(gamma) => value.powf(gamma),
+            Encoding::Gamma(gamma) => value.max(0.0).powf(gamma),
             // IEC 61966-2-1.
             Encoding::Srgb if value <= 0.04045 => value / 12.92,
             Encoding::Srgb => ((value + 0.055) / 1.055).powf(2.4),
@@ -50,13 +52,44 @@ impl Encoding {
     }
 }
 
+/// What of an image is kept.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Channels {
+    All,
+    /// That of the encoded values, as one channel; no alpha.
+    Luminance,
+}
+
+impl Channels {
+    /// What is kept of values of `count` channels a texel, and how many channels that are.
+    fn of_floats(self, count: usize, data: Vec<f32>) -> (usize, Vec<f32>) {
+        match self {
+            Channels::Luminance if count >= 3 => {
+                let texels = data.chunks_exact(count);
+                (1, texels.map(|texel| luminance(Vec3::from_slice(texel))).collect())
+            }
+            _ => (count, data),
+        }
+    }
+
+    fn of_integers(self, image: DynamicImage) -> DynamicImage {
+        match self {
+            Channels::All => image,
+            Channels::Luminance if image.color().bytes_per_pixel() / image.color().channel_count() > 1 => {
+                image.into_luma16().into()
+            }
+            Channels::Luminance => image.into_luma8().into(),
+        }
+    }
+}
+
 /// Reads an image file; its format follows from the extension. NaN becomes 0 and infinity the
 /// largest half float.
 ///
 /// # Errors
 /// One sentence, without the file's name, if the file is missing, damaged, or of a kind or size
 /// that is not accepted.
-pub fn load(path: &Path, encoding: Encoding) -> Result<TextureImage, String> {
+pub fn load(path: &Path, encoding: Encoding, channels: Channels) -> Result<TextureImage, String> {
     let extension = path.extension().and_then(|e| e.to_str()).unwrap_or("").to_ascii_lowercase();
     let format = match extension.as_str() {
         "exr" | "pfm" => None,
@@ -65,15 +98,29 @@ pub fn load(path: &Path, encoding: Encoding) -> Result<TextureImage, String> {
         "tga" => Some(ImageFormat::Tga),
         _ => return Err(format!("image format \"{extension}\"; exr, pfm, png, jpg and tga are accepted")),
     };
-    let file = File::open(path).map_err(|error| error.to_string())?;
-    let length = file.metadata().map_err(|error| error.to_string())?.len();
+    let (file, length) = regular_file::open(path)?;
     let mut reader = BufReader::new(file);
+    let of_floats = |width, height, count, data: Vec<f32>| {
+        let data = data.into_iter().map(finite).collect();
+        let (count, mut data) = channels.of_floats(count, data);
+        decode(&mut data, count, encoding);
+        without_opaque_alpha(width, height, count, data, 1.0, TextureImage::from_floats)
+    };
     match format {
         None if extension == "pfm" => {
-            super::pfm::read(&mut reader, |width, height| check_size(width, height, length), finite)
+            super::pfm::read(&mut reader, |width, height| check_size(width, height, length), of_floats)
         }
-        None => load_exr(path, length),
-        Some(format) => load_integers(reader, length, format, encoding),
+        None => load_exr(path, length, of_floats),
+        Some(format) => load_integers(reader, length, format, encoding, channels),
+    }
+}
+
+/// Makes values of `count` channels a texel linear, but for alpha, which is.
+fn decode(data: &mut [f32], count: usize, encoding: Encoding) {
+    if encoding != Encoding::Linear {
+        for (_, value) in data.iter_mut().enumerate().filter(|(i, _)| i % count != 3) {
+            *value = finite(encoding.decode(*value));
+        }
     }
 }
 
@@ -88,7 +135,11 @@ fn check_size(width: u64, height: u64, length: u64) -> Result<(), String> {
 }
 
 /// Reads by [`exr_file`], which guards against damaged files.
-fn load_exr(path: &Path, length: u64) -> Result<TextureImage, String> {
+fn load_exr(
+    path: &Path,
+    length: u64,
+    make: impl FnOnce(usize, usize, usize, Vec<f32>) -> TextureImage,
+) -> Result<TextureImage, String> {
     let info = exr_file::read_info(path).map_err(|error| error.problem.to_string())?;
     check_size(info.width as u64, info.height as u64, length)?;
     if info.channels.len() > MAX_CHANNELS {
@@ -113,9 +164,9 @@ fn load_exr(path: &Path, length: u64) -> Result<TextureImage, String> {
     let mut data = vec![0.0; width * height * count];
     for offset in 0..count {
         let texels = data.iter_mut().skip(offset).step_by(count);
-        texels.zip(planes.plane(offset)).for_each(|(texel, &value)| *texel = finite(value));
+        texels.zip(planes.plane(offset)).for_each(|(texel, &value)| *texel = value);
     }
-    Ok(without_opaque_alpha(width, height, count, data, 1.0, TextureImage::from_floats))
+    Ok(make(width, height, count, data))
 }
 
 fn finite(value: f32) -> f32 {
@@ -131,6 +182,7 @@ fn load_integers(
     length: u64,
     format: ImageFormat,
     encoding: Encoding,
+    channels: Channels,
 ) -> Result<TextureImage, String> {
     let mut reader = ImageReader::with_format(reader, format);
     let mut limits = Limits::default();
@@ -141,6 +193,7 @@ fn load_integers(
     let (width, height) = decoder.dimensions();
     check_size(width.into(), height.into(), length)?;
     let image = DynamicImage::from_decoder(decoder).map_err(|error| error.to_string())?;
+    let image = channels.of_integers(image);
     let (width, height) = (width as usize, height as usize);
     // As in pbrt-v4, only PNG files have alpha.
     let png = format == ImageFormat::Png;
@@ -151,11 +204,8 @@ fn load_integers(
     };
     let words = |channels: usize, data: Vec<u16>| {
         let scale = 1.0 / f32::from(u16::MAX);
-        let decode = |(i, &word): (usize, &u16)| {
-            let value = f32::from(word) * scale;
-            if i % channels == 3 { value } else { encoding.decode(value) }
-        };
-        let data = data.iter().enumerate().map(decode).collect();
+        let mut data: Vec<f32> = data.iter().map(|&word| f32::from(word) * scale).collect();
+        decode(&mut data, channels, encoding);
         without_opaque_alpha(width, height, channels, data, 1.0, TextureImage::from_floats)
     };
     Ok(match image {
@@ -206,7 +256,7 @@ mod tests {
     #[test]
     fn a_png_is_decoded_by_its_encoding() {
         let (_folder, path) = saved("a.png", &gray(128));
-        let value = |encoding| load(&path, encoding).unwrap().float(3, 1);
+        let value = |encoding| load(&path, encoding, Channels::All).unwrap().float(3, 1);
         assert!((value(Encoding::Srgb) - 0.215_86).abs() < 1e-4);
         assert!((value(Encoding::Linear) - 128.0 / 255.0).abs() < 1e-6);
         assert!((value(Encoding::Gamma(2.0)) - (128.0f32 / 255.0).powi(2)).abs() < 1e-6);
@@ -216,10 +266,10 @@ mod tests {
     fn opaque_alpha_is_left_out_and_other_alpha_is_kept() {
         let mut image = ::image::RgbaImage::from_pixel(2, 1, ::image::Rgba([0, 0, 0, 255]));
         let (_folder, path) = saved("a.png", &DynamicImage::ImageRgba8(image.clone()));
-        assert_eq!(load(&path, Encoding::Srgb).unwrap().float(0, 0), 0.0);
+        assert_eq!(load(&path, Encoding::Srgb, Channels::All).unwrap().float(0, 0), 0.0);
         image.put_pixel(1, 0, ::image::Rgba([0, 0, 0, 0]));
         let (_folder, path) = saved("b.png", &DynamicImage::ImageRgba8(image));
-        assert_eq!(load(&path, Encoding::Srgb).unwrap().float(0, 0), 1.0);
+        assert_eq!(load(&path, Encoding::Srgb, Channels::All).unwrap().float(0, 0), 1.0);
     }
 
     #[test]
@@ -234,7 +284,7 @@ mod tests {
         let path = folder.path().join("a.exr");
         let values = [(0.5, 2.0, -1.0), (f32::NAN, f32::INFINITY, 1e9)];
         exr::prelude::write_rgb_file(&path, 2, 1, |x, _| values[x]).unwrap();
-        let image = load(&path, Encoding::Srgb).unwrap();
+        let image = load(&path, Encoding::Linear, Channels::All).unwrap();
         assert_eq!(image.rgb(0, 0), Vec3::new(0.5, 2.0, -1.0));
         assert_eq!(image.rgb(1, 0), Vec3::new(0.0, 65504.0, 1e9));
     }
@@ -245,7 +295,7 @@ mod tests {
         let mut bytes = std::fs::read(&path).unwrap();
         bytes[12..16].fill(0xff); // width and height
         std::fs::write(&path, bytes).unwrap();
-        assert!(load(&path, Encoding::Srgb).unwrap_err().contains("65535x65535"));
+        assert!(load(&path, Encoding::Srgb, Channels::All).unwrap_err().contains("65535x65535"));
     }
 
     #[test]
@@ -254,9 +304,45 @@ mod tests {
             let (_folder, path) = saved(name, &gray(77));
             let bytes = std::fs::read(&path).unwrap();
             std::fs::write(&path, &bytes[..bytes.len() / 3]).unwrap();
-            assert!(load(&path, Encoding::Srgb).is_err(), "{name}");
+            assert!(load(&path, Encoding::Srgb, Channels::All).is_err(), "{name}");
         }
-        assert!(load(Path::new("missing.exr"), Encoding::Srgb).is_err());
-        assert!(load(Path::new("image.xyz"), Encoding::Srgb).unwrap_err().contains("exr, pfm, png"));
+        let (folder, path) = saved("a.png", &gray(1));
+        assert!(load(&path.with_file_name("missing.exr"), Encoding::Srgb, Channels::All).is_err());
+        std::fs::create_dir(folder.path().join("b.png")).unwrap();
+        let of_a_folder = load(&path.with_file_name("b.png"), Encoding::Srgb, Channels::All);
+        assert_eq!(of_a_folder.unwrap_err(), "it is a folder");
+        assert!(
+            load(Path::new("image.xyz"), Encoding::Srgb, Channels::All)
+                .unwrap_err()
+                .contains("exr, pfm, png")
+        );
+    }
+
+    #[test]
+    fn the_luminance_of_an_image_is_that_of_its_encoded_values() {
+        let mut image = ::image::RgbaImage::from_pixel(1, 1, ::image::Rgba([0, 255, 0, 10]));
+        let luminance =
+            |path: &Path, encoding| load(path, encoding, Channels::Luminance).unwrap().float(0, 0);
+        let (_folder, path) = saved("a.png", &DynamicImage::ImageRgba8(image.clone()));
+        assert!((luminance(&path, Encoding::Linear) - 0.7152).abs() < 0.003);
+        assert!((luminance(&path, Encoding::Gamma(2.0)) - 0.5115).abs() < 0.004);
+        image.put_pixel(0, 0, ::image::Rgba([255; 4]));
+        let (folder, path) = saved("b.png", &DynamicImage::ImageRgba8(image).into_rgba16().into());
+        assert_eq!(luminance(&path, Encoding::Srgb), 1.0);
+        let path = folder.path().join("a.exr");
+        exr::prelude::write_rgb_file(&path, 1, 1, |_, _| (0.0f32, 4.0f32, 0.0f32)).unwrap();
+        assert!((luminance(&path, Encoding::Linear) - 2.8608).abs() < 1e-4);
+        assert!((luminance(&path, Encoding::Gamma(2.0)) - 8.184).abs() < 1e-3);
+    }
+
+    #[test]
+    fn files_of_floats_are_decoded_too() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.pfm");
+        let texel = [3.0f32, -1.0, 1e30].map(f32::to_le_bytes);
+        std::fs::write(&path, [&b"PF 1 1 -1 "[..9], b"\n", texel.as_flattened()].concat()).unwrap();
+        let colour = load(&path, Encoding::Gamma(2.0), Channels::All).unwrap().rgb(0, 0);
+        assert_eq!(colour.truncate(), glam::Vec2::new(9.0, 0.0));
+        assert!(colour.is_finite());
     }
 }

@@ -15,7 +15,7 @@ use std::ops::{Add, Mul};
 use glam::{Affine3A, Vec2, Vec3};
 
 pub use self::image::{TextureImage, Wrap};
-pub use self::load::{Encoding, load};
+pub use self::load::{Channels, Encoding, load};
 pub use self::procedural::Procedural;
 
 /// Index into the pool of scalar textures.
@@ -330,6 +330,11 @@ impl Textures {
         let value = self.image(texture.image).bilinear::<V>(st, texture.wrap) * texture.scale;
         if texture.invert { (V::splat(1.0) + value * -1.0).not_below_zero() } else { value }
     }
+}
+
+/// Relative luminance of linear sRGB.
+pub fn luminance(colour: Vec3) -> f32 {
+    colour.dot(Vec3::new(0.2126, 0.7152, 0.0722))
 }
 
 fn mean(colour: Vec3) -> f32 {

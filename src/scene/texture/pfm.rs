@@ -7,14 +7,15 @@ use super::TextureImage;
 /// Longest number or magic word of a header.
 const MAX_WORD: usize = 32;
 
-/// Reads an image; `check` sees the size before anything is allocated, `clean` every value.
+/// Reads an image; `check` sees the size before anything is allocated, and `make` makes the image of width, height,
+/// channels and values.
 ///
 /// # Errors
 /// One sentence.
 pub(super) fn read(
     reader: &mut impl BufRead,
     check: impl Fn(u64, u64) -> Result<(), String>,
-    clean: impl Fn(f32) -> f32,
+    make: impl FnOnce(usize, usize, usize, Vec<f32>) -> TextureImage,
 ) -> Result<TextureImage, String> {
     let channels = match word(reader)?.as_str() {
         "PF" => 3,
@@ -33,10 +34,10 @@ pub(super) fn read(
         let (words, _) = bytes.as_chunks::<4>();
         for (value, &word) in data[y * row..(y + 1) * row].iter_mut().zip(words) {
             // The scale's sign tells the byte order; its size is not made use of, as in pbrt-v4.
-            *value = clean(if scale < 0.0 { f32::from_le_bytes(word) } else { f32::from_be_bytes(word) });
+            *value = if scale < 0.0 { f32::from_le_bytes(word) } else { f32::from_be_bytes(word) };
         }
     }
-    Ok(TextureImage::from_floats(width, height, channels, data))
+    Ok(make(width, height, channels, data))
 }
 
 /// The next word, and one blank after it.
@@ -65,7 +66,7 @@ mod tests {
 
     fn read_bytes(bytes: &[u8]) -> Result<TextureImage, String> {
         let small = |w, h| if w * h <= 100 { Ok(()) } else { Err("too large".into()) };
-        read(&mut &bytes[..], small, |value| value)
+        read(&mut &bytes[..], small, TextureImage::from_floats)
     }
 
     fn file(header: &str, values: &[f32], bytes: fn(f32) -> [u8; 4]) -> Vec<u8> {

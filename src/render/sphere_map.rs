@@ -1,4 +1,5 @@
-//! Maps between the unit square of an environment image and the unit sphere of directions.
+//! Maps between the unit square of an image and the unit sphere of directions: environments, and cameras that see
+//! all around.
 
 use std::f32::consts::{FRAC_PI_4, PI};
 
@@ -39,6 +40,22 @@ impl SphereMap {
                 )
             }
         }
+    }
+
+    /// The point of the square that continues it at `uv`, at most one square beyond its borders.
+    #[inline]
+    pub fn wrapped(self, mut uv: Vec2) -> Vec2 {
+        if self == Self::EqualArea {
+            // The halves of each border meet in its middle.
+            for axis in 0..2 {
+                if !(0.0..=1.0).contains(&uv[axis]) {
+                    uv[axis] = if uv[axis] < 0.0 { -uv[axis] } else { 2.0 - uv[axis] };
+                    uv[1 - axis] = 1.0 - uv[1 - axis];
+                }
+            }
+        }
+        // Angles go round by themselves.
+        uv
     }
 
     /// The point of the square of a unit direction.

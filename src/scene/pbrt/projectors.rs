@@ -1,0 +1,182 @@
+//! Point lights that shine an image: around them, or through a window.
+
+use std::f64::consts::PI;
+
+use glam::{DMat3, DVec3, Vec2, Vec3};
+
+use super::lights::image_of;
+use super::params::Params;
+use super::state::Reader;
+use super::{Fault, Result};
+use crate::scene::light::{EnvironmentMap, Projected};
+use crate::scene::texture::luminance;
+use crate::scene::{Light, Textures};
+
+impl Reader {
+    /// A point light with an image around it; without one, it is the same in all directions.
+    pub fn goniometric(&mut self, params: &Params) -> Result<Light> {
+        let Some(file) = image_of(params)? else { return self.point(params) };
+        let image = self.light_image(file, params)?;
+        let map = self.environment_map(image);
+        // The image's axis is y.
+        let axes = DMat3::from_cols(DVec3::X, DVec3::Z, DVec3::Y);
+        self.projector(params, axes, Projected::Around(map))
+    }
+
+    pub fn projection(&mut self, params: &Params) -> Result<Light> {
+        let Some(file) = image_of(params)? else {
+            let message = "a projection without an image; \"string filename\" would be accepted";
+            return Err(Fault::new(params.place, message));
+        };
+        let fov = params.float_or("fov", self.dialect.default_projection_fov())?;
+        if !(fov > 0.0 && fov < 180.0) {
+            let message = format!("\"fov\" is {fov}; an angle between 0 and 180 degrees would be accepted");
+            return Err(Fault::new(params.place, message));
+        }
+        let image = self.light_image(file, params)?;
+        let tan_half_fov = (fov.to_radians() / 2.0).tan() as f32;
+        // Rows run downwards; the older dialects show images upside down.
+        let rows = if self.dialect.projections_are_upright() { -1.0 } else { 1.0 };
+        let axes = DMat3::from_diagonal(DVec3::new(1.0, rows, 1.0));
+        self.projector(params, axes, Projected::Window { image, tan_half_fov })
+    }
+
+    /// `axes`: from the light's space to the image's.
+    fn projector(&mut self, params: &Params, axes: DMat3, image: Projected) -> Result<Light> {
+        let to_render = self.to_render();
+        let intensity = self.light_color(params, "I")?;
+        if let Some(power) = params.positive("power")?
+            && intensity != Vec3::ZERO
+        {
+            self.powered_projectors.push((self.lights.len(), power));
+        }
+        Ok(Light::Projector {
+            position: to_render.translation.as_vec3(),
+            intensity,
+            from_render: (axes * to_render.matrix3.inverse()).as_mat3(),
+            image,
+        })
+    }
+
+    /// Brings projectors whose power is given to it.
+    pub fn normalise_projectors(&mut self) {
+        for (index, power) in std::mem::take(&mut self.powered_projectors) {
+            let Light::Projector { intensity, image, .. } = &mut self.lights[index] else { continue };
+            let emitted = emitted_power(&self.textures, *image);
+            if emitted > 0.0 {
+                *intensity *= (power / emitted) as f32;
+            }
+        }
+    }
+}
+
+/// Power of a projector of unit intensity, as pbrt-v4 counts it: the image's colour does not matter where it is
+/// around the light, and its luminance does where it is in a window.
+fn emitted_power(textures: &Textures, image: Projected) -> f64 {
+    match image {
+        Projected::Around(EnvironmentMap::LatLong(id) | EnvironmentMap::EqualArea(id)) => {
+            4.0 * PI * f64::from(textures.image(id).mean().element_sum() / 3.0)
+        }
+        Projected::Window { image, tan_half_fov } => {
+            let image = textures.image(image);
+            let size = Vec2::new(image.width() as f32, image.height() as f32);
+            let half = Projected::half_window(tan_half_fov, image.width(), image.height());
+            let texels = (0..image.height()).flat_map(|y| (0..image.width()).map(move |x| (x, y)));
+            let sum: f64 = texels
+                .map(|(x, y)| {
+                    let place = half * (2.0 * (Vec2::new(x as f32, y as f32) + 0.5) / size - 1.0);
+                    // Solid angle for area of the window.
+                    let shrinking = (1.0 + f64::from(place.length_squared())).powf(-1.5);
+                    f64::from(luminance(image.rgb(x, y).max(Vec3::ZERO))) * shrinking
+                })
+                .sum();
+            sum * f64::from(4.0 * half.x * half.y / (size.x * size.y))
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+    use crate::scene::pbrt::read_str;
+
+    /// A folder with a square image of a green upper left texel, and one of two by one texels of 1.
+    fn images() -> tempfile::TempDir {
+        let folder = tempfile::tempdir().unwrap();
+        let write = |name: &str, header: &str, texels: &[f32]| {
+            let bytes = texels.iter().flat_map(|v| v.to_le_bytes());
+            std::fs::write(folder.path().join(name), header.bytes().chain(bytes).collect::<Vec<u8>>())
+                .unwrap();
+        };
+        // Rows from the bottom up.
+        write("square.pfm", "PF\n2 2\n-1\n", &[0., 0., 0., 0., 0., 0., 0., 3., 0., 0., 0., 0.]);
+        write("wide.pfm", "Pf\n2 1\n-1\n", &[1.0; 2]);
+        folder
+    }
+
+    /// The position, the intensity and the direction in the image's space of x, y and z of the world.
+    fn projector(header: &str, light: &str, end: &str) -> (Vec3, Vec3, [Vec3; 3], Projected) {
+        let text = format!("{header} WorldBegin Translate 1 2 3 LightSource {light} {end}");
+        let scene = read_str(&text, images().path()).unwrap_or_else(|error| panic!("{error}"));
+        assert!(scene.warnings.is_empty(), "{:?}", scene.warnings);
+        let [Light::Projector { position, intensity, from_render, image }] = scene.lights[..] else {
+            panic!("{:?}", scene.lights)
+        };
+        (position, intensity, [Vec3::X, Vec3::Y, Vec3::Z].map(|axis| from_render * axis), image)
+    }
+
+    #[test]
+    fn goniometric_lights_have_their_image_around_y() {
+        let light = "\"goniometric\" \"rgb I\" [1 2 3] \"string filename\" \"square.pfm\"";
+        let (position, intensity, axes, image) = projector("", light, "");
+        assert_eq!((position, intensity), (Vec3::new(1.0, 2.0, 3.0), Vec3::new(1.0, 2.0, 3.0)));
+        assert_eq!(axes, [Vec3::X, Vec3::Z, Vec3::Y]);
+        assert!(matches!(image, Projected::Around(EnvironmentMap::EqualArea(_))));
+        let old = "\"goniometric\" \"string mapname\" \"wide.pfm\"";
+        let (.., image) = projector("", old, "WorldEnd");
+        assert!(matches!(image, Projected::Around(EnvironmentMap::LatLong(_))));
+        // The mean of its texels' channels is a quarter.
+        let (_, intensity, ..) = projector("", &format!("{light} \"float power\" 5"), "");
+        let expected = Vec3::new(1.0, 2.0, 3.0) * 5.0 / std::f32::consts::PI;
+        assert!((intensity - expected).length() < 1e-4, "{intensity}");
+        let plain = read_str("WorldBegin LightSource \"goniometric\"", Path::new("")).unwrap();
+        assert!(matches!(plain.lights[..], [Light::Point { .. }]));
+    }
+
+    #[test]
+    fn projections_stand_upright_in_v4_and_upside_down_before() {
+        let light = "\"projection\" \"string filename\" \"wide.pfm\" \"float scale\" 2";
+        let (_, intensity, axes, image) = projector("", light, "");
+        assert_eq!((intensity, axes), (Vec3::splat(2.0), [Vec3::X, Vec3::NEG_Y, Vec3::Z]));
+        let Projected::Window { tan_half_fov, .. } = image else { panic!("{image:?}") };
+        assert!((tan_half_fov - 1.0).abs() < 1e-6);
+        let (.., axes, image) = projector("", light, "WorldEnd");
+        assert_eq!(axes, [Vec3::X, Vec3::Y, Vec3::Z]);
+        let Projected::Window { tan_half_fov, .. } = image else { panic!("{image:?}") };
+        assert!((tan_half_fov - 22.5f32.to_radians().tan()).abs() < 1e-6);
+    }
+
+    #[test]
+    fn the_power_of_a_projection_is_that_of_its_solid_angle() {
+        let light = "\"projection\" \"string filename\" \"wide.pfm\" \"float fov\" 2 \"float power\" 7";
+        let (_, intensity, ..) = projector("", light, "");
+        // A small window's solid angle is its area: two squares of twice the tangent.
+        let side = 2.0 * 1f32.to_radians().tan();
+        assert!((intensity.x * 2.0 * side * side / 7.0 - 1.0).abs() < 1e-3, "{intensity}");
+    }
+
+    #[test]
+    fn projections_without_an_image_or_an_angle_are_errors() {
+        for light in ["\"projection\"", "\"projection\" \"string filename\" \"wide.pfm\" \"float fov\" 180"] {
+            assert!(
+                read_str(&format!("WorldBegin LightSource {light}"), images().path()).is_err(),
+                "{light}"
+            );
+        }
+        let light = "LightSource \"goniometric\" \"string filename\" \"wide.pfm\"";
+        let error = read_str(&format!("WorldBegin {light}"), images().path()).err().expect("an error");
+        assert!(error.message.contains("square"), "{error}");
+    }
+}
