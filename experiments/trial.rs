@@ -139,7 +139,9 @@ impl Trial {
         let renderer = Renderer::new(&bed.scene, accel, self.seed);
         let interrupt = AtomicBool::new(false);
         let checks = Mutex::new(Vec::new());
-        let keep = |memory: Memory| checks.lock().expect("nothing panics with it").extend(check(memory));
+        let keep = |_: &Settings, memory: Memory| {
+            checks.lock().expect("nothing panics with it").extend(check(memory))
+        };
         let settings = self.settings();
         let mut circle = Loop::new(&renderer, &settings, Instant::now(), &interrupt, None);
         if self.checked {

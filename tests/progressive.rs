@@ -3,7 +3,9 @@
 
 mod common;
 
+use std::cell::RefCell;
 use std::path::Path;
+use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 
@@ -11,10 +13,12 @@ use common::SCENE;
 use prpf::adaptive::Sampling;
 use prpf::filter::Quality;
 use prpf::geometry::Accel;
-use prpf::progressive::{Budget, Denoiser, Loop, Outcome, Settings, StoppedBy};
+use prpf::progressive::{
+    Budget, Denoiser, Ended, Flow, Loop, Memory, Observer, Outcome, Progress, Settings, StoppedBy,
+};
 use prpf::render::Renderer;
 use prpf::scene::{Scene, pbrt};
-use prpf::stats::Part;
+use prpf::stats::{Part, Store};
 
 const SIDE: usize = 48;
 
@@ -43,6 +47,70 @@ fn budgets_of_samples_are_spent_exactly() {
             assert!(outcome.filtered.image.data().iter().all(|v| v.is_finite() && *v >= 0.0));
         }
     }
+}
+
+/// Leaves after every step, so that the caller may look or save.
+struct Restless;
+
+impl Observer for Restless {
+    fn stepped(&mut self, _: Progress, _: &Arc<Store>) -> Flow {
+        Flow::Leave
+    }
+
+    fn step_seconds(&self) -> Option<f64> {
+        Some(1e-4)
+    }
+}
+
+#[test]
+fn leaving_a_batch_and_going_on_changes_nothing() {
+    let settings = settings(19, Sampling::Adaptive, 3);
+    let scene = scene();
+    let accel = Accel::build(&scene);
+    let renderer = Renderer::new(&scene, &accel, settings.seed);
+    let never = AtomicBool::new(false);
+    let whole = run(&settings);
+    let kept = RefCell::new(Vec::new());
+    let keep = |_: &Settings, memory: Memory| kept.borrow_mut().push(memory);
+    let circle = || Loop::new(&renderer, &settings, Instant::now(), &never, None);
+    let mut restless = circle().keeping(1e9, &keep);
+    let mut left = 0;
+    let image = loop {
+        match restless.advance(&mut Restless) {
+            Ended::Finished(filtered, _) => break filtered.image,
+            Ended::Left => left += 1,
+        }
+        restless.change(&settings);
+        restless.favour(None);
+        if left == 9 {
+            restless.keep_now();
+        }
+    };
+    assert!(left > 20, "{left}");
+    assert!(image == whole.filtered.image);
+    // Nor does going on in another process from where it was left.
+    let memory = kept.into_inner().swap_remove(0);
+    assert!(memory.under_way.is_some());
+    assert!(circle().resuming(memory).run(&mut |_| ()).filtered.image == whole.filtered.image);
+}
+
+#[test]
+fn settings_that_change_plan_the_rest_of_a_batch_anew() {
+    let adaptive = settings(64, Sampling::Adaptive, 3);
+    let uniform = settings(16, Sampling::Uniform, 3);
+    let scene = scene();
+    let accel = Accel::build(&scene);
+    let renderer = Renderer::new(&scene, &accel, adaptive.seed);
+    let never = AtomicBool::new(false);
+    let mut circle = Loop::new(&renderer, &adaptive, Instant::now(), &never, None);
+    while circle.store().samples() < 9 * (SIDE * SIDE) as u64 {
+        assert!(matches!(circle.advance(&mut Restless), Ended::Left));
+    }
+    circle.change(&uniform);
+    let Ended::Finished(filtered, stopped_by) = circle.advance(&mut |_| ()) else { panic!("nobody leaves") };
+    let outcome = circle.into_outcome(*filtered, stopped_by);
+    assert_eq!(outcome.store.samples(), 16 * (SIDE * SIDE) as u64);
+    assert_eq!(outcome.settings, uniform);
 }
 
 #[test]

@@ -77,7 +77,7 @@ fn a_render_resumed_from_any_step_ends_in_the_same_image() {
         let never = AtomicBool::new(false);
         let circle = || Loop::new(&renderer, &settings, Instant::now(), &never, None);
         let kept = RefCell::new(Vec::new());
-        let keep = |memory: Memory| {
+        let keep = |_: &Settings, memory: Memory| {
             let streams = vec![Stream { seed: 5, share: Share::WHOLE }];
             let state = State { frame: frame.clone(), settings: settings.clone(), streams, memory };
             let mut file = Vec::new();
@@ -112,7 +112,7 @@ fn a_batch_that_would_go_on_is_left_when_interrupted_and_resumed_to_the_same_ima
     let interrupt = AtomicBool::new(false);
     let circle = || Loop::new(&renderer, &settings, Instant::now(), &interrupt, None);
     let kept = RefCell::new(Vec::new());
-    let keep = |memory: Memory| kept.borrow_mut().push(memory);
+    let keep = |_: &Settings, memory: Memory| kept.borrow_mut().push(memory);
     let whole = circle().keeping(0.0, &keep).run(&mut |_| ());
     let mut within =
         kept.take().into_iter().find(|memory| memory.under_way.is_some()).expect("steps of batches");

@@ -20,7 +20,9 @@ use crate::geometry::Accel;
 use crate::image::formats::OutputFormat;
 use crate::image::{self, Planes};
 use crate::preview::{Director, Hub, Picture, Stage};
-use crate::progressive::{ErrorEstimate, Keep, Loop, Outcome, Progress, StoppedBy, has_room};
+use crate::progressive::{
+    ErrorEstimate, Keep, Loop, Memory, Outcome, Progress, Settings, StoppedBy, has_room,
+};
 use crate::render::Renderer;
 use crate::scene::{Scene, pbrt};
 use crate::state::Frame;
@@ -90,9 +92,13 @@ fn run_in_pool(options: &RenderOptions, mode: Mode, start: Instant) -> Result<u8
     let rehearse = |filtered: &Filtered, store: &Store| {
         let layers = Layers::of(filtered, store, None, &frame);
         outfiles.par_iter().for_each(|path| encode(path, &layers, filtered));
-        kept.iter().for_each(|kept| kept.rehearse(store));
+        kept.iter().for_each(|kept| kept.rehearse(&settings, store));
     };
-    let keep = |memory| kept.iter().for_each(|kept| kept.keep(&memory));
+    let keep = |settings: &Settings, memory: Memory| {
+        if let Some(kept) = &kept {
+            kept.keep(settings, memory);
+        }
+    };
     let keeping = kept.as_ref().map(|kept| (kept.every, &keep as Keep));
     let mut listen = |progress| show(&bar, progress, interrupt.load(Ordering::Relaxed));
     // Looks on until the image is written: what it waits for at its end is no part of a budget.
@@ -143,12 +149,12 @@ fn run_in_pool(options: &RenderOptions, mode: Mode, start: Instant) -> Result<u8
     };
 
     let writing = Instant::now();
-    let Outcome { filtered, store, estimate, .. } = &outcome;
+    let Outcome { filtered, store, estimate, settings, .. } = &outcome;
     let layers = Layers::of(filtered, store, estimate.as_ref(), &frame);
     let written = Written { store, image: &filtered.image, batches: &outcome.batches };
     let images = outfiles
         .par_iter()
-        .try_for_each(|path| write(path, &layers, &written, &frame, &settings, reference.as_ref(), start))
+        .try_for_each(|path| write(path, &layers, &written, &frame, settings, reference.as_ref(), start))
         .map_err(|error| Failure::Run(error.into()));
     let kept = kept.map_or(Ok(()), Kept::finish);
     images?;
@@ -164,7 +170,7 @@ fn run_in_pool(options: &RenderOptions, mode: Mode, start: Instant) -> Result<u8
         total: written_after,
     };
     if let Some(path) = &options.report {
-        let report = Report::of(&frame, &settings, &outcome, seconds);
+        let report = Report::of(&frame, &outcome, seconds);
         write_report(path, &report)
             .with_context(|| format!("writing {}", path.display()))
             .map_err(Failure::Run)?;

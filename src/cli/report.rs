@@ -67,8 +67,8 @@ pub(super) struct Report<'a> {
 }
 
 impl<'a> Report<'a> {
-    pub fn of(frame: &'a Frame, settings: &'a Settings, outcome: &'a Outcome, seconds: Times) -> Self {
-        let store = &outcome.store;
+    pub fn of(frame: &'a Frame, outcome: &'a Outcome, seconds: Times) -> Self {
+        let Outcome { store, settings, .. } = outcome;
         let spread = Spread::of(store);
         Self {
             scene: &frame.source,

@@ -105,7 +105,6 @@ impl StateOptions {
             keeper,
             failed: AtomicBool::new(false),
             frame: frame.clone(),
-            settings: settings.clone(),
             stream,
         }))
     }
@@ -154,15 +153,14 @@ pub(super) struct Kept {
     keeper: Keeper,
     failed: AtomicBool,
     frame: Frame,
-    settings: Settings,
     stream: Stream,
 }
 
 impl Kept {
     /// The render goes on even if the disk is full: there is still an image to come, and room may be made.
-    pub fn keep(&self, memory: &Memory) {
-        let (frame, settings, streams) = (self.frame.clone(), self.settings.clone(), vec![self.stream]);
-        let state = State { frame, settings, streams, memory: memory.clone() };
+    pub fn keep(&self, settings: &Settings, memory: Memory) {
+        let (frame, settings, streams) = (self.frame.clone(), settings.clone(), vec![self.stream]);
+        let state = State { frame, settings, streams, memory };
         if let Err(error) = self.keeper.keep(&state)
             && !self.failed.swap(true, Ordering::Relaxed)
         {
@@ -172,7 +170,7 @@ impl Kept {
 
     /// Does on a part of the image's rows what keeping does, to see how long it takes. What fails here
     /// will fail, and be said, at the end.
-    pub fn rehearse(&self, rows: &Store) {
+    pub fn rehearse(&self, settings: &Settings, rows: &Store) {
         let (width, height) = (rows.width(), rows.height());
         let frame =
             Frame { film: [width, height], pixel_bounds: [0, width, 0, height], ..self.frame.clone() };
@@ -184,7 +182,7 @@ impl Kept {
             under_way: None,
             recent: (0.0, 0.0),
         };
-        let state = State { frame, settings: self.settings.clone(), streams: vec![self.stream], memory };
+        let state = State { frame, settings: settings.clone(), streams: vec![self.stream], memory };
         let _ = state.rehearse(&self.path);
     }
 

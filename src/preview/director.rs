@@ -20,6 +20,7 @@ use super::reporter::{Reporter, Subject};
 use super::stage::{Picture, Stage};
 use super::status::{Lens, Phase};
 use super::values;
+use super::view::View;
 use super::wishes::Wishes;
 use crate::filter::Quality;
 use crate::progressive::{
@@ -53,7 +54,6 @@ pub struct Director<'a> {
     paused: bool,
     region: Option<[[f32; 2]; 2]>,
     extra_filter_seconds: f64,
-    held: Duration,
 }
 
 impl<'a> Director<'a> {
@@ -69,7 +69,6 @@ impl<'a> Director<'a> {
             paused: false,
             region: None,
             extra_filter_seconds: 0.0,
-            held: Duration::ZERO,
         }
     }
 
@@ -102,27 +101,31 @@ impl<'a> Director<'a> {
             self.begin(&renderer);
             circle.favour(self.region_of(renderer.resolution()));
             loop {
-                match circle.advance(&mut self) {
-                    Ended::Finished(filtered, stopped_by) => {
-                        let over = stopped_by == StoppedBy::Interrupt || !self.stage.stays;
-                        self.finish(stopped_by, circle.store());
-                        if over {
-                            // Asked for during the last pass, or when it ended.
-                            self.listen(circle.store());
-                            self.save_if_wished(circle.store(), &renderer);
+                if self.rests(circle.store()) {
+                    // Nothing new comes until a person says so, which may be never.
+                    circle.keep_now();
+                    self.reporter.enter(Phase::Paused);
+                    self.tell(circle.store(), true);
+                    self.stand(&mut circle, &renderer, |director, store| director.rests(store));
+                    self.reporter.hasten();
+                } else {
+                    match circle.advance(&mut self) {
+                        Ended::Finished(filtered, stopped_by) => {
+                            let over = stopped_by == StoppedBy::Interrupt || !self.stage.stays;
+                            self.finish(stopped_by, circle.store());
+                            if over {
+                                // Asked for during the last pass, or when it ended.
+                                self.listen(circle.store());
+                                self.save_if_wished(circle.store(), &renderer);
+                            }
+                            if over && !self.wishes.any() {
+                                let kept = stopped_by != StoppedBy::Interrupt || !self.stage.stays;
+                                return kept.then(|| circle.into_outcome(*filtered, stopped_by));
+                            }
+                            self.stand(&mut circle, &renderer, |_, _| true);
                         }
-                        if over && !self.wishes.any() {
-                            let kept = stopped_by != StoppedBy::Interrupt || !self.stage.stays;
-                            return kept.then(|| circle.into_outcome(*filtered, stopped_by));
-                        }
-                        let since = Instant::now();
-                        while !self.wishes.begins_anew() && !self.wishes.goes_on_otherwise() {
-                            self.save_if_wished(circle.store(), &renderer);
-                            self.wait(circle.store(), |director| director.wishes.any());
-                        }
-                        circle.hold(since.elapsed());
+                        Ended::Left => {}
                     }
-                    Ended::Left => circle.hold(std::mem::take(&mut self.held)),
                 }
                 if self.wishes.quit {
                     circle.keep_now();
@@ -142,10 +145,30 @@ impl<'a> Director<'a> {
                 circle.change(&self.stage.settings);
                 circle.favour(self.region_of(renderer.resolution()));
                 (self.wishes.settings, self.wishes.region) = (false, false);
-                self.reporter.enter(Phase::Rendering);
             }
             start = Instant::now();
         }
+    }
+
+    /// Whether a person wants no more samples for now. After a movement an image is still rendered once, or there
+    /// would be none.
+    fn rests(&self, store: &Store) -> bool {
+        let covered = store.samples() as f64 >= COVERED_SPP * store.pixels() as f64;
+        self.paused && covered && !self.stage.interrupt.load(Ordering::Relaxed)
+    }
+
+    /// Stands still as long as `idle` and nothing but saved images is asked for. No budget counts that time.
+    fn stand(&mut self, circle: &mut Loop, renderer: &Renderer, idle: impl Fn(&Self, &Store) -> bool) {
+        let (since, store) = (Instant::now(), circle.store().clone());
+        let stands = |director: &Self| {
+            let wishes = &director.wishes;
+            idle(director, &store) && !wishes.begins_anew() && !wishes.goes_on_otherwise()
+        };
+        while stands(self) {
+            self.save_if_wished(&store, renderer);
+            self.wait(&store, |director| director.wishes.save || !stands(director));
+        }
+        circle.hold(since.elapsed());
     }
 
     /// Whether a new loop has to begin; the camera is moved then.
@@ -173,7 +196,6 @@ impl<'a> Director<'a> {
         self.wishes.begin();
         self.reporter.begin(renderer.layout(), &self.stage.settings);
         self.extra_filter_seconds = 0.0;
-        self.held = Duration::ZERO;
     }
 
     fn finish(&mut self, stopped_by: StoppedBy, store: &Store) {
@@ -269,7 +291,8 @@ impl<'a> Director<'a> {
 
     /// Whether the image should be filtered for the eye, beside the passes that the loop makes.
     fn should_filter(&self, progress: &Progress) -> bool {
-        let wanted = self.stage.settings.denoiser != Denoiser::None && self.reporter.wants_filtered();
+        let filters = self.stage.settings.denoiser != Denoiser::None;
+        let wanted = self.reporter.wants(View::is_filtered) && filters || self.reporter.wants(is_of_grid);
         let grown = progress.samples as f64 > EXTRA_FILTER_GROWTH * self.reporter.shown_samples() as f64;
         let affordable = self.extra_filter_seconds < EXTRA_FILTER_SHARE * progress.elapsed;
         let due = self.reporter.shown().is_none() || affordable && (grown || self.region.is_some());
@@ -329,9 +352,14 @@ impl<'a> Director<'a> {
             denoiser: self.stage.settings.denoiser,
             quality,
             seed: self.stage.settings.seed,
-            interpolation: false,
+            interpolation: self.reporter.wants(is_of_grid),
         }
     }
+}
+
+/// Whether a view comes from the grid of feature weights, whatever the denoiser is.
+fn is_of_grid(view: View) -> bool {
+    view == View::Failure
 }
 
 impl Observer for Director<'_> {
@@ -357,20 +385,7 @@ impl Observer for Director<'_> {
                 return Flow::Leave;
             }
         }
-        // After a movement a paused image is still rendered once, or there would be none.
-        if self.paused && progress.spp >= COVERED_SPP {
-            let since = Instant::now();
-            self.reporter.enter(Phase::Paused);
-            self.tell(store, true);
-            self.wait(store, |director| !director.paused || director.wishes.any());
-            self.reporter.hasten();
-            if self.wishes.any() {
-                self.held += since.elapsed();
-                return Flow::Leave;
-            }
-            return Flow::Held(since.elapsed());
-        }
-        Flow::GoOn
+        if self.rests(store) { Flow::Leave } else { Flow::GoOn }
     }
 
     fn run_filter(&mut self, job: FilterJob) -> Option<Shown> {

@@ -91,10 +91,6 @@ impl Publisher {
         self.steps <= EAGER_STEPS || self.latest.elapsed() >= rest
     }
 
-    pub fn wants_filtered(&self) -> bool {
-        View::ALL.into_iter().any(|view| view.is_filtered() && self.hub.wants(view))
-    }
-
     /// Publishes what has changed of what is wanted.
     pub fn publish(
         &mut self,

@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 use super::hub::Hub;
 use super::publish::Publisher;
 use super::status::{Lens, Notice, Phase, Statistics, Status, memory_bytes};
+use super::view::View;
 use crate::progressive::{Point, Progress, Settings, Shown, StoppedBy, forecast};
 use crate::stats::{Layout, Part, Store};
 
@@ -121,9 +122,9 @@ impl Reporter {
         self.shown_samples
     }
 
-    /// Whether anyone looks at what only a filter pass makes.
-    pub fn wants_filtered(&self) -> bool {
-        self.publisher.wants_filtered()
+    /// Whether anyone looks at one of certain views.
+    pub fn wants(&self, of_these: impl Fn(View) -> bool) -> bool {
+        View::ALL.into_iter().any(|view| of_these(view) && self.hub.wants(view))
     }
 
     /// There is something that a person should know.
@@ -172,9 +173,16 @@ impl Reporter {
         }
     }
 
-    /// The newest filter pass, with the maps that the loop has added.
+    /// The newest filter pass, with the maps that the loop has added. The map of the grid stays until there is
+    /// another: not every pass makes one.
     pub fn complete(&mut self, shown: &Shown) {
-        self.shown = Some(shown.clone());
+        let mut shown = shown.clone();
+        if shown.failure.is_none()
+            && let Some(old) = self.shown.take()
+        {
+            (shown.failure, shown.success) = (old.failure, old.success);
+        }
+        self.shown = Some(shown);
     }
 
     /// Makes images for whoever is ready.

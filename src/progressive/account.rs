@@ -1,6 +1,6 @@
 //! What the loop tells of itself: while it runs, and when it is done.
 
-use super::{ErrorEstimate, Forecast, Point, forecast};
+use super::{ErrorEstimate, Forecast, Point, Settings, forecast};
 use crate::filter::Filtered;
 use crate::stats::Store;
 
@@ -60,6 +60,8 @@ pub struct Outcome {
     pub estimate: Option<ErrorEstimate>,
     /// Whether the time did not suffice for the filter that was asked for, and it is a draft.
     pub hurried: bool,
+    /// What was followed at the end: a person may have changed it on the way.
+    pub settings: Settings,
 }
 
 impl Outcome {

@@ -6,7 +6,7 @@ use std::time::Instant;
 
 use super::schedule::Plan;
 use super::steps::{self, Grain};
-use super::{ErrorEstimate, Flow, Loop, Observer, Progress, Rerun, UnderWay};
+use super::{Entry, ErrorEstimate, Flow, Loop, Observer, Progress, Rerun, UnderWay};
 use crate::adaptive::{self, Allocation, Maps, Sampling};
 use crate::filter;
 use crate::stats::Part;
@@ -23,7 +23,7 @@ pub(super) enum Rendered {
     Done,
     /// By an interruption; what is left of it is kept.
     Interrupted,
-    /// The observer wants to leave.
+    /// The observer wants to leave; what is left of it comes next.
     Left,
 }
 
@@ -73,12 +73,26 @@ impl Loop<'_> {
     /// Renders what is left of a batch.
     pub(super) fn render(&mut self, mut batch: UnderWay, observer: &mut dyn Observer) -> Rendered {
         let rendered = self.render_steps(&mut batch, observer);
-        if matches!(rendered, Rendered::Interrupted) {
+        match rendered {
+            Rendered::Done => {}
             // Without the estimate that follows: who goes on will make it of the whole batch.
-            self.keep(Some(&batch));
+            Rendered::Interrupted => self.keep(Some(&batch)),
+            Rendered::Left => {
+                self.entry = Entry::Within(batch);
+                return rendered;
+            }
         }
         self.check(&batch.allocation.probes);
         rendered
+    }
+
+    /// Gives up what is left of a batch, so that the next is planned anew.
+    pub(super) fn replan(&mut self) {
+        if let Entry::Within(batch) = &mut self.entry {
+            let probes = std::mem::take(&mut batch.allocation.probes);
+            self.entry = Entry::Plan;
+            self.check(&probes);
+        }
     }
 
     /// Renders in steps, between which the clock, an interruption or the observer may end the batch.
@@ -108,7 +122,6 @@ impl Loop<'_> {
             };
             match observer.stepped(progress, &self.store) {
                 Flow::GoOn => {}
-                Flow::Held(duration) => self.start += duration,
                 Flow::Leave => return Rendered::Left,
             }
             if batch.done < 1.0 {

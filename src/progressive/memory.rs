@@ -6,7 +6,7 @@
 use std::sync::Arc;
 
 use super::steps::Grain;
-use super::{Batch, Entry, ErrorEstimate, Loop, Shown};
+use super::{Batch, Entry, ErrorEstimate, Loop, Settings, Shown};
 use crate::adaptive::Allocation;
 use crate::image::Planes;
 use crate::stats::{Part, Store};
@@ -24,8 +24,12 @@ pub struct Memory {
     pub recent: (f64, f64),
 }
 
-/// What is done with a memory: it is kept somewhere.
-pub type Keep<'a> = &'a dyn Fn(Memory);
+/// What is done with a memory, and the settings that are followed: they are kept somewhere.
+pub type Keep<'a> = &'a dyn Fn(&Settings, Memory);
+
+/// No memory is kept for its time alone if the end, and with it another, is so near: a share of the time from one to
+/// the next.
+const NEAR_END: f64 = 0.25;
 
 /// A batch of which a share is rendered.
 #[derive(Clone, Debug, PartialEq)]
@@ -114,27 +118,40 @@ impl<'a> Loop<'a> {
         self
     }
 
-    /// Hands over what it knows between two calls of [`Self::advance`]. Who goes on from it plans the next batch
-    /// anew.
+    /// Hands over what it knows between two calls of [`Self::advance`].
     pub fn keep_now(&mut self) {
-        self.keep(None);
+        match std::mem::take(&mut self.entry) {
+            Entry::Within(batch) => {
+                self.keep(Some(&batch));
+                self.entry = Entry::Within(batch);
+            }
+            entry => {
+                self.keep(None);
+                self.entry = entry;
+            }
+        }
     }
 
     pub(super) fn keep(&mut self, under_way: Option<&UnderWay>) {
         let Some((_, keep)) = self.keep else { return };
-        keep(Memory {
+        let memory = Memory {
             store: self.store.clone(),
             batches: self.batches.clone(),
             estimate: self.estimate.clone(),
             rerun: self.rerun.clone(),
             under_way: under_way.cloned(),
             recent: self.schedule.recent(),
-        });
+        };
+        keep(&self.settings, memory);
         self.kept = self.elapsed();
     }
 
     pub(super) fn keep_if_due(&mut self, under_way: Option<&UnderWay>) {
-        if self.keep.is_some_and(|(seconds, _)| self.elapsed() >= self.kept + seconds) {
+        let Some((every, _)) = self.keep else { return };
+        let elapsed = self.elapsed();
+        // It would still be on its way to the disk when the last one comes.
+        let near_end = self.schedule.seconds_left(elapsed).is_some_and(|left| left < NEAR_END * every);
+        if elapsed >= self.kept + every && !near_end {
             self.keep(under_way);
         }
     }

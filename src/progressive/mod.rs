@@ -47,9 +47,9 @@ enum Entry {
     /// Before a batch is planned.
     #[default]
     Plan,
-    /// Within a batch that another process began.
+    /// Within a batch that was left, or that another process began.
     Within(UnderWay),
-    /// After a batch that another process rendered.
+    /// After a batch, before the maps are made of it.
     After,
 }
 
@@ -146,17 +146,22 @@ impl<'a> Loop<'a> {
 
     /// Follows other settings from now on. The seed and what the reservoir keeps stay as they are.
     pub fn change(&mut self, settings: &Settings) {
+        let settings = Settings { seed: self.settings.seed, ..settings.clone() };
+        if settings == self.settings {
+            return;
+        }
+        self.replan();
         let decisive = |s: &Settings| (s.budget, s.denoiser, s.quality);
-        if decisive(settings) != decisive(&self.settings) {
+        if decisive(&settings) != decisive(&self.settings) {
             self.hurried = false;
             self.rehearsal = Rehearsal::default();
         }
         self.schedule.change(&settings.budget);
         let rerun = |s: &Settings| (s.denoiser, s.quality, s.sampling, s.budget.target_error.is_some());
-        if rerun(settings) != rerun(&self.settings) {
+        if rerun(&settings) != rerun(&self.settings) {
             (self.interim_seconds, self.maps_seconds) = (None, None);
         }
-        self.settings = Settings { seed: self.settings.seed, ..settings.clone() };
+        self.settings = settings;
         if self.rehearsal.is_missing() {
             self.expect_unrehearsed();
         }
@@ -170,7 +175,10 @@ impl<'a> Loop<'a> {
     /// Gives a region all samples until each of its pixels has the budget's on average, or until the
     /// region is taken back. The estimate of the image's error stands still meanwhile.
     pub fn favour(&mut self, region: Option<Region>) {
-        self.favoured = region;
+        if region != self.favoured {
+            self.replan();
+            self.favoured = region;
+        }
     }
 
     /// Time in which the render stood still between calls, which no budget counts.
@@ -226,6 +234,7 @@ impl<'a> Loop<'a> {
                     if let Some(quality) = self.rerun_due(next.last)
                         && !self.rerun(quality, observer)
                     {
+                        self.entry = Entry::After;
                         return Ended::Left;
                     }
                 }
@@ -258,6 +267,7 @@ impl<'a> Loop<'a> {
             seconds: self.seconds,
             estimate: self.estimate,
             hurried: self.hurried,
+            settings: self.settings,
         }
     }
 

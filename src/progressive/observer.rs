@@ -2,7 +2,7 @@
 //! the progress bar. Nothing here computes; a render without an observer is the same to the last bit.
 
 use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use super::{Denoiser, Progress};
 use crate::filter::{self, Filtered, PrpfSettings, Quality, RpfSettings, rpf};
@@ -44,9 +44,7 @@ impl<F: FnMut(Progress)> Observer for F {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Flow {
     GoOn,
-    /// Go on; the render was held for so long, which no budget counts.
-    Held(Duration),
-    /// Return to the caller, who may change settings and go on.
+    /// Return to the caller, who may change settings and go on where it was.
     Leave,
 }
 

@@ -19,7 +19,7 @@ pub enum Denoiser {
 }
 
 /// Everything the loop follows.
-#[derive(Clone, Debug, serde::Serialize, serde::Deserialize)]
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Settings {
     pub budget: Budget,
     pub sampling: Sampling,

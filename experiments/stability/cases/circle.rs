@@ -172,7 +172,7 @@ fn resumed() -> Case {
     let never = AtomicBool::new(false);
     let circle = || Loop::new(&renderer, &settings, Instant::now(), &never, None);
     let kept = RefCell::new(Vec::new());
-    let keep = |memory: Memory| kept.borrow_mut().push(memory);
+    let keep = |_: &Settings, memory: Memory| kept.borrow_mut().push(memory);
     let whole = circle().keeping(0.0, &keep).run(&mut |_| ());
     let kept = kept.into_inner();
     let steps = kept.len();

@@ -16,7 +16,7 @@ const SPP: u32 = 8;
 /// What is done at moments of a render that a person looks at.
 struct Moments<'a> {
     stepped: &'a dyn Fn(Progress, &Hub, &AtomicBool),
-    kept: &'a dyn Fn(Memory, &Hub),
+    kept: &'a dyn Fn(&Settings, Memory, &Hub),
     saved: &'a dyn Fn(&Picture),
 }
 
@@ -27,7 +27,7 @@ fn directed(moments: Moments) -> Outcome {
     let accel = Accel::build(&scene);
     let hub = Arc::new(Hub::default());
     let interrupt = AtomicBool::new(false);
-    let keep = |memory: Memory| (moments.kept)(memory, &hub);
+    let keep = |settings: &Settings, memory: Memory| (moments.kept)(settings, memory, &hub);
     let stage = Stage {
         scene: &scene,
         accel: &accel,
@@ -59,7 +59,7 @@ fn what_is_asked_for_during_the_last_pass_is_saved() {
     let outcome = directed(Moments {
         stepped: &|_, _, _| (),
         // The last memory is kept when all samples are there, and the last pass comes next.
-        kept: &|memory, hub| {
+        kept: &|_, memory, hub| {
             if memory.store.samples() == u64::from(SPP) * SIDE * SIDE {
                 assert!(hub.command(Command::Save));
             }
@@ -83,7 +83,7 @@ fn once_the_camera_is_moved_no_memory_is_kept_of_what_it_sees() {
                 assert!(hub.command(Command::Camera(step.clone())));
             }
         },
-        kept: &|memory, _| {
+        kept: &|_, memory, _| {
             if moved.get() {
                 after.borrow_mut().push(memory.store.samples());
             }
@@ -108,7 +108,7 @@ fn a_filter_that_needs_more_memory_than_there_is_is_refused_and_the_render_goes_
                 assert!(hub.command(Command::Set(change)));
             }
         },
-        kept: &|_, _| (),
+        kept: &|_, _, _| (),
         saved: &|_| unreachable!("nobody asked for it"),
     });
     assert_eq!(outcome.store.samples(), u64::from(SPP) * SIDE * SIDE);
@@ -125,8 +125,42 @@ fn a_movement_after_an_interruption_does_not_throw_the_render_away() {
                 assert!(hub.command(Command::Camera(Move { orbit: Some([0.3, 0.1]), ..Move::default() })));
             }
         },
-        kept: &|_, _| (),
+        kept: &|_, _, _| (),
         saved: &|_| unreachable!("nobody asked for it"),
     });
     assert_eq!((had.get(), outcome.store.samples()), (u64::from(SPP) * SIDE * SIDE, had.get()));
+}
+
+#[test]
+fn a_pause_keeps_a_memory_and_costs_no_sample() {
+    let paused = Cell::new(false);
+    let at_rest = RefCell::new(Vec::new());
+    let outcome = directed(Moments {
+        stepped: &|progress, hub, _| {
+            if progress.spp >= 3.0 && !paused.replace(true) {
+                assert!(hub.command(Command::Pause(true)));
+            }
+        },
+        kept: &|settings, memory, hub| {
+            let during = paused.get() && memory.store.samples() < u64::from(SPP) * SIDE * SIDE;
+            if during && at_rest.borrow().is_empty() {
+                at_rest.borrow_mut().push((settings.sampling, memory.store.samples()));
+                // Settings are followed at rest, an image is saved, and then it goes on.
+                let change = Change { sampling: Some(Sampling::Adaptive), ..Change::default() };
+                assert!(hub.command(Command::Set(change)) && hub.command(Command::Save));
+            } else if during && at_rest.borrow().len() == 1 {
+                at_rest.borrow_mut().push((settings.sampling, memory.store.samples()));
+                assert!(hub.command(Command::Pause(false)));
+            }
+        },
+        saved: &|picture| assert_eq!(picture.store.samples(), at_rest.borrow()[0].1),
+    });
+    let at_rest = at_rest.into_inner();
+    assert_eq!(
+        at_rest.iter().map(|rest| rest.0).collect::<Vec<_>>(),
+        [Sampling::Uniform, Sampling::Adaptive]
+    );
+    assert_eq!(at_rest[0].1, at_rest[1].1, "no sample while it rests");
+    assert_eq!(outcome.store.samples(), u64::from(SPP) * SIDE * SIDE);
+    assert_eq!(outcome.settings.sampling, Sampling::Adaptive, "what was steered is what is reported");
 }
