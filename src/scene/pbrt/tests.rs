@@ -10,7 +10,9 @@ use crate::scene::light::EnvironmentMap;
 use crate::scene::texture::TexturePoint;
 use crate::scene::{Integrator, Light, MaterialKind, PixelFilter, SamplerKind, Scene, Shape, TriangleMesh};
 
+mod image_textures;
 mod older_dialects;
+mod relief;
 
 fn scene(text: &str) -> Scene {
     read_str(text, Path::new("")).unwrap_or_else(|error| panic!("{error}"))
