@@ -11,6 +11,7 @@ use crate::scene::texture::TexturePoint;
 use crate::scene::{Integrator, Light, MaterialKind, PixelFilter, SamplerKind, Scene, Shape, TriangleMesh};
 
 mod image_textures;
+mod named_files;
 mod older_dialects;
 mod relief;
 
