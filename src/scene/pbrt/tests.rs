@@ -10,7 +10,9 @@ use crate::scene::light::EnvironmentMap;
 use crate::scene::texture::TexturePoint;
 use crate::scene::{Integrator, Light, MaterialKind, PixelFilter, SamplerKind, Scene, Shape, TriangleMesh};
 
+mod coordinates;
 mod image_textures;
+mod lights;
 mod named_files;
 mod older_dialects;
 mod relief;

@@ -1,0 +1,90 @@
+//! The maps of infinite lights, and the scale of all lights.
+
+use glam::Vec3;
+
+use super::image_textures::world_of;
+use crate::scene::Light;
+use crate::scene::light::{Environment, EnvironmentMap};
+use crate::scene::pbrt::dialect::Dialect::{self, V2, V3, V4};
+
+/// The colour of each light of a world.
+fn colours(dialect: Dialect, text: &str) -> Vec<Vec3> {
+    let colour = |light: &Light| match light {
+        Light::Point { intensity, .. } | Light::Spot { intensity, .. } => *intensity,
+        Light::Distant { radiance, .. } => *radiance,
+        Light::Environment(environment) => environment.scale,
+    };
+    world_of(dialect, "".as_ref(), text).lights.iter().map(colour).collect()
+}
+
+/// The light of a folder with one image, 2 by `height`, of the colour 1, 2, 3.
+fn environment(dialect: Dialect, height: usize, params: &str) -> (Environment, Vec<Vec3>) {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("sky.exr");
+    exr::prelude::write_rgb_file(path, 2, height, |_, _| (1f32, 2f32, 3f32)).unwrap();
+    let scene = world_of(dialect, folder.path(), &format!("LightSource \"infinite\" {params}"));
+    let Light::Environment(environment) = &scene.lights[0] else { panic!() };
+    (environment.clone(), scene.textures.images().iter().map(|image| image.rgb(1, 0)).collect())
+}
+
+#[test]
+fn the_older_dialects_name_a_map_of_latitudes_and_v4_a_square_file() {
+    let file = Vec3::new(1.0, 2.0, 3.0);
+    for dialect in [V2, V3] {
+        let (light, images) = environment(dialect, 1, "\"string mapname\" \"sky.exr\"");
+        assert!(matches!(light.map, Some(EnvironmentMap::LatLong(_))), "{light:?}");
+        assert_eq!((light.scale, images), (Vec3::ONE, vec![file]));
+    }
+    let (light, images) = environment(V4, 2, "\"string filename\" \"sky.exr\"");
+    assert!(matches!(light.map, Some(EnvironmentMap::EqualArea(_))), "{light:?}");
+    assert_eq!((light.scale, images), (Vec3::ONE, vec![file]));
+}
+
+#[test]
+fn an_infinite_light_without_a_map_is_even() {
+    for (dialect, params) in [(V2, ""), (V3, "\"string mapname\" \"\""), (V4, "\"string filename\" \"\"")] {
+        let (light, images) = environment(dialect, 2, params);
+        assert_eq!((light.scale, light.map, images.len()), (Vec3::ONE, None, 0));
+    }
+}
+
+#[test]
+fn a_map_is_as_bright_as_its_colour_and_scale_say() {
+    let scaled = r#""string mapname" "sky.exr" "color L" [1 2 3] "color scale" [4 5 6]"#;
+    let (light, images) = environment(V3, 1, scaled);
+    assert_eq!((light.scale, images.len()), (Vec3::new(4.0, 10.0, 18.0), 1));
+    let (light, _) = environment(V4, 2, "\"string filename\" \"sky.exr\" \"float scale\" 3");
+    assert_eq!(light.scale, Vec3::splat(3.0));
+}
+
+/// One light of each kind that is not on a shape.
+fn each(scale: &str) -> String {
+    [("point", "I"), ("spot", "I"), ("distant", "L"), ("infinite", "L")]
+        .map(|(kind, colour)| format!("LightSource \"{kind}\" \"rgb {colour}\" [1 2 3] {scale}"))
+        .join("\n")
+}
+
+#[test]
+fn every_light_has_a_scale_which_is_a_colour_in_the_older_dialects() {
+    assert_eq!(colours(V4, &each("")), [Vec3::new(1.0, 2.0, 3.0); 4]);
+    assert_eq!(colours(V4, &each("\"float scale\" 2")), [Vec3::new(2.0, 4.0, 6.0); 4]);
+    for dialect in [V2, V3] {
+        assert_eq!(colours(dialect, &each("\"rgb scale\" [2 .5 0]")), [Vec3::new(2.0, 1.0, 0.0); 4]);
+    }
+    assert!(colours(V4, &each("\"float scale\" 0")).is_empty(), "lights that give no light");
+}
+
+#[test]
+fn lights_on_shapes_have_a_scale_too() {
+    for (dialect, scale, expected) in [
+        (V4, "\"float scale\" 3", Some(Vec3::new(3.0, 6.0, 9.0))),
+        (V3, "\"color scale\" [2 .5 0]", Some(Vec3::new(2.0, 1.0, 0.0))),
+        (V2, "\"rgb scale\" [1 0 0]", Some(Vec3::X)),
+        (V4, "\"float scale\" 0", None),
+    ] {
+        let text = format!("AreaLightSource \"diffuse\" \"rgb L\" [1 2 3] {scale} Shape \"sphere\"");
+        let scene = world_of(dialect, "".as_ref(), &text);
+        let radiance = scene.primitives[0].area_light.map(|light| light.radiance);
+        assert_eq!(radiance, expected, "{dialect:?} {scale}");
+    }
+}
