@@ -16,6 +16,7 @@ mod lights;
 mod named_files;
 mod older_dialects;
 mod relief;
+mod warned_of;
 
 fn scene(text: &str) -> Scene {
     read_str(text, Path::new("")).unwrap_or_else(|error| panic!("{error}"))
