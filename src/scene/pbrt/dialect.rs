@@ -158,6 +158,11 @@ impl Dialect {
         }
     }
 
+    /// Whether a spectrum is 0 beyond its samples, rather than constant.
+    pub fn spectra_end(self) -> bool {
+        self == Dialect::V4
+    }
+
     /// The filter of a scene that names none.
     pub fn default_filter(self) -> PixelFilter {
         match self {

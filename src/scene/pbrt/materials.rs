@@ -108,7 +108,8 @@ impl Reader {
             (None, Some(_)) => Some(self.float_texture_or(params, "bumpmap", 0.0)?),
         };
         let displacement = displacement.filter(|id| self.textures.constant_float(*id).is_none());
-        let normal_map = match params.string("normalmap")?.map(String::from) {
+        let file = params.string("normalmap")?.filter(|file| !file.is_empty()).map(String::from);
+        let normal_map = match file {
             None => None,
             Some(file) => {
                 let image = self.image(&file, Some(Encoding::Linear), Channels::All, params.place);

@@ -176,7 +176,8 @@ mod tests {
             );
         }
         let light = "LightSource \"goniometric\" \"string filename\" \"wide.pfm\"";
-        let error = read_str(&format!("WorldBegin {light}"), images().path()).err().expect("an error");
+        let error =
+            read_str(&format!("WorldBegin {light}"), images().path()).expect_err("a wide image around");
         assert!(error.message.contains("square"), "{error}");
     }
 }

@@ -64,6 +64,19 @@ impl Spectrum {
         }
     }
 
+    /// The same, but 0 beyond the ends; a constant has none.
+    pub fn ending(self) -> Self {
+        match self {
+            Spectrum::Sampled(mut samples) if samples.len() > 1 => {
+                let [first, last] = [samples[0][0], samples[samples.len() - 1][0]];
+                samples.insert(0, [first.next_down(), 0.0]);
+                samples.push([last.next_up(), 0.0]);
+                Spectrum::Sampled(samples)
+            }
+            other => other,
+        }
+    }
+
     /// Reflectance, or index of refraction, by channel: a constant spectrum has its value in all.
     pub fn reflectance(&self) -> Vec3 {
         match self {
@@ -254,9 +267,12 @@ mod tests {
     }
 
     #[test]
-    fn sampled_spectra_are_interpolated_and_constant_beyond_their_ends() {
+    fn sampled_spectra_are_interpolated_and_constant_beyond_their_ends_or_end_there() {
         let spectrum = Spectrum::from_numbers(&[400.0, 1.0, 500.0, 3.0]).unwrap();
         assert_eq!([300.0, 400.0, 450.0, 500.0, 600.0].map(|nm| spectrum.at(nm)), [1.0, 1.0, 2.0, 3.0, 3.0]);
+        let ending = spectrum.ending();
+        assert_eq!([399.0, 400.0, 450.0, 500.0, 501.0].map(|nm| ending.at(nm)), [0.0, 1.0, 2.0, 3.0, 0.0]);
+        assert_eq!(Spectrum::constant(2.0).ending().at(400.0), 2.0);
         assert_eq!(Spectrum::named("glass-BK7").unwrap().refractive_index(), 1.5168);
     }
 

@@ -117,7 +117,7 @@ impl Reader {
             (ParamType::Blackbody, &[kelvin, scale]) if kelvin > 0.0 => Spectrum::Blackbody { kelvin, scale },
             (ParamType::Blackbody, _) => return Err(param.fault("no temperature", "kelvins above 0")),
             (ParamType::Spectrum, numbers) => match param.strings() {
-                [] => spectrum_of_numbers(param, numbers)?,
+                [] => self.spectrum_of_numbers(param, numbers)?,
                 [name] => self.named_spectrum(param, name)?,
                 names => return Err(param.fault(format_args!("{} names", names.len()), "one name")),
             },
@@ -135,7 +135,18 @@ impl Reader {
         let numbers = files::numbers(&path).map_err(|error| {
             param.fault(format_args!("\"{shown}\" ({error})"), "a spectrum's name or file")
         })?;
-        spectrum_of_numbers(param, &numbers)
+        self.spectrum_of_numbers(param, &numbers)
+    }
+
+    fn spectrum_of_numbers(&self, param: &Param, numbers: &[f64]) -> Result<Spectrum> {
+        match Spectrum::from_numbers(numbers) {
+            Some(spectrum) if self.dialect.spectra_end() => Ok(spectrum.ending()),
+            Some(spectrum) => Ok(spectrum),
+            None => {
+                let accepted = "pairs of rising wavelength (nm) and value";
+                Err(param.fault(format_args!("{} numbers", numbers.len()), accepted))
+            }
+        }
     }
 
     pub fn texture(&mut self, statement: &Statement) -> Result<()> {
@@ -332,12 +343,6 @@ fn procedural(kind: &str, params: &Params) -> Result<Procedural> {
             scale: number("scale", 1.0)?,
             variation: number("variation", 0.2)?,
         },
-    })
-}
-
-fn spectrum_of_numbers(param: &Param, numbers: &[f64]) -> Result<Spectrum> {
-    Spectrum::from_numbers(numbers).ok_or_else(|| {
-        param.fault(format_args!("{} numbers", numbers.len()), "pairs of rising wavelength (nm) and value")
     })
 }
 

@@ -3,7 +3,7 @@
 use glam::{DAffine3, DMat3, DMat4, DVec3};
 
 use super::directives::Statement;
-use super::state::{Keys, Reader};
+use super::state::Reader;
 use super::{Fault, Result};
 
 impl Reader {
@@ -84,13 +84,15 @@ impl Reader {
 
     pub fn coord_sys_transform(&mut self, statement: &Statement) -> Result<()> {
         let name = &statement.strings[0];
-        let Some(&keys): Option<&Keys> = self.coordinate_systems.get(name) else {
-            let message = format!(
-                "coordinate system \"{name}\"; \"camera\", \"world\" or one named before is accepted"
-            );
-            return Err(Fault::new(statement.place, message));
-        };
-        self.change_ctm(statement, |key, _| keys[key])
+        // All of it, whatever transform is active.
+        match self.coordinate_systems.get(name) {
+            Some(keys) => self.state.ctm = *keys,
+            None => {
+                let message = format!("coordinate system \"{name}\", which nothing names, is left out");
+                self.warnings.add(statement.place, message);
+            }
+        }
+        Ok(())
     }
 
     pub fn active_transform(&mut self, statement: &Statement) -> Result<()> {

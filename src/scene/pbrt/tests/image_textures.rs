@@ -65,6 +65,18 @@ fn colour(dialect: Dialect, image: impl Into<DynamicImage>, params: &str, at: Te
     reflectance(&world_of(dialect, folder.path(), &textured(params)), 1, at)
 }
 
+/// What a float texture of an image says, three times.
+fn number(dialect: Dialect, image: DynamicImage, params: &str) -> Vec3 {
+    let folder = folder_with("a.png", image);
+    let relief = if dialect == V4 { "displacement" } else { "bumpmap" };
+    let text = format!(
+        "Texture \"f\" \"float\" \"imagemap\" \"string filename\" \"a.png\" {params}
+         Material \"matte\" \"texture {relief}\" \"f\""
+    );
+    let scene = world_of(dialect, folder.path(), &text);
+    Vec3::splat(scene.textures.float(scene.materials[1].displacement.unwrap(), at_uv([0.5; 2])))
+}
+
 /// What has the bytes of an image taken for linear values.
 fn as_linear(dialect: Dialect) -> &'static str {
     match dialect {
@@ -184,14 +196,7 @@ fn images_mapped_from_space_start_at_the_dialects_end_too() {
 
 #[test]
 fn a_number_of_a_coloured_image_is_its_mean_or_its_alpha() {
-    let number = |image: DynamicImage| {
-        let folder = folder_with("a.png", image);
-        let text = r#"Texture "f" "float" "imagemap" "string filename" "a.png"
-            Material "diffuse" "texture displacement" "f""#;
-        let scene = world_of(V4, folder.path(), text);
-        let value = scene.textures.float(scene.materials[1].displacement.unwrap(), at_uv([0.5; 2]));
-        Vec3::splat(value)
-    };
+    let number = |image: DynamicImage| number(V4, image, "");
     let mean = (0.215_861 + 0.051_269) / 3.0;
     assert_near(number(RgbImage::from_pixel(1, 1, Rgb([128, 64, 0])).into()), [mean; 3], "no alpha");
     let with_alpha = |alpha| RgbaImage::from_pixel(1, 1, Rgba([128, 64, 0, alpha]));
@@ -199,6 +204,39 @@ fn a_number_of_a_coloured_image_is_its_mean_or_its_alpha() {
     assert_near(number(with_alpha(51).into()), [0.2; 3], "alpha, which is not encoded");
     let colour = colour(V4, with_alpha(51), "", at_uv([0.5; 2]));
     assert_near(colour, [0.215_861, 0.051_269, 0.0], "the colour does not mind the alpha");
+}
+
+#[test]
+fn a_number_of_a_coloured_image_of_the_older_dialects_is_its_luminance_as_it_is_stored() {
+    let image = || RgbaImage::from_pixel(1, 1, Rgba([0, 204, 0, 51]));
+    // 0.7152 of 0.8, rounded to a byte.
+    let stored: f32 = 146.0 / 255.0;
+    let v3 = ((stored + 0.055) / 1.055).powf(2.4);
+    for (dialect, params, expected) in [
+        (V2, "", stored),
+        (V2, "\"float gamma\" 2 \"float scale\" 3", (3.0 * stored).powi(2)),
+        (V3, "", v3),
+        (V3, "\"bool gamma\" false \"float scale\" 3", 3.0 * stored),
+    ] {
+        assert_near(number(dialect, image().into(), params), [expected; 3], params);
+    }
+}
+
+#[test]
+fn files_of_floats_obey_the_gamma_of_an_older_dialect() {
+    for (dialect, params, expected) in [
+        (V2, "\"float gamma\" 2 \"float scale\" 3", [2.25, 36.0, 0.0]),
+        (V3, "\"bool gamma\" true", [0.214_041, 4.953_847, 0.0]),
+        (V3, "", [0.5, 2.0, 0.0]),
+        (V4, "\"string encoding\" \"gamma 2\"", [0.5, 2.0, 0.0]),
+    ] {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.exr");
+        exr::prelude::write_rgb_file(path, 1, 1, |_, _| (0.5f32, 2f32, 0f32)).unwrap();
+        let text = textured(params).replace("a.png", "a.exr");
+        let found = reflectance(&world_of(dialect, folder.path(), &text), 1, at_uv([0.5; 2]));
+        assert_near(found, expected, params);
+    }
 }
 
 #[test]

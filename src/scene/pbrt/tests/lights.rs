@@ -10,7 +10,9 @@ use crate::scene::pbrt::dialect::Dialect::{self, V2, V3, V4};
 /// The colour of each light of a world.
 fn colours(dialect: Dialect, text: &str) -> Vec<Vec3> {
     let colour = |light: &Light| match light {
-        Light::Point { intensity, .. } | Light::Spot { intensity, .. } => *intensity,
+        Light::Point { intensity, .. }
+        | Light::Spot { intensity, .. }
+        | Light::Projector { intensity, .. } => *intensity,
         Light::Distant { radiance, .. } => *radiance,
         Light::Environment(environment) => environment.scale,
     };

@@ -36,15 +36,6 @@ fn materials_that_are_not_simulated_are_diffuse_in_their_colour() {
 }
 
 #[test]
-fn lights_with_a_pattern_are_left_out() {
-    for kind in ["goniometric", "projection"] {
-        let light = format!("LightSource \"{kind}\" \"string filename\" \"nowhere.exr\" \"float scale\" 2");
-        let scene = warned_once(&light, &format!("light \"{kind}\" is left out"));
-        assert!(scene.lights.is_empty());
-    }
-}
-
-#[test]
 fn textures_of_an_unknown_kind_are_gray() {
     let texture = |of: &str| format!("Texture \"t\" \"{of}\" \"ptex\" \"string filename\" \"nowhere.ptx\"");
     let message = "texture \"ptex\" is read as a constant 0.5";
