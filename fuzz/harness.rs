@@ -41,12 +41,16 @@ const SAMPLES: u32 = 2;
 /// Longer paths than this meet no other code.
 const DEPTH: u32 = 4;
 
-/// Scene files, separated by zero bytes: the first is the main one, the others are named `1`, `2`, ...
+/// Scene files, separated by zero bytes: the first is the main one, the others are named `1`, `2`, ... and, for what
+/// reads images, `1.pfm`, `2.pfm`, ...
 pub fn scene(bytes: &[u8]) {
     const MOST_FILES: usize = 8;
     let folder = tempfile::tempdir().expect("a temporary folder can be made");
     for (i, text) in bytes.split(|&byte| byte == 0).take(MOST_FILES).enumerate() {
         write(folder.path(), &i.to_string(), text);
+        if i > 0 {
+            write(folder.path(), &format!("{i}.pfm"), text);
+        }
     }
     match pbrt::read(&folder.path().join("0")) {
         Ok(scene) => render(scene),
