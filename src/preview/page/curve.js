@@ -50,7 +50,8 @@ export function drawCurve(canvas, points, forecast, target) {
   for (const { value } of marks(xs)) {
     rule(c, x(value), MARGIN.top, x(value), height - MARGIN.bottom, INK.axis);
     c.fillStyle = INK.text;
-    c.fillText(`${Number(value.toPrecision(1))} s`, Math.min(x(value), width - 14), height - 7);
+    const label = `${Number(value.toPrecision(1))} s`;
+    c.fillText(label, Math.min(x(value), width - c.measureText(label).width / 2), height - 7);
   }
   if (target) {
     c.setLineDash([2, 3]);
