@@ -6,6 +6,7 @@ const PAN_STEP = 0.03; // image heights
 const DOLLY_PER_WHEEL = 0.0015;
 const DOLLY_STEP = 0.1;
 const CLICK_DISTANCE = 4; // CSS pixels that a click may slip
+const NO_REGION = [[0, 0], [0, 0]];
 
 // `act`: { camera(move), focus(pixel), region(shares), inspect(pixel), keep(pixel) }.
 export class Hand {
@@ -35,8 +36,9 @@ export class Hand {
   down(event) {
     this.canvas.focus({ preventScroll: true });
     this.canvas.setPointerCapture(event.pointerId);
-    this.pointers.set(event.pointerId, { start: this.at(event), last: this.at(event), slipped: false, marks: false });
-    if (this.pointers.size > 1) this.unmark();
+    const at = this.at(event);
+    this.pointers.set(event.pointerId, { start: at, last: at, slipped: false, marks: false, pinched: false });
+    if (this.pointers.size > 1) this.join();
     this.canvas.classList.add("held");
   }
 
@@ -47,9 +49,9 @@ export class Hand {
     const delta = at.map((v, k) => v - held.last[k]);
     held.slipped ||= Math.hypot(at[0] - held.start[0], at[1] - held.start[1]) > CLICK_DISTANCE;
     if (!held.slipped) return;
-    if (this.pointers.size === 2) this.pinch(event.pointerId, at);
+    if (this.pointers.size > 1) this.pinch(event.pointerId, at);
     else if (this.tool === "camera") this.turn(delta, event);
-    else if (this.tool === "region" && event.buttons === 1) {
+    else if (this.tool === "region" && event.buttons === 1 && !held.pinched) {
       held.marks = true;
       this.act.region(this.shares(held.start, at), false);
     } else this.picture.pan(...delta);
@@ -60,7 +62,8 @@ export class Hand {
     const held = this.pointers.get(event.pointerId);
     this.pointers.delete(event.pointerId);
     if (!this.pointers.size) this.canvas.classList.remove("held");
-    if (!held || event.type === "pointercancel") return;
+    if (!held) return;
+    if (event.type === "pointercancel") return this.act.region(NO_REGION, true);
     const at = this.at(event);
     const pixel = this.picture.pixelAt(...at);
     if (held.slipped) {
@@ -71,23 +74,40 @@ export class Hand {
     }
   }
 
-  // A second finger makes a pinch of what was going to be a region.
-  unmark() {
-    for (const held of this.pointers.values()) held.marks = false;
-    this.act.region([[0, 0], [0, 0]], true);
+  // A second finger makes a pinch of what was going to be a click or a region.
+  join() {
+    for (const held of this.pointers.values()) Object.assign(held, { slipped: true, marks: false, pinched: true });
+    this.act.region(NO_REGION, true);
   }
 
   pinch(id, at) {
     const [a, b] = [...this.pointers].map(([other, p]) => ({ old: p.last, now: other === id ? at : p.last }));
-    const size = (p, q) => Math.hypot(p[0] - q[0], p[1] - q[1]);
+    const size = (p, q) => Math.max(1, Math.hypot(p[0] - q[0], p[1] - q[1]));
+    const factor = size(a.now, b.now) / size(a.old, b.old);
     const middle = [0, 1].map((k) => (a.now[k] + b.now[k]) / 2);
-    this.picture.zoomBy(size(a.now, b.now) / Math.max(1, size(a.old, b.old)), middle);
+    const delta = middle.map((v, k) => v - (a.old[k] + b.old[k]) / 2);
+    if (this.tool === "camera") {
+      this.pan(this.heights(delta));
+      this.moves.dolly += Math.log(factor);
+      this.flush();
+    } else {
+      this.picture.pan(...delta);
+      this.picture.zoomBy(factor, middle);
+    }
+  }
+
+  // A way on the canvas, in image heights.
+  heights(delta) {
+    return delta.map((v) => v / (this.picture.size[1] * this.picture.zoom));
+  }
+
+  pan(heights) {
+    this.moves.pan = this.moves.pan.map((v, k) => v + heights[k]);
   }
 
   turn(delta, event) {
-    const height = this.picture.size[1] * this.picture.zoom;
-    if (event.ctrlKey || event.buttons === 2) this.moves.dolly -= delta[1] / height;
-    else if (event.shiftKey || event.buttons === 4) this.moves.pan = this.moves.pan.map((v, k) => v + delta[k] / height);
+    if (event.ctrlKey || event.buttons === 2) this.moves.dolly -= this.heights(delta)[1];
+    else if (event.shiftKey || event.buttons === 4) this.pan(this.heights(delta));
     else this.moves.orbit = this.moves.orbit.map((v, k) => v + delta[k] * ORBIT_PER_PIXEL);
     this.flush();
   }
@@ -132,7 +152,7 @@ export class Hand {
     const arrow = arrows[event.key];
     const middle = () => this.cursor ?? this.picture.size.map((v) => v >> 1);
     if (arrow && this.tool === "camera") {
-      if (event.shiftKey) this.moves.pan = this.moves.pan.map((v, k) => v + arrow[k] * PAN_STEP);
+      if (event.shiftKey) this.pan(arrow.map((v) => v * PAN_STEP));
       else this.moves.orbit = this.moves.orbit.map((v, k) => v + arrow[k] * ORBIT_STEP);
       this.flush();
     } else if (arrow) {

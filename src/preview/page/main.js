@@ -52,11 +52,12 @@ const hand = new Hand($("picture"), picture, {
   camera: (move) => command("camera", move),
   focus: (pixel) => command("camera", { focus_at: pixel }),
   region: (region, done) => {
-    state.region = region;
+    const isArea = region.every(([a, b]) => b - a > 1e-4);
+    state.region = isArea ? region : null;
     place();
     if (!done) return;
     state.region = null;
-    if (region.every(([a, b]) => b - a > 1e-4)) command("favour", { region });
+    if (isArea) command("favour", { region });
   },
   inspect: (pixel) => {
     if (state.kept) return;
