@@ -76,10 +76,7 @@ const PHASE: &str = "window.prpf.state.status.phase";
 
 #[test]
 fn a_person_can_look_and_steer() {
-    let Some(program) = chromium() else {
-        println!("skipped: no chromium on this machine");
-        return;
-    };
+    let Some(program) = chromium() else { return };
     let (_render, address, folder) = preview(&["--spp", "0", "--max-spp", "100000"]);
     let mut page = Page::open(program, &address, [1600, 1000]);
 
@@ -183,6 +180,158 @@ fn a_person_can_look_and_steer() {
     let overflow = page.value("document.documentElement.scrollWidth");
     assert!(overflow.as_f64().unwrap() <= 420.0, "{overflow}");
     keep(&mut page, "narrow.png");
+}
+
+/// A preview that goes on until it is stopped, in a page that has its first image and notes what it sends.
+fn noting_page(program: &str, size: [u32; 2]) -> (Page, Running, tempfile::TempDir) {
+    let (render, address, folder) = preview(&["--spp", "0", "--max-spp", "100000"]);
+    let mut page = Page::open(program, &address, size);
+    page.wait("window.prpf && window.prpf.state.status && window.prpf.picture.frames.size > 0");
+    page.value(
+        "window.sent = []; const send = WebSocket.prototype.send; WebSocket.prototype.send = \
+         function (text) { window.sent.push(JSON.parse(text)); send.call(this, text); }; 0",
+    );
+    (page, render, folder)
+}
+
+/// How often the page has sent a command of this kind.
+fn sent(page: &mut Page, kind: &str) -> u64 {
+    let count = page.value(&format!("window.sent.filter(({{ type }}) => type === '{kind}').length"));
+    count.as_u64().expect("a count")
+}
+
+const GENERATION: &str = "window.prpf.state.status.generation";
+const STOPS: &str = "document.getElementById('stops').textContent";
+const TOOL: &str = "window.prpf.picture.canvas.dataset.tool";
+
+#[test]
+fn keys_choose_what_is_seen_and_which_tool_is_used() {
+    let Some(program) = chromium() else { return };
+    let (mut page, _render, _folder) = noting_page(program, [1024, 768]);
+
+    let views = page.value("window.prpf.state.status.views.map(({ view }) => view)");
+    for (i, view) in views.as_array().expect("a list").iter().enumerate().rev() {
+        page.key(&(i + 1).to_string());
+        assert_eq!(page.value("window.prpf.state.view"), *view);
+        assert_eq!(page.value("document.querySelector('input[name=view]:checked').value"), *view);
+    }
+    for (key, tool) in [("c", "camera"), ("f", "focus"), ("r", "region"), ("q", "look")] {
+        page.key(key);
+        assert_eq!(page.value(TOOL), tool);
+        assert_eq!(page.value("document.querySelector('input[name=tool]:checked').value"), tool);
+    }
+
+    page.key("w");
+    page.wait("!document.getElementById('wipe').hidden && window.prpf.picture.shown.left === 'raw'");
+    page.key(".");
+    assert_eq!(page.value("window.prpf.picture.wipe.toFixed(2)"), "0.55");
+    page.key("w");
+    page.wait("document.getElementById('wipe').hidden && window.prpf.picture.wipe === null");
+    page.key("e");
+    assert_eq!(page.value(STOPS), "+0.3");
+    page.shift_key("E");
+    assert_eq!(page.value(STOPS), "0.0");
+
+    // With Caps Lock the letters are capitals, but only Shift makes other commands of them.
+    page.key("S");
+    assert_eq!((sent(&mut page, "save"), sent(&mut page, "restart")), (1, 0));
+    page.key("R");
+    assert_eq!((page.value(TOOL), sent(&mut page, "restart")), ("region".into(), 0));
+    page.key("E");
+    assert_eq!(page.value(STOPS), "+0.3");
+    page.shift_key("r");
+    assert_eq!(sent(&mut page, "restart"), 1);
+}
+
+#[test]
+fn space_pauses_unless_a_button_has_the_focus() {
+    let Some(program) = chromium() else { return };
+    let (mut page, _render, _folder) = noting_page(program, [1024, 768]);
+    page.key(" ");
+    page.wait(&format!("{PHASE} === 'paused'"));
+    page.value("document.getElementById('pause').focus()");
+    page.key(" ");
+    page.wait(&format!("{PHASE} !== 'paused'"));
+    assert_eq!(sent(&mut page, "pause"), 2, "once each time");
+    page.value("document.getElementById('save').focus()");
+    page.key(" ");
+    assert_eq!((sent(&mut page, "save"), sent(&mut page, "pause")), (1, 2));
+}
+
+#[test]
+fn the_home_key_brings_the_scenes_camera_back_except_in_a_field() {
+    let Some(program) = chromium() else { return };
+    let (mut page, _render, _folder) = noting_page(program, [1024, 768]);
+    page.value(
+        "const field = document.getElementById('aperture'); field.focus(); \
+         field.value = '0.1'; field.dispatchEvent(new Event('change'))",
+    );
+    page.wait("window.prpf.state.status.camera.aperture > 0.09");
+    page.key("Home");
+    assert_eq!(sent(&mut page, "camera"), 1, "in a field it moves the caret");
+    let generation = page.value(GENERATION);
+    page.value("window.prpf.picture.canvas.focus()");
+    page.key("Home");
+    page.wait(&format!("{GENERATION} > {generation} && window.prpf.state.status.camera.aperture === 0"));
+}
+
+#[test]
+fn two_fingers_move_the_picture_or_the_camera() {
+    let Some(program) = chromium() else { return };
+    let (mut page, _render, _folder) = noting_page(program, [812, 375]);
+    let [x, y] = on_image(&mut page, [0.0, 0.0]);
+    let apart = |half: f64, down: f64| [[x - half, y + down], [x + half, y + down]];
+    let double_and_lower = [apart(50.0, 0.0), apart(75.0, 10.0), apart(100.0, 30.0)];
+
+    // The point between the fingers stays between them.
+    let zoom = page.value("window.prpf.picture.zoom").as_f64().expect("a number");
+    page.pinch(&double_and_lower);
+    let doubled = page.value("window.prpf.picture.zoom").as_f64().expect("a number");
+    assert!((doubled / zoom - 2.0).abs() < 1e-6, "{zoom} {doubled}");
+    let [now_x, now_y] = on_image(&mut page, [0.0, 0.0]);
+    assert!((now_x - x).abs() < 1e-6 && (now_y - y - 30.0).abs() < 1e-6, "{now_x} {now_y}");
+
+    // Fingers that only rest make neither a click nor a region.
+    for tool in ["f", "r"] {
+        page.key(tool);
+        page.pinch(&[apart(50.0, 0.0)]);
+    }
+    assert_eq!((sent(&mut page, "camera"), sent(&mut page, "favour")), (0, 0));
+    assert_eq!(page.value("window.prpf.state.kept"), false);
+    assert_eq!(page.value("document.getElementById('region').hidden"), true);
+
+    page.key("0");
+    page.key("c");
+    let (zoom, generation) = (page.value("window.prpf.picture.zoom"), page.value(GENERATION));
+    page.pinch(&double_and_lower);
+    page.wait(&format!("{GENERATION} > {generation}"));
+    assert_eq!(page.value("window.prpf.picture.zoom"), zoom);
+    page.wait(
+        "(() => { const p = window.prpf.picture, sum = (f) => window.sent.reduce((a, m) => a + f(m), 0); \
+         const down = sum((m) => m.pan?.[1] ?? 0) * p.size[1] * p.zoom; \
+         return Math.abs(sum((m) => m.dolly ?? 0) - Math.LN2) < 1e-6 && Math.abs(down - 30) < 1e-6; })()",
+    );
+    keep(&mut page, "low.png");
+}
+
+#[test]
+fn the_image_stands_beside_the_controls_on_a_phone_that_lies() {
+    let Some(program) = chromium() else { return };
+    let (mut page, _render, _folder) = noting_page(program, [812, 375]);
+    for size in [[812, 375], [667, 375]] {
+        page.resize(size);
+        page.wait(&format!(
+            "innerWidth === {} && document.documentElement.scrollWidth <= innerWidth",
+            size[0]
+        ));
+        let seen = page.value(
+            "(() => { const box = (s) => document.querySelector(s).getBoundingClientRect(); \
+             const stage = box('#stage'), panel = box('aside'); \
+             return stage.height > 0.9 * innerHeight && stage.width > 0.55 * innerWidth \
+               && panel.left >= stage.right && panel.height > 0.7 * innerHeight; })()",
+        );
+        assert_eq!(seen, true, "{size:?}");
+    }
 }
 
 /// The status of the answer to a request for the socket with these headers.

@@ -37,11 +37,15 @@ pub struct Page {
     _profile: tempfile::TempDir,
 }
 
-/// The browser's program, if this machine has one.
+/// The browser's program, if this machine has one; else says that the test is skipped.
 pub fn chromium() -> Option<&'static str> {
-    ["chromium", "chromium-browser", "google-chrome"].into_iter().find(|name| {
+    let found = ["chromium", "chromium-browser", "google-chrome"].into_iter().find(|name| {
         Command::new(name).arg("--version").stdout(Stdio::null()).stderr(Stdio::null()).status().is_ok()
-    })
+    });
+    if found.is_none() {
+        println!("skipped: no chromium on this machine");
+    }
+    found
 }
 
 impl Page {
@@ -129,9 +133,19 @@ impl Page {
 
     /// Types a key, as DOM names it.
     pub fn key(&mut self, key: &str) {
+        self.type_key(key, 0);
+    }
+
+    /// Types a key while Shift is held.
+    pub fn shift_key(&mut self, key: &str) {
+        self.type_key(key, 8);
+    }
+
+    fn type_key(&mut self, key: &str, modifiers: u32) {
         let text = if key.chars().count() == 1 { key } else { "" };
         for kind in ["keyDown", "keyUp"] {
-            self.call("Input.dispatchKeyEvent", json!({ "type": kind, "key": key, "text": text }));
+            let event = json!({ "type": kind, "key": key, "text": text, "modifiers": modifiers });
+            self.call("Input.dispatchKeyEvent", event);
         }
     }
 
@@ -147,6 +161,18 @@ impl Page {
         mouse("mousePressed", points[0], 1);
         points[1..].iter().for_each(|&point| mouse("mouseMoved", point, 1));
         mouse("mouseReleased", points[points.len() - 1], 0);
+    }
+
+    /// Puts two fingers at the first pair of points, moves them over the others and lifts them.
+    pub fn pinch(&mut self, pairs: &[[[f64; 2]; 2]]) {
+        let mut touch = |kind: &str, pair: &[[f64; 2]]| {
+            let points = pair.iter().enumerate().map(|(id, [x, y])| json!({ "x": x, "y": y, "id": id }));
+            let event = json!({ "type": kind, "touchPoints": points.collect::<Vec<_>>() });
+            self.call("Input.dispatchTouchEvent", event);
+        };
+        touch("touchStart", &pairs[0]);
+        pairs[1..].iter().for_each(|pair| touch("touchMove", pair));
+        touch("touchEnd", &[]);
     }
 
     pub fn hover(&mut self, [x, y]: [f64; 2]) {
