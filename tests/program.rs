@@ -294,6 +294,24 @@ fn a_budget_too_small_for_a_sample_per_pixel_ends_in_an_image_and_says_so() {
 }
 
 #[test]
+fn a_target_of_error_ends_the_render_when_the_estimate_says_so() {
+    let folder = folder_with(SCENE);
+    let target = |error: &str| {
+        let arguments = ["--spp", "0", "--target-error", error, "-o", "a.exr", "--report", "a.json"];
+        let output = prpf(folder.path(), &[&["render", "scene.pbrt"], &arguments[..]].concat());
+        assert!(output.status.success(), "{}", stderr(&output));
+        let report = std::fs::read(folder.path().join("a.json")).expect("a report");
+        let report: serde_json::Value = serde_json::from_slice(&report).expect("JSON");
+        assert_eq!(report["stopped_by"], "target-error");
+        let estimate = report["estimated_error"].as_f64().expect("a number");
+        (estimate, report["samples_total"].as_u64().expect("a number"))
+    };
+    let (loose, tight) = (target("1e-2"), target("1e-4"));
+    assert!(loose.0 <= 1e-2 && tight.0 <= 1e-4, "{loose:?} {tight:?}");
+    assert!(tight.1 > loose.1, "{loose:?} {tight:?}");
+}
+
+#[test]
 fn the_hash_of_the_scene_is_in_the_image_and_follows_its_text() {
     let hash = |scene: &str| {
         let folder = folder_with(scene);

@@ -344,6 +344,26 @@ fn an_export_is_an_archive_of_numpy_arrays() {
     }
 }
 
+/// What the arrays say is enough to compute a pixel of the filter again, in another language.
+#[test]
+fn a_script_finds_the_same_pixel_in_exported_arrays() {
+    let numpy = Command::new("python3").args(["-c", "import numpy"]).stderr(Stdio::null()).status();
+    if !numpy.is_ok_and(|status| status.success()) {
+        println!("skipped: no python3 with numpy on this machine");
+        return;
+    }
+    let folder = folder();
+    let folder = folder.path();
+    done(folder, &render(&["-o", "a.exr", "--quality", "paper", "--state", "a.state"]));
+    done(folder, &["export", "a.state", "-o", "a.npz"]);
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("experiments/numpy/one_pixel.py");
+    for pixel in [["24", "30"], ["2", "45"]] {
+        let output = Command::new("python3").arg(&script).arg(folder.join("a.npz")).args(pixel).output();
+        let output = output.expect("python starts");
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stdout));
+    }
+}
+
 #[test]
 fn a_render_that_is_looked_at_keeps_its_state_and_ends_in_the_same_image() {
     let folder = folder();
@@ -377,4 +397,26 @@ fn a_preview_that_is_closed_leaves_what_it_has_rendered() {
     assert_eq!(child.wait().expect("a child ends").code(), Some(0));
     let state = State::read(&folder.join("a.state")).expect("a state");
     assert!(state.memory.store.samples() > 0);
+}
+
+#[cfg(unix)]
+#[test]
+fn a_preview_that_is_closed_within_a_batch_is_gone_on_with_to_the_same_image() {
+    let folder = folder();
+    let folder = folder.path();
+    done(folder, &render(&["-o", "whole.exr"]));
+    let state = ["--state", "a.state", "--state-every", "30ms"];
+    let mut child =
+        command(folder, &[&["preview", "scene.pbrt", "--spp", SPP, "--quiet"], &state[..]].concat())
+            .spawn()
+            .expect("the program starts");
+    while !folder.join("a.state").exists() {
+        assert!(child.try_wait().expect("a child").is_none(), "it goes on");
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    let interrupt = Command::new("kill").args(["-INT", &child.id().to_string()]).status();
+    assert!(interrupt.expect("a signal can be sent").success());
+    assert_eq!(child.wait().expect("a child ends").code(), Some(0));
+    done(folder, &render(&["--state", "a.state", "--resume", "-o", "out.exr"]));
+    assert!(image(folder, "out.exr") == image(folder, "whole.exr"));
 }
