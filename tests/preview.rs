@@ -7,6 +7,8 @@ mod browser;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
+use tungstenite::Message;
+
 use browser::{Page, Running, chromium, first_line};
 
 const SCENE: &str = r#"
@@ -101,6 +103,19 @@ fn a_person_can_look_and_steer() {
     page.wait("!document.getElementById('legend').hidden");
     let unit = page.value("document.querySelector('#legend p').textContent");
     assert_eq!(unit, "samples per pixel");
+
+    for view in ["error", "variance", "residual", "failure", "albedo", "normal"] {
+        page.click(&format!("input[name=view][value={view}]"));
+        page.wait(&format!("window.prpf.picture.shown.right === '{view}'"));
+        page.wait(&format!("window.prpf.picture.frames.has('{view}')"));
+    }
+    page.click("input[value=samples]");
+    page.wait("window.prpf.picture.shown.right === 'samples'");
+
+    // What it tells: numbers, and what the next halving of the error will cost.
+    page.wait("window.prpf.state.status.curve.length > 0 && window.prpf.state.status.forecast");
+    page.wait("document.getElementById('forecast').textContent.startsWith('Halving the error costs')");
+    page.wait("[...document.querySelectorAll('[data-value]')].every((dd) => dd.textContent !== '–')");
 
     // Values under the cursor.
     let middle = on_image(&mut page, [0.0, 0.0]);
@@ -203,6 +218,19 @@ fn sent(page: &mut Page, kind: &str) -> u64 {
 const GENERATION: &str = "window.prpf.state.status.generation";
 const STOPS: &str = "document.getElementById('stops').textContent";
 const TOOL: &str = "window.prpf.picture.canvas.dataset.tool";
+
+#[test]
+fn maps_that_no_filter_has_made_yet_leave_the_samples_to_see_and_the_grids_is_made_for_who_looks() {
+    let Some(program) = chromium() else { return };
+    let (_render, address, _folder) = preview(&["--spp", "8", "--denoiser", "none", "--sampling", "uniform"]);
+    let mut page = Page::open(program, &address, [900, 600]);
+    page.wait("window.prpf && window.prpf.state.status?.phase === 'finished'");
+    page.click("input[name=view][value=residual]");
+    page.wait("window.prpf.picture.shown.right === 'raw' || window.prpf.picture.frames.has('residual')");
+    page.click("input[name=view][value=failure]");
+    page.wait("window.prpf.picture.frames.has('failure') && window.prpf.picture.shown.right === 'failure'");
+    page.wait("window.prpf.state.status.phase === 'finished'");
+}
 
 #[test]
 fn keys_choose_what_is_seen_and_which_tool_is_used() {
@@ -372,21 +400,80 @@ fn an_address_that_is_given_needs_the_printed_token() {
     assert_eq!(socket_status(&address, "/live?token=0", Some(own), None), 403);
 }
 
+type Socket = tungstenite::WebSocket<tungstenite::stream::MaybeTlsStream<std::net::TcpStream>>;
+
+/// A viewer without a browser.
+fn viewer(address: &str) -> Socket {
+    use tungstenite::client::IntoClientRequest;
+    let own = address.trim_end_matches('/');
+    let mut request = own.replace("http", "ws").into_client_request().unwrap();
+    *request.uri_mut() = format!("{}/live", own.replace("http", "ws")).parse().unwrap();
+    request.headers_mut().insert("Origin", own.parse().unwrap());
+    tungstenite::connect(request).expect("a socket").0
+}
+
+fn say(socket: &mut Socket, message: &str) {
+    socket.send(Message::text(message)).expect("an open socket");
+}
+
+/// Reads until a report says that the render has ended, taking all images on the way: how many.
+fn watch_to_the_end(socket: &mut Socket) -> u32 {
+    let mut images = 0;
+    loop {
+        match socket.read().expect("an open socket") {
+            Message::Binary(_) => {
+                images += 1;
+                say(socket, r#"{"type":"ready"}"#);
+            }
+            Message::Text(text) if text.contains(r#""phase":"finished""#) => return images,
+            _ => {}
+        }
+    }
+}
+
+#[test]
+fn a_viewer_that_never_reads_holds_up_neither_the_render_nor_another() {
+    let (_render, address, _folder) = preview(&["--spp", "100", "--resolution", "512x512"]);
+    let look = r#"{"type":"look","views":["raw","samples","variance"]}"#;
+    let mut deaf: Vec<Socket> = (0..3).map(|_| viewer(&address)).collect();
+    for socket in &mut deaf {
+        say(socket, look);
+        (0..50).for_each(|_| say(socket, r#"{"type":"ready"}"#));
+    }
+    let mut socket = viewer(&address);
+    say(&mut socket, look);
+    say(&mut socket, r#"{"type":"ready"}"#);
+    assert!(watch_to_the_end(&mut socket) > 2);
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_finished_render_leaves_the_processor_idle() {
+    let (render, address, _folder) = preview(&["--spp", "4"]);
+    let mut socket = viewer(&address);
+    say(&mut socket, r#"{"type":"look","views":["filtered","failure"]}"#);
+    say(&mut socket, r#"{"type":"ready"}"#);
+    watch_to_the_end(&mut socket);
+    // Hundredths of a second of the processor, by user and system.
+    let ticks = || -> u64 {
+        let stat = std::fs::read_to_string(format!("/proc/{}/stat", render.0.id())).expect("a process");
+        let (_, after_name) = stat.rsplit_once(')').expect("its name");
+        after_name.split_whitespace().skip(11).take(2).map(|n| n.parse::<u64>().expect("a number")).sum()
+    };
+    // What the last image still asks for.
+    std::thread::sleep(std::time::Duration::from_millis(700));
+    let before = ticks();
+    std::thread::sleep(std::time::Duration::from_secs(2));
+    assert!(ticks() - before <= 10, "{} hundredths in two seconds", ticks() - before);
+}
+
 #[test]
 fn a_message_that_is_too_long_or_wrong_stops_neither_the_server_nor_the_render() {
-    use tungstenite::{Message, client::IntoClientRequest};
     let (_render, address, _folder) = preview(&["--spp", "1"]);
-    let own = address.trim_end_matches('/');
-    let connect = || {
-        let mut request = own.replace("http", "ws").into_client_request().unwrap();
-        *request.uri_mut() = format!("{}/live", own.replace("http", "ws")).parse().unwrap();
-        request.headers_mut().insert("Origin", own.parse().unwrap());
-        tungstenite::connect(request).expect("a socket").0
-    };
-    let mut socket = connect();
+    let mut socket = viewer(&address);
     let _ = socket.send(Message::text("x".repeat(1 << 20)));
     while socket.read().is_ok() {}
-    let mut socket = connect();
+    let mut socket = viewer(&address);
     socket.send(Message::text("{\"type\":\"launch\"}")).unwrap();
     let refused = |message: &Message| message.to_text().is_ok_and(|text| text.contains("refused"));
     while !refused(&socket.read().expect("an answer")) {}

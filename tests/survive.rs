@@ -246,11 +246,12 @@ fn shards_of_a_render_add_up_to_it() {
     assert_eq!(sum.streams, whole.streams);
     let (sum, whole) = (&sum.memory.store, &whole.memory.store);
     use prpf::stats::Part::{Half, Whole};
+    let all = 0..sum.layout().len();
     for part in [Whole, Half(0), Half(1)] {
         assert_eq!(sum.counts(part), whole.counts(part));
         for (a, b) in [
-            (sum.means(part, 0..12), whole.means(part, 0..12)),
-            (sum.variances(part, 0..12), whole.variances(part, 0..12)),
+            (sum.means(part, all.clone()), whole.means(part, all.clone())),
+            (sum.variances(part, all.clone()), whole.variances(part, all.clone())),
         ] {
             for (a, b) in a.data().iter().zip(b.data()) {
                 assert!((a - b).abs() <= 1e-5 * (1.0 + b.abs()), "{a} {b}");
@@ -304,7 +305,8 @@ fn a_state_that_does_not_fit_gets_one_line_and_stays() {
     }
     assert!(!folder.join("b.exr").exists());
 
-    for path in ["missing/a.state", "/dev/full", "."] {
+    let nobodys = if cfg!(target_os = "linux") { "/proc/a.state" } else { "missing/a.state" };
+    for path in ["missing/a.state", "/dev/full", ".", nobodys] {
         let said = refused(
             folder,
             &["render", "scene.pbrt", "--quiet", "-o", "b.exr", "--spp", "4", "--state", path],
@@ -342,6 +344,34 @@ fn an_export_is_an_archive_of_numpy_arrays() {
     {
         assert!(bytes_of(name).starts_with(b"\x93NUMPY"), "{name}");
     }
+}
+
+/// A disk that is full after a megabyte: writing fails as it would there.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_disk_that_is_full_leaves_the_old_state_and_the_image() {
+    let folder = folder();
+    let folder = folder.path();
+    let arguments = render(&["-o", "a.exr", "--state", "a.state", "--resume", "--state-every", "50ms"]);
+    done(folder, &[&["render", "scene.pbrt", "--spp", "8", "--quiet"], &arguments[5..]].concat());
+    std::fs::remove_file(folder.join("a.exr")).expect("an image");
+    let state = std::fs::read(folder.join("a.state")).expect("a state");
+    assert!(state.len() > 1 << 20, "{}", state.len());
+    let output = Command::new("sh")
+        .args(["-c", "trap '' XFSZ; ulimit -f 2048; exec \"$0\" \"$@\"", env!("CARGO_BIN_EXE_prpf")])
+        .args(&arguments)
+        .current_dir(folder)
+        .output()
+        .expect("a shell");
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(1), "{said}");
+    let (warnings, error) = said.trim_end().rsplit_once('\n').expect("a warning and an error");
+    assert!(warnings.contains("warning: a.state: the state cannot be written"), "{said}");
+    assert!(error.contains("a.state") && warnings.lines().count() == 1, "{said}");
+    assert!(std::fs::read(folder.join("a.state")).expect("a state") == state, "the old one is still there");
+    assert!(folder.join("a.exr").exists());
+    let left = std::fs::read_dir(folder).expect("a folder").count();
+    assert_eq!(left, 3, "the scene, the image and the state");
 }
 
 /// What the arrays say is enough to compute a pixel of the filter again, in another language.

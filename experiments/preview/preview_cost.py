@@ -5,7 +5,9 @@
 Renders the scene with the same budget of time, alternately without a live page and with one viewer that
 takes every frame as fast as it comes (no browser: what a browser draws with is not the renderer's).
 Prints, as medians of the runs: samples with a viewer over samples without, seconds from the address being
-printed to the first frame, updates of the unfiltered image per second, and the longest wait for one. Standard library only.
+printed to the first frame, updates of the unfiltered image per second, and the longest wait for one. Then, in a
+preview, how long after a turn of the camera the first image of the new view comes, at moments spread over the render,
+filter passes included. Standard library only.
 """
 
 import argparse
@@ -94,6 +96,39 @@ def render(arguments, folder, watched):
         return json.load(file)["samples_total"], frames
 
 
+def turns(arguments, count=20):
+    """Seconds from each of some turns of the camera to the first image of the new view."""
+    command = [arguments.prpf, "preview", arguments.scene, "--quality", arguments.quality, "--quiet"]
+    program = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
+    try:
+        address = next(line for line in program.stdout if line.startswith("preview at ")).split()[2]
+        viewer, newest, waits = Socket(address), 0, []
+        viewer.send({"type": "look", "views": ["raw", "filtered"]})
+        viewer.send({"type": "ready"})
+
+        def watch(until):
+            """Takes what comes until a time, or until an image of a new generation; the newest generation."""
+            seen = newest
+            while time.monotonic() < until and seen == newest:
+                kind, data = viewer.receive()
+                if kind == 2:
+                    seen = max(seen, *struct.unpack("<I", data[8:12]))
+                    viewer.send({"type": "ready"})
+            return seen
+
+        newest = watch(time.monotonic() + 60)
+        for turn in range(count):
+            watch(time.monotonic() + 0.3 + 3 * (turn * 0.618 % 1))
+            began = time.monotonic()
+            viewer.send({"type": "camera", "orbit": [0.05, 0.0]})
+            newest = watch(began + 60)
+            waits.append(time.monotonic() - began)
+        return waits
+    finally:
+        program.kill()
+        program.wait()
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("prpf")
@@ -101,6 +136,7 @@ def main():
     parser.add_argument("--time", type=int, default=15)
     parser.add_argument("--runs", type=int, default=5)
     parser.add_argument("--views", default="raw,filtered")
+    parser.add_argument("--quality", default="standard", help="of the filter while the camera turns")
     arguments = parser.parse_args()
     ratios, firsts, rates, waits = [], [], [], []
     with tempfile.TemporaryDirectory() as folder:
@@ -115,6 +151,8 @@ def main():
     print(f"samples with a viewer over without: {median(ratios):.3f} ({min(ratios):.3f} to {max(ratios):.3f})")
     print(f"first frame after {median(firsts):.3f} s, {median(rates):.1f} updates a second, "
           f"longest wait {median(waits):.2f} s")
+    waits = turns(arguments)
+    print(f"a turned camera's first image after {median(waits):.3f} s, at most {max(waits):.3f} s ({len(waits)} turns)")
 
 
 if __name__ == "__main__":

@@ -14,7 +14,7 @@ use super::render::can_be_written;
 use super::{Failure, in_pool};
 use crate::filter::{Filtered, Quality};
 use crate::image::formats::OutputFormat;
-use crate::progressive::{FilterJob, Memory, Settings, reservoir_capacity};
+use crate::progressive::{FilterJob, Memory, Settings, fitting, reservoir_capacity};
 use crate::state::State;
 
 /// `prpf denoise`.
@@ -105,6 +105,7 @@ pub(super) fn filtered(memory: &Memory, settings: &Settings) -> anyhow::Result<F
         );
     }
     let &Settings { denoiser, quality, seed, .. } = settings;
+    let (denoiser, quality) = fitting(&memory.store, denoiser, quality);
     let job = FilterJob { store: memory.store.clone(), denoiser, quality, seed, interpolation: false };
     let mut filtered = job.run().filtered;
     let failure = memory.rerun.as_ref().and_then(|rerun| rerun.failure.clone());

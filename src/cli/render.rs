@@ -21,7 +21,7 @@ use crate::image::formats::OutputFormat;
 use crate::image::{self, Planes};
 use crate::preview::{Director, Hub, Picture, Stage};
 use crate::progressive::{
-    ErrorEstimate, Keep, Loop, Memory, Outcome, Progress, Settings, StoppedBy, has_room,
+    ErrorEstimate, Estimated, Keep, Loop, Memory, Outcome, Progress, Settings, StoppedBy, has_room,
 };
 use crate::render::Renderer;
 use crate::scene::{Scene, pbrt};
@@ -296,7 +296,9 @@ fn bar(options: &RenderOptions) -> ProgressBar {
 }
 
 fn show(bar: &ProgressBar, progress: Progress, stopping: bool) {
-    let error = progress.estimated_error.map(|e| format!("  relMSE ~{:.2e}", e.max(0.0))).unwrap_or_default();
+    let sign = |estimate: &Estimated| if estimate.is_hidden { '<' } else { '~' };
+    let error =
+        progress.estimate.map(|e| format!("  relMSE {}{:.2e}", sign(&e), e.error)).unwrap_or_default();
     let stopping = if stopping { "  ending soon, Ctrl-C quits at once" } else { "" };
     bar.set_message(format!("{:.1} spp{error}{stopping}", progress.spp));
     bar.set_position((progress.fraction * BAR_STEPS as f64) as u64);

@@ -39,7 +39,13 @@ impl Rig {
     /// away the point looked at is else.
     pub fn new(camera: &Camera, seen: Option<DVec3>, reach: f64) -> Self {
         let pose = Pose::of(camera);
-        let ahead = seen.map(|seen| (seen - pose.position).dot(pose.forward));
+        let ahead = seen.map(|seen| match camera.projection {
+            // The middle of its image is not ahead.
+            Projection::Spherical(_) => (seen - pose.position).length(),
+            Projection::Perspective { .. } | Projection::Orthographic => {
+                (seen - pose.position).dot(pose.forward)
+            }
+        });
         let distance = ahead.filter(|d| *d > 0.0).unwrap_or(reach);
         Self {
             original: camera.clone(),

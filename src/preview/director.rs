@@ -102,36 +102,35 @@ impl<'a> Director<'a> {
             circle.favour(self.region_of(renderer.resolution()));
             loop {
                 if self.rests(circle.store()) {
-                    // Nothing new comes until a person says so, which may be never.
-                    circle.keep_now();
                     self.reporter.enter(Phase::Paused);
                     self.tell(circle.store(), true);
-                    self.stand(&mut circle, &renderer, |director, store| director.rests(store));
+                    self.stand(&mut circle, &renderer, true);
                     self.reporter.hasten();
-                } else {
-                    match circle.advance(&mut self) {
-                        Ended::Finished(filtered, stopped_by) => {
-                            let over = stopped_by == StoppedBy::Interrupt || !self.stage.stays;
-                            self.finish(stopped_by, circle.store());
-                            if over {
-                                // Asked for during the last pass, or when it ended.
-                                self.listen(circle.store());
-                                self.save_if_wished(circle.store(), &renderer);
-                            }
-                            if over && !self.wishes.any() {
-                                let kept = stopped_by != StoppedBy::Interrupt || !self.stage.stays;
-                                return kept.then(|| circle.into_outcome(*filtered, stopped_by));
-                            }
-                            self.stand(&mut circle, &renderer, |_, _| true);
+                } else if let Ended::Finished(filtered, stopped_by) = circle.advance(&mut self) {
+                    self.finish(stopped_by, circle.store());
+                    let interrupted = stopped_by == StoppedBy::Interrupt;
+                    if interrupted || !self.stage.stays {
+                        // Asked for during the last pass, or when it ended.
+                        self.listen(circle.store());
+                        self.save_if_wished(circle.store(), &renderer);
+                        if !self.wishes.any() {
+                            return Some(circle.into_outcome(*filtered, stopped_by));
                         }
-                        Ended::Left => {}
                     }
+                    self.stand(&mut circle, &renderer, false);
+                }
+                if !self.wishes.quit {
+                    self.save_if_wished(circle.store(), &renderer);
                 }
                 if self.wishes.quit {
                     circle.keep_now();
                     return None;
                 }
-                self.save_if_wished(circle.store(), &renderer);
+                if self.is_interrupted() {
+                    // What there is of this image is wanted, whatever was asked for before.
+                    self.wishes.begin();
+                    continue;
+                }
                 let moves = !self.wishes.moves.is_empty();
                 if self.begins_anew(&renderer, &circle) {
                     if moves && self.stage.keeping.is_some() {
@@ -145,29 +144,44 @@ impl<'a> Director<'a> {
                 circle.change(&self.stage.settings);
                 circle.favour(self.region_of(renderer.resolution()));
                 (self.wishes.settings, self.wishes.region) = (false, false);
+                self.reporter.enter(Phase::Rendering);
             }
             start = Instant::now();
         }
     }
 
+    fn is_interrupted(&self) -> bool {
+        self.stage.interrupt.load(Ordering::Relaxed)
+    }
+
     /// Whether a person wants no more samples for now. After a movement an image is still rendered once, or there
     /// would be none.
     fn rests(&self, store: &Store) -> bool {
-        let covered = store.samples() as f64 >= COVERED_SPP * store.pixels() as f64;
-        self.paused && covered && !self.stage.interrupt.load(Ordering::Relaxed)
+        self.paused && !self.is_interrupted() && store.samples() as f64 >= COVERED_SPP * store.pixels() as f64
     }
 
-    /// Stands still as long as `idle` and nothing but saved images is asked for. No budget counts that time.
-    fn stand(&mut self, circle: &mut Loop, renderer: &Renderer, idle: impl Fn(&Self, &Store) -> bool) {
+    /// Stands still, at a pause until that is over, as long as nothing but images is asked for. No budget counts
+    /// that time.
+    fn stand(&mut self, circle: &mut Loop, renderer: &Renderer, at_a_pause: bool) {
         let (since, store) = (Instant::now(), circle.store().clone());
+        if at_a_pause {
+            // Nothing new comes until a person says so, which may be never.
+            circle.keep_now();
+        }
         let stands = |director: &Self| {
             let wishes = &director.wishes;
-            idle(director, &store) && !wishes.begins_anew() && !wishes.goes_on_otherwise()
+            (director.paused || !at_a_pause) && !wishes.breaks_off() && !wishes.goes_on_otherwise()
         };
-        while stands(self) {
+        while stands(self) && !self.is_interrupted() {
             self.save_if_wished(&store, renderer);
-            self.wait(&store, |director| director.wishes.save || !stands(director));
+            if self.should_filter(&store) {
+                self.filter_for_the_eye(&store);
+            }
+            let enough =
+                |director: &Self| !stands(director) || director.wishes.save || director.should_filter(&store);
+            self.wait(&store, enough);
         }
+        self.listen(&store);
         circle.hold(since.elapsed());
     }
 
@@ -199,6 +213,8 @@ impl<'a> Director<'a> {
     }
 
     fn finish(&mut self, stopped_by: StoppedBy, store: &Store) {
+        // There is nothing left to pause.
+        self.paused = false;
         self.reporter.finish(stopped_by);
         self.reporter.publish(store);
         self.tell(store, true);
@@ -214,7 +230,7 @@ impl<'a> Director<'a> {
     /// Obeys what can be obeyed at once and remembers the rest.
     fn obey(&mut self, command: Command, store: &Arc<Store>) {
         let steers = !matches!(command, Command::Look | Command::Save | Command::Inspect { .. });
-        if steers && self.stage.interrupt.load(Ordering::Relaxed) {
+        if steers && self.is_interrupted() {
             // Whoever interrupts a render wants what there is of it, and not the start of another.
             return;
         }
@@ -260,14 +276,14 @@ impl<'a> Director<'a> {
         while let Ok(command) = self.hub.commands().try_recv() {
             self.obey(command, store);
         }
-        if self.stage.stays && self.stage.interrupt.load(Ordering::Relaxed) {
+        if self.stage.stays && self.is_interrupted() {
             self.wishes.quit = true;
         }
     }
 
     /// Waits, at no cost, until `enough` or interrupted; frames are made for whoever is ready.
     fn wait(&mut self, store: &Arc<Store>, enough: impl Fn(&Self) -> bool) {
-        while !enough(self) && !self.stage.interrupt.load(Ordering::Relaxed) {
+        while !enough(self) && !self.is_interrupted() {
             self.reporter.publish(store);
             self.tell(store, false);
             match self.hub.commands().recv_timeout(IDLE_POLL) {
@@ -275,7 +291,6 @@ impl<'a> Director<'a> {
                 Err(RecvTimeoutError::Timeout | RecvTimeoutError::Disconnected) => {}
             }
         }
-        self.listen(store);
     }
 
     fn tell(&mut self, store: &Store, at_once: bool) {
@@ -290,13 +305,39 @@ impl<'a> Director<'a> {
     }
 
     /// Whether the image should be filtered for the eye, beside the passes that the loop makes.
-    fn should_filter(&self, progress: &Progress) -> bool {
+    fn should_filter(&self, store: &Store) -> bool {
+        let Some(progress) = self.reporter.progress() else { return false };
         let filters = self.stage.settings.denoiser != Denoiser::None;
-        let wanted = self.reporter.wants(View::is_filtered) && filters || self.reporter.wants(is_of_grid);
-        let grown = progress.samples as f64 > EXTRA_FILTER_GROWTH * self.reporter.shown_samples() as f64;
-        let affordable = self.extra_filter_seconds < EXTRA_FILTER_SHARE * progress.elapsed;
-        let due = self.reporter.shown().is_none() || affordable && (grown || self.region.is_some());
-        wanted && due && progress.spp >= COVERED_SPP && !self.passes.is_busy()
+        let shown = self.reporter.shown();
+        let lacks_map = self.reporter.wants(is_of_grid) && shown.is_none_or(|shown| !shown.has_failure());
+        let lacks_image = filters && self.reporter.wants(View::is_filtered) && {
+            let samples = progress.samples as f64;
+            let grown = samples > EXTRA_FILTER_GROWTH * self.reporter.shown_samples() as f64;
+            let affordable = self.extra_filter_seconds < EXTRA_FILTER_SHARE * progress.elapsed;
+            shown.is_none() || affordable && (grown || self.region.is_some())
+        };
+        (lacks_image || lacks_map)
+            && store.samples() as f64 >= COVERED_SPP * store.pixels() as f64
+            && !self.passes.is_busy()
+    }
+
+    /// Filters for the eye: a draft, but for a finished image, which keeps its quality.
+    fn filter_for_the_eye(&mut self, store: &Arc<Store>) {
+        let started = Instant::now();
+        let job = match self.reporter.phase() {
+            Phase::Finished => self.job(store, self.stage.settings.quality),
+            _ => {
+                let mut job = self.job(store, Quality::Draft);
+                if job.denoiser == Denoiser::Rpf {
+                    // It knows no drafts.
+                    job.denoiser = Denoiser::Prpf;
+                }
+                job
+            }
+        };
+        // Given up means that something is wished for.
+        let _ = self.pass(job);
+        self.extra_filter_seconds += started.elapsed().as_secs_f64();
     }
 
     /// Runs a filter pass and shows it; `None` if it was given up.
@@ -311,9 +352,10 @@ impl<'a> Director<'a> {
                 Given::Nothing => self.listen(&store),
             }
             self.reporter.publish(&store);
-            !self.wishes.begins_anew()
+            !self.wishes.breaks_off()
         });
         self.reporter.enter(before);
+        self.reporter.hasten();
         self.reporter.filtered(shown.as_ref(), started.elapsed().as_secs_f64(), &store);
         shown
     }
@@ -371,16 +413,8 @@ impl Observer for Director<'_> {
         if self.wishes.any() {
             return Flow::Leave;
         }
-        if self.should_filter(&progress) {
-            let started = Instant::now();
-            // Given up means that something is wished for.
-            let mut job = self.job(store, Quality::Draft);
-            if job.denoiser == Denoiser::Rpf {
-                // It knows no drafts.
-                job.denoiser = Denoiser::Prpf;
-            }
-            let _ = self.pass(job);
-            self.extra_filter_seconds += started.elapsed().as_secs_f64();
+        if self.should_filter(store) {
+            self.filter_for_the_eye(store);
             if self.wishes.any() {
                 return Flow::Leave;
             }

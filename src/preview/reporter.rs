@@ -9,7 +9,7 @@ use super::hub::Hub;
 use super::publish::Publisher;
 use super::status::{Lens, Notice, Phase, Statistics, Status, memory_bytes};
 use super::view::View;
-use crate::progressive::{Point, Progress, Settings, Shown, StoppedBy, forecast};
+use crate::progressive::{Estimated, Forecast, Point, Progress, Settings, Shown, StoppedBy, forecast};
 use crate::stats::{Layout, Part, Store};
 
 /// Time between two reports, at least.
@@ -40,6 +40,8 @@ pub struct Reporter {
     /// The same after the first step.
     first: Option<(f64, u64)>,
     filter_seconds: f64,
+    /// The latest estimate of this image's error, and all of them against time.
+    estimate: Option<Estimated>,
     curve: Vec<Point>,
     notice: Notice,
     /// When was told last; `None` where there is something to tell at once.
@@ -59,6 +61,7 @@ impl Reporter {
             pace: VecDeque::new(),
             first: None,
             filter_seconds: 0.0,
+            estimate: None,
             curve: Vec::new(),
             notice: Notice::default(),
             told: None,
@@ -86,6 +89,7 @@ impl Reporter {
 
     /// Another filter's image, and its errors, are none of the next.
     pub fn forget_image(&mut self) {
+        self.estimate = None;
         self.curve.clear();
         self.shown = None;
     }
@@ -146,20 +150,37 @@ impl Reporter {
         while self.pace.len() > 2 && progress.elapsed - self.pace[0].0 > RATE_WINDOW {
             self.pace.pop_front();
         }
-        let (first_seconds, first_samples) = *self.first.get_or_insert((progress.elapsed, progress.samples));
-        if let Some(error) = progress.estimated_error.map(|e| e.max(0.0))
-            && self.curve.last().is_none_or(|last| last.error != error)
-            && progress.samples > first_samples
-        {
-            // As long as all samples would have taken here, those of a state that was resumed included.
-            let own = (progress.samples - first_samples) as f64;
-            let seconds = (progress.elapsed - first_seconds) * progress.samples as f64 / own;
-            self.curve.push(Point { seconds, error });
+        self.first.get_or_insert((progress.elapsed, progress.samples));
+        if let Some(estimate) = progress.estimate.filter(|new| self.estimate != Some(*new)) {
+            // A better estimate of the same image takes the place of the first.
+            if self.estimate.is_some_and(|old| !old.is_hidden && old.samples == estimate.samples) {
+                self.curve.pop();
+            }
+            self.estimate = Some(estimate);
+            if let Some(seconds) = self.seconds_of(estimate.samples)
+                && !estimate.is_hidden
+            {
+                self.curve.push(Point { seconds, error: estimate.error });
+            }
         }
         self.publisher.stepped();
         if self.publisher.is_due() {
             self.publish(store);
         }
+    }
+
+    /// As long as so many samples take here, those of a state that was resumed included.
+    fn seconds_of(&self, samples: u64) -> Option<f64> {
+        let ((first_seconds, first_samples), progress) = self.first.zip(self.progress)?;
+        let own = progress.samples.checked_sub(first_samples).filter(|&own| own > 0)?;
+        Some((progress.elapsed - first_seconds) * samples as f64 / own as f64)
+    }
+
+    /// How the error goes on from here.
+    fn forecast(&self) -> Option<Forecast> {
+        let found = forecast(&self.curve)?;
+        let now = self.seconds_of(self.progress?.samples)?;
+        Some(Forecast { halving_seconds: found.halving_after(now), ..found })
     }
 
     /// A filter pass has ended after so many seconds; `None` if it was given up.
@@ -177,10 +198,11 @@ impl Reporter {
     /// another: not every pass makes one.
     pub fn complete(&mut self, shown: &Shown) {
         let mut shown = shown.clone();
-        if shown.failure.is_none()
+        if !shown.has_failure()
             && let Some(old) = self.shown.take()
         {
-            (shown.failure, shown.success) = (old.failure, old.success);
+            shown.failure = old.filtered.interpolation_failure.or(old.failure);
+            shown.success = old.success;
         }
         self.shown = Some(shown);
     }
@@ -211,7 +233,7 @@ impl Reporter {
             views: self.publisher.views(),
             statistics: self.statistics(store),
             curve: &self.curve,
-            forecast: forecast(&self.curve),
+            forecast: self.forecast(),
             camera: subject.camera,
             region: subject.region,
             notice: &self.notice,
@@ -235,7 +257,7 @@ impl Reporter {
             samples_per_second: if self.phase == Phase::Rendering { rate } else { 0.0 },
             filter_share: if seconds > 0.0 { (self.filter_seconds / seconds).min(1.0) } else { 0.0 },
             memory_bytes: memory_bytes(),
-            error: self.curve.last().map(|point| point.error),
+            estimate: self.estimate,
         }
     }
 }

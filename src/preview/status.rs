@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use super::view::Scale;
-use crate::progressive::{Forecast, Point, Settings};
+use crate::progressive::{Estimated, Forecast, Point, Settings};
 
 /// Where the render is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -58,7 +58,7 @@ pub struct Statistics {
     pub samples_per_second: f64,
     pub filter_share: f64,
     pub memory_bytes: Option<u64>,
-    pub error: Option<f64>,
+    pub estimate: Option<Estimated>,
 }
 
 /// What can be steered of the camera beside its place, in scene units.

@@ -16,12 +16,17 @@ pub struct Wishes {
 
 impl Wishes {
     pub fn any(&self) -> bool {
-        self.begins_anew() || self.goes_on_otherwise() || self.save
+        self.breaks_off() || self.goes_on_otherwise() || self.save
     }
 
     /// Whether the samples so far are of no use any more.
     pub fn begins_anew(&self) -> bool {
-        !self.moves.is_empty() || self.restart || self.quit
+        !self.moves.is_empty() || self.restart
+    }
+
+    /// Whether nobody waits for a filter pass any more.
+    pub fn breaks_off(&self) -> bool {
+        self.begins_anew() || self.quit
     }
 
     /// Whether the samples to come are others than without them.

@@ -1,5 +1,6 @@
 //! What the loop tells of itself: while it runs, and when it is done.
 
+use super::estimate::Estimated;
 use super::{ErrorEstimate, Forecast, Point, Settings, forecast};
 use crate::filter::Filtered;
 use crate::stats::Store;
@@ -97,7 +98,7 @@ pub struct Progress {
     pub elapsed: f64,
     pub samples: u64,
     pub spp: f64,
-    pub estimated_error: Option<f64>,
+    pub estimate: Option<Estimated>,
 }
 
 /// How [`super::Loop::advance`] ended.

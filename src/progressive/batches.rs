@@ -75,22 +75,25 @@ impl Loop<'_> {
         let rendered = self.render_steps(&mut batch, observer);
         match rendered {
             Rendered::Done => {}
-            // Without the estimate that follows: who goes on will make it of the whole batch.
-            Rendered::Interrupted => self.keep(Some(&batch)),
             Rendered::Left => {
                 self.entry = Entry::Within(batch);
                 return rendered;
+            }
+            Rendered::Interrupted => {
+                // Without the estimate that follows: who goes on will make it of the whole batch.
+                self.keep(Some(&batch));
+                self.entry = Entry::Within(batch.clone());
             }
         }
         self.check(&batch.allocation.probes);
         rendered
     }
 
-    /// Gives up what is left of a batch, so that the next is planned anew.
+    /// Gives up what is left of a batch: its maps are made as if it ended here.
     pub(super) fn replan(&mut self) {
         if let Entry::Within(batch) = &mut self.entry {
             let probes = std::mem::take(&mut batch.allocation.probes);
-            self.entry = Entry::Plan;
+            self.entry = Entry::After;
             self.check(&probes);
         }
     }
@@ -118,7 +121,7 @@ impl Loop<'_> {
                 elapsed,
                 samples,
                 spp: samples as f64 / self.store.pixels().max(1) as f64,
-                estimated_error: self.estimate.as_ref().map(|e| e.image),
+                estimate: self.estimate.as_ref().map(ErrorEstimate::in_short),
             };
             match observer.stepped(progress, &self.store) {
                 Flow::GoOn => {}
@@ -129,7 +132,7 @@ impl Loop<'_> {
                 if self.interrupt.load(Ordering::Relaxed) && rest > GRACE {
                     return Rendered::Interrupted;
                 }
-                self.keep_if_due(Some(batch));
+                self.keep_if_due(Some(batch), 0.0);
             }
         }
         Rendered::Done

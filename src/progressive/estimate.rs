@@ -31,7 +31,23 @@ pub struct ErrorEstimate {
     pub tiles: Planes,
 }
 
+/// An estimate in short.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct Estimated {
+    /// relMSE of the image, or what it is below if noise hides it.
+    pub error: f64,
+    pub is_hidden: bool,
+    /// Samples that the image was made of.
+    pub samples: u64,
+}
+
 impl ErrorEstimate {
+    pub fn in_short(&self) -> Estimated {
+        let is_hidden = self.is_hidden();
+        let error = if is_hidden { self.at_most() } else { self.image };
+        Estimated { error, is_hidden, samples: self.samples }
+    }
+
     /// What the error is at most, by one standard error: what a target is held against.
     pub fn at_most(&self) -> f64 {
         self.image.max(0.0) + self.standard_error

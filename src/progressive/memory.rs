@@ -146,12 +146,13 @@ impl<'a> Loop<'a> {
         self.kept = self.elapsed();
     }
 
-    pub(super) fn keep_if_due(&mut self, under_way: Option<&UnderWay>) {
+    /// `ahead`: seconds until it is asked again.
+    pub(super) fn keep_if_due(&mut self, under_way: Option<&UnderWay>, ahead: f64) {
         let Some((every, _)) = self.keep else { return };
         let elapsed = self.elapsed();
         // It would still be on its way to the disk when the last one comes.
         let near_end = self.schedule.seconds_left(elapsed).is_some_and(|left| left < NEAR_END * every);
-        if elapsed >= self.kept + every && !near_end {
+        if elapsed + ahead >= self.kept + every && !near_end {
             self.keep(under_way);
         }
     }

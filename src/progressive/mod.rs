@@ -29,10 +29,10 @@ use crate::stats::Store;
 
 pub use account::{Batch, Ended, Outcome, Progress, Seconds, StoppedBy};
 use batches::Rendered;
-pub use estimate::{ErrorEstimate, TILE};
+pub use estimate::{ErrorEstimate, Estimated, TILE};
 pub use forecast::{Forecast, Point, forecast};
 pub use memory::{Keep, Memory, Rerun, Snapshot, UnderWay};
-pub use observer::{FilterJob, Flow, Observer, Shown};
+pub use observer::{FilterJob, Flow, Observer, Shown, fitting};
 pub use region::Region;
 use rehearsal::Rehearsal;
 pub use room::{NoRoom, has_room};
@@ -151,6 +151,8 @@ impl<'a> Loop<'a> {
             return;
         }
         self.replan();
+        let shown = |of: &Self| (of.settings.denoiser, of.interim_denoiser(), of.interim_quality());
+        let shown_before = shown(self);
         let decisive = |s: &Settings| (s.budget, s.denoiser, s.quality);
         if decisive(&settings) != decisive(&self.settings) {
             self.hurried = false;
@@ -162,6 +164,10 @@ impl<'a> Loop<'a> {
             (self.interim_seconds, self.maps_seconds) = (None, None);
         }
         self.settings = settings;
+        if shown(self) != shown_before {
+            // Another filter's image, and its error, are none of this one's.
+            (self.estimate, self.rerun) = (None, None);
+        }
         if self.rehearsal.is_missing() {
             self.expect_unrehearsed();
         }
@@ -220,7 +226,7 @@ impl<'a> Loop<'a> {
             // The batch goes into the store.
             if let Some(batch) = batch {
                 match self.render(batch, observer) {
-                    Rendered::Done => self.keep_if_due(None),
+                    Rendered::Done => self.keep_if_due(None, 0.0),
                     Rendered::Interrupted => return self.end(StoppedBy::Interrupt, observer),
                     Rendered::Left => return Ended::Left,
                 }
@@ -231,11 +237,13 @@ impl<'a> Loop<'a> {
             // The filter makes an image and maps of it.
             match self.plan() {
                 Ok(next) => {
-                    if let Some(quality) = self.rerun_due(next.last)
-                        && !self.rerun(quality, observer)
-                    {
-                        self.entry = Entry::After;
-                        return Ended::Left;
+                    if let Some(quality) = self.rerun_due(next.last) {
+                        // A pass can take longer than a state should be old.
+                        self.keep_if_due(None, self.pass_seconds(quality));
+                        if !self.rerun(quality, observer) {
+                            self.entry = Entry::After;
+                            return Ended::Left;
+                        }
                     }
                 }
                 Err(stopped_by) => break stopped_by,

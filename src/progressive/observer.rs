@@ -69,6 +69,20 @@ pub struct Shown {
     pub maps_seconds: Option<f64>,
 }
 
+impl Shown {
+    /// Whether there is a map of where interpolation failed.
+    pub fn has_failure(&self) -> bool {
+        self.failure.is_some() || self.filtered.interpolation_failure.is_some()
+    }
+}
+
+/// What can be made of a store by who asks for a filter. Where there is no sample for every pixel the image is a
+/// coarse one, and `paper` and RPF would take pixels without samples for black ones.
+pub fn fitting(store: &Store, denoiser: Denoiser, quality: Quality) -> (Denoiser, Quality) {
+    let sparse = store.drawn() < store.pixels() as u64;
+    if sparse && denoiser != Denoiser::None { (Denoiser::Prpf, Quality::Draft) } else { (denoiser, quality) }
+}
+
 impl FilterJob {
     pub fn run(&self) -> Shown {
         let filtered = filtered(&self.store, self.denoiser, self.quality, self.seed);

@@ -19,15 +19,13 @@ const LAST_RERUN_SHARE: f64 = 0.08;
 const LEAST_USE_OF_RERUN: f64 = 3.0;
 
 impl Loop<'_> {
-    /// The last filter pass. Where there is no sample for every pixel the image is a coarse one, and `paper` and
-    /// RPF would take pixels without samples for black ones.
+    /// The last filter pass.
     fn last_filter(&self) -> (Denoiser, Quality) {
-        let sparse = self.store.drawn() < self.store.pixels() as u64;
-        match self.settings.denoiser {
-            Denoiser::None => (Denoiser::None, self.settings.quality),
-            _ if sparse || self.hurried => (Denoiser::Prpf, Quality::Draft),
-            denoiser => (denoiser, self.settings.quality),
+        let Settings { denoiser, quality, .. } = self.settings;
+        if self.hurried && denoiser != Denoiser::None {
+            return (Denoiser::Prpf, Quality::Draft);
         }
+        observer::fitting(&self.store, denoiser, quality)
     }
 
     /// The time does not suffice for the last pass as asked for: it will be a draft. Whether it would not be one
@@ -58,7 +56,7 @@ impl Loop<'_> {
     }
 
     /// Its effort.
-    fn interim_quality(&self) -> Quality {
+    pub(super) fn interim_quality(&self) -> Quality {
         match self.settings.quality {
             // The draft's error is not the paper's, and it is the paper's that has to reach the target.
             Quality::Paper if self.settings.budget.target_error.is_some() => Quality::Paper,
@@ -100,6 +98,11 @@ impl Loop<'_> {
         let spent = self.reruns + interim_seconds;
         let fits = spent <= RERUN_SHARE * self.elapsed() && spent + ending_seconds <= RERUN_SHARE * budget;
         (fits && of_use(interim_seconds)).then_some(interim)
+    }
+
+    /// What a rerun takes, supposed.
+    pub(super) fn pass_seconds(&self, quality: Quality) -> f64 {
+        Cost::of((self.interim_denoiser(), quality)).seconds(self.store.pixels(), false)
     }
 
     /// What reruns of interim and of final quality would take: as they took last, or as follows from the rehearsal of

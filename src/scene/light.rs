@@ -120,6 +120,6 @@ impl AreaLight {
 
     /// Emitted radiance, on average over the image.
     pub fn mean_radiance(&self, textures: &Textures) -> Vec3 {
-        self.radiance * self.image.map_or(Vec3::ONE, |id| textures.image(id).mean().max(Vec3::ZERO))
+        self.radiance * self.image.map_or(Vec3::ONE, |id| textures.image(id).mean_light())
     }
 }

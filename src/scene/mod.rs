@@ -61,8 +61,8 @@ pub struct Scene {
     /// The path it was read from, as given; empty for scenes made in memory.
     pub source: String,
     /// SHA-256, in hexadecimal, of the scene file and those it includes, in the order of reading, each
-    /// after its length (64-bit little endian); of none of the meshes and images they name. Empty for
-    /// scenes made in memory.
+    /// after its length (64-bit little endian), then of length and CRC-32 (little endian) of every mesh, image,
+    /// spectrum and BRDF they name, in the order of their first names. Empty for scenes made in memory.
     pub hash: String,
     /// World position of render space's origin.
     pub origin: glam::DVec3,

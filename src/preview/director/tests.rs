@@ -15,27 +15,33 @@ const SPP: u32 = 8;
 
 /// What is done at moments of a render that a person looks at.
 struct Moments<'a> {
-    stepped: &'a dyn Fn(Progress, &Hub, &AtomicBool),
+    stepped: &'a dyn Fn(Progress, &Hub, &Arc<AtomicBool>),
     kept: &'a dyn Fn(&Settings, Memory, &Hub),
     saved: &'a dyn Fn(&Picture),
 }
 
 /// Renders a small scene to its budget, keeping a memory whenever it can.
 fn directed(moments: Moments) -> Outcome {
+    let settings = Settings { sampling: Sampling::Uniform, ..of_spp(SPP) };
+    directed_by(&settings, false, moments).expect("it ends by its budget")
+}
+
+fn of_spp(spp: u32) -> Settings {
+    Settings { budget: Budget { spp: Some(spp), ..Budget::default() }, ..Settings::default() }
+}
+
+/// As [`directed`]; if it `stays` at the end it has no outcome.
+fn directed_by(settings: &Settings, stays: bool, moments: Moments) -> Option<Outcome> {
     let text = include_str!("../../../experiments/stability/cases/noisy.pbrt");
     let scene = pbrt::read_str(text, Path::new(".")).unwrap();
     let accel = Accel::build(&scene);
     let hub = Arc::new(Hub::default());
-    let interrupt = AtomicBool::new(false);
+    let interrupt = Arc::new(AtomicBool::new(false));
     let keep = |settings: &Settings, memory: Memory| (moments.kept)(settings, memory, &hub);
     let stage = Stage {
         scene: &scene,
         accel: &accel,
-        settings: Settings {
-            budget: Budget { spp: Some(SPP), ..Budget::default() },
-            sampling: Sampling::Uniform,
-            ..Settings::default()
-        },
+        settings: settings.clone(),
         reference: None,
         closing: None,
         share: Share::WHOLE,
@@ -43,14 +49,14 @@ fn directed(moments: Moments) -> Outcome {
         resumed: None,
         start: Instant::now(),
         interrupt: &interrupt,
-        stays: false,
+        stays,
         save: Box::new(|picture| {
             (moments.saved)(picture);
             Ok(Vec::new())
         }),
         listen: Box::new(|progress| (moments.stepped)(progress, &hub, &interrupt)),
     };
-    Director::new(hub.clone(), stage).run().expect("it ends by its budget")
+    Director::new(hub.clone(), stage).run()
 }
 
 #[test]
@@ -163,4 +169,61 @@ fn a_pause_keeps_a_memory_and_costs_no_sample() {
     assert_eq!(at_rest[0].1, at_rest[1].1, "no sample while it rests");
     assert_eq!(outcome.store.samples(), u64::from(SPP) * SIDE * SIDE);
     assert_eq!(outcome.settings.sampling, Sampling::Adaptive, "what was steered is what is reported");
+}
+
+#[test]
+fn closing_while_an_image_is_saved_keeps_what_there_was() {
+    let (asked, had) = (Cell::new(false), Cell::new(0));
+    let kept = RefCell::new(Vec::new());
+    // A filter that takes long enough to be interrupted.
+    let settings = Settings { quality: Quality::Paper, ..of_spp(64) };
+    let moments = Moments {
+        stepped: &|progress, hub, interrupt| {
+            if progress.spp >= 9.0 && !asked.replace(true) {
+                had.set(progress.samples);
+                assert!(hub.command(Command::Save));
+                let interrupt = interrupt.clone();
+                std::thread::spawn(move || {
+                    std::thread::sleep(Duration::from_millis(20));
+                    interrupt.store(true, Ordering::Relaxed);
+                });
+            }
+        },
+        kept: &|_, memory, _| kept.borrow_mut().push(memory.store.samples()),
+        saved: &|_| (),
+    };
+    assert!(directed_by(&settings, true, moments).is_none());
+    assert!(kept.into_inner().last().is_some_and(|&last| last >= had.get()));
+}
+
+#[test]
+fn another_filter_chosen_at_a_pause_makes_an_image_and_forgets_the_error_of_the_first() {
+    let (paused, rested) = (Cell::new(false), Cell::new(0));
+    let settings = of_spp(64);
+    let moments = Moments {
+        stepped: &|progress, hub, _| {
+            if progress.estimate.is_some() && !paused.replace(true) {
+                assert!(hub.command(Command::Pause(true)));
+            }
+        },
+        kept: &|settings, memory, hub| {
+            if !paused.get() || rested.get() == 2 {
+                return;
+            }
+            rested.set(rested.get() + 1);
+            if rested.get() == 1 {
+                assert!(memory.estimate.is_some() && memory.rerun.is_some());
+                let change = Change { denoiser: Some(Denoiser::None), ..Change::default() };
+                assert!(hub.command(Command::Set(change)));
+            } else {
+                assert_eq!(settings.denoiser, Denoiser::None);
+                assert!(memory.estimate.is_none() && memory.rerun.is_none());
+                assert!(hub.command(Command::Pause(false)));
+            }
+        },
+        saved: &|_| unreachable!("nobody asked for it"),
+    };
+    let outcome = directed_by(&settings, false, moments).expect("it ends by its budget");
+    assert_eq!((rested.get(), outcome.settings.denoiser), (2, Denoiser::None));
+    assert_eq!(outcome.store.samples(), 64 * SIDE * SIDE);
 }

@@ -25,7 +25,7 @@ export function drawCurve(canvas, points, forecast, target) {
   const known = points.filter((p) => p.error > 0 && p.seconds > 0);
   const last = known.at(-1);
   const halved = last && forecast
-    ? { seconds: last.seconds + forecast.halving_seconds, error: last.error / 2 } : null;
+    ? { seconds: last.seconds * 2 ** (1 / forecast.power), error: last.error / 2 } : null;
   const all = [...known, ...(halved ? [halved] : [])];
   const span = (values, least) => {
     let low = Math.min(...values), high = Math.max(...values);

@@ -101,10 +101,10 @@ const fresh = (view) => {
   return frame && frame.generation === generation() ? view : null;
 };
 
-// Decides what stands left and right of the wipe: a filtered image as soon as there is one, else raw.
+// Decides what stands left and right of the wipe: what a filter pass makes as soon as there is one, else raw.
 function arrange() {
   const right = state.wiping && state.view === "raw" ? "filtered" : state.view;
-  const stands = fresh(right) ?? (right === "filtered" ? fresh("raw") ?? right : right);
+  const stands = fresh(right) ?? (FILTERED.includes(right) ? fresh("raw") ?? right : right);
   picture.shown = { left: state.wiping ? "raw" : null, right: stands };
   picture.wipe = state.wiping ? state.wipe : null;
   const badge = $("badge");
@@ -123,7 +123,7 @@ function look() {
   const wanted = new Set([state.wiping && state.view === "raw" ? "filtered" : state.view]);
   if (state.wiping) wanted.add("raw");
   const moving = state.moved !== undefined && state.moved >= generation();
-  if (wanted.has("filtered") && (moving || !fresh("filtered"))) wanted.add("raw");
+  if (FILTERED.some((view) => wanted.has(view) && (moving || !fresh(view)))) wanted.add("raw");
   const looks = [...wanted].join();
   if (looks === state.looks) return;
   state.looks = looks;

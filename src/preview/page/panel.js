@@ -81,6 +81,7 @@ export class Panel {
     this.fill("aperture", camera.aperture);
     this.fill("focus", camera.aperture > 0 ? camera.focus : camera.focus >= 1e6 ? null : camera.focus);
 
+    const { estimate } = statistics;
     const values = {
       seconds: duration(statistics.seconds),
       mean: statistics.mean.toFixed(statistics.mean < 10 ? 2 : 1),
@@ -88,7 +89,8 @@ export class Panel {
       rate: statistics.samples_per_second > 0 ? count(statistics.samples_per_second) : "–",
       filter: `${(100 * statistics.filter_share).toFixed(1)} %`,
       memory: statistics.memory_bytes === null ? "–" : `${(statistics.memory_bytes / 2 ** 20).toFixed(0)} MiB`,
-      error: statistics.error === null ? "–" : short(statistics.error),
+      error: estimate ? (estimate.is_hidden ? "below " : "") + short(estimate.error) : "–",
+      judged: estimate ? (estimate.samples / (status.width * status.height)).toFixed(1) : "–",
     };
     for (const [name, text] of Object.entries(values)) {
       document.querySelector(`[data-value=${name}]`).textContent = text;

@@ -64,7 +64,9 @@ impl ProjectedImage {
                 let corner =
                     |sign: Vec2| (self.from_render.inverse() * (sign * *half).extend(1.0)).normalize();
                 let corners = [Vec2::ONE, Vec2::NEG_ONE, Vec2::new(1.0, -1.0), Vec2::new(-1.0, 1.0)];
-                corners.map(|sign| corner(sign).dot(axis)).into_iter().fold(1.0, f32::min)
+                let widest = corners.map(|sign| corner(sign).dot(axis)).into_iter().fold(1.0, f32::min);
+                // Beyond a right angle an edge can reach further than its corners.
+                if widest > 0.0 { widest } else { -1.0 }
             }
         }
     }
@@ -73,7 +75,7 @@ impl ProjectedImage {
     pub fn mean(&self) -> Vec3 {
         match &self.map {
             Map::Around(image) => image.mean(),
-            Map::Window { image, .. } => image.mean().max(Vec3::ZERO),
+            Map::Window { image, .. } => image.mean_light(),
         }
     }
 }

@@ -119,9 +119,15 @@ impl Dialect {
         if self == Dialect::V4 { 90.0 } else { 45.0 }
     }
 
-    /// Whether a projected image's top is above.
+    /// Whether a projected image's first row is above.
     pub fn projections_are_upright(self) -> bool {
         self == Dialect::V4
+    }
+
+    /// Whether the first row of an image is its bottom: v2 reads these formats so.
+    pub fn reads_upwards(self, path: &Path) -> bool {
+        let is = |name: &str| path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case(name));
+        self == Dialect::V2 && (is("tga") || is("pfm"))
     }
 
     /// What images of lights hold, where that is not said as for other images.

@@ -42,6 +42,26 @@ pub fn read(path: &Path) -> Result<Vec<u8>, String> {
     Ok(bytes)
 }
 
+/// Length and CRC-32 of a file as it is stored, little endian; nothing if it cannot be read.
+pub fn checksum(path: &Path) -> Option<[u8; 12]> {
+    let (file, length) = regular_file::open(path).ok()?;
+    let mut reader = BufReader::with_capacity(1 << 18, file);
+    let mut sum = crc32fast::Hasher::new();
+    loop {
+        let bytes = reader.fill_buf().ok()?;
+        if bytes.is_empty() {
+            break;
+        }
+        sum.update(bytes);
+        let used = bytes.len();
+        reader.consume(used);
+    }
+    let mut all = [0; 12];
+    all[..8].copy_from_slice(&length.to_le_bytes());
+    all[8..].copy_from_slice(&sum.finalize().to_le_bytes());
+    Some(all)
+}
+
 /// Reads a text file of finite numbers; `#` starts a comment.
 ///
 /// # Errors

@@ -15,6 +15,7 @@ struct ImageFile {
     path: PathBuf,
     encoding: Encoding,
     channels: Channels,
+    upside_down: bool,
     /// Where the scene names it first.
     place: Place,
     /// Whether nothing but a square would do.
@@ -37,12 +38,13 @@ impl Reader {
         channels: Channels,
         place: Place,
     ) -> ImageId {
-        let path = self.resolve(file);
+        let path = self.resolve_content(file);
         let encoding = self.dialect.encoding_of(&path, encoding);
+        let upside_down = self.dialect.reads_upwards(&path);
         let list = &mut self.images.list;
         let key = (path.clone(), format!("{encoding:?} {channels:?}"));
         *self.images.ids.entry(key).or_insert_with(|| {
-            list.push(ImageFile { path, encoding, channels, place, square: false });
+            list.push(ImageFile { path, encoding, channels, upside_down, place, square: false });
             ImageId((list.len() - 1) as u32)
         })
     }
@@ -65,7 +67,7 @@ impl Reader {
             if file.square && width != height {
                 return Err(fault(format!("{width}x{height} texels"), "a square one"));
             }
-            Ok(image)
+            Ok(if file.upside_down { image.upside_down() } else { image })
         };
         let images: Vec<Result<_>> = std::mem::take(&mut self.images.list).par_iter().map(load).collect();
         for image in images {

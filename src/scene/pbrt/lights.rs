@@ -71,7 +71,7 @@ impl Reader {
         for index in std::mem::take(&mut self.powered_images) {
             let Some(light) = &mut self.groups[0].primitives[index].area_light else { continue };
             let Some(id) = light.image else { continue };
-            let mean = luminance(self.textures.image(id).mean());
+            let mean = luminance(self.textures.image(id).mean_light());
             if mean > 0.0 {
                 light.radiance /= mean;
             }
@@ -194,7 +194,7 @@ impl Reader {
     }
 
     pub fn light_image(&mut self, file: &str, params: &Params) -> Result<ImageId> {
-        let encoding = encoding(params)?.or(self.dialect.light_encoding());
+        let encoding = encoding(params, self.dialect)?.or(self.dialect.light_encoding());
         Ok(self.image(file, encoding, Channels::All, params.place))
     }
 

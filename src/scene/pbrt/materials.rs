@@ -223,7 +223,7 @@ impl Reader {
             let message = "a measured material without a file; \"string filename\" would be accepted";
             return Err(Fault::new(place, message));
         };
-        let path = self.resolve(name);
+        let path = self.resolve_content(name);
         if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("bsdf")) {
             self.warnings.add(place, "measured BRDFs of pbrt-v4 (.bsdf) are read as \"diffuse\"");
             return Ok(MaterialKind::Diffuse {

@@ -50,10 +50,12 @@ impl Reader {
         {
             self.powered_projectors.push((self.lights.len(), power));
         }
+        // Directions have no size.
+        let to_render_axes = to_render.matrix3 * to_render.matrix3.determinant().abs().cbrt().recip();
         Ok(Light::Projector {
             position: to_render.translation.as_vec3(),
             intensity,
-            from_render: (axes * to_render.matrix3.inverse()).as_mat3(),
+            from_render: (axes * to_render_axes.inverse()).as_mat3(),
             image,
         })
     }
@@ -75,7 +77,7 @@ impl Reader {
 fn emitted_power(textures: &Textures, image: Projected) -> f64 {
     match image {
         Projected::Around(EnvironmentMap::LatLong(id) | EnvironmentMap::EqualArea(id)) => {
-            4.0 * PI * f64::from(textures.image(id).mean().element_sum() / 3.0)
+            4.0 * PI * f64::from(textures.image(id).mean_light().element_sum() / 3.0)
         }
         Projected::Window { image, tan_half_fov } => {
             let image = textures.image(image);
@@ -156,6 +158,21 @@ mod tests {
         assert_eq!(axes, [Vec3::X, Vec3::Y, Vec3::Z]);
         let Projected::Window { tan_half_fov, .. } = image else { panic!("{image:?}") };
         assert!((tan_half_fov - 22.5f32.to_radians().tan()).abs() < 1e-6);
+    }
+
+    #[test]
+    fn the_size_of_a_light_does_not_matter() {
+        let light = "\"projection\" \"string filename\" \"wide.pfm\"";
+        for size in ["1e-40", "1e30"] {
+            let scaled =
+                format!("{light} TransformBegin Scale {size} {size} {size} LightSource {light} TransformEnd");
+            let scene = read_str(&format!("WorldBegin LightSource {scaled}"), images().path()).unwrap();
+            let [plain, scaled] = [0, 1].map(|i| match scene.lights[i] {
+                Light::Projector { from_render, .. } => from_render,
+                ref other => panic!("{other:?}"),
+            });
+            assert!(plain.abs_diff_eq(scaled, 1e-6), "{scaled}");
+        }
     }
 
     #[test]

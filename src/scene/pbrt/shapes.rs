@@ -38,7 +38,7 @@ impl Reader {
                         "plymesh without a file; \"string filename\" would be accepted".into(),
                     ));
                 };
-                let path = self.resolve(name);
+                let path = self.resolve_content(name);
                 let named = |message: String| fault(format!("mesh \"{}\": {message}", path.display()));
                 let mesh = ply::read(&path)
                     .map_err(|message| named(format!("{message}; a sound PLY file would be accepted")))?;

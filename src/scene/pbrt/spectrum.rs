@@ -64,7 +64,7 @@ impl Spectrum {
         }
     }
 
-    /// The same, but 0 beyond the ends; a constant has none.
+    /// The same, but 0 beyond the ends; a constant has none. An index of refraction ends nowhere.
     pub fn ending(self) -> Self {
         match self {
             Spectrum::Sampled(mut samples) if samples.len() > 1 => {
@@ -117,6 +117,15 @@ impl Spectrum {
     pub fn refractive_index(&self) -> f64 {
         match self {
             Spectrum::Rgb(rgb) => f64::from(rgb.y),
+            Spectrum::Sampled(samples) => {
+                let apart = |sample: &&[f64; 2]| (sample[0] - D_LINE).abs();
+                let nearest = |a: &&[f64; 2], b: &&[f64; 2]| apart(a).total_cmp(&apart(b));
+                let at_line = self.at(D_LINE);
+                match samples.iter().filter(|sample| sample[1] != 0.0).min_by(nearest) {
+                    Some([_, value]) if at_line == 0.0 => *value,
+                    _ => at_line,
+                }
+            }
             _ => self.at(D_LINE),
         }
     }
@@ -273,6 +282,7 @@ mod tests {
         let ending = spectrum.ending();
         assert_eq!([399.0, 400.0, 450.0, 500.0, 501.0].map(|nm| ending.at(nm)), [0.0, 1.0, 2.0, 3.0, 0.0]);
         assert_eq!(Spectrum::constant(2.0).ending().at(400.0), 2.0);
+        assert_eq!(ending.refractive_index(), 3.0);
         assert_eq!(Spectrum::named("glass-BK7").unwrap().refractive_index(), 1.5168);
     }
 

@@ -1,11 +1,12 @@
 //! The reader: the graphics state, its stack, and what has been read so far.
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::{BTreeMap, HashMap, HashSet};
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
 use std::sync::Arc;
 
 use glam::{DAffine3, DVec3};
+use rayon::prelude::*;
 use sha2::{Digest, Sha256};
 
 use super::color_space::ColorSpace;
@@ -16,7 +17,7 @@ use super::objects::{Group, Part};
 use super::params::Param;
 use super::textures::TextureNames;
 use super::warnings::Warnings;
-use super::{Fault, Place, Reading, Result, SceneError, camera_film};
+use super::{Fault, Place, Reading, Result, SceneError, camera_film, files};
 use crate::scene::measured::MeasuredBrdf;
 use crate::scene::texture::Textures;
 use crate::scene::{AreaLight, Instance, Light, Material, MaterialId, Object, Primitive, Scene};
@@ -94,6 +95,9 @@ pub struct Reader {
     pub warnings: Warnings,
     /// Of the texts read so far.
     pub digest: Sha256,
+    /// Files beside the texts, in the order in which they are named first.
+    content: Vec<PathBuf>,
+    content_seen: HashSet<PathBuf>,
 
     pub state: GraphicsState,
     stack: Vec<Frame>,
@@ -141,6 +145,8 @@ impl Reader {
             inclusions: HashMap::new(),
             warnings: Warnings::default(),
             digest: Sha256::new(),
+            content: Vec::new(),
+            content_seen: HashSet::new(),
             state: GraphicsState {
                 ctm: [DAffine3::IDENTITY; 2],
                 active: [true; 2],
@@ -210,6 +216,21 @@ impl Reader {
     /// A path that a scene names.
     pub fn resolve(&self, name: &str) -> PathBuf {
         self.folder.join(name)
+    }
+
+    /// The path of a file that a scene names for what it holds: that is part of what the scene is.
+    pub fn resolve_content(&mut self, name: &str) -> PathBuf {
+        let path = self.resolve(name);
+        if self.content_seen.insert(path.clone()) {
+            self.content.push(path.clone());
+        }
+        path
+    }
+
+    /// Takes what the files hold into the digest.
+    fn digest_content(&mut self) {
+        let sums: Vec<_> = self.content.par_iter().map(|path| files::checksum(path)).collect();
+        sums.into_iter().flatten().for_each(|sum| self.digest.update(sum));
     }
 
     /// Keeps a directive of the header until the world begins; a second one replaces the first.
@@ -297,6 +318,7 @@ impl Reader {
 
     /// Puts the primitives of all groups into one list, the static ones first.
     fn into_scene(mut self) -> Scene {
+        self.digest_content();
         let view = self.view.take().expect("the end was checked");
         let mut primitives: Vec<Primitive> = Vec::new();
         let mut objects = Vec::new();

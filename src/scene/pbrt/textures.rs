@@ -126,11 +126,11 @@ impl Reader {
     }
 
     /// A spectrum that pbrt knows, or a file of wavelengths and values.
-    fn named_spectrum(&self, param: &Param, name: &str) -> Result<Spectrum> {
+    fn named_spectrum(&mut self, param: &Param, name: &str) -> Result<Spectrum> {
         if let Some(spectrum) = Spectrum::named(name) {
             return Ok(spectrum);
         }
-        let path = self.resolve(name);
+        let path = self.resolve_content(name);
         let shown = path.display();
         let numbers = files::numbers(&path).map_err(|error| {
             param.fault(format_args!("\"{shown}\" ({error})"), "a spectrum's name or file")
@@ -251,12 +251,17 @@ impl Reader {
         for name in ["filter", "maxanisotropy", "trilinear"] {
             params.get(name);
         }
-        let encoding = encoding(params)?;
+        let encoding = encoding(params, self.dialect)?;
+        let scale = self.dialect.image_scale(params.float_or("scale", 1.0)?, encoding) as f32;
+        if !scale.is_finite() {
+            let message = format!("an imagemap that is scaled by {scale}; a finite number would be accepted");
+            return Err(Fault::new(params.place, message));
+        }
         Ok(ImageTexture {
             image: self.image(file, encoding, channels, params.place),
             mapping: self.mapping(params, self.dialect.images_start_at_the_bottom())?,
             wrap,
-            scale: self.dialect.image_scale(params.float_or("scale", 1.0)?, encoding) as f32,
+            scale,
             invert: params.bool_or("invert", false)?,
         })
     }
@@ -346,14 +351,15 @@ fn procedural(kind: &str, params: &Params) -> Result<Procedural> {
     })
 }
 
-/// How images are encoded, if that is said: `encoding`, or the older dialects' `gamma`.
-pub fn encoding(params: &Params) -> Result<Option<Encoding>> {
-    if let Some(param) = params.get("gamma") {
-        return Ok(Some(match param.kind {
-            ParamType::Bool if !params.bool_or("gamma", true)? => Encoding::Linear,
-            ParamType::Bool => Encoding::Srgb,
-            _ => Encoding::Gamma(params.positive_or("gamma", 1.0)? as f32),
-        }));
+/// How images are encoded, if that is said: `encoding`, or the older dialects' `gamma`, which v3 takes for no number.
+pub fn encoding(params: &Params, dialect: Dialect) -> Result<Option<Encoding>> {
+    if let Some(param) = params.get("gamma").filter(|_| dialect != Dialect::V4) {
+        return match param.kind {
+            ParamType::Bool if !params.bool_or("gamma", true)? => Ok(Some(Encoding::Linear)),
+            ParamType::Bool => Ok(Some(Encoding::Srgb)),
+            _ if dialect == Dialect::V3 => Ok(None),
+            _ => Ok(Some(Encoding::Gamma(params.positive_or("gamma", 1.0)? as f32))),
+        };
     }
     match params.string("encoding")? {
         None => Ok(None),

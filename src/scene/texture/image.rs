@@ -84,10 +84,20 @@ impl TextureImage {
         }
     }
 
-    /// Linear RGB, on average over the texels.
-    pub fn mean(&self) -> Vec3 {
+    /// The rows in reverse order.
+    pub fn upside_down(mut self) -> Self {
+        let row = self.width * self.channels;
+        match &mut self.texels {
+            Texels::Bytes { data, .. } => reverse_rows(data, row),
+            Texels::Floats(data) => reverse_rows(data, row),
+        }
+        self
+    }
+
+    /// Linear RGB of what can shine, which is never below 0, on average over the texels.
+    pub fn mean_light(&self) -> Vec3 {
         let cells = (0..self.height).flat_map(|y| (0..self.width).map(move |x| (x, y)));
-        let sum: DVec3 = cells.map(|(x, y)| self.rgb(x, y).as_dvec3()).sum();
+        let sum: DVec3 = cells.map(|(x, y)| self.rgb(x, y).max(Vec3::ZERO).as_dvec3()).sum();
         (sum / (self.width * self.height).max(1) as f64).as_vec3()
     }
 
@@ -144,6 +154,10 @@ impl TextureImage {
     }
 }
 
+fn reverse_rows<T: Copy>(data: &mut Vec<T>, row: usize) {
+    *data = data.chunks_exact(row.max(1)).rev().flatten().copied().collect();
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -159,6 +173,21 @@ mod tests {
             .map(|(s, t)| image().bilinear::<f32>(Vec2::new(s, t), Wrap::Repeat));
         assert_eq!(values, [1.0, 2.0, 3.0, 4.0]);
         assert_eq!(image().bilinear::<f32>(Vec2::splat(0.5), Wrap::Repeat), 2.5);
+    }
+
+    #[test]
+    fn an_image_upside_down_has_its_rows_in_reverse() {
+        let turned = image().upside_down();
+        assert_eq!([turned.float(0, 0), turned.float(1, 1)], [3.0, 2.0]);
+        let bytes = TextureImage::from_bytes(1, 2, 3, vec![1, 2, 3, 4, 5, 6], Box::new([0.5; 256]));
+        let Texels::Bytes { data, .. } = bytes.upside_down().texels else { panic!() };
+        assert_eq!(data, [4, 5, 6, 1, 2, 3]);
+    }
+
+    #[test]
+    fn what_is_below_zero_takes_nothing_from_what_shines() {
+        let image = TextureImage::from_floats(2, 1, 1, vec![-5.0, 1.0]);
+        assert_eq!(image.mean_light(), Vec3::splat(0.5));
     }
 
     #[test]

@@ -33,8 +33,9 @@ pub(super) fn read(
         reader.read_exact(&mut bytes).map_err(|error| error.to_string())?;
         let (words, _) = bytes.as_chunks::<4>();
         for (value, &word) in data[y * row..(y + 1) * row].iter_mut().zip(words) {
-            // The scale's sign tells the byte order; its size is not made use of, as in pbrt-v4.
-            *value = if scale < 0.0 { f32::from_le_bytes(word) } else { f32::from_be_bytes(word) };
+            // The scale's sign tells the byte order.
+            let stored = if scale < 0.0 { f32::from_le_bytes(word) } else { f32::from_be_bytes(word) };
+            *value = scale.abs() * stored;
         }
     }
     Ok(make(width, height, channels, data))
@@ -74,10 +75,10 @@ mod tests {
     }
 
     #[test]
-    fn both_byte_orders_are_read_from_the_bottom_up() {
+    fn both_byte_orders_are_read_from_the_bottom_up_and_scaled() {
         for bytes in [
             file("Pf\n1 2\n-1.0\n", &[3.0, 0.5], f32::to_le_bytes),
-            file("Pf 1 2 1\n", &[3.0, 0.5], f32::to_be_bytes),
+            file("Pf 1 2 0.5\n", &[6.0, 1.0], f32::to_be_bytes),
         ] {
             let image = read_bytes(&bytes).unwrap();
             assert_eq!((image.float(0, 0), image.float(0, 1)), (0.5, 3.0));

@@ -121,3 +121,18 @@ fn a_file_that_is_no_image_names_itself_and_its_place() {
     assert!(error("WorldBegin LightSource \"infinite\" \"string filename\" \"a\"").message.contains("\"a\""));
     assert!(read_str("WorldBegin LightSource \"infinite\" \"string filename\" \"\"", Path::new("")).is_ok());
 }
+
+#[test]
+fn what_named_files_hold_is_part_of_the_scene() {
+    let spectrum = "400 .2 700 .4";
+    let hash = |main: &str, spectrum: &str| {
+        let (_folder, main) = folder(&[("main.pbrt", main), ("a.spd", spectrum)]);
+        read(&main).unwrap().hash
+    };
+    let names = "WorldBegin Material \"diffuse\" \"spectrum reflectance\" \"a.spd\"";
+    let one = hash(names, spectrum);
+    assert_eq!(one, hash(names, spectrum));
+    assert_ne!(one, hash(names, "400 .2 700 .5"));
+    // Not that of others that lie beside it.
+    assert_eq!(hash("WorldBegin", spectrum), hash("WorldBegin", "400 .2 700 .5"));
+}
