@@ -214,18 +214,25 @@ pub(super) fn can_be_written(path: &Path) -> anyhow::Result<()> {
     Ok(image::atomic::can_replace(path).map_err(|error| image::Problem::from(error).at(path))?)
 }
 
-/// Refuses outputs that would replace each other or the scene.
-fn are_distinct(scene: &Path, outputs: &[&Path]) -> anyhow::Result<()> {
-    let mut seen = vec![std::path::absolute(scene)?];
+/// The one spelling of a file's name, whether there is such a file yet or not.
+fn place_of(path: &Path) -> std::io::Result<PathBuf> {
+    let absolute = std::path::absolute(path)?;
+    let of_new = || Some(absolute.parent()?.canonicalize().ok()?.join(absolute.file_name()?));
+    Ok(path.canonicalize().ok().or_else(of_new).unwrap_or(absolute))
+}
+
+/// Refuses outputs that would replace each other or what is read.
+pub(super) fn are_distinct(read: &Path, outputs: &[&Path]) -> anyhow::Result<()> {
+    let mut seen = vec![place_of(read)?];
     for path in outputs {
-        let absolute = std::path::absolute(path)?;
-        if seen.contains(&absolute) {
+        let place = place_of(path)?;
+        if seen.contains(&place) {
             anyhow::bail!(
-                "{}: found the same file twice; accepted are files other than the scene, one for each output",
+                "{}: found the same file twice; accepted are files other than what is read, one for each output",
                 path.display()
             );
         }
-        seen.push(absolute);
+        seen.push(place);
     }
     Ok(())
 }
