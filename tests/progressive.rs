@@ -95,6 +95,28 @@ fn leaving_a_batch_and_going_on_changes_nothing() {
 }
 
 #[test]
+fn a_smaller_budget_is_spent_exactly_by_who_goes_on_within_a_batch() {
+    let large = settings(64, Sampling::Adaptive, 3);
+    let scene = scene();
+    let accel = Accel::build(&scene);
+    let renderer = Renderer::new(&scene, &accel, large.seed);
+    let never = AtomicBool::new(false);
+    let kept = RefCell::new(Vec::new());
+    let keep = |_: &Settings, memory: Memory| kept.borrow_mut().push(memory);
+    let mut circle = Loop::new(&renderer, &large, Instant::now(), &never, None).keeping(1e9, &keep);
+    while circle.store().samples() < 9 * (SIDE * SIDE) as u64 {
+        assert!(matches!(circle.advance(&mut Restless), Ended::Left));
+    }
+    circle.keep_now();
+    let memory = kept.take().swap_remove(0);
+    assert!(memory.under_way.is_some());
+    let small = settings(10, Sampling::Adaptive, 3);
+    let outcome =
+        Loop::new(&renderer, &small, Instant::now(), &never, None).resuming(memory).run(&mut |_| ());
+    assert_eq!(outcome.store.samples(), 10 * (SIDE * SIDE) as u64);
+}
+
+#[test]
 fn settings_that_change_plan_the_rest_of_a_batch_anew() {
     let adaptive = settings(64, Sampling::Adaptive, 3);
     let uniform = settings(16, Sampling::Uniform, 3);

@@ -416,21 +416,27 @@ fn a_render_that_is_looked_at_keeps_its_state_and_ends_in_the_same_image() {
     assert_eq!(counts.data().iter().sum::<f32>(), 40.0 * 48.0 * 48.0, "looked at again");
 }
 
+/// Opens a preview, and closes it as soon as there is a state.
+#[cfg(unix)]
+fn preview_closed_early(folder: &Path, spp: &str) {
+    let arguments =
+        ["preview", "scene.pbrt", "--spp", spp, "--state", "a.state", "--state-every", "30ms", "--quiet"];
+    let mut child = command(folder, &arguments).spawn().expect("the program starts");
+    while !folder.join("a.state").exists() {
+        assert!(child.try_wait().expect("a child").is_none(), "it goes on");
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    let interrupt = Command::new("kill").args(["-INT", &child.id().to_string()]).status();
+    assert!(interrupt.expect("a signal can be sent").success());
+    assert_eq!(child.wait().expect("a child ends").code(), Some(0));
+}
+
 #[cfg(unix)]
 #[test]
 fn a_preview_that_is_closed_leaves_what_it_has_rendered() {
     let folder = folder();
     let folder = folder.path();
-    let arguments =
-        ["preview", "scene.pbrt", "--spp", "0", "--state", "a.state", "--state-every", "50ms", "--quiet"];
-    let mut child = command(folder, &arguments).spawn().expect("the program starts");
-    while !folder.join("a.state").exists() {
-        assert!(child.try_wait().expect("a child").is_none(), "it goes on");
-        std::thread::sleep(Duration::from_millis(20));
-    }
-    let interrupt = Command::new("kill").args(["-INT", &child.id().to_string()]).status();
-    assert!(interrupt.expect("a signal can be sent").success());
-    assert_eq!(child.wait().expect("a child ends").code(), Some(0));
+    preview_closed_early(folder, "0");
     let state = State::read(&folder.join("a.state")).expect("a state");
     assert!(state.memory.store.samples() > 0);
 }
@@ -441,18 +447,7 @@ fn a_preview_that_is_closed_within_a_batch_is_gone_on_with_to_the_same_image() {
     let folder = folder();
     let folder = folder.path();
     done(folder, &render(&["-o", "whole.exr"]));
-    let state = ["--state", "a.state", "--state-every", "30ms"];
-    let mut child =
-        command(folder, &[&["preview", "scene.pbrt", "--spp", SPP, "--quiet"], &state[..]].concat())
-            .spawn()
-            .expect("the program starts");
-    while !folder.join("a.state").exists() {
-        assert!(child.try_wait().expect("a child").is_none(), "it goes on");
-        std::thread::sleep(Duration::from_millis(2));
-    }
-    let interrupt = Command::new("kill").args(["-INT", &child.id().to_string()]).status();
-    assert!(interrupt.expect("a signal can be sent").success());
-    assert_eq!(child.wait().expect("a child ends").code(), Some(0));
+    preview_closed_early(folder, SPP);
     done(folder, &render(&["--state", "a.state", "--resume", "-o", "out.exr"]));
     assert!(image(folder, "out.exr") == image(folder, "whole.exr"));
 }

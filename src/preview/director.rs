@@ -237,7 +237,8 @@ impl<'a> Director<'a> {
         match command {
             Command::Look => {}
             Command::Pause(paused) => {
-                self.paused = paused;
+                // There is nothing to pause when all is done.
+                self.paused = paused && self.reporter.phase() != Phase::Finished;
                 self.reporter.hasten();
             }
             Command::Set(change) => self.set(change, store),

@@ -5,7 +5,7 @@
 
 use std::sync::Arc;
 
-use super::steps::Grain;
+use super::steps::{self, Grain};
 use super::{Batch, Entry, ErrorEstimate, Loop, Settings, Shown};
 use crate::adaptive::Allocation;
 use crate::image::Planes;
@@ -38,6 +38,14 @@ pub struct UnderWay {
     /// In [0, 1].
     pub done: f64,
     pub grain: Grain,
+}
+
+impl UnderWay {
+    /// Samples to come, of a batch that goes into `store`.
+    fn left(&self, store: &Store) -> u64 {
+        let counts = steps::between(&self.allocation.counts, store, self.grain, self.done, 1.0);
+        counts.iter().map(|&n| u64::from(n)).sum()
+    }
 }
 
 /// What a batch's maps are made from: the latest rerun of the filter.
@@ -98,8 +106,8 @@ impl<'a> Loop<'a> {
         self
     }
 
-    /// Goes on from what another loop knew. With a budget of samples the end is the same to the last
-    /// bit as if that one had gone on.
+    /// Goes on from what another loop knew. With the same budget of samples the end is the same to the last
+    /// bit as if that one had gone on; with a smaller one the batch that it was in is planned anew.
     ///
     /// # Panics
     /// If the store is not of the renderer's size and layout.
@@ -107,7 +115,10 @@ impl<'a> Loop<'a> {
         let Memory { store, batches, estimate, rerun, under_way, recent } = memory;
         assert_eq!((store.width(), store.height()), self.renderer.resolution(), "a state of this image");
         assert_eq!(store.layout(), self.renderer.layout(), "a state of this scene");
-        self.entry = match under_way {
+        let budget = self.settings.budget.spp.map(|spp| u64::from(spp) * store.pixels() as u64);
+        let fits =
+            |batch: &UnderWay| budget.is_none_or(|budget| store.drawn() + batch.left(&store) <= budget);
+        self.entry = match under_way.filter(fits) {
             Some(batch) => Entry::Within(batch),
             None if store.drawn() > 0 => Entry::After,
             None => Entry::Plan,

@@ -12,7 +12,7 @@ const INSPECT_MILLISECONDS = 100;
 const FILTERED = ["filtered", "error", "residual", "failure"];
 
 const picture = new Picture($("picture"));
-const state = { view: "filtered", wiping: false, wipe: 0.5, status: null, pixel: null, values: null, kept: false, notice: 0 };
+const state = { view: "filtered", wiping: false, wipe: 0.5, status: null, pixel: null, values: null, kept: false, notice: null };
 
 const link = new Link({
   // It may be another program than before.
@@ -34,7 +34,8 @@ const link = new Link({
     panel.tell(status);
     if (!status.views.some(({ view }) => view === state.view)) state.view = "filtered";
     panel.choose(state.view);
-    if (status.notice.number > state.notice) tell(status.notice.text, status.notice.is_problem);
+    // What was said before somebody looked is no news.
+    if (state.notice !== null && status.notice.number > state.notice) tell(status.notice.text, status.notice.is_problem);
     state.notice = status.notice.number;
     arrange();
     place();
@@ -109,7 +110,7 @@ function arrange() {
   picture.wipe = state.wiping ? state.wipe : null;
   const badge = $("badge");
   const missing = !fresh(right) && state.status;
-  badge.hidden = !missing || right === "raw";
+  badge.hidden = !missing || right === "raw" || !picture.frames.size;
   badge.textContent = right === "filtered"
     ? state.status?.settings.denoiser === "none" ? "denoiser off" : "unfiltered so far"
     : "comes with the next filter pass";

@@ -107,10 +107,9 @@ impl Dialect {
     /// What an image holds whose parameters ask for `wanted`, if they do. v4 asks only of PNG files, and takes
     /// all others of integers for sRGB; the older dialects take a parameter at its word, of every file.
     pub fn encoding_of(self, path: &Path, wanted: Option<Encoding>) -> Encoding {
-        let is = |name: &str| path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case(name));
-        let floats = is("exr") || is("pfm");
+        let floats = is_one_of(path, &["exr", "pfm"]);
         let usual = if floats || self == Dialect::V2 { Encoding::Linear } else { Encoding::Srgb };
-        let asks = self != Dialect::V4 || is("png");
+        let asks = self != Dialect::V4 || is_one_of(path, &["png"]);
         wanted.filter(|_| asks).unwrap_or(usual)
     }
 
@@ -126,8 +125,7 @@ impl Dialect {
 
     /// Whether the first row of an image is its bottom: v2 reads these formats so.
     pub fn reads_upwards(self, path: &Path) -> bool {
-        let is = |name: &str| path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case(name));
-        self == Dialect::V2 && (is("tga") || is("pfm"))
+        self == Dialect::V2 && is_one_of(path, &["tga", "pfm"])
     }
 
     /// What images of lights hold, where that is not said as for other images.
@@ -238,6 +236,11 @@ pub fn parameter_type(name: &str) -> Option<ParamType> {
         "normal3" | "normal" => ParamType::Normal3,
         _ => return None,
     })
+}
+
+/// Whether a file's name ends in one of these.
+fn is_one_of(path: &Path, extensions: &[&str]) -> bool {
+    path.extension().is_some_and(|found| extensions.iter().any(|name| found.eq_ignore_ascii_case(name)))
 }
 
 /// Index of refraction of the gloss of plastics.

@@ -205,30 +205,6 @@ fn a_moving_shape_becomes_an_instance_that_moves() {
 }
 
 #[test]
-fn lights_are_placed_and_scaled() {
-    let scene = scene(
-        "LookAt 0 0 0 0 0 1 0 1 0 Translate -1 0 0 Camera \"perspective\" WorldBegin
-         LightSource \"point\" \"point3 from\" [3 0 0] \"rgb I\" [1 2 3] \"float scale\" 2
-         Rotate 90 0 1 0
-         LightSource \"spot\" \"float coneangle\" 60 \"float conedeltaangle\" 30
-         LightSource \"distant\" \"float illuminance\" 5
-         LightSource \"infinite\" \"blackbody L\" 6500 \"float scale\" 3",
-    );
-    let [Light::Point { position, intensity }, spot, distant, environment] = &scene.lights[..] else {
-        panic!()
-    };
-    assert_eq!((*position, *intensity), (Vec3::new(2.0, 0.0, 0.0), Vec3::new(2.0, 4.0, 6.0)));
-    let Light::Spot { axis, cos_falloff_start, cos_total_width, .. } = spot else { panic!() };
-    assert!((*axis - Vec3::X).length() < 1e-6);
-    assert!((cos_total_width - 0.5).abs() < 1e-6 && (cos_falloff_start - 0.75f32.sqrt()).abs() < 1e-6);
-    let Light::Distant { direction, radiance } = distant else { panic!() };
-    assert!((*direction + Vec3::X).length() < 1e-6);
-    assert_eq!(*radiance, Vec3::splat(5.0));
-    let Light::Environment(environment) = environment else { panic!() };
-    assert!((environment.scale.dot(Vec3::new(0.2126, 0.7152, 0.0722)) - 3.0).abs() < 0.01);
-}
-
-#[test]
 fn the_bottom_row_of_an_image_is_at_v_0_except_in_v2() {
     let (folder, _) = folder(&[("unused", "")]);
     let pixels = vec![255, 0]; // White above black.

@@ -1,8 +1,9 @@
-//! The maps of infinite lights, and the scale of all lights.
+//! Where lights stand, the maps of infinite ones, and the scale of all.
 
 use glam::Vec3;
 
 use super::image_textures::world_of;
+use super::scene;
 use crate::scene::Light;
 use crate::scene::light::{Environment, EnvironmentMap};
 use crate::scene::pbrt::dialect::Dialect::{self, V2, V3, V4};
@@ -89,4 +90,28 @@ fn lights_on_shapes_have_a_scale_too() {
         let radiance = scene.primitives[0].area_light.map(|light| light.radiance);
         assert_eq!(radiance, expected, "{dialect:?} {scale}");
     }
+}
+
+#[test]
+fn lights_are_placed_and_scaled() {
+    let scene = scene(
+        "LookAt 0 0 0 0 0 1 0 1 0 Translate -1 0 0 Camera \"perspective\" WorldBegin
+         LightSource \"point\" \"point3 from\" [3 0 0] \"rgb I\" [1 2 3] \"float scale\" 2
+         Rotate 90 0 1 0
+         LightSource \"spot\" \"float coneangle\" 60 \"float conedeltaangle\" 30
+         LightSource \"distant\" \"float illuminance\" 5
+         LightSource \"infinite\" \"blackbody L\" 6500 \"float scale\" 3",
+    );
+    let [Light::Point { position, intensity }, spot, distant, environment] = &scene.lights[..] else {
+        panic!()
+    };
+    assert_eq!((*position, *intensity), (Vec3::new(2.0, 0.0, 0.0), Vec3::new(2.0, 4.0, 6.0)));
+    let Light::Spot { axis, cos_falloff_start, cos_total_width, .. } = spot else { panic!() };
+    assert!((*axis - Vec3::X).length() < 1e-6);
+    assert!((cos_total_width - 0.5).abs() < 1e-6 && (cos_falloff_start - 0.75f32.sqrt()).abs() < 1e-6);
+    let Light::Distant { direction, radiance } = distant else { panic!() };
+    assert!((*direction + Vec3::X).length() < 1e-6);
+    assert_eq!(*radiance, Vec3::splat(5.0));
+    let Light::Environment(environment) = environment else { panic!() };
+    assert!((environment.scale.dot(Vec3::new(0.2126, 0.7152, 0.0722)) - 3.0).abs() < 0.01);
 }
