@@ -21,7 +21,7 @@ use crate::image::formats::OutputFormat;
 use crate::image::{self, Planes};
 use crate::preview::{Director, Hub, Picture, Stage};
 use crate::progressive::{
-    ErrorEstimate, Estimated, Keep, Loop, Memory, Outcome, Progress, Settings, StoppedBy, has_room,
+    ErrorEstimate, Estimated, Hurried, Keep, Loop, Memory, Outcome, Progress, Settings, StoppedBy, has_room,
 };
 use crate::render::Renderer;
 use crate::scene::{Scene, pbrt};
@@ -355,10 +355,12 @@ fn summary(outcome: &Outcome, seconds: Times, outfiles: &[PathBuf], verbose: boo
         spread.max,
         outcome.own_samples as f64 / seconds.render.max(1e-9) / 1e6,
     ));
-    if outcome.hurried {
-        lines.push(
-            "the time was too short for the filter that was asked for: this is `--quality draft`".to_owned(),
-        );
+    if let Some(hurried) = outcome.hurried {
+        let what = match hurried {
+            Hurried::Draft => "this is `--quality draft`",
+            Hurried::Unfiltered => "this is unfiltered",
+        };
+        lines.push(format!("the time was too short for the filter that was asked for: {what}"));
     }
     if outcome.store.drawn() < outcome.store.pixels() as u64 {
         let without = outcome.store.counts(Part::Whole).iter().filter(|&&n| n == 0).count();

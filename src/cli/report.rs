@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use crate::progressive::{Batch, Forecast, Outcome, Settings, StoppedBy};
+use crate::progressive::{Batch, Forecast, Hurried, Outcome, Settings, StoppedBy};
 use crate::state::Frame;
 use crate::stats::{Layout, Part, Store};
 
@@ -59,8 +59,8 @@ pub(super) struct Report<'a> {
     kept_samples_bytes: u64,
     estimated_error: Option<f64>,
     estimated_error_samples: Option<u64>,
-    /// Whether the time sufficed only for a draft in place of the filter that was asked for.
-    hurried: bool,
+    /// What the time sufficed for in place of the filter that was asked for.
+    hurried: Option<Hurried>,
     /// How the error is expected to go on.
     forecast: Option<Forecast>,
     batches: &'a [Batch],

@@ -7,6 +7,7 @@ use crate::image::Planes;
 use crate::stats::{Part, Store};
 
 use super::blur;
+use super::gaps::Gaps;
 use super::outliers::{self, Clamped, OutlierSettings};
 
 /// Weight of the neighbourhood's variance against a pixel's own, in samples.
@@ -55,13 +56,19 @@ pub(super) struct Counts {
     whole: [Vec<u32>; 2],
     /// As floats.
     of: [Vec<f32>; 2],
+    /// Where both are 0.
+    gaps: Gaps,
 }
 
 impl Counts {
     pub fn of(store: &Store) -> Self {
-        let whole = [0, 1].map(|h| store.counts(Part::Half(h)));
-        let of = [0, 1].map(|h: usize| whole[h].iter().map(|&n| n as f32).collect());
-        Self { whole, of }
+        Self::new(store.width(), [0, 1].map(|h| store.counts(Part::Half(h))))
+    }
+
+    fn new(width: usize, whole: [Vec<u32>; 2]) -> Self {
+        let of = whole.each_ref().map(|counts| counts.iter().map(|&n| n as f32).collect());
+        let gaps = Gaps::of(width, whole[0].iter().zip(&whole[1]).map(|(a, b)| a.saturating_add(*b)));
+        Self { whole, of, gaps }
     }
 
     /// Whether some pixel has two samples, so that a variance of 0 means something.
@@ -206,48 +213,20 @@ fn sum_3x3(width: usize, height: usize, plane: &[f32]) -> Vec<f32> {
     sums
 }
 
+/// A half without samples in a pixel takes the other half's mean, and a pixel without any those of others.
 fn fill_missing(mean: &mut [Planes; 2], counts: &Counts) {
-    let (width, pixels) = (mean[0].width(), mean[0].pixels());
-    let has = |h: usize, i: usize| counts.of[h][i] > 0.0;
-    let mut empty = Vec::new();
-    for i in 0..pixels {
-        match (has(0, i), has(1, i)) {
-            (true, true) => {}
-            (false, false) => empty.push(i),
-            (first, _) => {
-                let (from, to) = if first { (0, 1) } else { (1, 0) };
-                for plane in 0..mean[0].count() {
-                    let value = mean[from].plane(plane)[i];
-                    mean[to].plane_mut(plane)[i] = value;
-                }
+    let [a, b] = mean;
+    let pixels = a.pixels().max(1);
+    for (a, b) in a.data_mut().chunks_mut(pixels).zip(b.data_mut().chunks_mut(pixels)) {
+        for (((a, b), &n_a), &n_b) in a.iter_mut().zip(b).zip(&counts.of[0]).zip(&counts.of[1]) {
+            match (n_a > 0.0, n_b > 0.0) {
+                (true, false) => *b = *a,
+                (false, true) => *a = *b,
+                _ => {}
             }
         }
     }
-    // Ring by ring inwards, so that a hole of any size fills from its rim.
-    let mut known: Vec<bool> = (0..pixels).map(|i| has(0, i) || has(1, i)).collect();
-    while !empty.is_empty() {
-        let neighbours = |i: usize, known: &[bool]| -> Vec<usize> {
-            let (x, y) = (i % width, i / width);
-            let xs = x.saturating_sub(1)..(x + 2).min(width);
-            let ys = y.saturating_sub(1)..(y + 2).min(pixels / width);
-            ys.flat_map(|y| xs.clone().map(move |x| y * width + x)).filter(|&j| known[j]).collect()
-        };
-        let (ready, waiting): (Vec<_>, Vec<_>) =
-            empty.into_iter().map(|i| (i, neighbours(i, &known))).partition(|(_, from)| !from.is_empty());
-        if ready.is_empty() {
-            break;
-        }
-        for (i, from) in &ready {
-            for half in mean.iter_mut() {
-                for plane in 0..half.count() {
-                    let sum: f32 = from.iter().map(|&j| half.plane(plane)[j]).sum();
-                    half.plane_mut(plane)[*i] = sum / from.len() as f32;
-                }
-            }
-        }
-        ready.iter().for_each(|&(i, _)| known[i] = true);
-        empty = waiting.into_iter().map(|(i, _)| i).collect();
-    }
+    mean.iter_mut().for_each(|half| counts.gaps.fill(half));
 }
 
 #[cfg(test)]
@@ -264,8 +243,7 @@ mod tests {
     const PIXELS: usize = WIDTH * HEIGHT;
 
     fn counts(of: [Vec<u32>; 2]) -> Counts {
-        let floats = of.each_ref().map(|counts| counts.iter().map(|&n| n as f32).collect());
-        Counts { whole: of, of: floats }
+        Counts::new(WIDTH, of)
     }
 
     fn planes(value: impl FnMut(usize) -> f32) -> Planes {

@@ -10,6 +10,7 @@ mod bordered;
 mod colours;
 mod distance;
 mod fast_exp;
+mod gaps;
 mod halves;
 mod mutual_information;
 mod neighbourhood;
@@ -36,6 +37,7 @@ pub use standard::StandardSettings;
 
 use crate::image::Planes;
 use crate::stats::{Part, Store};
+use gaps::Gaps;
 
 /// Residuals end here: where hardly any noise is expected, any difference is that many times too large.
 const LARGEST_RESIDUAL: f32 = 1e6;
@@ -85,7 +87,8 @@ pub fn filter(store: &Store, quality: Quality, seed: u64) -> Filtered {
     }
 }
 
-/// The means of the samples, in the shape of a filtered image.
+/// The means of the samples, in the shape of a filtered image. A pixel without samples looks like the nearest ones
+/// that have some.
 pub fn unfiltered(store: &Store) -> Filtered {
     let radiance = store.layout().radiance();
     let variance = variance_of_mean(store);
@@ -95,8 +98,10 @@ pub fn unfiltered(store: &Store) -> Filtered {
     for (i, error) in error.data_mut().iter_mut().enumerate() {
         *error = (0..3).map(|c| variance.plane(c)[i]).sum::<f32>() / 3.0;
     }
+    let mut image = store.means(Part::Whole, radiance.clone());
+    Gaps::of(store.width(), store.counts(Part::Whole).into_iter()).fill(&mut image);
     Filtered {
-        image: store.means(Part::Whole, radiance.clone()),
+        image,
         halves: [0, 1].map(|h| store.means(Part::Half(h), radiance.clone())),
         interpolation_failure: None,
         interpolation_success: None,

@@ -38,6 +38,15 @@ pub enum StoppedBy {
     Interrupt,
 }
 
+/// A last pass that is quicker than what was asked for, the quickest last.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, serde::Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Hurried {
+    /// That of [`Quality::Draft`](crate::filter::Quality::Draft).
+    Draft,
+    Unfiltered,
+}
+
 /// Where the time went, in seconds.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Seconds {
@@ -59,8 +68,8 @@ pub struct Outcome {
     pub seconds: Seconds,
     /// The latest estimate of the image's relMSE; of an image with fewer samples than the final one.
     pub estimate: Option<ErrorEstimate>,
-    /// Whether the time did not suffice for the filter that was asked for, and it is a draft.
-    pub hurried: bool,
+    /// What the last pass was, if the time did not suffice for the filter that was asked for.
+    pub hurried: Option<Hurried>,
     /// What was followed at the end: a person may have changed it on the way.
     pub settings: Settings,
 }

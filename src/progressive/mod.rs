@@ -27,7 +27,7 @@ use crate::image::Planes;
 use crate::render::Renderer;
 use crate::stats::Store;
 
-pub use account::{Batch, Ended, Outcome, Progress, Seconds, StoppedBy};
+pub use account::{Batch, Ended, Hurried, Outcome, Progress, Seconds, StoppedBy};
 use batches::Rendered;
 pub use estimate::{ErrorEstimate, Estimated, TILE};
 pub use forecast::{Forecast, Point, forecast};
@@ -87,8 +87,8 @@ pub struct Loop<'a> {
     maps_seconds: Option<f64>,
     estimate: Option<ErrorEstimate>,
     rerun: Option<Rerun>,
-    /// Whether the last filter pass will be a draft, because there is no time for another.
-    hurried: bool,
+    /// What the last filter pass will be, because there is no time for what was asked for.
+    hurried: Option<Hurried>,
     /// Pixels that get all samples, see [`Self::favour`].
     favoured: Option<Region>,
 }
@@ -130,7 +130,7 @@ impl<'a> Loop<'a> {
             maps_seconds: None,
             estimate: None,
             rerun: None,
-            hurried: false,
+            hurried: None,
             favoured: None,
         };
         new.expect_unrehearsed();
@@ -155,7 +155,7 @@ impl<'a> Loop<'a> {
         let shown_before = shown(self);
         let decisive = |s: &Settings| (s.budget, s.denoiser, s.quality);
         if decisive(&settings) != decisive(&self.settings) {
-            self.hurried = false;
+            self.hurried = None;
             self.rehearsal = Rehearsal::default();
         }
         self.schedule.change(&settings.budget);
@@ -254,10 +254,8 @@ impl<'a> Loop<'a> {
     }
 
     fn end(&mut self, stopped_by: StoppedBy, observer: &mut dyn Observer) -> Ended {
-        if stopped_by == StoppedBy::Time && self.rehearsal.is_missing() {
-            // As where a state has samples, but no time is left.
-            self.hurry();
-        }
+        // As where a state has samples, but no time is left.
+        self.choose_unrehearsed();
         match self.last_pass(observer) {
             Some(filtered) => Ended::Finished(Box::new(filtered), stopped_by),
             None => Ended::Left,

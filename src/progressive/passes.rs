@@ -2,9 +2,9 @@
 
 use std::time::Instant;
 
-use super::cost::Cost;
+use super::cost::{Cost, Pass};
 use super::rehearsal::make_ready;
-use super::{Batch, Denoiser, FilterJob, Loop, Observer, Rerun, Settings, Shown, observer};
+use super::{Batch, Denoiser, FilterJob, Hurried, Loop, Observer, Rerun, Settings, Shown, observer};
 use crate::filter::{Filtered, Quality};
 use crate::image::Planes;
 use crate::image::metrics::Pair;
@@ -20,30 +20,29 @@ const LEAST_USE_OF_RERUN: f64 = 3.0;
 
 impl Loop<'_> {
     /// The last filter pass.
-    fn last_filter(&self) -> (Denoiser, Quality) {
+    fn last_filter(&self) -> Pass {
         let Settings { denoiser, quality, .. } = self.settings;
-        if self.hurried && denoiser != Denoiser::None {
-            return (Denoiser::Prpf, Quality::Draft);
-        }
-        observer::fitting(&self.store, denoiser, quality)
+        self.hurried.map_or_else(|| observer::fitting(&self.store, denoiser, quality), pass_in_a_hurry)
     }
 
-    /// The time does not suffice for the last pass as asked for: it will be a draft. Whether it would not be one
-    /// otherwise.
-    pub(super) fn hurry(&mut self) -> bool {
-        let Settings { denoiser, quality, .. } = self.settings;
-        let draft = denoiser == Denoiser::None || (denoiser, quality) == (Denoiser::Prpf, Quality::Draft);
-        let changes = !self.hurried && !draft;
-        self.hurried |= changes;
+    /// The time does not suffice for the last pass: it will be this one, if that is quicker. Whether it is.
+    pub(super) fn hurry(&mut self, to: Hurried) -> bool {
+        let asked = match (self.settings.denoiser, self.settings.quality) {
+            (Denoiser::None, _) => Some(Hurried::Unfiltered),
+            (Denoiser::Prpf, Quality::Draft) => Some(Hurried::Draft),
+            _ => None,
+        };
+        let changes = asked.max(self.hurried) < Some(to);
+        if changes {
+            self.hurried = Some(to);
+        }
         changes
     }
 
     /// Predicts what comes after the last batch without a rehearsal. By then every pixel should have a sample.
     pub(super) fn expect_unrehearsed(&mut self) {
-        let pass = match self.settings.denoiser {
-            Denoiser::Prpf | Denoiser::Rpf if self.hurried => (Denoiser::Prpf, Quality::Draft),
-            denoiser => (denoiser, self.settings.quality),
-        };
+        let Settings { denoiser, quality, .. } = self.settings;
+        let pass = self.hurried.map_or((denoiser, quality), pass_in_a_hurry);
         self.schedule.expects(Cost::of(pass).seconds(self.store.pixels(), self.keep.is_some()));
     }
 
@@ -139,14 +138,18 @@ impl Loop<'_> {
         if self.rehearsal.is_doubtful(left) {
             self.rehearse_now(left);
         }
-        if self.schedule.is_late(self.elapsed()) && self.hurry() {
+        if self.schedule.is_late(self.elapsed()) && self.hurry(Hurried::Draft) {
+            self.expect_unrehearsed();
+            self.rehearse_now(left);
+        }
+        if self.schedule.is_far_too_late(self.elapsed()) && self.hurry(Hurried::Unfiltered) {
             self.expect_unrehearsed();
             self.rehearse_now(left);
         }
         self.seconds.filter += self.elapsed() - elapsed;
     }
 
-    /// Before the first rehearsal: whether the last pass can be as asked for, or is hurried.
+    /// Before the first rehearsal: whether there is time for the last pass as asked for, for a draft, or for none.
     pub(super) fn choose_unrehearsed(&mut self) {
         let elapsed = self.elapsed();
         if !self.rehearsal.is_missing() || self.schedule.seconds_left(elapsed).is_none() {
@@ -157,12 +160,15 @@ impl Loop<'_> {
             self.schedule.fills(elapsed, drawn)
         } else {
             // The pixels may have got their samples against expectation.
-            self.hurried = false;
+            self.hurried = None;
             self.expect_unrehearsed();
             let left = self.schedule.seconds_left(elapsed).unwrap_or(0.0);
             self.rehearsal.is_due(elapsed, left, self.schedule.closing())
         };
-        if !has_time && self.hurry() {
+        if !has_time && self.hurry(Hurried::Draft) {
+            self.expect_unrehearsed();
+        }
+        if self.schedule.is_far_too_late(elapsed) && self.hurry(Hurried::Unfiltered) {
             self.expect_unrehearsed();
         }
     }
@@ -259,6 +265,13 @@ impl Loop<'_> {
     }
 }
 
+fn pass_in_a_hurry(hurried: Hurried) -> Pass {
+    match hurried {
+        Hurried::Draft => (Denoiser::Prpf, Quality::Draft),
+        Hurried::Unfiltered => (Denoiser::None, Quality::Draft),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use std::path::Path;
@@ -269,7 +282,7 @@ mod tests {
     use super::*;
     use crate::adaptive::Sampling;
     use crate::geometry::Accel;
-    use crate::progressive::{Budget, Flow, Progress};
+    use crate::progressive::{Budget, Ended, Flow, Progress, StoppedBy};
     use crate::render::Renderer;
     use crate::scene::pbrt::read_str;
 
@@ -295,9 +308,14 @@ mod tests {
         }
     }
 
-    /// Calls a test with a loop of so many seconds that has two samples in each pixel.
     fn with_loop(seconds: f64, started: Instant, test: impl FnOnce(&mut Loop)) {
-        let scene = read_str(SCENE, Path::new("")).expect("the test's scene is right");
+        with_loop_of(32, seconds, started, test);
+    }
+
+    /// Calls a test with a loop of so many seconds that has two samples in each of `side`² pixels.
+    fn with_loop_of(side: usize, seconds: f64, started: Instant, test: impl FnOnce(&mut Loop)) {
+        let scene = SCENE.replace("[ 32 ]", &format!("[ {side} ]"));
+        let scene = read_str(&scene, Path::new("")).expect("the test's scene is right");
         let accel = Accel::build(&scene);
         let settings = Settings {
             budget: Budget { seconds: Some(seconds), ..Budget::default() },
@@ -350,14 +368,35 @@ mod tests {
         with_loop(60.0, started, |circle| {
             assert_eq!(circle.schedule.closing(), standard);
             circle.choose_unrehearsed();
-            assert!(circle.hurried);
+            assert_eq!(circle.hurried, Some(Hurried::Draft));
             assert_eq!(circle.schedule.closing(), draft);
             // More time, as a person may give.
             let budget = Budget { seconds: Some(1e4), ..Budget::default() };
             circle.change(&Settings { budget, ..circle.settings.clone() });
             circle.choose_unrehearsed();
-            assert!(!circle.hurried);
+            assert_eq!(circle.hurried, None);
             assert_eq!(circle.schedule.closing(), standard);
         });
+    }
+
+    /// On one thread, so that it takes as long on any machine.
+    #[test]
+    fn an_image_for_whose_draft_there_is_no_time_stays_unfiltered() {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a thread can be had");
+        let began = Duration::from_secs(20);
+        // A draft takes 0.37 of them.
+        for (seconds, expected) in [(20.1, Hurried::Unfiltered), (21.2, Hurried::Draft)] {
+            let started = Instant::now().checked_sub(began).expect("a clock that began earlier");
+            pool.install(|| {
+                with_loop_of(320, seconds, started, |circle| {
+                    circle.choose_unrehearsed();
+                    assert_eq!(circle.hurried, Some(expected), "{seconds}");
+                    let outcome = circle.end(StoppedBy::Time, &mut |_: Progress| ());
+                    let Ended::Finished(filtered, _) = outcome else { panic!() };
+                    let mean = crate::filter::unfiltered(&circle.store).image;
+                    assert_eq!(filtered.image == mean, expected == Hurried::Unfiltered);
+                });
+            });
+        }
     }
 }

@@ -51,6 +51,8 @@ const STEP_SHARE: f64 = 0.5;
 /// Share of a budget of time that is left over for what was predicted wrongly. A budget that is missed
 /// by a hundredth is broken, and one of which a twentieth is left is wasted: this is between.
 const MARGIN: f64 = 0.02;
+/// Later than by the larger of so many seconds and of such a share, a budget of time is broken.
+const TOLERANCE: (f64, f64) = (0.1, 0.01);
 /// The last batch under a budget of time is planned larger than what it should hold, by this factor:
 /// the clock ends it.
 const LAST_EXCESS: f64 = 1.25;
@@ -232,6 +234,13 @@ impl Schedule {
         self.budget.seconds.is_some_and(|seconds| elapsed + self.closing() > seconds)
     }
 
+    /// Whether that would break the budget so plainly that an image without it is better.
+    pub fn is_far_too_late(&self, elapsed: f64) -> bool {
+        let (seconds, share) = TOLERANCE;
+        let tolerance = self.budget.seconds.map_or(f64::INFINITY, |budget| (share * budget).max(seconds));
+        self.is_late(elapsed) && self.closing() > tolerance
+    }
+
     /// Whether, under a budget of time, every pixel can get a sample, with so many samples so far.
     pub fn fills(&self, elapsed: f64, samples: u64) -> bool {
         self.seconds_left(elapsed).is_none_or(|seconds| {
@@ -366,8 +375,11 @@ mod tests {
         assert!(schedule.fills(0.1, 100_000) && !schedule.is_late(1.1));
         schedule.expects(3.0);
         assert!(!schedule.fills(0.1, 100_000) && schedule.is_late(1.1));
+        assert!(!schedule.is_far_too_late(0.9) && schedule.is_far_too_late(1.1));
+        schedule.expects(0.09);
+        assert!(schedule.is_late(5.0) && !schedule.is_far_too_late(5.0), "a tenth of a second is nothing");
         let without = Schedule::new(&Budget::default(), 1_000_000, 4, u32::MAX);
-        assert!(without.fills(9.0, 0) && !without.is_late(9.0));
+        assert!(without.fills(9.0, 0) && !without.is_late(9.0) && !without.is_far_too_late(9.0));
     }
 
     #[test]
