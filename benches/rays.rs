@@ -66,6 +66,7 @@ fn scene_of(mesh: TriangleMesh) -> Scene {
     Scene {
         source: String::new(),
         hash: String::new(),
+        files: Vec::new(),
         origin: DVec3::ZERO,
         camera: Camera {
             to_render: AnimatedTransform::fixed(DAffine3::IDENTITY),

@@ -32,6 +32,7 @@ fn scene(max_depth: u32) -> Scene {
     Scene {
         source: String::new(),
         hash: String::new(),
+        files: Vec::new(),
         origin: DVec3::ZERO,
         camera: Camera {
             to_render: AnimatedTransform::fixed(DAffine3::IDENTITY),

@@ -1,7 +1,11 @@
 //! The program as a user runs it: what it writes, and what bad input gets.
 
+mod command;
+
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
+
+use command::{command, prpf, refused};
 
 const SCENE: &str = r#"
 LookAt 0 0 -3  0 0 0  0 1 0
@@ -13,14 +17,6 @@ LightSource "infinite" "rgb L" [ 0.5 0.6 0.7 ]
 Material "diffuse" "rgb reflectance" [ 0.7 0.2 0.2 ]
 Shape "sphere" "float radius" 1
 "#;
-
-fn prpf(folder: &Path, arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_prpf"))
-        .current_dir(folder)
-        .args(arguments)
-        .output()
-        .expect("the program starts")
-}
 
 fn folder_with(scene: &str) -> tempfile::TempDir {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -162,10 +158,7 @@ fn an_image_beyond_all_memory_is_refused_before_it_takes_any() {
 #[test]
 fn a_wrong_scene_gets_one_line_with_its_place() {
     let folder = folder_with(&SCENE.replace("\"sphere\"", "\"spere\" \"float radius\" [ x ]"));
-    let output = prpf(folder.path(), &["render", "scene.pbrt", "-o", "a.png"]);
-    assert_eq!(output.status.code(), Some(2));
-    let said = stderr(&output);
-    assert_eq!(said.lines().count(), 1, "{said}");
+    let said = refused(folder.path(), &["render", "scene.pbrt", "-o", "a.png"]);
     assert!(said.contains("scene.pbrt:9:"), "{said}");
     assert!(!folder.path().join("a.png").exists());
 }
@@ -195,10 +188,8 @@ fn wrong_command_lines_exit_with_2_and_say_what_is_accepted() {
         (&["info", "missing.pbrt"], "missing.pbrt"),
     ];
     for (arguments, expected) in cases {
-        let output = prpf(folder.path(), arguments);
-        assert_eq!(output.status.code(), Some(2), "{arguments:?}: {}", stderr(&output));
-        assert!(stderr(&output).contains(expected), "{arguments:?}: {}", stderr(&output));
-        assert_eq!(stderr(&output).lines().count(), 1, "{arguments:?}: {}", stderr(&output));
+        let said = refused(folder.path(), arguments);
+        assert!(said.contains(expected), "{arguments:?}: {said}");
     }
 }
 
@@ -210,10 +201,8 @@ fn a_file_that_is_no_text_gets_one_printable_line() {
         [("noise", noise), ("long", vec![b'a'; 100_000]), ("escape", b"\x1b[2J\x07".to_vec())]
     {
         std::fs::write(folder.path().join(name), bytes).expect("a file");
-        let output = prpf(folder.path(), &["info", name]);
-        assert_eq!(output.status.code(), Some(2));
-        let said = stderr(&output);
-        assert!(said.lines().count() == 1 && said.len() < 1500, "{name}: {}", said.len());
+        let said = refused(folder.path(), &["info", name]);
+        assert!(said.len() < 1500, "{name}: {}", said.len());
         assert!(!said.trim_end().chars().any(char::is_control), "{name}: {said:?}");
     }
 }
@@ -242,13 +231,7 @@ fn nobody_listening_is_no_failure() {
             .success()
     );
     for arguments in [&["info", "scene.pbrt"] as &[&str], &["compare", "a.png", "a.png"]] {
-        let mut child = Command::new(env!("CARGO_BIN_EXE_prpf"))
-            .current_dir(folder.path())
-            .args(arguments)
-            .stdout(std::process::Stdio::piped())
-            .stderr(std::process::Stdio::piped())
-            .spawn()
-            .expect("the program starts");
+        let mut child = command(folder.path(), arguments).spawn().expect("the program starts");
         drop(child.stdout.take());
         let output = child.wait_with_output().expect("the program ends");
         assert_eq!((output.status.code(), stderr(&output).as_str()), (Some(0), ""), "{arguments:?}");
@@ -260,13 +243,8 @@ fn nobody_listening_is_no_failure() {
 fn an_interrupted_render_finishes_its_batch_and_writes_the_image() {
     for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
         let folder = folder_with(SCENE);
-        let child = Command::new(env!("CARGO_BIN_EXE_prpf"))
-            .current_dir(folder.path())
-            .args(["render", "scene.pbrt", "--spp", "2000000", "-o", "a.exr", "--report", "a.json"])
-            .stdout(std::process::Stdio::piped())
-            .stderr(std::process::Stdio::piped())
-            .spawn()
-            .expect("the program starts");
+        let arguments = ["render", "scene.pbrt", "--spp", "2000000", "-o", "a.exr", "--report", "a.json"];
+        let child = command(folder.path(), &arguments).spawn().expect("the program starts");
         // Long enough to have begun: an earlier signal would end the program at once.
         std::thread::sleep(std::time::Duration::from_secs(2));
         let sent = Command::new("kill").arg(format!("-{signal}")).arg(child.id().to_string()).status();
@@ -401,30 +379,4 @@ fn the_cornell_box_agrees_with_its_reference() {
     let pair = prpf::image::metrics::Pair::new(&image, &part).unwrap();
     assert!((pair.mean_ratio() - 1.0).abs() < 0.02, "{}", pair.mean_ratio());
     assert!(pair.block_relmse() < 0.01, "{}", pair.block_relmse());
-}
-
-#[test]
-fn outputs_that_would_replace_each_other_or_the_scene_are_refused() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let scene = folder.path().join("scene.pbrt");
-    std::fs::write(&scene, "WorldBegin\nLightSource \"infinite\"\nShape \"sphere\"\n").expect("a scene");
-    let image = folder.path().join("image.png");
-    for report in [&scene, &image] {
-        let run = std::process::Command::new(env!("CARGO_BIN_EXE_prpf"))
-            .arg("render")
-            .args([
-                scene.as_os_str(),
-                "-o".as_ref(),
-                image.as_os_str(),
-                "--report".as_ref(),
-                report.as_os_str(),
-            ])
-            .output()
-            .expect("the program runs");
-        assert_eq!(run.status.code(), Some(2));
-        assert_eq!(String::from_utf8_lossy(&run.stderr).lines().count(), 1);
-        assert!(
-            !image.exists() && std::fs::read_to_string(&scene).expect("still there").starts_with("World")
-        );
-    }
 }

@@ -1,14 +1,16 @@
 //! Renders that survive: stopped, killed and resumed anywhere, the image is that of a render that was
 //! never stopped; what is wrong with a state gets one line, and the old file is still there.
 
+mod command;
 mod common;
 
 use std::cell::RefCell;
 use std::path::Path;
-use std::process::{Child, Command, Output, Stdio};
+use std::process::{Child, Command, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
+use command::{command, prpf, refused};
 use common::SCENE;
 use prpf::filter::Quality;
 use prpf::geometry::Accel;
@@ -26,29 +28,10 @@ fn folder() -> tempfile::TempDir {
     folder
 }
 
-fn command(folder: &Path, arguments: &[&str]) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_prpf"));
-    command.current_dir(folder).args(arguments).stdout(Stdio::null()).stderr(Stdio::piped());
-    command
-}
-
-fn prpf(folder: &Path, arguments: &[&str]) -> Output {
-    command(folder, arguments).stdout(Stdio::piped()).output().expect("the program starts")
-}
-
 /// Runs a command that must succeed.
 fn done(folder: &Path, arguments: &[&str]) {
     let output = prpf(folder, arguments);
     assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
-}
-
-/// Runs a command whose input is wrong; the one line that it says.
-fn refused(folder: &Path, arguments: &[&str]) -> String {
-    let output = prpf(folder, arguments);
-    let said = String::from_utf8_lossy(&output.stderr).into_owned();
-    assert_eq!(output.status.code(), Some(2), "{arguments:?}: {said}");
-    assert_eq!(said.lines().count(), 1, "{said}");
-    said
 }
 
 fn render<'a>(more: &[&'a str]) -> Vec<&'a str> {

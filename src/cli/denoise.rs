@@ -1,16 +1,15 @@
 //! `prpf denoise`: filters a state again, without tracing a ray.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use anyhow::bail;
+use anyhow::{anyhow, bail};
 use clap::Args;
 use rayon::prelude::*;
 
 use super::layers::Layers;
 use super::options::DenoiserOption;
-use super::output::{Written, write};
-use super::render::can_be_written;
+use super::output::{Written, are_distinct, can_be_written, write};
 use super::{Failure, in_pool};
 use crate::filter::{Filtered, Quality};
 use crate::image::formats::OutputFormat;
@@ -63,6 +62,13 @@ fn denoise(options: &DenoiseOptions, start: Instant) -> Result<u8, Failure> {
         OutputFormat::of(path).map_err(|error| Failure::Input(error.into()))?;
         can_be_written(path).map_err(Failure::Input)?;
     }
+    let outputs: Vec<&Path> = outfiles.iter().map(PathBuf::as_path).collect();
+    are_distinct([&*options.state], &outputs).map_err(Failure::Input)?;
+    if options.layers.is_some() && !outfiles.iter().any(|path| is_exr(path)) {
+        return Err(Failure::Input(anyhow!(
+            "--layers: found no output that has layers; accepted with -o FILE.exr"
+        )));
+    }
     let State { frame, settings, memory, .. } =
         State::read(&options.state).map_err(|error| Failure::Input(error.into()))?;
     let settings = Settings {
@@ -89,6 +95,10 @@ fn denoise(options: &DenoiseOptions, start: Instant) -> Result<u8, Failure> {
         super::say(&format!("{seconds:.2} s, {spp:.1} samples per pixel\n{files}")).map_err(Failure::Run)?;
     }
     Ok(0)
+}
+
+fn is_exr(path: &Path) -> bool {
+    matches!(OutputFormat::of(path), Ok(OutputFormat::Exr))
 }
 
 /// What the filter makes of a state.

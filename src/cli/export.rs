@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use anyhow::Context;
 use clap::Args;
 
-use super::render::{are_distinct, can_be_written};
+use super::output::{are_distinct, can_be_written};
 use super::{Failure, denoise, in_pool};
 use crate::image::atomic;
 use crate::state::{self, State};
@@ -32,7 +32,7 @@ pub(super) struct ExportOptions {
 
 pub(super) fn run(options: &ExportOptions) -> Result<u8, Failure> {
     can_be_written(&options.outfile).map_err(Failure::Input)?;
-    are_distinct(&options.state, &[&options.outfile]).map_err(Failure::Input)?;
+    are_distinct([&*options.state], &[&options.outfile]).map_err(Failure::Input)?;
     let state = State::read(&options.state).map_err(|error| Failure::Input(error.into()))?;
     in_pool(None, || {
         let filtered = denoise::filtered(&state.memory, &state.settings).map_err(Failure::Input)?;

@@ -15,6 +15,7 @@ mod output;
 mod preview;
 mod render;
 mod report;
+mod signals;
 mod state;
 mod usage;
 

@@ -1,6 +1,6 @@
 //! What a command leaves behind: images and the report.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use super::layers::Layers;
@@ -14,6 +14,44 @@ use crate::image::{self, Planes, atomic, png_file};
 use crate::progressive::{Batch, Settings};
 use crate::state::Frame;
 use crate::stats::Store;
+
+/// What can be known of an output before minutes of rendering.
+pub(super) fn can_be_written(path: &Path) -> anyhow::Result<()> {
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    if !folder.is_dir() {
+        anyhow::bail!("{}: found no folder {}; it has to exist", path.display(), folder.display());
+    }
+    if path.is_dir() {
+        anyhow::bail!("{}: found a folder; accepted is the name of a file", path.display());
+    }
+    Ok(image::atomic::can_replace(path).map_err(|error| image::Problem::from(error).at(path))?)
+}
+
+/// The one spelling of a file's name, whether there is such a file yet or not.
+fn place_of(path: &Path) -> std::io::Result<PathBuf> {
+    let absolute = std::path::absolute(path)?;
+    let of_new = || Some(absolute.parent()?.canonicalize().ok()?.join(absolute.file_name()?));
+    Ok(path.canonicalize().ok().or_else(of_new).unwrap_or(absolute))
+}
+
+/// Refuses outputs that would replace each other or what is read.
+pub(super) fn are_distinct<'a>(
+    read: impl IntoIterator<Item = &'a Path>,
+    outputs: &[&Path],
+) -> anyhow::Result<()> {
+    let mut seen = read.into_iter().map(place_of).collect::<Result<Vec<_>, _>>()?;
+    for path in outputs {
+        let place = place_of(path)?;
+        if seen.contains(&place) {
+            anyhow::bail!(
+                "{}: found the same file twice; accepted are files other than what is read, one for each output",
+                path.display()
+            );
+        }
+        seen.push(place);
+    }
+    Ok(())
+}
 
 /// Writes to nowhere, to see how long it takes. What fails here will fail, and be said, at the end.
 pub(super) fn encode(path: &Path, layers: &Layers, filtered: &Filtered) {
@@ -96,4 +134,34 @@ pub(super) fn write_report(path: &Path, report: &Report) -> anyhow::Result<()> {
         file.write_all(&text)?;
         Ok(file.write_all(b"\n")?)
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn outputs_that_cannot_be_written_are_refused_before_the_render() {
+        let folder = tempfile::tempdir().unwrap();
+        assert!(can_be_written(&folder.path().join("new.exr")).is_ok());
+        assert!(can_be_written(&folder.path().join("none/new.exr")).is_err());
+        assert!(can_be_written(folder.path()).is_err());
+        // A folder in which not even root may write.
+        #[cfg(target_os = "linux")]
+        assert!(can_be_written(Path::new("/proc/new.exr")).is_err());
+    }
+
+    #[test]
+    fn outputs_replace_neither_each_other_nor_what_is_read() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        std::fs::write(at("mesh.ply"), "").unwrap();
+        let distinct = |read: &str, outputs: &[&str]| {
+            let outputs: Vec<_> = outputs.iter().map(|name| at(name)).collect();
+            are_distinct([&*at(read)], &outputs.iter().map(PathBuf::as_path).collect::<Vec<_>>()).is_ok()
+        };
+        assert!(distinct("mesh.ply", &["a.exr", "a.png"]));
+        assert!(!distinct("mesh.ply", &["a.exr", "mesh.ply"]));
+        assert!(!distinct("mesh.ply", &["a.exr", "./a.exr"]));
+    }
 }

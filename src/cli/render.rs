@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::Ordering;
 use std::time::Instant;
 
 use anyhow::Context;
@@ -11,8 +11,9 @@ use rayon::prelude::*;
 
 use super::layers::Layers;
 use super::options::RenderOptions;
-use super::output::{Written, encode, write, write_report};
+use super::output::{Written, are_distinct, can_be_written, encode, write, write_report};
 use super::report::{Report, Spread, Times};
+use super::signals::{INTERRUPTED, Signals};
 use super::state::Kept;
 use super::{Failure, escaped, in_pool, preview};
 use crate::filter::Filtered;
@@ -28,8 +29,6 @@ use crate::scene::{Scene, pbrt};
 use crate::state::Frame;
 use crate::stats::{LARGEST_VALUE, Part, Store};
 
-/// Exit status after a person's interruption: 128 + SIGINT.
-const INTERRUPTED: u8 = 130;
 /// Steps of the progress bar.
 const BAR_STEPS: u64 = 1000;
 
@@ -48,17 +47,29 @@ pub(super) fn run(options: &RenderOptions, mode: Mode, start: Instant) -> Result
         OutputFormat::of(path).map_err(|error| Failure::Input(error.into()))?;
     }
     options.check().map_err(Failure::Input)?;
-    in_pool(options.threads, || run_in_pool(options, mode, start))
+    let signals = Signals::listen(mode).map_err(Failure::Run)?;
+    in_pool(options.threads, || run_in_pool(options, mode, &signals, start))
 }
 
-fn run_in_pool(options: &RenderOptions, mode: Mode, start: Instant) -> Result<u8, Failure> {
+fn run_in_pool(
+    options: &RenderOptions,
+    mode: Mode,
+    signals: &Signals,
+    start: Instant,
+) -> Result<u8, Failure> {
     let mut scene = read(options)?;
     options.apply(&mut scene).map_err(Failure::Input)?;
     let outfiles = outfiles(options, &mut scene);
     let mut outputs: Vec<&Path> = outfiles.iter().chain(&options.report).map(PathBuf::as_path).collect();
     outputs.iter().try_for_each(|path| can_be_written(path)).map_err(Failure::Input)?;
     outputs.extend(options.state.state.as_deref());
-    are_distinct(&options.scene, &outputs).map_err(Failure::Input)?;
+    let read = scene.files.iter().chain(&options.reference);
+    are_distinct(read.map(PathBuf::as_path), &outputs).map_err(Failure::Input)?;
+    if options.state.replaces_one().map_err(Failure::Input)? && !options.quiet {
+        super::complain(
+            "warning: --state replaces the state that is there; with --resume it would be gone on with",
+        );
+    }
     let reference = options
         .reference
         .as_deref()
@@ -86,8 +97,7 @@ fn run_in_pool(options: &RenderOptions, mode: Mode, start: Instant) -> Result<u8
         .map_err(|error| Failure::Input(error.into()))?;
     let resumed = options.state.resumed(&frame, stream, &renderer, &settings).map_err(Failure::Input)?;
     let kept = options.state.keeper(&frame, stream, &renderer, &settings).map_err(Failure::Input)?;
-    let interrupt = Arc::new(AtomicBool::new(false));
-    listen_to_signals(&interrupt).map_err(Failure::Run)?;
+    let interrupt = signals.begin();
     let bar = bar(options);
     let rehearse = |filtered: &Filtered, store: &Store| {
         let layers = Layers::of(filtered, store, None, &frame);
@@ -125,14 +135,14 @@ fn run_in_pool(options: &RenderOptions, mode: Mode, start: Instant) -> Result<u8
             keeping,
             resumed,
             start,
-            interrupt: &interrupt,
+            interrupt,
             stays: mode == Mode::Preview,
             save: Box::new(|picture| save(picture, &outfiles[0], &frame, start)),
             listen: Box::new(listen),
         };
         Director::new(hub, stage).run()
     } else {
-        let circle = Loop::new(&renderer, &settings, start, &interrupt, reference.as_ref());
+        let circle = Loop::new(&renderer, &settings, start, interrupt, reference.as_ref());
         let mut circle = circle.closing_with(&rehearse);
         if let Some((seconds, keep)) = keeping {
             circle = circle.keeping(seconds, keep);
@@ -202,41 +212,6 @@ fn outfiles(options: &RenderOptions, scene: &mut Scene) -> Vec<PathBuf> {
     vec![fallback]
 }
 
-/// What can be known of an output before minutes of rendering.
-pub(super) fn can_be_written(path: &Path) -> anyhow::Result<()> {
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    if !folder.is_dir() {
-        anyhow::bail!("{}: found no folder {}; it has to exist", path.display(), folder.display());
-    }
-    if path.is_dir() {
-        anyhow::bail!("{}: found a folder; accepted is the name of a file", path.display());
-    }
-    Ok(image::atomic::can_replace(path).map_err(|error| image::Problem::from(error).at(path))?)
-}
-
-/// The one spelling of a file's name, whether there is such a file yet or not.
-fn place_of(path: &Path) -> std::io::Result<PathBuf> {
-    let absolute = std::path::absolute(path)?;
-    let of_new = || Some(absolute.parent()?.canonicalize().ok()?.join(absolute.file_name()?));
-    Ok(path.canonicalize().ok().or_else(of_new).unwrap_or(absolute))
-}
-
-/// Refuses outputs that would replace each other or what is read.
-pub(super) fn are_distinct(read: &Path, outputs: &[&Path]) -> anyhow::Result<()> {
-    let mut seen = vec![place_of(read)?];
-    for path in outputs {
-        let place = place_of(path)?;
-        if seen.contains(&place) {
-            anyhow::bail!(
-                "{}: found the same file twice; accepted are files other than what is read, one for each output",
-                path.display()
-            );
-        }
-        seen.push(place);
-    }
-    Ok(())
-}
-
 fn reference(path: &Path, scene: &Scene) -> anyhow::Result<Planes> {
     let reference = image::formats::read_rgb(path)?;
     let [x0, x1, y0, y1] = scene.film.pixel_bounds;
@@ -268,16 +243,6 @@ fn warn(options: &RenderOptions, scene: &Scene) {
     if let Some(more) = scene.warnings.len().checked_sub(shown).filter(|&n| n > 0) {
         super::complain(&format!("warning: {more} more, see `prpf info`"));
     }
-}
-
-/// A first SIGINT or SIGTERM ends the loop soon, a second one the program at once.
-fn listen_to_signals(interrupt: &Arc<AtomicBool>) -> anyhow::Result<()> {
-    for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
-        signal_hook::flag::register_conditional_shutdown(signal, i32::from(INTERRUPTED), interrupt.clone())
-            .and_then(|_| signal_hook::flag::register(signal, interrupt.clone()))
-            .context("listening to signals")?;
-    }
-    Ok(())
 }
 
 /// Reads the scene, showing how far it has come.
@@ -409,17 +374,6 @@ fn said(estimate: &ErrorEstimate, store: &Store) -> String {
 mod tests {
     use super::*;
     use crate::stats::Layout;
-
-    #[test]
-    fn outputs_that_cannot_be_written_are_refused_before_the_render() {
-        let folder = tempfile::tempdir().unwrap();
-        assert!(can_be_written(&folder.path().join("new.exr")).is_ok());
-        assert!(can_be_written(&folder.path().join("none/new.exr")).is_err());
-        assert!(can_be_written(folder.path()).is_err());
-        // A folder in which not even root may write.
-        #[cfg(target_os = "linux")]
-        assert!(can_be_written(Path::new("/proc/new.exr")).is_err());
-    }
 
     #[test]
     fn an_error_hidden_by_noise_is_said_to_be_below_a_limit() {

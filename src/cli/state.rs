@@ -55,17 +55,29 @@ impl StateOptions {
         Stream { seed, share: self.shard }
     }
 
+    /// Whether a state that is there will be replaced.
+    ///
+    /// # Errors
+    /// What is there is something else.
+    pub fn replaces_one(&self) -> anyhow::Result<bool> {
+        let Some(path) = self.state.as_deref().filter(|path| !self.resume && path.exists()) else {
+            return Ok(false);
+        };
+        let there = std::fs::metadata(path)?;
+        // Whoever makes a name for a temporary file makes an empty file.
+        Ok(there.is_file() && there.len() > 0 && state::check_kind(path).map(|()| true)?)
+    }
+
     /// Turns a budget of all shares into that of this one.
     pub fn budget(&self, budget: &mut Budget) -> anyhow::Result<()> {
         if let Some(spp) = &mut budget.spp {
-            let all = *spp;
-            *spp = self.shard.of_first(all);
+            let (all, most) = (*spp, spp.div_ceil(2));
             ensure!(
-                *spp > 0,
-                "--shard {}: found no samples for this share of {all} per pixel; accepted are at most {} shares",
+                self.shard.of() <= most,
+                "--shard {}: found shares without samples, of {all} per pixel; accepted are at most {most} shares",
                 self.shard,
-                all.div_ceil(2)
             );
+            *spp = self.shard.of_first(all);
         }
         Ok(())
     }

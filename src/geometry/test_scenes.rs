@@ -51,6 +51,7 @@ pub fn scene_of(shapes: Vec<Shape>) -> Scene {
     Scene {
         source: String::new(),
         hash: String::new(),
+        files: Vec::new(),
         origin: DVec3::ZERO,
         camera: Camera {
             to_render: AnimatedTransform::fixed(DAffine3::IDENTITY),

@@ -244,8 +244,8 @@ impl<'a> Director<'a> {
             Command::Set(change) => self.set(change, store),
             Command::Camera(step) => self.wishes.moves.push(step),
             Command::Favour(region) => {
+                self.wishes.region |= region != self.region;
                 self.region = region;
-                self.wishes.region = true;
             }
             Command::Restart => self.wishes.restart = true,
             Command::Save => self.wishes.save = true,
@@ -259,6 +259,9 @@ impl<'a> Director<'a> {
     fn set(&mut self, change: Change, store: &Store) {
         let mut settings = self.stage.settings.clone();
         let another_filter = change.apply(&mut settings);
+        if settings == self.stage.settings {
+            return;
+        }
         if reservoir_capacity(&settings) > store.capacity() {
             let (size, keeps) = ((store.width(), store.height()), self.stage.keeping.is_some());
             if let Err(no_room) = has_room(store.layout(), &settings, size, keeps) {

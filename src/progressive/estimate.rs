@@ -55,7 +55,7 @@ impl ErrorEstimate {
 
     /// Whether noise hides the error, so that `image` is not a measured figure.
     pub fn is_hidden(&self) -> bool {
-        self.image <= self.standard_error
+        self.image <= self.standard_error && self.at_most() > 0.0
     }
 
     /// The tiles' estimates at every pixel of an image of the size that they were made for: 1 plane.
@@ -112,7 +112,9 @@ impl ErrorEstimate {
             return None;
         }
         let image = sum / count as f64;
-        let standard_error = ((squares / count as f64 - image * image).max(0.0) / count as f64).sqrt();
+        let spread = ((squares / count as f64 - image * image).max(0.0) / count as f64).sqrt();
+        // One pixel alone says nothing of how far off it may be.
+        let standard_error = if count > 1 { spread } else { image.abs() };
         for (tile, &n) in tiles.plane_mut(0).iter_mut().zip(&tile_counts) {
             *tile = if n > 0 { *tile / n as f32 } else { image as f32 };
         }

@@ -39,6 +39,11 @@ impl Share {
         (1..=n).contains(&k).then(|| Self { index: k - 1, of: n })
     }
 
+    /// How many shares there are.
+    pub fn of(self) -> u32 {
+        self.of
+    }
+
     /// Index in the whole sequence of this share's sample with this index.
     #[inline]
     pub fn in_sequence(self, index: u32) -> u32 {

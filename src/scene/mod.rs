@@ -64,6 +64,8 @@ pub struct Scene {
     /// after its length (64-bit little endian), then of length and CRC-32 (little endian) of every mesh, image,
     /// spectrum and BRDF they name, in the order of their first names. Empty for scenes made in memory.
     pub hash: String,
+    /// Every file that it was read from. Empty for scenes made in memory.
+    pub files: Vec<std::path::PathBuf>,
     /// World position of render space's origin.
     pub origin: glam::DVec3,
     pub camera: Camera,

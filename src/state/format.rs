@@ -31,7 +31,7 @@ use crate::stats::{Layout, Part, Row, RowError, Store};
 /// Of the format; a state of another one is not read.
 pub const VERSION: u32 = 1;
 
-const MAGIC: &[u8; 8] = b"prpfstat";
+pub(super) const MAGIC: &[u8; 8] = b"prpfstat";
 /// Magic, version and the two lengths.
 const PREAMBLE: usize = 8 + 4 + 8 + 8;
 /// Bytes by which the headers of later states of a render may be longer than that of the first.

@@ -13,6 +13,8 @@ mod merge;
 mod npz;
 mod stream;
 
+use std::fs::File;
+use std::io::Read;
 use std::path::Path;
 
 pub use export::export;
@@ -40,6 +42,19 @@ pub struct State {
 pub struct StateError {
     pub path: std::path::PathBuf,
     pub problem: Problem,
+}
+
+/// Whether a file begins as states do.
+///
+/// # Errors
+/// A file that cannot be read, or that is something else.
+pub fn check_kind(path: &Path) -> Result<(), StateError> {
+    let begins = || {
+        let mut first = Vec::new();
+        File::open(path)?.take(format::MAGIC.len() as u64).read_to_end(&mut first)?;
+        if first == format::MAGIC { Ok(()) } else { Err(Problem::Foreign) }
+    };
+    begins().map_err(|problem| StateError { path: path.to_path_buf(), problem })
 }
 
 impl State {

@@ -329,6 +329,7 @@ impl Reader {
         }
         Scene {
             source: String::new(),
+            files: self.open.into_iter().chain(self.inclusions.into_keys()).chain(self.content).collect(),
             hash: self.digest.finalize().iter().map(|byte| format!("{byte:02x}")).collect(),
             origin: view.origin,
             camera: view.camera,

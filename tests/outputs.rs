@@ -1,0 +1,121 @@
+//! What a command replaces, and what it never does.
+
+mod command;
+
+use std::path::Path;
+
+use command::{command, prpf, refused};
+
+const SCENE: &str = r#"
+Film "rgb" "integer xresolution" 8 "integer yresolution" 8
+WorldBegin
+LightSource "infinite"
+Texture "t" "spectrum" "imagemap" "string filename" "texture.png"
+Material "diffuse" "texture reflectance" "t"
+Include "ball.pbrt"
+"#;
+
+/// A scene of three files.
+fn folder() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    std::fs::write(folder.path().join("scene.pbrt"), SCENE).expect("a file in it");
+    std::fs::write(folder.path().join("ball.pbrt"), "Translate 0 0 4 Shape \"sphere\"")
+        .expect("a file in it");
+    let white = prpf::image::Planes::new(2, 2, 3);
+    prpf::image::png_file::write(&folder.path().join("texture.png"), &white, 0.0).expect("an image");
+    folder
+}
+
+fn render<'a>(more: &[&'a str]) -> Vec<&'a str> {
+    [&["render", "scene.pbrt", "--spp", "2", "--quiet"], more].concat()
+}
+
+fn done(folder: &Path, arguments: &[&str]) -> String {
+    let output = prpf(folder, arguments);
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.success(), "{arguments:?}: {said}");
+    said
+}
+
+#[test]
+fn outputs_replace_neither_each_other_nor_what_is_read() {
+    let folder = folder();
+    let folder = folder.path();
+    let files = ["scene.pbrt", "ball.pbrt", "texture.png"];
+    let content = || files.map(|name| std::fs::read(folder.join(name)).expect("a file"));
+    let before = content();
+    std::fs::copy(folder.join("texture.png"), folder.join("reference.png")).expect("a copy");
+    for outputs in [
+        &["-o", "a.png", "--report", "scene.pbrt"] as &[&str],
+        &["-o", "a.png", "--report", "./ball.pbrt"],
+        &["-o", "texture.png"],
+        &["-o", "a.png", "--state", "texture.png"],
+        &["-o", "a.png", "--report", "a.png"],
+        &["-o", "a.png", "-o", "./a.png"],
+        &["-o", "reference.png", "--reference", "reference.png"],
+    ] {
+        let said = refused(folder, &render(outputs));
+        assert!(said.contains("the same file"), "{said}");
+        assert!(!folder.join("a.png").exists());
+    }
+    assert_eq!(content(), before);
+}
+
+#[test]
+fn a_state_that_is_there_is_replaced_with_a_word_and_anything_else_is_not() {
+    let folder = folder();
+    let folder = folder.path();
+    let loud = ["render", "scene.pbrt", "--spp", "2", "-o", "a.png", "--state", "a.state"];
+    // As from a script that asks the system for a name.
+    std::fs::write(folder.join("a.state"), "").expect("a file");
+    assert!(!done(folder, &loud).contains("replaces"));
+    assert!(done(folder, &loud).contains("--state replaces the state that is there"));
+    assert!(!done(folder, &[&loud[..], &["--resume"]].concat()).contains("replaces"));
+    let said = refused(folder, &render(&["-o", "a.png", "--state", "ball.pbrt"]));
+    assert!(said.contains("same file"), "{said}");
+    std::fs::write(folder.join("notes"), "of a year").expect("a file");
+    let said = refused(folder, &render(&["-o", "a.png", "--state", "notes"]));
+    assert!(said.contains("notes: found no render state"), "{said}");
+    assert_eq!(std::fs::read(folder.join("notes")).expect("a file"), b"of a year");
+}
+
+#[test]
+fn layers_are_asked_for_where_there_are_some() {
+    let folder = folder();
+    let folder = folder.path();
+    done(folder, &render(&["-o", "a.png", "--state", "a.state"]));
+    let denoise =
+        |outputs: &[&'static str]| [&["denoise", "a.state", "--layers", "Albedo,Ns"], outputs].concat();
+    assert!(refused(folder, &denoise(&["-o", "a.png"])).contains("-o FILE.exr"));
+    done(folder, &denoise(&["-o", "a.png", "-o", "a.exr", "--denoiser", "none"]));
+    let channels = prpf::image::exr_file::read_info(&folder.join("a.exr")).expect("an image").channels;
+    assert_eq!(channels, ["Albedo.B", "Albedo.G", "Albedo.R", "B", "G", "Ns.X", "Ns.Y", "Ns.Z", "R"]);
+}
+
+/// Before the first sample there is nothing to lose.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_signal_while_the_scene_is_read_ends_the_program_at_once() {
+    let folder = folder();
+    let folder = folder.path();
+    let many = "Shape \"sphere\"\n".repeat(2_000_000);
+    std::fs::write(folder.join("ball.pbrt"), many).expect("a file");
+    for (mode, expected) in [("render", 130), ("preview", 0)] {
+        let mut child =
+            command(folder, &[mode, "scene.pbrt", "-o", "a.png", "--quiet"]).spawn().expect("it starts");
+        // Until it listens to signals.
+        let status = format!("/proc/{}/status", child.id());
+        let listens = || {
+            let status = std::fs::read_to_string(&status).expect("a process");
+            let caught = status.lines().find_map(|line| line.strip_prefix("SigCgt:\t")).expect("a mask");
+            u64::from_str_radix(caught, 16).expect("a mask") & 1 << (signal_hook::consts::SIGTERM - 1) != 0
+        };
+        while !listens() {
+            std::thread::sleep(std::time::Duration::from_millis(1));
+        }
+        let sent = std::process::Command::new("kill").arg(child.id().to_string()).status();
+        assert!(sent.expect("a signal can be sent").success());
+        assert_eq!(child.wait().expect("a child ends").code(), Some(expected), "{mode}");
+        assert!(!folder.join("a.png").exists());
+    }
+}
