@@ -5,6 +5,7 @@
 
 mod account;
 mod batches;
+mod closing;
 mod cost;
 mod estimate;
 mod forecast;
@@ -286,3 +287,6 @@ impl<'a> Loop<'a> {
         self.schedule.next(self.elapsed(), self.store.drawn(), error)
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,121 @@
+//! Filter passes and what comes last, on loops that began some time ago.
+
+use std::path::Path;
+
+use super::cost::Cost;
+use super::*;
+use crate::adaptive::Sampling;
+use crate::filter::Quality;
+use crate::geometry::Accel;
+use crate::scene::pbrt::read_str;
+
+const SCENE: &str = r#"Film "rgb" "integer xresolution" [ 32 ] "integer yresolution" [ 32 ]
+    WorldBegin LightSource "infinite" Translate 0 0 4 Shape "sphere""#;
+const SLOW: Duration = Duration::from_millis(300);
+
+/// Finds maps, but slowly.
+struct SlowMaps;
+
+impl Observer for SlowMaps {
+    fn stepped(&mut self, _: Progress, _: &Arc<Store>) -> Flow {
+        Flow::GoOn
+    }
+
+    fn run_filter(&mut self, job: FilterJob) -> Option<Shown> {
+        let shown = job.run();
+        let maps_seconds = shown.maps_seconds.map(|seconds| {
+            std::thread::sleep(SLOW);
+            seconds + SLOW.as_secs_f64()
+        });
+        Some(Shown { maps_seconds, ..shown })
+    }
+}
+
+fn with_loop(seconds: f64, started: Instant, test: impl FnOnce(&mut Loop)) {
+    with_loop_of(32, seconds, started, test);
+}
+
+/// Calls a test with a loop of so many seconds that has two samples in each of `side`² pixels.
+fn with_loop_of(side: usize, seconds: f64, started: Instant, test: impl FnOnce(&mut Loop)) {
+    let scene = SCENE.replace("[ 32 ]", &format!("[ {side} ]"));
+    let scene = read_str(&scene, Path::new("")).expect("the test's scene is right");
+    let accel = Accel::build(&scene);
+    let settings =
+        Settings { budget: Budget { seconds: Some(seconds), ..Budget::default() }, ..Settings::default() };
+    let renderer = Renderer::new(&scene, &accel, 0);
+    let interrupt = AtomicBool::new(false);
+    let mut circle = Loop::new(&renderer, &settings, started, &interrupt, None);
+    let counts = vec![2; circle.store.pixels()];
+    renderer.render_batch(&counts, Arc::make_mut(&mut circle.store));
+    test(&mut circle);
+}
+
+#[test]
+fn what_reruns_find_for_the_next_batch_is_no_part_of_the_last_pass() {
+    with_loop(1e3, Instant::now(), |circle| {
+        circle.rehearse();
+        let before = circle.rehearsal.filter_seconds;
+        assert!(circle.rerun(Quality::Standard, &mut SlowMaps));
+        assert_ne!(circle.rehearsal.filter_seconds, before, "a whole pass tells more");
+        assert!(circle.rehearsal.filter_seconds < SLOW.as_secs_f64());
+        assert!(circle.schedule.closing() < SLOW.as_secs_f64());
+        assert!(circle.reruns > SLOW.as_secs_f64());
+    });
+}
+
+#[test]
+fn what_other_settings_took_says_nothing() {
+    with_loop(1e3, Instant::now(), |circle| {
+        circle.rehearse();
+        let uniform = Settings { sampling: Sampling::Uniform, ..circle.settings.clone() };
+        let adaptive = circle.settings.clone();
+        circle.change(&uniform);
+        assert!(circle.rerun(Quality::Draft, &mut SlowMaps));
+        assert_eq!(circle.maps_seconds, None, "no maps were made");
+        assert!(circle.interim_seconds.is_some());
+        circle.change(&adaptive);
+        assert_eq!(circle.interim_seconds, None);
+    });
+}
+
+/// As a state that another process left, where the clock has run on.
+#[test]
+fn a_last_pass_for_which_there_is_no_time_is_predicted_as_a_draft() {
+    let pixels = 32 * 32;
+    let [standard, draft] = [Quality::Standard, Quality::Draft]
+        .map(|quality| Cost::of((Denoiser::Prpf, quality)).seconds(pixels, false));
+    let started = Instant::now().checked_sub(Duration::from_secs(60)).expect("a clock that began earlier");
+    with_loop(60.0, started, |circle| {
+        assert_eq!(circle.schedule.closing(), standard);
+        circle.choose_unrehearsed();
+        assert_eq!(circle.hurried, Some(Hurried::Draft));
+        assert_eq!(circle.schedule.closing(), draft);
+        // More time, as a person may give.
+        let budget = Budget { seconds: Some(1e4), ..Budget::default() };
+        circle.change(&Settings { budget, ..circle.settings.clone() });
+        circle.choose_unrehearsed();
+        assert_eq!(circle.hurried, None);
+        assert_eq!(circle.schedule.closing(), standard);
+    });
+}
+
+/// On one thread, so that it takes as long on any machine.
+#[test]
+fn an_image_for_whose_draft_there_is_no_time_stays_unfiltered() {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a thread can be had");
+    let began = Duration::from_secs(20);
+    // A draft takes 0.37 of them.
+    for (seconds, expected) in [(20.1, Hurried::Unfiltered), (21.2, Hurried::Draft)] {
+        let started = Instant::now().checked_sub(began).expect("a clock that began earlier");
+        pool.install(|| {
+            with_loop_of(320, seconds, started, |circle| {
+                circle.choose_unrehearsed();
+                assert_eq!(circle.hurried, Some(expected), "{seconds}");
+                let outcome = circle.end(StoppedBy::Time, &mut |_: Progress| ());
+                let Ended::Finished(filtered, _) = outcome else { panic!() };
+                let mean = crate::filter::unfiltered(&circle.store).image;
+                assert_eq!(filtered.image == mean, expected == Hurried::Unfiltered);
+            });
+        });
+    }
+}
