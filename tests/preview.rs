@@ -362,6 +362,50 @@ fn two_fingers_move_the_picture_or_the_camera() {
 }
 
 #[test]
+fn the_mouse_pans_and_dollies_the_camera_and_else_the_picture() {
+    let Some(program) = chromium() else { return };
+    let (mut page, _render, _folder) = noting_page(program, [1024, 768]);
+    let middle = on_image(&mut page, [0.0, 0.0]);
+    let to = [middle[0] + 40.0, middle[1] - 30.0];
+    // In heights of the picture.
+    let sums = |page: &mut Page| {
+        let sums = page.value(
+            "(() => { const p = window.prpf.picture, h = p.size[1] * p.zoom; \
+             const sum = (f) => window.sent.reduce((a, m) => a + f(m), 0); \
+             return [sum((m) => m.pan?.[0] ?? 0) * h, sum((m) => m.pan?.[1] ?? 0) * h, \
+               sum((m) => m.dolly ?? 0) * h, sum((m) => m.orbit ? 1 : 0)]; })()",
+        );
+        [0, 1, 2, 3].map(|k| sums[k].as_f64().expect("a sum").round() as i32)
+    };
+    let moved = |page: &mut Page, sums_expected: [i32; 4]| {
+        let started = std::time::Instant::now();
+        while sums(page) != sums_expected {
+            assert!(started.elapsed().as_secs() < 20, "{:?} for {sums_expected:?}", sums(page));
+            std::thread::sleep(std::time::Duration::from_millis(20));
+        }
+    };
+    page.key("c");
+    page.drag_with(8, &[middle, to]);
+    moved(&mut page, [40, -30, 0, 0]);
+    page.drag_with(2, &[middle, to]);
+    moved(&mut page, [40, -30, 30, 0]);
+    let generation = page.value(GENERATION);
+    page.wheel(middle, -100.0);
+    page.wait("window.sent.filter((m) => m.dolly).length === 2");
+    page.wait(&format!("{GENERATION} > {generation}"));
+
+    page.key("q");
+    let zoom = page.value("window.prpf.picture.zoom").as_f64().expect("a number");
+    page.wheel(middle, -100.0);
+    page.wait(&format!("window.prpf.picture.zoom > {zoom}"));
+    let [x, y] = on_image(&mut page, [0.0, 0.0]);
+    // Wheels turn at whole pixels.
+    let kept = (x - middle[0]).abs() < 0.5 && (y - middle[1]).abs() < 0.5;
+    assert!(kept, "{x} {y} stays under the wheel");
+    assert_eq!(page.value("window.sent.filter((m) => m.dolly).length"), 2);
+}
+
+#[test]
 fn the_image_stands_beside_the_controls_on_a_phone_that_lies() {
     let Some(program) = chromium() else { return };
     let (mut page, _render, _folder) = noting_page(program, [812, 375]);

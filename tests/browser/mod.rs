@@ -151,9 +151,15 @@ impl Page {
 
     /// Presses the mouse at the first point, moves it over the others and lets go at the last.
     pub fn drag(&mut self, points: &[[f64; 2]]) {
+        self.drag_with(0, points);
+    }
+
+    /// The same while keys are held: 2 is Ctrl, 8 is Shift.
+    pub fn drag_with(&mut self, modifiers: u32, points: &[[f64; 2]]) {
         let mut mouse = |kind: &str, [x, y]: [f64; 2], buttons: u32| {
             let event = json!({
-                "type": kind, "x": x, "y": y, "button": "left", "buttons": buttons, "clickCount": 1
+                "type": kind, "x": x, "y": y, "button": "left", "buttons": buttons, "clickCount": 1,
+                "modifiers": modifiers
             });
             self.call("Input.dispatchMouseEvent", event);
         };
@@ -173,6 +179,12 @@ impl Page {
         touch("touchStart", &pairs[0]);
         pairs[1..].iter().for_each(|pair| touch("touchMove", pair));
         touch("touchEnd", &[]);
+    }
+
+    /// Turns the wheel over a point.
+    pub fn wheel(&mut self, [x, y]: [f64; 2], down: f64) {
+        let event = json!({ "type": "mouseWheel", "x": x, "y": y, "deltaX": 0, "deltaY": down });
+        self.call("Input.dispatchMouseEvent", event);
     }
 
     pub fn hover(&mut self, [x, y]: [f64; 2]) {
