@@ -14,7 +14,7 @@ use command::{command, prpf, refused};
 use common::SCENE;
 use prpf::filter::Quality;
 use prpf::geometry::Accel;
-use prpf::image::Planes;
+use prpf::image::{Planes, exr_file};
 use prpf::progressive::{Budget, Loop, Memory, Settings, StoppedBy};
 use prpf::render::{Renderer, Share};
 use prpf::scene::pbrt;
@@ -40,7 +40,7 @@ fn render<'a>(more: &[&'a str]) -> Vec<&'a str> {
 
 fn image(folder: &Path, name: &str) -> Planes {
     let channels = ["R", "G", "B", "Noisy.R", "SampleCount.X", "InterpolationFailure.X", "TileError.X"];
-    prpf::image::exr_file::read_channels(&folder.join(name), &channels).expect("an image")
+    exr_file::read_channels(&folder.join(name), &channels).expect("an image")
 }
 
 /// In the middle of batches, between them and at the end, with and without a reservoir.
@@ -204,8 +204,7 @@ fn a_finished_render_is_written_again_and_goes_on_with_a_larger_budget() {
     assert_eq!(image(folder, "b.exr"), image(folder, "a.exr"));
     assert_eq!(image(folder, "c.exr"), image(folder, "a.exr"));
     done(folder, &with(&["--spp", "12", "-o", "d.exr"]));
-    let counts =
-        prpf::image::exr_file::read_channels(&folder.join("d.exr"), &["SampleCount.X"]).expect("counts");
+    let counts = exr_file::read_channels(&folder.join("d.exr"), &["SampleCount.X"]).expect("counts");
     assert_eq!(counts.data().iter().sum::<f32>(), 12.0 * 48.0 * 48.0);
 }
 
@@ -394,24 +393,35 @@ fn a_render_that_is_looked_at_keeps_its_state_and_ends_in_the_same_image() {
     std::fs::remove_file(folder.join("out.exr")).expect("an image");
     // Nothing is left to render of a smaller budget, and what there is has been taken over.
     done(folder, &[&["render", "scene.pbrt", "--spp", "8", "--quiet"], &live[5..]].concat());
-    let counts =
-        prpf::image::exr_file::read_channels(&folder.join("out.exr"), &["SampleCount.X"]).expect("counts");
+    let counts = exr_file::read_channels(&folder.join("out.exr"), &["SampleCount.X"]).expect("counts");
     assert_eq!(counts.data().iter().sum::<f32>(), 40.0 * 48.0 * 48.0, "looked at again");
 }
 
-/// Opens a preview, and closes it as soon as there is a state.
+/// Interrupts a command as soon as there is a state; the status that it ends with.
 #[cfg(unix)]
-fn preview_closed_early(folder: &Path, spp: &str) {
-    let arguments =
-        ["preview", "scene.pbrt", "--spp", spp, "--state", "a.state", "--state-every", "30ms", "--quiet"];
-    let mut child = command(folder, &arguments).spawn().expect("the program starts");
+fn interrupted(folder: &Path, arguments: &[&str]) -> Option<i32> {
+    let state = ["--state", "a.state", "--state-every", "30ms", "--quiet"];
+    let mut child = command(folder, &[arguments, &state[..]].concat()).spawn().expect("the program starts");
     while !folder.join("a.state").exists() {
         assert!(child.try_wait().expect("a child").is_none(), "it goes on");
         std::thread::sleep(Duration::from_millis(2));
     }
     let interrupt = Command::new("kill").args(["-INT", &child.id().to_string()]).status();
     assert!(interrupt.expect("a signal can be sent").success());
-    assert_eq!(child.wait().expect("a child ends").code(), Some(0));
+    child.wait().expect("a child ends").code()
+}
+
+#[cfg(unix)]
+#[test]
+fn a_render_that_is_looked_at_ends_with_an_image_when_interrupted() {
+    let folder = folder();
+    let folder = folder.path();
+    let render = ["render", "scene.pbrt", "--preview", "--spp", "2000000", "-o", "out.exr"];
+    assert_eq!(interrupted(folder, &render), Some(130));
+    let state = State::read(&folder.join("a.state")).expect("a state");
+    let counts = exr_file::read_channels(&folder.join("out.exr"), &["SampleCount.X"]).expect("counts");
+    let samples = counts.data().iter().map(|&n| f64::from(n)).sum::<f64>();
+    assert!(samples > 0.0 && samples == state.memory.store.samples() as f64, "both are of the end");
 }
 
 #[cfg(unix)]
@@ -419,7 +429,7 @@ fn preview_closed_early(folder: &Path, spp: &str) {
 fn a_preview_that_is_closed_leaves_what_it_has_rendered() {
     let folder = folder();
     let folder = folder.path();
-    preview_closed_early(folder, "0");
+    assert_eq!(interrupted(folder, &["preview", "scene.pbrt", "--spp", "0"]), Some(0));
     let state = State::read(&folder.join("a.state")).expect("a state");
     assert!(state.memory.store.samples() > 0);
 }
@@ -430,7 +440,7 @@ fn a_preview_that_is_closed_within_a_batch_is_gone_on_with_to_the_same_image() {
     let folder = folder();
     let folder = folder.path();
     done(folder, &render(&["-o", "whole.exr"]));
-    preview_closed_early(folder, SPP);
+    assert_eq!(interrupted(folder, &["preview", "scene.pbrt", "--spp", SPP]), Some(0));
     done(folder, &render(&["--state", "a.state", "--resume", "-o", "out.exr"]));
     assert!(image(folder, "out.exr") == image(folder, "whole.exr"));
 }
