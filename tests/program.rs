@@ -166,7 +166,7 @@ fn a_wrong_scene_gets_one_line_with_its_place() {
 #[test]
 fn wrong_command_lines_exit_with_2_and_say_what_is_accepted() {
     let folder = folder_with(SCENE);
-    let cases: [(&[&str], &str); 19] = [
+    let cases: [(&[&str], &str); 20] = [
         (&["render", "scene.pbrt", "--foo"], "found `--foo`"),
         (&["render", "scene.pbrt", "--qualty", "draft"], "`--quality`"),
         (&["render", "scene.pbrt", "--spp", "many"], "whole number"),
@@ -186,6 +186,7 @@ fn wrong_command_lines_exit_with_2_and_say_what_is_accepted() {
         (&["render", "scene.pbrt", "--resolution", "0x0"], "WIDTHxHEIGHT"),
         (&["render", "scene.pbrt", "--reference", "none.exr"], "none.exr"),
         (&["info", "missing.pbrt"], "missing.pbrt"),
+        (&["merge", "a.state", "-o", "b.state"], "found 1, and at least 2 are needed"),
     ];
     for (arguments, expected) in cases {
         let said = refused(folder.path(), arguments);

@@ -26,6 +26,11 @@ pub(super) fn one_line(error: &Error) -> String {
         (ErrorKind::ArgumentConflict, _) => {
             format!("found `{argument}` more often than once, or with another")
         }
+        (ErrorKind::TooFewValues, _) => {
+            let number = |kind| text(kind).unwrap_or_default();
+            let (found, least) = (number(ContextKind::ActualNumValues), number(ContextKind::MinValues));
+            format!("{argument}: found {found}, and at least {least} are needed")
+        }
         (_, Some(value)) => format!("{argument}: found `{value}`"),
         (ErrorKind::InvalidValue, None) => format!("{argument}: found no value"),
         _ => error.kind().to_string(),
