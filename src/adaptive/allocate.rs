@@ -113,6 +113,13 @@ fn targets(priority: &[f32], have: &[u32], pairs: f64, ceiling: impl Fn(usize) -
         }
         high *= 2.0;
     }
+    // Priorities may be of any size.
+    for _ in 0..128 {
+        if sum(0.5 * high) < pairs {
+            break;
+        }
+        high *= 0.5;
+    }
     let mut low = 0.0;
     for _ in 0..BISECTIONS {
         let middle = 0.5 * (low + high);
@@ -184,6 +191,17 @@ mod tests {
         // 85 % follow the priorities, 15 % go to all alike.
         let ratio = mean(false) / mean(true);
         assert!(ratio > 2.2 && ratio < 3.0, "{ratio}");
+    }
+
+    #[test]
+    fn priorities_of_any_size_are_shares() {
+        for size in [1e-30, 1e-12, 1.0, 1e12, 1e30] {
+            let targets = targets(&[size, 3.0 * size], &[0, 0], 8.0, |_| 100.0);
+            assert!(
+                (targets[0] - 2.0).abs() < 1e-6 && (targets[1] - 6.0).abs() < 1e-6,
+                "{size}: {targets:?}"
+            );
+        }
     }
 
     #[test]

@@ -37,7 +37,8 @@ impl Brightness {
         let values = image.data();
         let level = values.iter().map(|&v| f64::from(v)).sum::<f64>() / values.len().max(1) as f64;
         let level = (level as f32).max(f32::MIN_POSITIVE.sqrt());
-        let floor = RELATIVE_FLOOR * level * level;
+        // Nothing is fainter than what has an inverse, or its weight would be infinite.
+        let floor = (RELATIVE_FLOOR * level * level).max(f32::MIN_POSITIVE);
         let mut weight = image.clone();
         weight.data_mut().par_iter_mut().with_min_len(1024).for_each(|v| *v = 1.0 / (*v * *v + floor));
         Self { weight, black: BLACK * level }

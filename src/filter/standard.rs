@@ -132,8 +132,8 @@ pub fn filter(store: &Store, settings: &StandardSettings) -> Filtered {
 
     let (noisy, clamped) = Halves::without_outliers(store, layout.colour(), &counts, &settings.outliers);
     let normal = read(Block::Normal1).map(|normal| filter_feature(&normal, settings));
-    let albedo =
-        read(Block::Albedo).map(|albedo| floored(filter_feature(&albedo, settings), settings.albedo_floor));
+    let albedo = read(Block::Albedo)
+        .map(|albedo| within_reason(filter_feature(&albedo, settings), settings.albedo_floor));
     let noisy_emission = read(Block::Emission);
 
     let mut colour = filter_colour(&noisy, normal.as_ref(), albedo.as_ref(), settings);
@@ -330,8 +330,11 @@ fn add(sum: &mut Planes, term: &Planes) {
     sum.data_mut().iter_mut().zip(term.data()).for_each(|(sum, &v)| *sum += v);
 }
 
-fn floored(mut halves: [Planes; 2], floor: f32) -> [Planes; 2] {
-    halves.iter_mut().flat_map(Planes::data_mut).for_each(|v| *v = v.max(floor));
+/// Albedos in a range by which can be divided, and multiplied again. No surface comes near its upper end; with it
+/// squares of the brightest colours are still numbers.
+fn within_reason(mut halves: [Planes; 2], floor: f32) -> [Planes; 2] {
+    const LARGEST: f32 = 64.0;
+    halves.iter_mut().flat_map(Planes::data_mut).for_each(|v| *v = v.clamp(floor, LARGEST));
     halves
 }
 

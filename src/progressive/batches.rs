@@ -37,12 +37,13 @@ impl Loop<'_> {
     /// Decides where so many samples go.
     fn spread(&mut self, total: u64) -> Allocation {
         let started = Instant::now();
-        let counts = self.store.counts(Part::Whole);
+        // Those that were rejected count: a pixel that rejects all of them must not hold up the others.
+        let drawn = self.store.next_indices();
         let floor = self.settings.min_spp.min(self.settings.max_spp);
         let priority = match (self.settings.sampling, &self.rerun) {
-            (Sampling::Adaptive, Some(rerun)) if counts.iter().all(|&n| n >= floor) => {
+            (Sampling::Adaptive, Some(rerun)) if drawn.iter().all(|&n| n >= floor) => {
                 let maps = Maps {
-                    counts: &counts,
+                    counts: &self.store.counts(Part::Whole),
                     image: &rerun.image,
                     filtered_variance: &rerun.variance,
                     raw_variance: &filter::variance_of_mean(&self.store),
@@ -61,11 +62,11 @@ impl Loop<'_> {
         };
         let width = self.store.width();
         // First of all, the whole is an image.
-        let favoured = self.favoured.filter(|_| counts.iter().all(|&n| n > 0)).and_then(|region| {
-            let share = region.share(&counts, width, total, &self.settings)?;
-            Some(share.allocate(&counts, priority.as_deref(), spread))
+        let favoured = self.favoured.filter(|_| drawn.iter().all(|&n| n > 0)).and_then(|region| {
+            let share = region.share(&drawn, width, total, &self.settings)?;
+            Some(share.allocate(&drawn, priority.as_deref(), spread))
         });
-        let allocation = favoured.unwrap_or_else(|| spread(priority.as_deref(), &counts, width, total));
+        let allocation = favoured.unwrap_or_else(|| spread(priority.as_deref(), &drawn, width, total));
         self.seconds.allocate += started.elapsed().as_secs_f64();
         allocation
     }

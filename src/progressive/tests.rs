@@ -8,6 +8,7 @@ use crate::adaptive::Sampling;
 use crate::filter::Quality;
 use crate::geometry::Accel;
 use crate::scene::pbrt::read_str;
+use crate::stats::Block;
 
 const SCENE: &str = r#"Film "rgb" "integer xresolution" [ 32 ] "integer yresolution" [ 32 ]
     WorldBegin LightSource "infinite" Translate 0 0 4 Shape "sphere""#;
@@ -118,4 +119,34 @@ fn an_image_for_whose_draft_there_is_no_time_stays_unfiltered() {
             });
         });
     }
+}
+
+/// As where a lamp is seen that is too bright for the statistics.
+#[test]
+fn pixels_that_reject_all_their_samples_do_not_make_the_others_uniform() {
+    with_loop(1e3, Instant::now(), |circle| {
+        let layout = circle.store.layout().clone();
+        let (width, height) = (circle.store.width(), circle.store.height());
+        let mut store = Store::new(width, height, layout.clone(), 0, 0);
+        for i in 0..8 * width * height {
+            let pixel = i / 8;
+            let mut sample = vec![0.0; layout.len()];
+            // Noise in the left half, a pixel without a number in the right.
+            let noise =
+                if pixel % width < width / 2 { (i.wrapping_mul(2_654_435_761) >> 9 & 7) as f32 } else { 2.0 };
+            layout.write(&mut sample, Block::Colour, &[if pixel == width - 1 { f32::NAN } else { noise }; 3]);
+            layout.write(&mut sample, Block::Radiance, &[noise; 3]);
+            store.push(pixel % width, pixel / width, &sample);
+        }
+        assert_eq!(store.rejected(), 8);
+        circle.store = Arc::new(store);
+        assert!(circle.rerun(Quality::Draft, &mut |_: Progress| ()));
+        let batch = circle.allocate(Plan { samples: 8 * (width * height) as u64, last: false });
+        let of_half = |first: usize| -> u32 {
+            let rows = batch.allocation.counts.chunks(width);
+            rows.map(|row| row[first..][..width / 2].iter().sum::<u32>()).sum()
+        };
+        let [left, right] = [0, width / 2].map(of_half);
+        assert!(left > 2 * right, "{left} {right}");
+    });
 }

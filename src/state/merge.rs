@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::{State, Stream};
 use crate::progressive::Memory;
 use crate::render::Share;
-use crate::stats::{Layout, Store};
+use crate::stats::Layout;
 
 /// Why two states cannot be added.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -27,7 +27,7 @@ pub struct Merge {
 
 impl Merge {
     pub fn new(first: State) -> Self {
-        let drawn = vec![drawn(&first.memory.store)];
+        let drawn = vec![first.memory.store.next_indices()];
         Self { state: first, drawn }
     }
 
@@ -52,8 +52,8 @@ impl Merge {
         if let Some((ours, theirs)) = pairs.find(|(a, b)| a.overlaps(*b)) {
             return Err(MergeError::Overlap(theirs, ours));
         }
-        let theirs_drawn = drawn(theirs);
-        if !can_be_added(&drawn(ours), &theirs_drawn) {
+        let theirs_drawn = theirs.next_indices();
+        if !can_be_added(&ours.next_indices(), &theirs_drawn) {
             return Err(MergeError::TooMany);
         }
         self.drawn.push(theirs_drawn);
@@ -84,11 +84,6 @@ impl Merge {
         }
         self.state
     }
-}
-
-fn drawn(store: &Store) -> Vec<u32> {
-    let width = store.width();
-    store.rows().iter().flat_map(|row| (0..width).map(|x| row.next_index(x))).collect()
 }
 
 fn can_be_added(ours: &[u32], theirs: &[u32]) -> bool {

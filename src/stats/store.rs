@@ -135,7 +135,7 @@ impl Store {
     /// Adds another store's samples. The streams must be independent (other seeds) or disjoint.
     ///
     /// # Panics
-    /// If sizes, layouts or capacities differ.
+    /// If sizes, layouts or capacities differ, or a pixel would have more samples than can be counted.
     pub fn merge(&mut self, other: &Self) {
         assert!(
             self.width == other.width
@@ -160,6 +160,11 @@ impl Store {
     /// Samples of the whole image, rejected ones included.
     pub fn drawn(&self) -> u64 {
         self.sum(|row| row.drawn.iter().map(|&n| u64::from(n)).sum())
+    }
+
+    /// Samples of each pixel, rejected ones included: the addresses of their next ones.
+    pub fn next_indices(&self) -> Vec<u32> {
+        self.rows.iter().flat_map(|row| &row.drawn[..self.width]).copied().collect()
     }
 
     fn sum(&self, of_row: impl Fn(&Row) -> u64 + Send + Sync) -> u64 {
@@ -277,7 +282,9 @@ impl Row {
         for lane in (0..BLOCK).filter(|lane| present >> lane & 1 == 1) {
             let x = first + lane;
             let index = self.drawn[x];
-            self.drawn[x] = index.saturating_add(1);
+            // What cannot be counted is not taken in.
+            let Some(next) = index.checked_add(1) else { continue };
+            self.drawn[x] = next;
             if sound >> lane & 1 == 0 {
                 self.rejected[x] += 1;
                 continue;
@@ -378,7 +385,9 @@ impl Row {
                 let m = a.merge(b);
                 (half.mean[i], half.m2[i]) = (m.mean, m.m2);
             }
-            half.count.iter_mut().zip(&other.count).for_each(|(a, b)| *a += b);
+            for (a, b) in half.count.iter_mut().zip(&other.count) {
+                *a = a.checked_add(*b).expect("the number of a pixel's samples is a u32");
+            }
         }
     }
 

@@ -2,7 +2,7 @@
 
 use super::super::synthetic;
 use super::*;
-use crate::stats::{Layout, Part};
+use crate::stats::{LARGEST_VALUE, Layout, Part};
 use rand::RngExt;
 use rand_pcg::Pcg32;
 
@@ -150,6 +150,38 @@ fn an_outliers_light_goes_to_surfaces_black_ones_too_and_not_to_the_sky() {
         assert!(of_sky < 1e-4, "the sky is as it was, but for {of_sky}");
         assert!(without.at(0, shadow - 6, 32) < 1e-3);
         assert!(change(shadow - 6, 32) > 1e-3, "a black surface may be one that light rarely reaches");
+    }
+}
+
+fn assert_finite(filtered: &Filtered, what: f32) {
+    let Filtered { image, halves: [a, b], residual, variance, error, .. } = filtered;
+    for planes in [image, a, b, residual, variance, error] {
+        assert!(planes.data().iter().all(|v| v.is_finite()), "{what}");
+    }
+}
+
+#[test]
+fn the_faintest_images_stay_finite() {
+    for radiance in [1e-45, 1e-40, 1e-30, 1e-22, 1e-21, 1e-20, 5e-20, 1e-18, 1e-15] {
+        let store = noisy_wall(24, 17, 8, |x, _| if x < 12 { radiance } else { 2.0 * radiance });
+        both().iter().for_each(|settings| assert_finite(&filter(&store, settings), radiance));
+    }
+}
+
+#[test]
+fn the_largest_values_that_a_store_takes_stay_finite() {
+    let layout = Layout::with_blocks(|_| true);
+    for largest in [1e9, 1e12, LARGEST_VALUE] {
+        let sample = |x, y, _, rng: &mut Pcg32| {
+            let any = |rng: &mut Pcg32| if rng.random() { largest * rng.random::<f32>() } else { 0.0 };
+            let mut sample = synthetic::wall(&layout, x, y, [0; 3].map(|_| any(rng)), rng);
+            layout.write(&mut sample, Block::Albedo, &[0; 3].map(|_| any(rng)));
+            layout.write(&mut sample, Block::Emission, &[0; 3].map(|_| any(rng)));
+            sample
+        };
+        let store = synthetic::store(24, 17, layout.clone(), |_, _| 8, sample);
+        assert_eq!(store.rejected(), 0);
+        both().iter().for_each(|settings| assert_finite(&filter(&store, settings), largest));
     }
 }
 

@@ -116,15 +116,25 @@ impl Row {
             return Err(RowError::Counts);
         }
         let largest = ROUNDING * f64::from(LARGEST_VALUE);
+        let mut is_radiance = vec![false; self.dims];
+        self.radiance.iter().for_each(|&dim| is_radiance[dim] = true);
         let possible = |half: &HalfRow| {
-            let each =
-                half.mean.iter().zip(&half.m2).enumerate().map(|(i, moments)| (i % self.stride, moments));
-            each.filter(|(x, _)| *x < self.width).all(|(x, (mean, m2))| {
-                let most = f64::from(half.count[x]) * largest * largest;
-                mean.abs() <= largest && (0.0..=most).contains(m2)
+            let planes =
+                half.mean.chunks_exact(self.stride.max(1)).zip(half.m2.chunks_exact(self.stride.max(1)));
+            planes.zip(&is_radiance).all(|((means, m2s), &is_radiance)| {
+                means.iter().zip(m2s).zip(&half.count[..self.width]).all(|((&mean, m2), &count)| {
+                    let most = if count == 0 { 0.0 } else { largest };
+                    let least = if is_radiance { 0.0 } else { -most };
+                    (least..=most).contains(&mean)
+                        && (0.0..=f64::from(count) * largest * largest).contains(m2)
+                })
             })
         };
-        if !self.halves.iter().all(possible) || !self.reservoir.iter().all(|v| v.abs() <= LARGEST_VALUE) {
+        let kept = |sample: &[f32]| {
+            let values = sample.iter().zip(&is_radiance);
+            values.into_iter().all(|(v, &is_radiance)| v.abs() <= LARGEST_VALUE && !(is_radiance && *v < 0.0))
+        };
+        if !self.halves.iter().all(possible) || !self.reservoir.chunks(self.dims.max(1)).all(kept) {
             return Err(RowError::Values);
         }
         Ok(())

@@ -260,6 +260,11 @@ fn a_row_comes_back_from_its_bytes_and_bytes_that_no_samples_led_to_are_refused(
         assert_eq!(values(means + planes - 8, bad), Err(RowError::Values), "last mean {bad}");
     }
     assert_eq!(values(means, -1.4e15), Ok(()), "room for rounding");
+    let radiance = layout.radiance().start;
+    assert_eq!(values(means + 8 * radiance * WIDTH, -1e-9), Err(RowError::Values), "negative radiance");
+    let kept = len - 4 * (layout.len() - radiance);
+    let negative = read(&|bytes| bytes[kept..kept + 4].copy_from_slice(&(-1f32).to_le_bytes()));
+    assert_eq!(negative, Err(RowError::Values), "negative radiance in a sample that is kept");
     // Three samples in each half: 3·(1.5·10¹⁵)².
     for bad in [f64::NAN, f64::INFINITY, -1e-9, 6.8e30] {
         assert_eq!(values(means + planes, bad), Err(RowError::Values), "deviation {bad}");
