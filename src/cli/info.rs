@@ -7,7 +7,7 @@ use clap::Args;
 use super::Failure;
 use super::report::dimension_names;
 use crate::progressive::RESERVOIR;
-use crate::scene::{Integrator, Light, Scene, Shape, TextureImage, pbrt};
+use crate::scene::{Integrator, Light, Scene, Shape, pbrt};
 use crate::stats::{Group, Layout, Store};
 
 /// `prpf info`.
@@ -43,7 +43,7 @@ fn describe(scene: &Scene) -> String {
     let megabytes = (bytes * (x1 - x0) * (y1 - y0)) as f64 / 1e6;
     let (stored, instanced) = triangles(scene);
     let images = scene.textures.images();
-    let image_bytes: usize = images.iter().map(TextureImage::memory_bytes).sum();
+    let image_bytes: usize = images.iter().map(|image| image.memory_bytes()).sum();
     let mesh_bytes: usize = scene.primitives.iter().map(|p| p.shape.memory_bytes()).sum();
     let emissive = scene.primitives.iter().filter(|p| p.area_light.is_some()).count();
     let environments = scene.lights.iter().filter(|l| matches!(l, Light::Environment(_))).count();

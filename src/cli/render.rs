@@ -127,11 +127,10 @@ fn run_in_pool(
         display = preview::display(&hub, options.display_server.as_deref(), &scene, warn)?;
         let stage = Stage {
             scene: &scene,
-            accel: &accel,
+            renderer: &renderer,
             settings: settings.clone(),
             reference: reference.as_ref(),
             closing: Some(&rehearse),
-            share: stream.share,
             keeping,
             resumed,
             start,

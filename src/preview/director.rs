@@ -77,13 +77,12 @@ impl<'a> Director<'a> {
     pub fn run(mut self) -> Option<Outcome> {
         let mut start = self.stage.start;
         loop {
-            let (scene, accel) = (self.stage.scene, self.stage.accel);
+            let scene = self.stage.scene;
             let camera = self.rig.as_ref().map_or(&scene.camera, Rig::camera);
-            let renderer = Renderer::with_camera(scene, camera, accel, self.stage.settings.seed)
-                .of_share(self.stage.share);
+            let renderer = self.stage.renderer.with_camera(camera);
             let rig = self.rig.take().unwrap_or_else(|| {
                 let (width, height) = renderer.resolution();
-                let seen = renderer.seen_at(accel, width / 2, height / 2).map(|p| p.as_dvec3());
+                let seen = renderer.seen_at(width / 2, height / 2).map(|p| p.as_dvec3());
                 Rig::new(&scene.camera, seen, f64::from(renderer.diameter()) / 2.0)
             });
             self.rig = Some(rig);
@@ -195,7 +194,7 @@ impl<'a> Director<'a> {
                     .focus_at
                     .map(|[x, y]| [x as usize, y as usize])
                     .filter(|[x, y]| *x < width && *y < height);
-                let seen = inside.and_then(|[x, y]| renderer.seen_at(self.stage.accel, x, y));
+                let seen = inside.and_then(|[x, y]| renderer.seen_at(x, y));
                 if step.focus_at.is_some() && seen.is_none() {
                     self.reporter.notice("nothing there to focus on".to_owned(), true);
                 }

@@ -5,10 +5,9 @@ use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
 use crate::filter::Filtered;
-use crate::geometry::Accel;
 use crate::image::Planes;
 use crate::progressive::{Closing, Keep, Memory, Progress, Settings};
-use crate::render::Share;
+use crate::render::Renderer;
 use crate::scene::Scene;
 use crate::stats::Store;
 
@@ -27,13 +26,12 @@ pub type Save<'a> = Box<dyn FnMut(&Picture) -> Result<Vec<PathBuf>, String> + 'a
 /// What a render is directed by from the start.
 pub struct Stage<'a> {
     pub scene: &'a Scene,
-    pub accel: &'a Accel<'a>,
+    /// Of the scene's own camera.
+    pub renderer: &'a Renderer<'a>,
     pub settings: Settings,
     pub reference: Option<&'a Planes>,
     /// What is done with the image at the end, for the loop to rehearse.
     pub closing: Option<Closing<'a>>,
-    /// Which of a pixel's samples are rendered.
-    pub share: Share,
     /// Seconds from one memory that is kept to the next, and what keeps it, until the camera is moved: the
     /// samples of another view would not be the scene's.
     pub keeping: Option<(f64, Keep<'a>)>,

@@ -16,10 +16,13 @@ mod sampler;
 mod share;
 mod sphere_map;
 
+use std::sync::Arc;
+
 use rayon::prelude::*;
 
 use self::camera::CameraRays;
 use self::integrator::{PathTracer, Wavefront};
+use self::lights::Lights;
 use self::pixel_filter::FilterSampler;
 use self::record::Records;
 use self::sampler::{Addresses, Independent, Sobol, Source};
@@ -61,12 +64,23 @@ impl<'s> Renderer<'s> {
     /// Prepares what all batches share: light tables, and the layout that the scene's effects call
     /// for. Everything random follows from `seed`.
     pub fn new(scene: &'s Scene, accel: &'s Accel<'s>, seed: u64) -> Self {
-        Self::with_camera(scene, &scene.camera, accel, seed)
+        Self::of(scene, accel, Arc::new(Lights::new(scene)), &scene.camera, seed)
     }
 
     /// The same, seen through another camera; its lens may bring the effect of depth of field or take
     /// it away.
-    pub fn with_camera(scene: &'s Scene, camera: &Camera, accel: &'s Accel<'s>, seed: u64) -> Self {
+    pub fn with_camera(&self, camera: &Camera) -> Self {
+        let PathTracer { scene, accel, lights, .. } = &self.tracer;
+        Self::of(scene, accel, lights.clone(), camera, self.seed).of_share(self.share)
+    }
+
+    fn of(
+        scene: &'s Scene,
+        accel: &'s Accel<'s>,
+        lights: Arc<Lights<'s>>,
+        camera: &Camera,
+        seed: u64,
+    ) -> Self {
         let effects = Effects { lens: camera.lens_radius > 0.0, ..scene.effects() };
         let layout = Layout::for_effects(&effects);
         let [x0, x1, y0, y1] = scene.film.pixel_bounds;
@@ -79,7 +93,7 @@ impl<'s> Renderer<'s> {
             exposure: scene.film.scale,
             filter: FilterSampler::new(&scene.film.filter),
             camera: CameraRays::new(camera, &scene.film),
-            tracer: PathTracer::new(scene, accel, &effects, &layout),
+            tracer: PathTracer::new(scene, accel, lights, &effects, &layout),
             alive: Records::alive(&layout),
             layout,
         }
@@ -107,10 +121,10 @@ impl<'s> Renderer<'s> {
 
     /// The nearest surface seen through the middle of a pixel of [`Self::resolution`], from the middle
     /// of the lens when the shutter opens: where it is in render space.
-    pub fn seen_at(&self, accel: &Accel, x: usize, y: usize) -> Option<glam::Vec3> {
+    pub fn seen_at(&self, x: usize, y: usize) -> Option<glam::Vec3> {
         let film = glam::Vec2::new((x + self.corner[0]) as f32 + 0.5, (y + self.corner[1]) as f32 + 0.5);
         let ray = self.camera.ray(film, glam::Vec2::splat(0.5), 0.0);
-        accel.intersect(&ray).map(|hit| ray.origin + hit.t * ray.direction)
+        self.tracer.accel.intersect(&ray).map(|hit| ray.origin + hit.t * ray.direction)
     }
 
     /// Renders `counts[pixel]` more samples into every pixel, row by row over the film's pixel

@@ -86,7 +86,7 @@ pub struct Portal {
 }
 
 /// How an image wraps around the sphere of directions of light space.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum EnvironmentMap {
     /// Latitude-longitude, z up, as pbrt-v2 and v3 read them.
     LatLong(ImageId),

@@ -7,7 +7,6 @@ use crate::adaptive::Sampling;
 use crate::geometry::Accel;
 use crate::preview::protocol::Move;
 use crate::progressive::{Budget, Denoiser, Memory, Settings};
-use crate::render::Share;
 use crate::scene::pbrt;
 
 const SIDE: u64 = 48;
@@ -35,16 +34,16 @@ fn directed_by(settings: &Settings, stays: bool, moments: Moments) -> Option<Out
     let text = include_str!("../../../experiments/stability/cases/noisy.pbrt");
     let scene = pbrt::read_str(text, Path::new(".")).unwrap();
     let accel = Accel::build(&scene);
+    let renderer = Renderer::new(&scene, &accel, settings.seed);
     let hub = Arc::new(Hub::default());
     let interrupt = Arc::new(AtomicBool::new(false));
     let keep = |settings: &Settings, memory: Memory| (moments.kept)(settings, memory, &hub);
     let stage = Stage {
         scene: &scene,
-        accel: &accel,
+        renderer: &renderer,
         settings: settings.clone(),
         reference: None,
         closing: None,
-        share: Share::WHOLE,
         keeping: Some((0.0, &keep)),
         resumed: None,
         start: Instant::now(),

@@ -10,6 +10,8 @@ mod flights;
 mod path;
 mod shade;
 
+use std::sync::Arc;
+
 use crate::geometry::{Accel, SurfacePoint};
 use crate::scene::material::{Metal, Roughness};
 use crate::scene::{Effects, Integrator, Material, MaterialKind, Primitive, Scene, Shape};
@@ -24,9 +26,9 @@ pub use path::Wavefront;
 
 /// Traces paths through one scene. See the module.
 pub struct PathTracer<'s> {
-    scene: &'s Scene,
-    accel: &'s Accel<'s>,
-    lights: Lights<'s>,
+    pub(super) scene: &'s Scene,
+    pub(super) accel: &'s Accel<'s>,
+    pub(super) lights: Arc<Lights<'s>>,
     dimensions: Dimensions,
     rules: Rules,
     /// Paths go on from where they scatter.
@@ -45,9 +47,14 @@ pub struct PathTracer<'s> {
 
 impl<'s> PathTracer<'s> {
     /// `effects`: what `layout` was made for.
-    pub fn new(scene: &'s Scene, accel: &'s Accel<'s>, effects: &Effects, layout: &Layout) -> Self {
+    pub fn new(
+        scene: &'s Scene,
+        accel: &'s Accel<'s>,
+        lights: Arc<Lights<'s>>,
+        effects: &Effects,
+        layout: &Layout,
+    ) -> Self {
         let diameter = diameter(accel);
-        let lights = Lights::new(scene);
         let (max_depth, direct_only) = match scene.integrator {
             Integrator::Path { max_depth } => (max_depth, false),
             Integrator::Direct { max_depth } => (max_depth, true),

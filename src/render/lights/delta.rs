@@ -5,10 +5,11 @@ use glam::Vec3;
 
 use super::bounds::LightBounds;
 use super::choice::Reach;
+use super::images::LightImages;
 use super::projected::ProjectedImage;
 use super::{LightSample, brightness};
+use crate::scene::Light;
 use crate::scene::light::SpotFalloff;
-use crate::scene::{Light, Textures};
 
 /// A light at a point, or a distant one.
 pub enum DeltaLight {
@@ -34,7 +35,7 @@ pub struct Cone {
 impl DeltaLight {
     /// # Panics
     /// For an environment, which has an extent.
-    pub fn new(textures: &Textures, light: &Light) -> Self {
+    pub fn new(images: &mut LightImages, light: &Light) -> Self {
         match *light {
             Light::Point { position, intensity } => {
                 Self::Point { position, intensity, beam: Beam::Everywhere }
@@ -45,7 +46,7 @@ impl DeltaLight {
                 Self::Point { position, intensity, beam: Beam::Cone(cone) }
             }
             Light::Projector { position, intensity, from_render, image } => {
-                let image = ProjectedImage::new(textures, from_render, image);
+                let image = ProjectedImage::new(images, from_render, image);
                 Self::Point { position, intensity, beam: Beam::Image(image) }
             }
             Light::Distant { direction, radiance } => {
@@ -126,9 +127,10 @@ impl Cone {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scene::Textures;
 
     fn delta(light: Light) -> DeltaLight {
-        DeltaLight::new(&Textures::default(), &light)
+        DeltaLight::new(&mut LightImages::new(&Textures::default()), &light)
     }
 
     #[test]

@@ -1,17 +1,19 @@
 //! Light from everywhere: of one colour, or an image, whose bright parts are sampled more often.
 
 use std::f32::consts::PI;
+use std::sync::Arc;
 
 use glam::{Mat3A, Vec2, Vec3, Vec3A};
 
 use super::brightness;
 use super::choice::Reach;
 use super::distribution::Distribution2d;
+use super::images::LightImages;
 use super::portal::PortalView;
 use crate::render::disk::sin_cos_of_turns;
 use crate::render::sphere_map::SphereMap;
+use crate::scene::Textures;
 use crate::scene::light::{Environment, EnvironmentMap};
-use crate::scene::{Scene, Textures};
 
 /// An environment, ready to be looked up and sampled.
 #[derive(Clone, Debug)]
@@ -19,7 +21,7 @@ pub struct EnvironmentLight {
     to_render: Mat3A,
     from_render: Mat3A,
     scale: Vec3,
-    image: Option<EnvironmentImage>,
+    image: Option<Arc<EnvironmentImage>>,
     portal: Option<PortalView>,
 }
 
@@ -27,9 +29,9 @@ pub struct EnvironmentLight {
 const PLAIN_ROWS: usize = 64;
 
 impl EnvironmentLight {
-    pub fn new(scene: &Scene, environment: &Environment) -> Self {
+    pub fn new(images: &mut LightImages, environment: &Environment) -> Self {
         let to_render = environment.to_render.matrix3;
-        let image = environment.map.map(|map| EnvironmentImage::of(&scene.textures, map));
+        let image = environment.map.map(|map| images.around(map));
         let rows = image.as_ref().map_or(PLAIN_ROWS, |image| image.height);
         let mut light = Self {
             to_render,
@@ -218,7 +220,7 @@ mod tests {
             to_render,
             from_render: to_render.inverse(),
             scale: Vec3::new(1.0, 2.0, 3.0),
-            image,
+            image: image.map(Arc::new),
             portal: None,
         }
     }

@@ -7,6 +7,7 @@ mod delta;
 mod distribution;
 mod environment;
 mod extent;
+mod images;
 mod lanes;
 mod portal;
 mod projected;
@@ -20,6 +21,7 @@ pub use self::bounds::Receiver;
 use self::choice::{LightChoice, Reach};
 use self::delta::DeltaLight;
 use self::environment::EnvironmentLight;
+use self::images::LightImages;
 pub use self::lanes::{LightSamples, Receivers};
 use self::surface::SurfaceLights;
 use crate::geometry::SurfacePoint;
@@ -61,17 +63,18 @@ struct LightSample {
 
 impl<'s> Lights<'s> {
     pub fn new(scene: &'s Scene) -> Self {
+        let mut images = LightImages::new(&scene.textures);
         let sources: Vec<Source> = scene
             .lights
             .iter()
             .map(|light| match light {
                 Light::Environment(environment) => {
-                    Source::Environment(Box::new(EnvironmentLight::new(scene, environment)))
+                    Source::Environment(Box::new(EnvironmentLight::new(&mut images, environment)))
                 }
                 Light::Point { .. }
                 | Light::Spot { .. }
                 | Light::Projector { .. }
-                | Light::Distant { .. } => Source::Delta(DeltaLight::new(&scene.textures, light)),
+                | Light::Distant { .. } => Source::Delta(DeltaLight::new(&mut images, light)),
             })
             .collect();
         let surfaces = SurfaceLights::new(scene);

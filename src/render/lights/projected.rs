@@ -2,9 +2,12 @@
 
 use glam::{Mat3, Vec2, Vec3};
 
+use std::sync::Arc;
+
 use super::environment::EnvironmentImage;
+use super::images::{LightImages, Window};
 use crate::scene::light::Projected;
-use crate::scene::texture::{TextureImage, Textures, Wrap};
+use crate::scene::texture::Wrap;
 
 /// An image around a point light, ready to be looked up.
 pub struct ProjectedImage {
@@ -13,22 +16,22 @@ pub struct ProjectedImage {
 }
 
 enum Map {
-    Around(EnvironmentImage),
+    Around(Arc<EnvironmentImage>),
     /// Of this extent in x / z and y / z, from the middle.
     Window {
-        image: TextureImage,
+        window: Window,
         half: Vec2,
     },
 }
 
 impl ProjectedImage {
-    pub fn new(textures: &Textures, from_render: Mat3, image: Projected) -> Self {
+    pub fn new(images: &mut LightImages, from_render: Mat3, image: Projected) -> Self {
         let map = match image {
-            Projected::Around(map) => Map::Around(EnvironmentImage::of(textures, map)),
+            Projected::Around(map) => Map::Around(images.around(map)),
             Projected::Window { image, tan_half_fov } => {
-                let image = textures.image(image).clone();
-                let half = Projected::half_window(tan_half_fov, image.width(), image.height());
-                Map::Window { image, half }
+                let window = images.window(image);
+                let half = Projected::half_window(tan_half_fov, window.image.width(), window.image.height());
+                Map::Window { window, half }
             }
         };
         Self { from_render, map }
@@ -39,10 +42,10 @@ impl ProjectedImage {
         let local = self.from_render * direction;
         match &self.map {
             Map::Around(image) => image.towards(local.normalize()),
-            Map::Window { image, half } => {
+            Map::Window { window, half } => {
                 let place = local.truncate() / local.z;
                 if local.z > 0.0 && place.abs().cmple(*half).all() {
-                    image.bilinear::<Vec3>(0.5 + 0.5 * place / *half, Wrap::Clamp).max(Vec3::ZERO)
+                    window.image.bilinear::<Vec3>(0.5 + 0.5 * place / *half, Wrap::Clamp).max(Vec3::ZERO)
                 } else {
                     Vec3::ZERO
                 }
@@ -75,7 +78,7 @@ impl ProjectedImage {
     pub fn mean(&self) -> Vec3 {
         match &self.map {
             Map::Around(image) => image.mean(),
-            Map::Window { image, .. } => image.mean_light(),
+            Map::Window { window, .. } => window.mean,
         }
     }
 }
@@ -83,7 +86,9 @@ impl ProjectedImage {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scene::Textures;
     use crate::scene::light::EnvironmentMap;
+    use crate::scene::texture::TextureImage;
 
     /// Two columns by one row, red and green.
     fn textures() -> (Textures, crate::scene::ImageId) {
@@ -97,7 +102,7 @@ mod tests {
     fn a_window_shows_its_image_and_nothing_beside_it() {
         let (textures, image) = textures();
         let window = Projected::Window { image, tan_half_fov: 0.5 };
-        let projected = ProjectedImage::new(&textures, Mat3::IDENTITY, window);
+        let projected = ProjectedImage::new(&mut LightImages::new(&textures), Mat3::IDENTITY, window);
         let at = |x: f32, y: f32| projected.at(Vec3::new(x, y, 1.0).normalize());
         assert_eq!([at(-0.9, 0.0), at(0.9, 0.4)], [Vec3::X, Vec3::Y]);
         assert_eq!([at(-1.1, 0.0), at(0.9, 0.6), at(0.0, -0.6)], [Vec3::ZERO; 3]);
@@ -111,7 +116,9 @@ mod tests {
         let (textures, image) = textures();
         let around = Projected::Around(EnvironmentMap::LatLong(image));
         let turned = Mat3::from_rotation_y(std::f32::consts::PI);
-        let [as_it_is, turned] = [Mat3::IDENTITY, turned].map(|t| ProjectedImage::new(&textures, t, around));
+        let mut images = LightImages::new(&textures);
+        let [as_it_is, turned] =
+            [Mat3::IDENTITY, turned].map(|t| ProjectedImage::new(&mut images, t, around));
         // A quarter of a turn from x: the middle of the first column.
         let along_y = Vec3::new(0.1, 1.0, 0.0).normalize();
         assert!(as_it_is.at(along_y).x > 0.9 && as_it_is.at(-along_y).y > 0.9);

@@ -9,6 +9,8 @@ mod load;
 mod pfm;
 mod procedural;
 
+use std::sync::Arc;
+
 use std::f32::consts::{PI, TAU};
 use std::ops::{Add, Mul};
 
@@ -205,7 +207,7 @@ impl TextureValue for Vec3 {
 pub struct Textures {
     floats: Vec<Texture<f32>>,
     rgbs: Vec<Texture<Vec3>>,
-    images: Vec<TextureImage>,
+    images: Vec<Arc<TextureImage>>,
 }
 
 impl Textures {
@@ -232,13 +234,18 @@ impl Textures {
     }
 
     /// The images of the pool.
-    pub fn images(&self) -> &[TextureImage] {
+    pub fn images(&self) -> &[Arc<TextureImage>] {
         &self.images
     }
 
     /// An image of the pool.
     pub fn image(&self, id: ImageId) -> &TextureImage {
         &self.images[id.0 as usize]
+    }
+
+    /// An image of the pool, for who keeps it.
+    pub fn shared_image(&self, id: ImageId) -> Arc<TextureImage> {
+        self.images[id.0 as usize].clone()
     }
 
     /// Adds a texture. The textures that it refers to must be of this pool.
@@ -251,7 +258,7 @@ impl Textures {
 
     /// Adds an image.
     pub fn add_image(&mut self, image: TextureImage) -> ImageId {
-        self.images.push(image);
+        self.images.push(Arc::new(image));
         ImageId((self.images.len() - 1) as u32)
     }
 
