@@ -1,5 +1,5 @@
-//! The whole circle on a small scene: budgets and determinism. That adaptive sampling does not bias the
-//! unfiltered mean is one of the hard cases (`stability`).
+//! The whole circle on a small scene: budgets and determinism. How far adaptive sampling leaves the unfiltered mean
+//! as it is, is one of the hard cases (`stability`).
 
 mod common;
 
