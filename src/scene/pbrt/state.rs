@@ -14,7 +14,7 @@ use super::dialect::Dialect;
 use super::directives::Statement;
 use super::image_files::ImageFiles;
 use super::objects::{Group, Part};
-use super::params::Param;
+use super::params::Defaults;
 use super::textures::TextureNames;
 use super::warnings::Warnings;
 use super::{Fault, Place, Reading, Result, SceneError, camera_film, files};
@@ -48,7 +48,7 @@ pub struct GraphicsState {
     pub area_light: Option<Emission>,
     pub color_space: ColorSpace,
     /// Parameters set by `Attribute`, by what they are for.
-    pub defaults: Rc<HashMap<String, Vec<Param>>>,
+    pub defaults: Rc<HashMap<String, Rc<Defaults>>>,
 }
 
 /// What opened a block.

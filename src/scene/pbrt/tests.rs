@@ -267,6 +267,33 @@ fn attributes_set_defaults_that_shapes_may_override() {
 }
 
 #[test]
+fn of_a_parameter_that_is_given_twice_the_last_counts() {
+    let twice = "\"float radius\" 3 \"float radius\" 2";
+    for text in [
+        format!("Shape \"sphere\" {twice}"),
+        format!("Attribute \"shape\" {twice} Shape \"sphere\""),
+        "Attribute \"shape\" \"float radius\" 3 Attribute \"shape\" \"float radius\" 2 Shape \"sphere\""
+            .to_owned(),
+    ] {
+        for scene in [world(&text), scene(&format!("WorldBegin {text} WorldEnd"))] {
+            assert!(scene.warnings.is_empty(), "{:?}", scene.warnings);
+            let Shape::Sphere(sphere) = &scene.primitives[0].shape else { panic!("{text}") };
+            assert_eq!(sphere.radius, 2.0, "{text}");
+        }
+    }
+}
+
+#[test]
+fn many_attributes_take_no_more_time_for_each() {
+    let attributes: String = (0..50_000).map(|i| format!("Attribute \"shape\" \"float a{i}\" 1 ")).collect();
+    let start = std::time::Instant::now();
+    let scene = world(&format!("{attributes} {}", "Shape \"sphere\" ".repeat(1000)));
+    assert_eq!(scene.primitives.len(), 1000);
+    // Less than a second; it was half a minute when every shape had a table of its own.
+    assert!(start.elapsed().as_secs() < 10, "{:?}", start.elapsed());
+}
+
+#[test]
 fn errors_say_where_and_what() {
     let cases = [
         ("WorldBegin\n  Sphere", (2, 3), "`Sphere`"),
