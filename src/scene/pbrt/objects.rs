@@ -5,6 +5,7 @@ use glam::{DAffine3, DVec3};
 
 use super::directives::Statement;
 use super::state::{Block, Keys, Reader};
+use super::transforms::inverse;
 use super::{Fault, Place, Result};
 use crate::scene::{AnimatedTransform, Instance, Primitive};
 
@@ -140,7 +141,10 @@ impl Reader {
 /// Normals and rays need the inverse of a transform.
 fn check_invertible(keys: &Keys, place: Place) -> Result<()> {
     // As `f32`, which they will become.
-    if keys.iter().all(|key| key.as_affine3a().is_finite() && key.inverse().as_affine3a().is_finite()) {
+    let fits = |key: &DAffine3| {
+        key.as_affine3a().is_finite() && inverse(key).is_some_and(|inverse| inverse.as_affine3a().is_finite())
+    };
+    if keys.iter().all(fits) {
         return Ok(());
     }
     Err(Fault::new(place, "a singular transform; one that can be inverted would be accepted"))

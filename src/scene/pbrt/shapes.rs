@@ -6,12 +6,14 @@ use std::sync::Arc;
 use glam::{DAffine3, DVec2, DVec3};
 
 use super::directives::Statement;
+use super::lights::brightened;
 use super::mesh::MeshDescription;
 use super::objects::Placement;
 use super::params::{ParamType, Params};
 use super::state::{Emission, Reader};
 use super::{Fault, Result, bilinear, curve, loop_subdivision, ply, revolution};
 use crate::scene::material::MaterialKind;
+use crate::scene::shape::LARGEST_COORDINATE;
 use crate::scene::texture::{FloatTextureId, Texture};
 use crate::scene::{Disk, Primitive, Shape, Sphere};
 
@@ -105,7 +107,13 @@ impl Reader {
     fn add(&mut self, params: &Params, reference: DVec3, make: impl FnOnce(DAffine3) -> Shape) -> Result<()> {
         let Placement { group, to_group } = self.place_shape(reference, params.place)?;
         let flip_normal = self.state.reverse_orientation != mirrors(to_group);
-        self.add_primitive(params, group, make(to_group), flip_normal)
+        let shape = make(to_group);
+        if !shape.reach().is_some_and(|reach| reach < LARGEST_COORDINATE) {
+            let message = format!("a shape that reaches further than {LARGEST_COORDINATE:e} is left out");
+            self.warnings.add(params.place, message);
+            return Ok(());
+        }
+        self.add_primitive(params, group, shape, flip_normal)
     }
 
     /// Adds a mesh; `fault` says whose fault it is if there is something wrong with it.
@@ -119,7 +127,12 @@ impl Reader {
         let Placement { group, to_group } = self.place_shape(reference, params.place)?;
         let reverse = self.state.reverse_orientation;
         let flip_normal = reverse != mirrors(to_group);
-        let baked = mesh.bake(to_group, flip_normal, reverse).map_err(fault)?;
+        let mut baked = mesh.bake(to_group, flip_normal, reverse).map_err(fault)?;
+        if baked.leave_out_beyond(LARGEST_COORDINATE) {
+            let message =
+                format!("triangles of a mesh that reach further than {LARGEST_COORDINATE:e} are left out");
+            self.warnings.add(params.place, message);
+        }
         if baked.indices.is_empty() {
             self.warnings.add(params.place, "a mesh without any triangle that has an area is left out");
             return Ok(());
@@ -147,16 +160,18 @@ impl Reader {
             area_light = None;
         }
         let alpha = self.alpha(params)?;
-        let area_light = area_light.map(|Emission { mut light, power }| {
-            if let Some(power) = power {
+        let area_light = match area_light {
+            Some(Emission { mut light, power: Some(power) }) => {
                 let sides = if light.two_sided { 2.0 } else { 1.0 };
-                light.radiance *= (power / (PI * sides * shape.area())) as f32;
+                light.radiance =
+                    brightened(light.radiance, power / (PI * sides * shape.area()), params.place)?;
                 if light.image.is_some() {
-                    self.powered_images.push(self.groups[group].primitives.len());
+                    self.powered_images.push((self.groups[group].primitives.len(), params.place));
                 }
+                Some(light)
             }
-            light
-        });
+            emission => emission.map(|emission| emission.light),
+        };
         self.reading.shapes += 1;
         if let Shape::Mesh(mesh) = &shape {
             self.reading.triangles += mesh.indices.len();

@@ -118,11 +118,12 @@ pub struct Reader {
     pub measured_brdfs: HashMap<PathBuf, Arc<MeasuredBrdf>>,
     pub lights: Vec<Light>,
     /// Primitives of the static part that emit an image and have their power given, and environment
-    /// images that have their illuminance given: brought to it when the images are read.
-    pub powered_images: Vec<usize>,
-    pub lit_environments: Vec<(usize, f64)>,
-    /// Projectors whose power is given, with it: their images are read last.
-    pub powered_projectors: Vec<(usize, f64)>,
+    /// images that have their illuminance given: brought to it when the images are read. With the place of the
+    /// shape or light.
+    pub powered_images: Vec<(usize, Place)>,
+    pub lit_environments: Vec<(usize, f64, Place)>,
+    /// Projectors whose power is given, with it and their place: their images are read last.
+    pub powered_projectors: Vec<(usize, f64, Place)>,
     /// `groups[0]` is the static part of the scene.
     pub groups: Vec<Group>,
     pub instances: Vec<Instance>,
@@ -185,11 +186,8 @@ impl Reader {
 
     /// Reads the main file.
     pub fn read(mut self, text: &[u8]) -> std::result::Result<Scene, SceneError> {
-        match self.read_text(text, 0).and_then(|()| self.check_end()).and_then(|()| self.load_images()) {
-            Ok(()) => {
-                self.normalise_lights();
-                Ok(self.into_scene())
-            }
+        match self.read_all(text) {
+            Ok(()) => Ok(self.into_scene()),
             Err(Fault { place, message }) => Err(SceneError {
                 file: self.files[place.file as usize].clone(),
                 line: place.line as usize,
@@ -197,6 +195,13 @@ impl Reader {
                 message,
             }),
         }
+    }
+
+    fn read_all(&mut self, text: &[u8]) -> Result<()> {
+        self.read_text(text, 0)?;
+        self.check_end()?;
+        self.load_images()?;
+        self.normalise_lights()
     }
 
     /// World position of render space's origin.

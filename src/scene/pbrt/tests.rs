@@ -11,6 +11,7 @@ use crate::scene::texture::TexturePoint;
 use crate::scene::{Integrator, Light, MaterialKind, PixelFilter, SamplerKind, Scene, Shape, TriangleMesh};
 
 mod coordinates;
+mod extremes;
 mod image_textures;
 mod lights;
 mod named_files;

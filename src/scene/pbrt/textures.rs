@@ -9,6 +9,7 @@ use super::directives::Statement;
 use super::params::{Param, ParamType, Params};
 use super::spectrum::{Spectrum, rgb_from_xyz};
 use super::state::Reader;
+use super::transforms::inverse;
 use super::{Fault, Place, Result, files};
 use crate::scene::texture::{
     Channels, Encoding, FloatTextureId, ImageTexture, Mapping, Procedural, RgbTextureId, Texture,
@@ -324,11 +325,8 @@ impl Reader {
 
     /// Render space to the current, the texture's, space.
     fn to_texture(&self, place: Place) -> Result<DAffine3> {
-        let inverse = self.to_render().inverse();
-        if inverse.is_finite() {
-            return Ok(inverse);
-        }
-        Err(Fault::new(place, "a singular transform; one that can be inverted would be accepted"))
+        let message = "a singular transform; one that can be inverted would be accepted";
+        inverse(&self.to_render()).ok_or_else(|| Fault::new(place, message))
     }
 }
 
