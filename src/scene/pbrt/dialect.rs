@@ -53,6 +53,16 @@ impl Dialect {
         self != Dialect::V4
     }
 
+    /// Whether the end of the world ends the blocks that are still open.
+    pub fn worlds_end_blocks(self) -> bool {
+        self != Dialect::V4
+    }
+
+    /// Whether texture coordinates of a mesh beyond one for each vertex are passed over, rather than all of them.
+    pub fn surplus_uvs_are_cut(self) -> bool {
+        self != Dialect::V4
+    }
+
     /// Whether `TransformEnd` restores the transform only, rather than all attributes.
     pub fn transform_blocks_hold_transforms_only(self) -> bool {
         self != Dialect::V4

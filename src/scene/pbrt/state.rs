@@ -271,14 +271,12 @@ impl Reader {
         Ok(())
     }
 
-    /// Closes a block.
+    /// Closes a block; where none is open there is nothing to close, in any dialect.
     pub fn pop(&mut self, block: Block, place: Place) -> Result<()> {
         let Some(frame) = self.stack.pop() else {
             let name = block.name();
-            return Err(Fault::new(
-                place,
-                format!("{name}End without {name}Begin; end of file or a directive would be accepted"),
-            ));
+            self.warnings.add(place, format!("{name}End without {name}Begin is left out"));
+            return Ok(());
         };
         let crosses = frame.block != block && (frame.block == Block::Object || block == Block::Object);
         if crosses && !self.dialect.blocks_may_cross() {
@@ -297,12 +295,15 @@ impl Reader {
         Ok(())
     }
 
-    fn check_end(&self) -> Result<()> {
-        if let Some(frame) = self.stack.last() {
-            let name = frame.block.name();
-            let message =
-                format!("{name}Begin without an end; {name}End would be accepted before the file ends");
-            return Err(Fault::new(frame.place, message));
+    fn check_end(&mut self) -> Result<()> {
+        while let Some(frame) = self.stack.pop() {
+            let begin = format!("{}Begin without an end", frame.block.name());
+            if !self.dialect.worlds_end_blocks() {
+                let name = frame.block.name();
+                let message = format!("{begin}; {name}End would be accepted before the file ends");
+                return Err(Fault::new(frame.place, message));
+            }
+            self.warnings.add(frame.place, format!("{begin} ends with the world"));
         }
         if self.view.is_none() {
             return Err(Fault::new(Place::default(), "no WorldBegin in the file; a scene needs one"));

@@ -12,6 +12,7 @@ use crate::scene::{Integrator, Light, MaterialKind, PixelFilter, SamplerKind, Sc
 
 mod coordinates;
 mod extremes;
+mod forgiven;
 mod image_textures;
 mod lights;
 mod named_files;
@@ -308,7 +309,6 @@ fn errors_say_where_and_what() {
         ("WorldBegin NamedMaterial \"x\"", (1, 12), "material \"x\""),
         ("WorldBegin Material \"diffuse\" \"texture reflectance\" \"x\"", (1, 31), "texture \"x\""),
         ("WorldBegin ObjectInstance \"x\"", (1, 12), "object \"x\""),
-        ("WorldBegin AttributeEnd", (1, 12), "AttributeEnd without"),
         ("WorldBegin\n\nAttributeBegin", (3, 1), "AttributeBegin without an end"),
         ("WorldBegin Scale 1 0 1 Shape \"sphere\"", (1, 24), "singular"),
         ("Scale 1 0 1 Camera \"perspective\" WorldBegin", (1, 13), "singular"),
