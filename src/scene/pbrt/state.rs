@@ -139,7 +139,7 @@ impl Reader {
     /// A reader of the main file's text.
     pub fn new(text: &[u8], name: String, folder: &Path, path: Option<&Path>) -> Self {
         let mut reader = Self {
-            dialect: Dialect::detect(text),
+            dialect: Dialect::detect(text, folder),
             folder: folder.into(),
             files: vec![name],
             open: path.and_then(|path| path.canonicalize().ok()).into_iter().collect(),
@@ -335,6 +335,7 @@ impl Reader {
         }
         Scene {
             source: String::new(),
+            dialect: Some(self.dialect),
             files: self.open.into_iter().chain(self.inclusions.into_keys()).chain(self.content).collect(),
             hash: self.digest.finalize().iter().map(|byte| format!("{byte:02x}")).collect(),
             origin: view.origin,

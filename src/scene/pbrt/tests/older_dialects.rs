@@ -2,7 +2,8 @@
 
 use glam::{Vec2, Vec3};
 
-use super::{scene, world};
+use super::{folder, scene, world};
+use crate::scene::pbrt::{Dialect, read};
 use crate::scene::texture::TexturePoint;
 use crate::scene::{Light, MaterialKind, Scene};
 
@@ -65,6 +66,23 @@ fn media_tell_the_third_dialect_from_the_second() {
     let default_height = |text: &str| scene(&format!("{text} WorldBegin WorldEnd")).film.height;
     assert_eq!(default_height("MediumInterface \"\" \"\""), default_height("Integrator \"path\""));
     assert_ne!(default_height("MediumInterface \"\" \"\""), default_height(""));
+}
+
+#[test]
+fn what_tells_a_dialect_may_stand_in_an_included_file() {
+    let of = |files: &[(&str, &str)]| {
+        let (_folder, main) = folder(files);
+        read(&main).unwrap().dialect.unwrap()
+    };
+    let header = ("head.pbrt", "Integrator \"path\"");
+    let tail = ("tail.pbrt", "WorldEnd");
+    let both = ("main.pbrt", "Include \"head.pbrt\" WorldBegin Include \"tail.pbrt\"");
+    assert_eq!(of(&[("main.pbrt", "Include \"head.pbrt\" WorldBegin WorldEnd"), header]), Dialect::V3);
+    assert_eq!(of(&[both, header, tail]), Dialect::V3);
+    assert_eq!(of(&[both, ("head.pbrt", "SurfaceIntegrator \"path\""), tail]), Dialect::V2);
+    assert_eq!(of(&[both, header, ("tail.pbrt", "Identity")]), Dialect::V4);
+    let import = ("main.pbrt", "WorldBegin Import \"a.pbrt\"");
+    assert_eq!(of(&[import, ("a.pbrt", "Include \"tail.pbrt\""), tail]), Dialect::V2);
 }
 
 #[test]
