@@ -64,6 +64,16 @@ impl Dialect {
         self != Dialect::V4
     }
 
+    /// Whether a shape may have parameters of its material, which count more than the material's own.
+    pub(super) fn shapes_change_materials(self) -> bool {
+        self != Dialect::V4
+    }
+
+    /// Whether that goes for materials that have a name, too, which v2 makes once and for all.
+    pub(super) fn shapes_change_named_materials(self) -> bool {
+        self == Dialect::V3
+    }
+
     /// Whether a surface is there wherever its alpha is not 0, rather than with that probability.
     pub(super) fn alpha_is_a_mask(self) -> bool {
         self != Dialect::V4

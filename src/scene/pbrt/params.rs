@@ -142,6 +142,27 @@ impl Params {
         }
     }
 
+    /// Those that were asked for: there may be any amount of others.
+    pub fn without_unused(mut self) -> Self {
+        self.list.retain(|param| param.used.get());
+        self
+    }
+
+    /// These, and after them, where they count more, what was not asked for of others.
+    pub fn followed_by_unused(&self, others: &Params) -> Params {
+        let list = self.list.iter().chain(others.unused()).cloned().collect();
+        Self { list, ..self.clone() }
+    }
+
+    /// Takes what was asked for at the end of `all`, which [`Self::followed_by_unused`] made, as asked for here;
+    /// whether anything was.
+    pub fn mark_used_at_end_of(&self, all: &Params) -> bool {
+        let unused: Vec<&Param> = self.unused().collect();
+        let copies = &all.list[all.list.len() - unused.len()..];
+        unused.iter().zip(copies).for_each(|(param, copy)| param.used.set(copy.used.get()));
+        copies.iter().any(|copy| copy.used.get())
+    }
+
     /// The parameter of a name, whatever its type. Of several the last one counts, as in pbrt; the others are taken
     /// as asked for.
     pub fn get(&self, name: &str) -> Option<&Param> {

@@ -156,7 +156,8 @@ impl Reader {
         shape: Shape,
         flip_normal: bool,
     ) -> Result<()> {
-        let material = self.state.material;
+        let alpha = self.alpha(params)?;
+        let material = self.material_of_shape(params)?;
         let mut area_light = self.state.area_light;
         if area_light.is_some() && group != 0 {
             self.warnings.add(params.place, "area lights on moving or instanced shapes are not simulated");
@@ -168,7 +169,6 @@ impl Reader {
             self.warnings.add(params.place, "an area light on the material \"interface\" is left out");
             area_light = None;
         }
-        let alpha = self.alpha(params)?;
         let area_light = match area_light {
             Some(Emission { mut light, power: Some(power) }) => {
                 let sides = if light.two_sided { 2.0 } else { 1.0 };

@@ -13,6 +13,7 @@ use super::color_space::ColorSpace;
 use super::dialect::Dialect;
 use super::directives::Statement;
 use super::image_files::ImageFiles;
+use super::materials::Chosen;
 use super::objects::{Group, Part};
 use super::params::Defaults;
 use super::textures::TextureNames;
@@ -20,7 +21,7 @@ use super::warnings::Warnings;
 use super::{Fault, Place, Reading, Result, SceneError, camera_film, files};
 use crate::scene::measured::MeasuredBrdf;
 use crate::scene::texture::Textures;
-use crate::scene::{AreaLight, Instance, Light, Material, MaterialId, Object, Primitive, Scene};
+use crate::scene::{AreaLight, Instance, Light, Material, Object, Primitive, Scene};
 
 /// Blocks inside blocks, each of which may keep the parameters that `Attribute` has set so far.
 const MAX_BLOCKS: usize = 1024;
@@ -44,7 +45,7 @@ pub struct GraphicsState {
     /// Which of the two the transform directives change.
     pub active: [bool; 2],
     pub reverse_orientation: bool,
-    pub material: MaterialId,
+    pub material: Chosen,
     pub area_light: Option<Emission>,
     pub color_space: ColorSpace,
     /// Parameters set by `Attribute`, by what they are for.
@@ -112,7 +113,7 @@ pub struct Reader {
     pub texture_names: TextureNames,
     pub images: ImageFiles,
     pub materials: Vec<Material>,
-    pub named_materials: HashMap<String, MaterialId>,
+    pub named_materials: HashMap<String, Chosen>,
     /// How deep a mix of mixes each material is.
     pub mix_depths: Vec<usize>,
     pub measured_brdfs: HashMap<PathBuf, Arc<MeasuredBrdf>>,
@@ -152,7 +153,7 @@ impl Reader {
                 ctm: [DAffine3::IDENTITY; 2],
                 active: [true; 2],
                 reverse_orientation: false,
-                material: MaterialId(0),
+                material: Chosen::default(),
                 area_light: None,
                 color_space: ColorSpace::Srgb,
                 defaults: Rc::default(),

@@ -69,6 +69,59 @@ fn media_tell_the_third_dialect_from_the_second() {
 }
 
 #[test]
+fn a_shape_may_say_what_its_material_is_like() {
+    let red = "Shape \"sphere\" \"color Kd\" [1 0 0]";
+    let of = |text: &str, shape: usize| {
+        let v2 = scene(&format!("SurfaceIntegrator \"path\" WorldBegin {text} WorldEnd"));
+        [v3_world(text), v2].map(|scene| {
+            assert!(scene.warnings.is_empty(), "{:?}", scene.warnings);
+            let MaterialKind::Diffuse { reflectance } =
+                scene.materials[scene.primitives[shape].material.0 as usize].kind
+            else {
+                panic!("{text}")
+            };
+            scene.textures.constant_rgb(reflectance).unwrap()
+        })
+    };
+    assert_eq!(of(red, 0), [Vec3::X; 2]);
+    assert_eq!(
+        of(&format!("Material \"matte\" \"color Kd\" [0 1 0] {red} Shape \"sphere\""), 0),
+        [Vec3::X; 2]
+    );
+    assert_eq!(
+        of(&format!("Material \"matte\" \"color Kd\" [0 1 0] {red} Shape \"sphere\""), 1),
+        [Vec3::Y; 2]
+    );
+    // Only v3 remembers what a material with a name was made of.
+    let named = format!("MakeNamedMaterial \"a\" \"string type\" \"matte\" NamedMaterial \"a\" {red}");
+    let named_colour = |scene: Scene| {
+        let MaterialKind::Diffuse { reflectance } =
+            scene.materials[scene.primitives[0].material.0 as usize].kind
+        else {
+            panic!()
+        };
+        (scene.textures.constant_rgb(reflectance).unwrap(), scene.warnings.len())
+    };
+    assert_eq!(named_colour(v3_world(&named)), (Vec3::X, 0));
+    assert_eq!(named_colour(scene(&format!("WorldBegin {named} WorldEnd"))), (Vec3::splat(0.5), 1));
+}
+
+#[test]
+fn what_is_neither_the_shapes_nor_its_materials_makes_no_material() {
+    let text = "Material \"matte\" Shape \"sphere\" \"color Ks\" [1 0 0] \"float radius\" 2";
+    let scene = v3_world(text);
+    assert_eq!((scene.materials.len(), scene.warnings.len()), (2, 1));
+    assert!(scene.warnings[0].contains("\"Ks\" of Shape \"sphere\" is not used"), "{:?}", scene.warnings);
+    // A part of it may be.
+    let scene = v3_world(&text.replace("\"float radius\"", "\"float sigma\""));
+    assert!(matches!(scene.materials[2].kind, MaterialKind::OrenNayar { .. }));
+    assert_eq!((scene.materials.len(), scene.warnings.len()), (3, 1));
+    // v4 has no such thing.
+    let scene = world("Material \"diffuse\" Shape \"sphere\" \"rgb reflectance\" [1 0 0]");
+    assert_eq!((scene.materials.len(), scene.warnings.len()), (2, 1));
+}
+
+#[test]
 fn what_tells_a_dialect_may_stand_in_an_included_file() {
     let of = |files: &[(&str, &str)]| {
         let (_folder, main) = folder(files);
