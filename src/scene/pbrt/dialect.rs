@@ -59,6 +59,11 @@ impl Dialect {
         self != Dialect::V4
     }
 
+    /// Whether the name of a material or an object may stand before what makes it.
+    pub(super) fn names_may_come_first(self) -> bool {
+        self == Dialect::V4
+    }
+
     /// Whether `NamedMaterial` of an unknown name leaves things as they are.
     pub(super) fn unknown_materials_are_forgiven(self) -> bool {
         self != Dialect::V4

@@ -47,6 +47,13 @@ pub struct Chosen {
     recipe: Option<Rc<Recipe>>,
 }
 
+fn unknown_material(name: &str, place: Place) -> Fault {
+    Fault::new(
+        place,
+        format!("material \"{name}\"; one that MakeNamedMaterial made before would be accepted"),
+    )
+}
+
 impl Reader {
     /// The material of a scene that names none.
     pub fn add_default_material(&mut self) {
@@ -106,15 +113,50 @@ impl Reader {
         let recipe = self.dialect.shapes_change_named_materials().then(|| {
             Rc::new(Recipe { name: name.clone(), kind, params: params.into_owned().without_unused(), place })
         });
+        let id = self.put_where_awaited(name, id);
         self.named_materials.insert(name.clone(), Chosen { id, recipe });
         Ok(())
     }
 
+    /// Moves the newest material to where its name is awaited, if it is; where it is then.
+    fn put_where_awaited(&mut self, name: &str, newest: MaterialId) -> MaterialId {
+        let Some((slot, _)) = self.awaited_materials.remove(name) else { return newest };
+        self.materials.swap_remove(slot.0 as usize);
+        self.mix_depths.swap_remove(slot.0 as usize);
+        slot
+    }
+
+    /// The slot of a material that is named before it is made. Mixes take none of these, so that none is in itself.
+    fn await_material(&mut self, name: &str, place: Place) -> Chosen {
+        let id = match self.awaited_materials.get(name) {
+            Some(&(id, _)) => id,
+            None => {
+                let id = self.add_material(self.materials[0].clone());
+                self.awaited_materials.insert(name.into(), (id, place));
+                id
+            }
+        };
+        Chosen { id, recipe: None }
+    }
+
+    /// # Errors
+    /// At the first name of a material that was never made.
+    pub fn check_awaited_materials(&self) -> Result<()> {
+        match self.awaited_materials.iter().min_by_key(|(_, (id, _))| id.0) {
+            Some((name, (_, place))) => Err(unknown_material(name, *place)),
+            None => Ok(()),
+        }
+    }
+
     pub fn named_material(&mut self, statement: &Statement) -> Result<()> {
-        match self.find_material(&statement.strings[0], statement.place) {
+        let (name, place) = (&statement.strings[0], statement.place);
+        match self.find_material(name, place) {
             Ok(material) => self.state.material = material,
             Err(fault) if self.dialect.unknown_materials_are_forgiven() => {
                 self.warnings.add(fault.place, fault.message);
+            }
+            Err(_) if self.dialect.names_may_come_first() => {
+                self.state.material = self.await_material(name, place);
             }
             Err(fault) => return Err(fault),
         }
@@ -122,12 +164,7 @@ impl Reader {
     }
 
     fn find_material(&self, name: &str, place: Place) -> Result<Chosen> {
-        self.named_materials.get(name).cloned().ok_or_else(|| {
-            Fault::new(
-                place,
-                format!("material \"{name}\"; one that MakeNamedMaterial made before would be accepted"),
-            )
-        })
+        self.named_materials.get(name).cloned().ok_or_else(|| unknown_material(name, place))
     }
 
     /// The material of a shape with these parameters, all of which it has asked for by then: the current one, or

@@ -33,6 +33,13 @@ pub struct Part {
     keys: Keys,
 }
 
+/// An object's instance.
+pub struct Placed {
+    name: String,
+    keys: Keys,
+    place: Place,
+}
+
 /// Where a shape goes.
 pub struct Placement {
     pub group: usize,
@@ -122,19 +129,36 @@ impl Reader {
 
     pub fn object_instance(&mut self, statement: &Statement) -> Result<()> {
         let name = &statement.strings[0];
-        let fault = |message| Err(Fault::new(statement.place, message));
         if let Some((open, _)) = &self.current_object {
-            return fault(format!("ObjectInstance inside object \"{open}\"; ObjectEnd would be accepted"));
+            let message = format!("ObjectInstance inside object \"{open}\"; ObjectEnd would be accepted");
+            return Err(Fault::new(statement.place, message));
         }
+        check_invertible(&self.state.ctm, statement.place)?;
+        let placed = Placed { name: name.clone(), keys: self.state.ctm, place: statement.place };
+        if !self.objects.contains_key(name) && self.dialect.names_may_come_first() {
+            self.awaited_instances.push(placed);
+            return Ok(());
+        }
+        self.place_object(&placed)
+    }
+
+    fn place_object(&mut self, Placed { name, keys, place }: &Placed) -> Result<()> {
         let Some(parts) = self.objects.get(name).cloned() else {
-            return fault(format!("object \"{name}\"; one defined before would be accepted"));
+            let message = format!("object \"{name}\"; one defined before would be accepted");
+            return Err(Fault::new(*place, message));
         };
-        let ctm = self.state.ctm;
-        check_invertible(&ctm, statement.place)?;
         for part in parts {
-            self.add_instance(part.group, [ctm[0] * part.keys[0], ctm[1] * part.keys[1]]);
+            self.add_instance(part.group, [keys[0] * part.keys[0], keys[1] * part.keys[1]]);
         }
         Ok(())
+    }
+
+    /// Places the instances of objects that were made after these were named.
+    ///
+    /// # Errors
+    /// Of an object that was never made.
+    pub fn place_awaited_instances(&mut self) -> Result<()> {
+        std::mem::take(&mut self.awaited_instances).iter().try_for_each(|placed| self.place_object(placed))
     }
 }
 

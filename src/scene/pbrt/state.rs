@@ -14,14 +14,14 @@ use super::dialect::Dialect;
 use super::directives::Statement;
 use super::image_files::ImageFiles;
 use super::materials::Chosen;
-use super::objects::{Group, Part};
+use super::objects::{Group, Part, Placed};
 use super::params::Defaults;
 use super::textures::TextureNames;
 use super::warnings::Warnings;
 use super::{Fault, Place, Reading, Result, SceneError, camera_film, files};
 use crate::scene::measured::MeasuredBrdf;
 use crate::scene::texture::Textures;
-use crate::scene::{AreaLight, Instance, Light, Material, Object, Primitive, Scene};
+use crate::scene::{AreaLight, Instance, Light, Material, MaterialId, Object, Primitive, Scene};
 
 /// Blocks inside blocks, each of which may keep the parameters that `Attribute` has set so far.
 const MAX_BLOCKS: usize = 1024;
@@ -114,6 +114,8 @@ pub struct Reader {
     pub images: ImageFiles,
     pub materials: Vec<Material>,
     pub named_materials: HashMap<String, Chosen>,
+    /// Those that are named and not made yet, by name: their slots, and the place of the first name.
+    pub awaited_materials: HashMap<String, (MaterialId, Place)>,
     /// How deep a mix of mixes each material is.
     pub mix_depths: Vec<usize>,
     pub measured_brdfs: HashMap<PathBuf, Arc<MeasuredBrdf>>,
@@ -129,6 +131,8 @@ pub struct Reader {
     pub groups: Vec<Group>,
     pub instances: Vec<Instance>,
     pub objects: HashMap<String, Vec<Part>>,
+    /// Instances of objects that are not made yet.
+    pub awaited_instances: Vec<Placed>,
     /// The object between `ObjectBegin` and `ObjectEnd`: its name and parts.
     pub current_object: Option<(String, Vec<Part>)>,
     /// Told how far reading has come.
@@ -168,6 +172,7 @@ impl Reader {
             images: ImageFiles::default(),
             materials: Vec::new(),
             named_materials: HashMap::new(),
+            awaited_materials: HashMap::new(),
             mix_depths: Vec::new(),
             measured_brdfs: HashMap::new(),
             lights: Vec::new(),
@@ -177,6 +182,7 @@ impl Reader {
             groups: vec![Group::new("".into())],
             instances: Vec::new(),
             objects: HashMap::new(),
+            awaited_instances: Vec::new(),
             current_object: None,
             report: Box::new(|_| {}),
             reading: Reading::default(),
@@ -201,6 +207,8 @@ impl Reader {
     fn read_all(&mut self, text: &[u8]) -> Result<()> {
         self.read_text(text, 0)?;
         self.check_end()?;
+        self.check_awaited_materials()?;
+        self.place_awaited_instances()?;
         self.load_images()?;
         self.normalise_lights()
     }

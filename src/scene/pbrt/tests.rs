@@ -184,6 +184,35 @@ fn objects_appear_where_instances_put_them() {
 }
 
 #[test]
+fn v4_may_name_materials_and_objects_before_it_makes_them() {
+    let late = format!(
+        "NamedMaterial \"m\" {TRIANGLE} Translate 1 0 0 ObjectInstance \"o\" Identity
+         MakeNamedMaterial \"a\" \"string type\" \"dielectric\"
+         MakeNamedMaterial \"m\" \"string type\" \"mix\" \"string materials\" [\"a\" \"a\"]
+         NamedMaterial \"m\" {TRIANGLE} ObjectBegin \"o\" {TRIANGLE} ObjectEnd"
+    );
+    let scene = world(&late);
+    assert!(scene.warnings.is_empty(), "{:?}", scene.warnings);
+    let [first, second] = [0, 1].map(|i| scene.primitives[i].material);
+    assert_eq!((first, scene.materials.len()), (second, 3));
+    let material = &scene.materials[first.0 as usize];
+    let MaterialKind::Mix { first: part, .. } = material.kind else { panic!("{material:?}") };
+    assert_eq!((material.name.as_str(), scene.materials[part.0 as usize].name.as_str()), ("m", "a"));
+    assert_eq!((scene.instances.len(), scene.instances[0].object), (1, 1));
+    assert_eq!(scene.instances[0].transform.at(0.0).translation, Vec3::X.into());
+
+    // What is never made is an error at its first name, and a mix is made of what there is.
+    let error_of = |text: &str| error(&format!("WorldBegin\n{text}"));
+    let never = error_of("NamedMaterial \"b\" NamedMaterial \"a\"\nNamedMaterial \"b\"");
+    assert_eq!((never.line, never.column), (2, 1));
+    assert!(never.message.contains("material \"b\""), "{never}");
+    let own = "NamedMaterial \"m\" MakeNamedMaterial \"m\" \"string type\" \"mix\" \"string materials\" [\"m\" \"m\"]";
+    assert!(error_of(own).message.contains("material \"m\""));
+    // The older dialects go by what is there.
+    assert!(read_str(&format!("WorldBegin {late} WorldEnd"), Path::new("")).is_err());
+}
+
+#[test]
 fn an_object_far_from_its_origin_keeps_its_digits() {
     let scene = world(&format!(
         "ObjectBegin \"a\" Translate 1e8 0 0 {TRIANGLE} ObjectEnd Translate -1e8 0 0 ObjectInstance \"a\""
