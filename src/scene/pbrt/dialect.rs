@@ -178,6 +178,11 @@ impl Dialect {
         }
     }
 
+    /// Whether the samples of a spectrum may stand in any order, rather than by rising wavelength.
+    pub(super) fn sorts_spectra(self) -> bool {
+        self != Dialect::V4
+    }
+
     /// Whether a spectrum is 0 beyond its samples, rather than constant.
     pub(super) fn spectra_end(self) -> bool {
         self == Dialect::V4

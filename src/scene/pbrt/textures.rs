@@ -140,7 +140,11 @@ impl Reader {
     }
 
     fn spectrum_of_numbers(&self, param: &Param, numbers: &[f64]) -> Result<Spectrum> {
-        match Spectrum::from_numbers(numbers) {
+        let spectrum = match self.dialect.sorts_spectra() {
+            true => Spectrum::from_unsorted_numbers(numbers),
+            false => Spectrum::from_numbers(numbers),
+        };
+        match spectrum {
             Some(spectrum) if self.dialect.spectra_end() => Ok(spectrum.ending()),
             Some(spectrum) => Ok(spectrum),
             None => {

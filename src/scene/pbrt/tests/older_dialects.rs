@@ -2,7 +2,7 @@
 
 use glam::{Vec2, Vec3};
 
-use super::{folder, scene, world};
+use super::{error, folder, scene, world};
 use crate::scene::pbrt::{Dialect, read};
 use crate::scene::texture::TexturePoint;
 use crate::scene::{Light, MaterialKind, Scene};
@@ -119,6 +119,20 @@ fn what_is_neither_the_shapes_nor_its_materials_makes_no_material() {
     // v4 has no such thing.
     let scene = world("Material \"diffuse\" Shape \"sphere\" \"rgb reflectance\" [1 0 0]");
     assert_eq!((scene.materials.len(), scene.warnings.len()), (2, 1));
+}
+
+#[test]
+fn the_samples_of_an_older_spectrum_stand_in_any_order() {
+    let light = |samples: &str| format!("LightSource \"point\" \"spectrum I\" [{samples}]");
+    let intensity = |text: &str| match v3_world(text).lights[..] {
+        [Light::Point { intensity, .. }] => intensity,
+        ref other => panic!("{other:?}"),
+    };
+    let rising = intensity(&light("400 1 550.5 1 550.5001 5 700 5"));
+    for samples in ["700 5 400 1 550.5001 5 550.5 1", "400 1 550.5 1 550.5 5 700 5"] {
+        assert!((intensity(&light(samples)) / rising - 1.0).abs().max_element() < 1e-2, "{samples}");
+        assert!(error(&format!("WorldBegin {}", light(samples))).message.contains("rising"), "{samples}");
+    }
 }
 
 #[test]
