@@ -65,6 +65,7 @@ fn million_triangles() -> TriangleMesh {
 fn scene_of(mesh: TriangleMesh) -> Scene {
     Scene {
         source: String::new(),
+        dialect: None,
         hash: String::new(),
         files: Vec::new(),
         origin: DVec3::ZERO,

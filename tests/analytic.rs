@@ -31,6 +31,7 @@ const ROUNDING: f64 = 2e-5;
 fn scene(max_depth: u32) -> Scene {
     Scene {
         source: String::new(),
+        dialect: None,
         hash: String::new(),
         files: Vec::new(),
         origin: DVec3::ZERO,

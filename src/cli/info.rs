@@ -51,6 +51,7 @@ fn describe(scene: &Scene) -> String {
     let pairs = (features + 3) * (randoms + 2) + 3 * features;
     format!(
         "scene       {}\n\
+         dialect     {}\n\
          film        {}x{}, pixels {x0},{x1},{y0},{y1}, {:?}\n\
          integrator  {integrator}, {} samples per pixel\n\
          geometry    {} triangles stored, {} with instances; {} primitives, {} objects, {} instances\n\
@@ -63,6 +64,7 @@ fn describe(scene: &Scene) -> String {
          pairs       {pairs} of mutual information, with --quality paper\n\
          store       {bytes} bytes per pixel, {megabytes:.0} MB for this film; {paper} bytes per pixel with --quality paper\n",
         scene.source,
+        scene.dialect.map_or_else(String::new, |dialect| dialect.to_string()),
         film.width,
         film.height,
         film.filter,

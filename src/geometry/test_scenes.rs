@@ -50,6 +50,7 @@ pub fn scene_of(shapes: Vec<Shape>) -> Scene {
     let primitives: Vec<_> = shapes.into_iter().map(primitive).collect();
     Scene {
         source: String::new(),
+        dialect: None,
         hash: String::new(),
         files: Vec::new(),
         origin: DVec3::ZERO,

@@ -6,7 +6,7 @@ use super::measured::MeasuredBrdf;
 use super::{FloatTextureId, RgbTextureId};
 
 /// Index into [`super::Scene::materials`].
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default)]
 pub struct MaterialId(pub u32);
 
 /// A material: what scatters, and what bends the shading normal.

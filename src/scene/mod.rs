@@ -60,6 +60,8 @@ pub enum SamplerKind {
 pub struct Scene {
     /// The path it was read from, as given; empty for scenes made in memory.
     pub source: String,
+    /// As which dialect it was read; none for scenes made in memory.
+    pub dialect: Option<pbrt::Dialect>,
     /// SHA-256, in hexadecimal, of the scene file and those it includes, in the order of reading, each
     /// after its length (64-bit little endian), then of length and CRC-32 (little endian) of every mesh, image,
     /// spectrum and BRDF they name, in the order of their first names. Empty for scenes made in memory.

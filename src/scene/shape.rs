@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use glam::{DAffine3, Vec2, Vec3};
+use glam::{DAffine3, DVec3, Vec2, Vec3};
 
 use super::{AnimatedTransform, AreaLight, FloatTextureId, MaterialId};
 
@@ -44,6 +44,9 @@ pub struct Disk {
     pub phi_max: f32,
 }
 
+/// Coordinates from here on cannot be intersected: products of three no longer fit single precision.
+pub const LARGEST_COORDINATE: f32 = 1e12;
+
 #[derive(Clone, Debug)]
 pub enum Shape {
     Mesh(Arc<TriangleMesh>),
@@ -74,6 +77,27 @@ impl Shape {
                 f64::from(disk.phi_max) / 2.0 * ring * axes.x_axis.cross(axes.y_axis).length()
             }
         }
+    }
+
+    /// The largest coordinate of the box around a sphere or disk in its object's space, the whole of which is taken
+    /// for it; of a mesh, which has no transform, there is none.
+    pub fn reach(&self) -> Option<f32> {
+        let (to_object, low, high) = match self {
+            Shape::Mesh(_) => return None,
+            Shape::Sphere(sphere) => {
+                let radius = f64::from(sphere.radius);
+                (sphere.to_object, DVec3::splat(-radius), DVec3::splat(radius))
+            }
+            Shape::Disk(disk) => {
+                let [radius, height] = [disk.radius, disk.height].map(f64::from);
+                (disk.to_object, DVec3::new(-radius, -radius, height), DVec3::new(radius, radius, height))
+            }
+        };
+        let centre = to_object.transform_point3((low + high) / 2.0);
+        let half = (high - low) / 2.0;
+        let axes = to_object.matrix3;
+        let extent = axes.x_axis.abs() * half.x + axes.y_axis.abs() * half.y + axes.z_axis.abs() * half.z;
+        Some((centre.abs() + extent).max_element() as f32)
     }
 
     /// Bytes held beyond the shape itself.

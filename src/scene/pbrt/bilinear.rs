@@ -7,6 +7,7 @@ use glam::{DVec2, DVec3};
 use super::mesh::MeshDescription;
 use super::params::Params;
 use super::revolution::grid;
+use super::state::Reader;
 use super::{Fault, Result};
 
 /// Steps along each side of a patch that is no parallelogram.
@@ -16,53 +17,45 @@ const FLAT: f64 = 1e-7;
 /// Corners in (u, v) in the order of their indices.
 const CORNERS: [DVec2; 4] = [DVec2::ZERO, DVec2::X, DVec2::Y, DVec2::ONE];
 
-/// The mesh of `bilinearmesh`.
-pub fn mesh(params: &Params) -> Result<MeshDescription> {
-    let fault = |message: String| Fault::new(params.place, message);
-    let positions = params
-        .triples("P")?
-        .ok_or_else(|| fault("a bilinear mesh without points; \"point3 P\" would be accepted".into()))?;
-    // An image by which pbrt samples what the patch emits; what it emits is said elsewhere.
-    params.get("emissionfilename");
-    let normals = params.triples("N")?.unwrap_or_default();
-    let uvs = params.pairs("uv")?.unwrap_or_default();
-    for (name, length) in [("normals", normals.len()), ("uvs", uvs.len())] {
-        if length != 0 && length != positions.len() {
-            let count = positions.len();
-            return Err(fault(format!(
-                "{length} {name} for {count} vertices; none or as many would be accepted"
-            )));
+impl Reader {
+    /// The mesh of `bilinearmesh`.
+    pub fn bilinear_mesh(&mut self, params: &Params) -> Result<MeshDescription> {
+        let fault = |message: String| Fault::new(params.place, message);
+        let positions = params
+            .triples("P")?
+            .ok_or_else(|| fault("a bilinear mesh without points; \"point3 P\" would be accepted".into()))?;
+        // An image by which pbrt samples what the patch emits; what it emits is said elsewhere.
+        params.get("emissionfilename");
+        let normals = params.triples("N")?.unwrap_or_default();
+        let normals = self.one_each(normals, "N", positions.len(), params);
+        let uvs = params.pairs("uv")?.unwrap_or_default();
+        let uvs = self.one_each(uvs, "uv", positions.len(), params);
+        let patches = match self.indices::<4>(params)? {
+            Some(patches) => patches,
+            None if positions.len() == 4 => vec![[0, 1, 2, 3]],
+            None => {
+                return Err(fault(
+                    "a bilinear mesh without \"integer indices\"; these, or four points, would be accepted"
+                        .into(),
+                ));
+            }
+        };
+        if let Some(index) = patches.as_flattened().iter().find(|&&i| i as usize >= positions.len()) {
+            return Err(fault(format!("index {index} of {} vertices", positions.len())));
         }
-    }
-    let indices = match params.integers("indices")? {
-        Some(indices) => indices.to_vec(),
-        None if positions.len() == 4 => vec![0.0, 1.0, 2.0, 3.0],
-        None => {
-            return Err(fault(
-                "a bilinear mesh without \"integer indices\"; these, or four points, would be accepted"
-                    .into(),
-            ));
+        let mut mesh = MeshDescription::default();
+        for patch in patches {
+            let corners = patch.map(|index| index as usize);
+            let given = |list: &[DVec3]| (!list.is_empty()).then(|| corners.map(|i| list[i]));
+            add(
+                &mut mesh,
+                corners.map(|i| positions[i]),
+                given(&normals),
+                if uvs.is_empty() { CORNERS } else { corners.map(|i| uvs[i]) },
+            );
         }
-    };
-    let (patches, rest) = indices.as_chunks::<4>();
-    if !rest.is_empty() {
-        return Err(fault(format!("{} indices; a multiple of 4 would be accepted", indices.len())));
+        Ok(mesh)
     }
-    if let Some(index) = indices.iter().find(|&&i| i < 0.0 || i >= positions.len() as f64) {
-        return Err(fault(format!("index {index} of {} vertices", positions.len())));
-    }
-    let mut mesh = MeshDescription::default();
-    for patch in patches {
-        let corners = patch.map(|index| index as usize);
-        let given = |list: &[DVec3]| (!list.is_empty()).then(|| corners.map(|i| list[i]));
-        add(
-            &mut mesh,
-            corners.map(|i| positions[i]),
-            given(&normals),
-            if uvs.is_empty() { CORNERS } else { corners.map(|i| uvs[i]) },
-        );
-    }
-    Ok(mesh)
 }
 
 /// The value at (s, t) of what has these values at the corners.
@@ -131,9 +124,7 @@ mod tests {
         for parameters in [
             "",
             "\"point3 P\" [0 0 0 1 0 0 0 1 0]",
-            "\"point3 P\" [0 0 0 1 0 0 0 1 0 1 1 1] \"integer indices\" [0 1 2]",
             "\"point3 P\" [0 0 0 1 0 0 0 1 0 1 1 1] \"integer indices\" [0 1 2 4]",
-            "\"point3 P\" [0 0 0 1 0 0 0 1 0 1 1 1] \"point2 uv\" [0 0]",
         ] {
             assert!(patch(parameters).is_err(), "{parameters}");
         }

@@ -8,6 +8,7 @@ use super::dialect::Dialect;
 use super::directives::Statement;
 use super::params::Params;
 use super::state::{Kept, Keys, Reader};
+use super::transforms::inverse;
 use super::{Fault, Place, Result};
 use crate::scene::camera::{Projection, SphericalMapping};
 use crate::scene::{AnimatedTransform, Camera, Film, Integrator, PixelFilter, SamplerKind};
@@ -248,13 +249,12 @@ fn camera(reader: &mut Reader, entry: &Entry, film: &Film) -> Result<(Camera, DV
     };
 
     // The transform at the camera is world to camera. Render space has its origin at the camera.
-    let [to_world_start, to_world_end] = ctm.map(|ctm| ctm.inverse());
-    if !(to_world_start.is_finite() && to_world_end.is_finite()) {
+    let [Some(to_world_start), Some(to_world_end)] = ctm.map(|ctm| inverse(&ctm)) else {
         return Err(Fault::new(
             *place,
             "a camera with a singular transform; one that can be inverted would be accepted",
         ));
-    }
+    };
     let [t0, t1] = reader.transform_times;
     let to_world = AnimatedTransform::new(to_world_start, to_world_end, t0, t1);
     let origin = to_world.at_f64(shutter_open).translation;

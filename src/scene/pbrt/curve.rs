@@ -2,7 +2,8 @@
 //!
 //! pbrt's `flat` and `cylinder` curves turn a strip towards every ray. A tube of the same width has
 //! the same outline from everywhere; `flat` ones are shaded as round here. A curve is cut into so
-//! many pieces that it strays from its true course by at most [`TOLERANCE`] of its width.
+//! many pieces that it strays from its true course by at most [`TOLERANCE`] of its width, which is
+//! that in the middle of a segment.
 
 use glam::{DMat3, DVec2, DVec3};
 
@@ -30,8 +31,7 @@ pub fn mesh(params: &Params) -> Result<MeshDescription> {
     let points = params
         .triples("P")?
         .ok_or_else(|| fault("a curve without points; \"point3 P\" would be accepted".into()))?;
-    let width = params.positive_or("width", 1.0)?;
-    let widths = [params.positive_or("width0", width)?, params.positive_or("width1", width)?];
+    let widths = widths(params)?;
     let degree = params.integer_in("degree", 3, 2..=3)? as usize;
     let segments = match params.string("basis")? {
         None | Some("bezier") if points.len() > degree && points.len() % degree == 1 => {
@@ -65,6 +65,18 @@ pub fn mesh(params: &Params) -> Result<MeshDescription> {
     };
     let stations = stations(&segments, widths, ribbon.as_deref());
     Ok(swept(&stations, ribbon.is_some()))
+}
+
+/// At the start and at the end. One of them may be 0: a blade ends in a point.
+fn widths(params: &Params) -> Result<[f64; 2]> {
+    let width = params.float_or("width", 1.0)?;
+    let widths = [params.float_or("width0", width)?, params.float_or("width1", width)?];
+    // As `f32`, which they will become.
+    if widths.iter().all(|&width| width >= 0.0) && widths.iter().any(|&width| width as f32 > 0.0) {
+        return Ok(widths);
+    }
+    let accepted = "numbers from 0, one of them above, would be accepted";
+    Err(Fault::new(params.place, format!("a curve of widths {} and {}; {accepted}", widths[0], widths[1])))
 }
 
 /// Whether it is of pbrt's default type, which faces every ray.
@@ -103,11 +115,12 @@ struct Station {
 
 fn stations(segments: &[Bezier], widths: [f64; 2], ribbon: Option<&[DVec3]>) -> Vec<Station> {
     let mut stations = Vec::new();
+    let width_at = |u: f64| widths[0] + (widths[1] - widths[0]) * u;
     for (i, &[a, b, c, d]) in segments.iter().enumerate() {
         // A cubic strays from its chord by at most an eighth of its largest second derivative.
         let bend = 6.0 * (a - 2.0 * b + c).length().max((b - 2.0 * c + d).length());
-        let least = widths[0].min(widths[1]);
-        let pieces = (bend / (8.0 * TOLERANCE * least)).sqrt().ceil().clamp(1.0, MAX_PIECES) as u32;
+        let middle = width_at((i as f64 + 0.5) / segments.len() as f64);
+        let pieces = (bend / (8.0 * TOLERANCE * middle)).sqrt().ceil().clamp(1.0, MAX_PIECES) as u32;
         let first = u32::from(i > 0);
         for k in first..=pieces {
             let t = f64::from(k) / f64::from(pieces);
@@ -118,7 +131,7 @@ fn stations(segments: &[Bezier], widths: [f64; 2], ribbon: Option<&[DVec3]>) -> 
                 at: a * s.powi(3) + b * (3.0 * s * s * t) + c * (3.0 * s * t * t) + d * t.powi(3),
                 tangent: tangent.try_normalize().unwrap_or((d - a).normalize_or(DVec3::Z)),
                 normal: ribbon.map_or(DVec3::ZERO, |normals| normals[i].lerp(normals[i + 1], t)),
-                width: widths[0] + (widths[1] - widths[0]) * u,
+                width: width_at(u),
                 u,
             });
         }
@@ -184,6 +197,26 @@ mod tests {
             assert!((radius - expected).abs() < 1e-6, "{p}");
         }
         assert!(mesh.positions.iter().zip(&mesh.normals).all(|(p, n)| p.with_x(0.0).dot(*n) > 0.0));
+    }
+
+    #[test]
+    fn a_curve_may_end_in_a_point_but_not_begin_in_one_too() {
+        let bent = "\"point3 P\" [0 0 0 0 1 0 1 2 0 3 2 0]";
+        for widths in ["\"float width1\" 0", "\"float width0\" 0", "\"float width\" 0 \"float width1\" 1"] {
+            let mesh = curve(&format!("{bent} {widths}")).unwrap();
+            let ring = if widths.contains("width1\" 0") { mesh.positions.len() - 7 } else { 0 };
+            let end = &mesh.positions[ring..ring + 7];
+            assert!(end.iter().all(|p| *p == end[0]), "{widths}: {end:?}");
+            // A hexagon's twelve triangles between two rings, six to the point.
+            assert_eq!(mesh.indices.len() % 12, 6, "{widths}");
+            assert!(mesh.positions.len() < 7 * 10, "{}", mesh.positions.len());
+        }
+        for widths in ["\"float width\" 0", "\"float width1\" -1"] {
+            assert!(
+                curve(&format!("{bent} {widths}")).unwrap_err().contains("a curve of widths"),
+                "{widths}"
+            );
+        }
     }
 
     #[test]

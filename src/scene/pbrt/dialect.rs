@@ -9,7 +9,6 @@ use std::path::Path;
 
 use glam::Vec3;
 
-use super::lexer::{Lexer, TokenKind};
 use super::params::{ParamType, Params};
 use super::spectrum::Spectrum;
 use super::state::Reader;
@@ -20,6 +19,7 @@ use crate::scene::light::SpotFalloff;
 use crate::scene::material::{Additive, Layer, MaterialKind, Metal, RoughnessScale};
 use crate::scene::texture::{Channels, Encoding, Texture};
 
+/// A version of pbrt, by what its scene files mean.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Dialect {
     V2,
@@ -27,75 +27,91 @@ pub enum Dialect {
     V4,
 }
 
-impl Dialect {
-    /// Recognises the dialect of a main file. Only the older ones close the world with `WorldEnd`,
-    /// and only v3 of these has `Integrator` and named media.
-    pub fn detect(text: &[u8]) -> Self {
-        let mut lexer = Lexer::new(text, 0);
-        let (mut world_end, mut integrator) = (false, false);
-        // What is no token is reported when it is read in earnest.
-        while let Ok(Some(token)) = lexer.next() {
-            if let TokenKind::Word(word) = token.kind {
-                world_end |= word == "WorldEnd";
-                integrator |= ["Integrator", "MediumInterface", "MakeNamedMedium"].contains(&&*word);
-            }
-        }
-        match (world_end, integrator) {
-            (false, _) => Dialect::V4,
-            (true, true) => Dialect::V3,
-            (true, false) => Dialect::V2,
-        }
+impl std::fmt::Display for Dialect {
+    fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
+        f.write_str(match self {
+            Dialect::V2 => "pbrt-v2",
+            Dialect::V3 => "pbrt-v3",
+            Dialect::V4 => "pbrt-v4",
+        })
     }
+}
 
+impl Dialect {
     /// Whether `AttributeEnd` may close `ObjectBegin` and the other way round: in the older
     /// dialects both work on one stack.
-    pub fn blocks_may_cross(self) -> bool {
+    pub(super) fn blocks_may_cross(self) -> bool {
+        self != Dialect::V4
+    }
+
+    /// Whether the end of the world ends the blocks that are still open.
+    pub(super) fn worlds_end_blocks(self) -> bool {
+        self != Dialect::V4
+    }
+
+    /// Whether texture coordinates of a mesh beyond one for each vertex are passed over, rather than all of them.
+    pub(super) fn surplus_uvs_are_cut(self) -> bool {
         self != Dialect::V4
     }
 
     /// Whether `TransformEnd` restores the transform only, rather than all attributes.
-    pub fn transform_blocks_hold_transforms_only(self) -> bool {
+    pub(super) fn transform_blocks_hold_transforms_only(self) -> bool {
         self != Dialect::V4
+    }
+
+    /// Whether the name of a material or an object may stand before what makes it.
+    pub(super) fn names_may_come_first(self) -> bool {
+        self == Dialect::V4
     }
 
     /// Whether `NamedMaterial` of an unknown name leaves things as they are.
-    pub fn unknown_materials_are_forgiven(self) -> bool {
+    pub(super) fn unknown_materials_are_forgiven(self) -> bool {
         self != Dialect::V4
     }
 
+    /// Whether a shape may have parameters of its material, which count more than the material's own.
+    pub(super) fn shapes_change_materials(self) -> bool {
+        self != Dialect::V4
+    }
+
+    /// Whether that goes for materials that have a name, too, which v2 makes once and for all.
+    pub(super) fn shapes_change_named_materials(self) -> bool {
+        self == Dialect::V3
+    }
+
     /// Whether a surface is there wherever its alpha is not 0, rather than with that probability.
-    pub fn alpha_is_a_mask(self) -> bool {
+    pub(super) fn alpha_is_a_mask(self) -> bool {
         self != Dialect::V4
     }
 
     /// Whether solid textures are looked up where the current transform takes a point of the world, and planar ones
     /// at that point, rather than both in the space that the transform leads from.
-    pub fn textures_turn_the_world(self) -> bool {
+    pub(super) fn textures_turn_the_world(self) -> bool {
         self != Dialect::V4
     }
 
     /// Whether the amount of a mix of materials is a colour.
-    pub fn mixes_by_colour(self) -> bool {
+    pub(super) fn mixes_by_colour(self) -> bool {
         self != Dialect::V4
     }
 
     /// Whether an image is as bright as its shutter is long open.
-    pub fn shutter_exposes(self) -> bool {
+    pub(super) fn shutter_exposes(self) -> bool {
         self == Dialect::V4
     }
 
     /// Whether v = 0 is the bottom row of an image.
-    pub fn images_start_at_the_bottom(self) -> bool {
+    pub(super) fn images_start_at_the_bottom(self) -> bool {
         self != Dialect::V2
     }
 
     /// Whether environment images are latitude-longitude maps.
-    pub fn environments_are_lat_long(self) -> bool {
+    pub(super) fn environments_are_lat_long(self) -> bool {
         self != Dialect::V4
     }
 
     /// What a roughness means; `remap` is the parameter `remaproughness`, which v2 does not have.
-    pub fn roughness_scale(self, remap: bool) -> RoughnessScale {
+    pub(super) fn roughness_scale(self, remap: bool) -> RoughnessScale {
         match (self, remap) {
             (Dialect::V2, _) => RoughnessScale::InverseExponent,
             (_, false) => RoughnessScale::Alpha,
@@ -106,7 +122,7 @@ impl Dialect {
 
     /// What an image holds whose parameters ask for `wanted`, if they do. v4 asks only of PNG files, and takes
     /// all others of integers for sRGB; the older dialects take a parameter at its word, of every file.
-    pub fn encoding_of(self, path: &Path, wanted: Option<Encoding>) -> Encoding {
+    pub(super) fn encoding_of(self, path: &Path, wanted: Option<Encoding>) -> Encoding {
         let floats = is_one_of(path, &["exr", "pfm"]);
         let usual = if floats || self == Dialect::V2 { Encoding::Linear } else { Encoding::Srgb };
         let asks = self != Dialect::V4 || is_one_of(path, &["png"]);
@@ -114,32 +130,32 @@ impl Dialect {
     }
 
     /// Field of view of lights that project an image, in degrees.
-    pub fn default_projection_fov(self) -> f64 {
+    pub(super) fn default_projection_fov(self) -> f64 {
         if self == Dialect::V4 { 90.0 } else { 45.0 }
     }
 
     /// Whether a projected image's first row is above.
-    pub fn projections_are_upright(self) -> bool {
+    pub(super) fn projections_are_upright(self) -> bool {
         self == Dialect::V4
     }
 
     /// Whether the first row of an image is its bottom: v2 reads these formats so.
-    pub fn reads_upwards(self, path: &Path) -> bool {
+    pub(super) fn reads_upwards(self, path: &Path) -> bool {
         self == Dialect::V2 && is_one_of(path, &["tga", "pfm"])
     }
 
     /// What images of lights hold, where that is not said as for other images.
-    pub fn light_encoding(self) -> Option<Encoding> {
+    pub(super) fn light_encoding(self) -> Option<Encoding> {
         (self != Dialect::V4).then_some(Encoding::Linear)
     }
 
     /// What a scalar texture takes from an image.
-    pub fn scalar_channels(self) -> Channels {
+    pub(super) fn scalar_channels(self) -> Channels {
         if self == Dialect::V4 { Channels::All } else { Channels::Luminance }
     }
 
     /// The factor of an image's linear values, of one that says `scale`: v2 multiplies before it decodes.
-    pub fn image_scale(self, scale: f64, encoding: Option<Encoding>) -> f64 {
+    pub(super) fn image_scale(self, scale: f64, encoding: Option<Encoding>) -> f64 {
         match (self, encoding) {
             (Dialect::V2, Some(Encoding::Gamma(gamma))) => scale.max(0.0).powf(gamma.into()),
             _ => scale,
@@ -147,7 +163,7 @@ impl Dialect {
     }
 
     /// Reflectance, or index of refraction, by channel.
-    pub fn reflectance_of(self, spectrum: &Spectrum) -> Vec3 {
+    pub(super) fn reflectance_of(self, spectrum: &Spectrum) -> Vec3 {
         match self {
             Dialect::V2 | Dialect::V3 => spectrum.unadapted(),
             Dialect::V4 => spectrum.reflectance(),
@@ -155,20 +171,25 @@ impl Dialect {
     }
 
     /// Colour of a light; in v4 its brightness is said elsewhere.
-    pub fn light_of(self, spectrum: &Spectrum) -> Vec3 {
+    pub(super) fn light_of(self, spectrum: &Spectrum) -> Vec3 {
         match self {
             Dialect::V2 | Dialect::V3 => spectrum.unadapted().max(Vec3::ZERO),
             Dialect::V4 => spectrum.illuminant(),
         }
     }
 
+    /// Whether the samples of a spectrum may stand in any order, rather than by rising wavelength.
+    pub(super) fn sorts_spectra(self) -> bool {
+        self != Dialect::V4
+    }
+
     /// Whether a spectrum is 0 beyond its samples, rather than constant.
-    pub fn spectra_end(self) -> bool {
+    pub(super) fn spectra_end(self) -> bool {
         self == Dialect::V4
     }
 
     /// The filter of a scene that names none.
-    pub fn default_filter(self) -> PixelFilter {
+    pub(super) fn default_filter(self) -> PixelFilter {
         match self {
             Dialect::V4 => PixelFilter::Gaussian { radius: [1.5; 2], sigma: 0.5 },
             Dialect::V2 | Dialect::V3 => PixelFilter::Box { radius: [0.5; 2] },
@@ -176,7 +197,7 @@ impl Dialect {
     }
 
     /// What the radius of a pixel filter is called.
-    pub fn filter_radius_names(self) -> [&'static str; 2] {
+    pub(super) fn filter_radius_names(self) -> [&'static str; 2] {
         match self {
             Dialect::V4 => ["xradius", "yradius"],
             Dialect::V2 | Dialect::V3 => ["xwidth", "ywidth"],
@@ -184,17 +205,17 @@ impl Dialect {
     }
 
     /// The radius of a Gaussian filter, where it is not given.
-    pub fn default_gaussian_radius(self) -> f64 {
+    pub(super) fn default_gaussian_radius(self) -> f64 {
         if self == Dialect::V4 { 1.5 } else { 2.0 }
     }
 
     /// How a spot light falls off between its two angles.
-    pub fn spot_falloff(self) -> SpotFalloff {
+    pub(super) fn spot_falloff(self) -> SpotFalloff {
         if self == Dialect::V4 { SpotFalloff::Smoothstep } else { SpotFalloff::FourthPower }
     }
 
     /// The integrator of a scene that names none.
-    pub fn default_integrator(self) -> &'static str {
+    pub(super) fn default_integrator(self) -> &'static str {
         match self {
             Dialect::V2 => "directlighting",
             Dialect::V3 => "path",
@@ -204,12 +225,12 @@ impl Dialect {
 
     /// The largest number of scattering events of a path. v2 looks at its limit only after the
     /// light of the last event was gathered, so that there is one more.
-    pub fn scattering_events(self, max_depth: u32) -> u32 {
+    pub(super) fn scattering_events(self, max_depth: u32) -> u32 {
         if self == Dialect::V2 { max_depth + 1 } else { max_depth }
     }
 
     /// The size of the film, where it is not given.
-    pub fn default_resolution(self) -> [u32; 2] {
+    pub(super) fn default_resolution(self) -> [u32; 2] {
         match self {
             Dialect::V2 => [640, 480],
             Dialect::V3 | Dialect::V4 => [1280, 720],
@@ -389,13 +410,6 @@ mod tests {
             [MaterialKind::Additive(parts)] => **parts,
             other => panic!("{other:?}"),
         }
-    }
-
-    #[test]
-    fn dialects_are_recognised_by_their_words() {
-        assert_eq!(Dialect::detect(b"Integrator \"path\" WorldBegin # WorldEnd"), Dialect::V4);
-        assert_eq!(Dialect::detect(b"Integrator \"path\" WorldBegin WorldEnd"), Dialect::V3);
-        assert_eq!(Dialect::detect(b"SurfaceIntegrator \"path\" WorldBegin WorldEnd"), Dialect::V2);
     }
 
     #[test]

@@ -1,6 +1,7 @@
 //! Tokens → statements: the table of directives, and the loop that carries them out.
 
 use std::borrow::Cow;
+use std::rc::Rc;
 
 use sha2::Digest;
 
@@ -258,9 +259,8 @@ impl Reader {
             return Err(Fault::new(statement.place, message));
         }
         statement.params.mark_all_used();
-        let defaults = std::rc::Rc::make_mut(&mut self.state.defaults).entry(target.clone()).or_default();
-        // Later ones come first, so that they win.
-        defaults.splice(0..0, statement.params.clone().into_list());
+        let defaults = Rc::make_mut(&mut self.state.defaults).entry(target.clone()).or_default();
+        Rc::make_mut(defaults).set(statement.params.clone());
         Ok(())
     }
 

@@ -8,7 +8,8 @@ use super::directives::Statement;
 use super::params::{ParamType, Params};
 use super::state::{Emission, Reader};
 use super::textures::encoding;
-use super::{Fault, Result};
+use super::transforms::{inverse, unit};
+use super::{Fault, Place, Result};
 use crate::scene::light::{AreaLight, Environment, EnvironmentMap, Portal};
 use crate::scene::texture::{Channels, luminance};
 use crate::scene::{ImageId, Light, TextureImage};
@@ -39,7 +40,7 @@ impl Reader {
         if self.is_animated() {
             self.warnings.add(statement.place, "moving lights stand still where they are at the start");
         }
-        if !self.to_render().inverse().is_finite() {
+        if inverse(&self.to_render()).is_none() {
             let message = "a singular transform; one that can be inverted would be accepted";
             return Err(Fault::new(statement.place, message));
         }
@@ -58,6 +59,10 @@ impl Reader {
                 return Err(Fault::new(statement.place, message));
             }
         };
+        if !is_placed(&light) {
+            let message = "a light that is not at a finite place; finite coordinates would be accepted";
+            return Err(Fault::new(statement.place, message));
+        }
         if emission(&light) != Vec3::ZERO {
             self.lights.push(light);
         }
@@ -67,17 +72,20 @@ impl Reader {
 
     /// Brings lights whose power is given to it, once their images are read: pbrt-v4 takes the
     /// mean luminance of the image for that of the surface.
-    pub fn normalise_lights(&mut self) {
-        for index in std::mem::take(&mut self.powered_images) {
+    ///
+    /// # Errors
+    /// For one that becomes brighter than numbers go.
+    pub fn normalise_lights(&mut self) -> Result<()> {
+        for (index, place) in std::mem::take(&mut self.powered_images) {
             let Some(light) = &mut self.groups[0].primitives[index].area_light else { continue };
             let Some(id) = light.image else { continue };
             let mean = luminance(self.textures.image(id).mean_light());
             if mean > 0.0 {
-                light.radiance /= mean;
+                light.radiance = brightened(light.radiance, f64::from(mean).recip(), place)?;
             }
         }
-        self.normalise_projectors();
-        for (index, illuminance) in std::mem::take(&mut self.lit_environments) {
+        self.normalise_projectors()?;
+        for (index, illuminance, place) in std::mem::take(&mut self.lit_environments) {
             let Light::Environment(Environment { scale, map: Some(EnvironmentMap::EqualArea(id)), .. }) =
                 &mut self.lights[index]
             else {
@@ -85,9 +93,10 @@ impl Reader {
             };
             let mapped = upper_illuminance(self.textures.image(*id));
             if mapped > 0.0 {
-                *scale *= (illuminance / mapped) as f32;
+                *scale = brightened(*scale, illuminance / mapped, place)?;
             }
         }
+        Ok(())
     }
 
     /// Colour times `scale`, per channel not below 0.
@@ -114,7 +123,7 @@ impl Reader {
         let position = self.to_render().transform_point3(from).as_vec3();
         let mut intensity = self.light_color(params, "I")?;
         if let Some(power) = params.positive("power")? {
-            intensity *= (power / (4.0 * PI)) as f32;
+            intensity = brought_to(params, "power", intensity, power / (4.0 * PI))?;
         }
         Ok(Light::Point { position, intensity })
     }
@@ -131,12 +140,12 @@ impl Reader {
             let solid_angle =
                 2.0 * PI * ((1.0 - cos_falloff_start) + (cos_falloff_start - cos_total_width) / 2.0);
             if solid_angle > 0.0 {
-                intensity *= (power / solid_angle) as f32;
+                intensity = brought_to(params, "power", intensity, power / solid_angle)?;
             }
         }
         Ok(Light::Spot {
             position: self.to_render().transform_point3(from).as_vec3(),
-            axis: self.to_render().transform_vector3(axis).normalize().as_vec3(),
+            axis,
             intensity,
             cos_falloff_start: cos_falloff_start as f32,
             cos_total_width: cos_total_width as f32,
@@ -146,23 +155,23 @@ impl Reader {
 
     fn distant(&mut self, params: &Params) -> Result<Light> {
         let (_, axis) = self.source_and_axis(params)?;
-        let direction = -self.to_render().transform_vector3(axis).normalize().as_vec3();
         let mut radiance = self.light_color(params, "L")?;
         if let Some(illuminance) = params.positive("illuminance")? {
-            radiance *= illuminance as f32;
+            radiance = brought_to(params, "illuminance", radiance, illuminance)?;
         }
-        Ok(Light::Distant { direction, radiance })
+        Ok(Light::Distant { direction: -axis, radiance })
     }
 
-    /// `from`, and `to` − `from`.
-    fn source_and_axis(&self, params: &Params) -> Result<(DVec3, DVec3)> {
+    /// `from`, and the direction from there to `to` in render space.
+    fn source_and_axis(&self, params: &Params) -> Result<(DVec3, Vec3)> {
         let from = params.triple_or("from", DVec3::ZERO)?;
         let to = params.triple_or("to", DVec3::Z)?;
-        if from == to {
+        let axis = unit(to - from).and_then(|axis| unit(self.to_render().transform_vector3(axis)));
+        let Some(axis) = axis else {
             let message = "a light from a point to the same point; two points would be accepted";
             return Err(Fault::new(params.place, message));
-        }
-        Ok((from, to - from))
+        };
+        Ok((from, axis.as_vec3()))
     }
 
     fn infinite(&mut self, params: &Params) -> Result<Light> {
@@ -176,9 +185,11 @@ impl Reader {
         };
         let portal = self.portal(params)?;
         match (map, params.positive("illuminance")?) {
-            (None, Some(illuminance)) => scale *= (illuminance / PI) as f32,
+            (None, Some(illuminance)) => {
+                scale = brought_to(params, "illuminance", scale, illuminance / PI)?;
+            }
             (Some(_), Some(illuminance)) if scale != Vec3::ZERO => {
-                self.lit_environments.push((self.lights.len(), illuminance))
+                self.lit_environments.push((self.lights.len(), illuminance, params.place))
             }
             _ => {}
         }
@@ -258,6 +269,37 @@ fn equal_area_height(uv: Vec2) -> f32 {
     let inside = 1.0 - from_middle.x - from_middle.y;
     let r = 1.0 - inside.abs();
     (1.0 - r * r).copysign(inside)
+}
+
+/// A light's colour times what a parameter makes of it.
+fn brought_to(params: &Params, name: &str, colour: Vec3, factor: f64) -> Result<Vec3> {
+    brightened(colour, factor, params.get(name).map_or(params.place, |param| param.place))
+}
+
+/// A light's colour times `factor`; `place` is what asks for it.
+pub fn brightened(colour: Vec3, factor: f64, place: Place) -> Result<Vec3> {
+    let product = (colour.as_dvec3() * factor).as_vec3();
+    if product.is_finite() {
+        return Ok(product);
+    }
+    let message =
+        format!("this makes a light of {colour} {factor:e} times as bright; less would be accepted");
+    Err(Fault::new(place, message))
+}
+
+/// Whether a light's place and axes are finite, as `f32`.
+fn is_placed(light: &Light) -> bool {
+    match light {
+        Light::Point { position, .. } => position.is_finite(),
+        Light::Spot { position, axis, .. } => position.is_finite() && axis.is_finite(),
+        Light::Projector { position, from_render, .. } => position.is_finite() && from_render.is_finite(),
+        Light::Distant { direction, .. } => direction.is_finite(),
+        Light::Environment(Environment { to_render, portal, .. }) => {
+            let is_finite =
+                |portal: &Portal| portal.corner.is_finite() && portal.edges.iter().all(|e| e.is_finite());
+            to_render.is_finite() && portal.as_ref().is_none_or(is_finite)
+        }
+    }
 }
 
 fn emission(light: &Light) -> Vec3 {

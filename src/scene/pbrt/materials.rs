@@ -1,5 +1,6 @@
 //! Materials, by the names and defaults of pbrt-v4.
 
+use std::rc::Rc;
 use std::sync::Arc;
 
 use glam::Vec3;
@@ -31,16 +32,43 @@ fn hair_colour(absorption: Vec3, roughness: f32) -> Vec3 {
     absorption.map(|a| (-a.max(0.0).sqrt() * fit).exp().min(1.0))
 }
 
+/// What a material was made of.
+struct Recipe {
+    name: String,
+    kind: String,
+    params: Params,
+    place: Place,
+}
+
+/// A material, with its recipe where shapes may change it.
+#[derive(Clone, Default)]
+pub struct Chosen {
+    pub id: MaterialId,
+    recipe: Option<Rc<Recipe>>,
+}
+
+fn unknown_material(name: &str, place: Place) -> Fault {
+    Fault::new(
+        place,
+        format!("material \"{name}\"; one that MakeNamedMaterial made before would be accepted"),
+    )
+}
+
 impl Reader {
     /// The material of a scene that names none.
     pub fn add_default_material(&mut self) {
         let reflectance = self.textures.add(Texture::Constant(Vec3::splat(0.5)));
-        self.add_material(Material {
+        self.state.material.id = self.add_material(Material {
             name: String::new(),
             kind: MaterialKind::Diffuse { reflectance },
             displacement: None,
             normal_map: None,
         });
+        if self.dialect.shapes_change_materials() {
+            let (name, params) = (String::new(), Params::none(Place::default()));
+            let recipe = Recipe { name, kind: "matte".into(), params, place: Place::default() };
+            self.state.material.recipe = Some(Rc::new(recipe));
+        }
     }
 
     fn add_material(&mut self, material: Material) -> MaterialId {
@@ -57,7 +85,18 @@ impl Reader {
 
     pub fn material(&mut self, statement: &Statement) -> Result<()> {
         let params = self.params_for("material", statement);
-        self.state.material = self.make_material("", &statement.strings[0], &params, statement)?;
+        let (kind, place) = (&statement.strings[0], statement.place);
+        let id = self.make_material("", kind, &params, place)?;
+        statement.params.mark_used_in(&params);
+        let recipe = self.dialect.shapes_change_materials().then(|| {
+            Rc::new(Recipe {
+                name: String::new(),
+                kind: kind.clone(),
+                params: params.into_owned().without_unused(),
+                place,
+            })
+        });
+        self.state.material = Chosen { id, recipe };
         Ok(())
     }
 
@@ -68,40 +107,85 @@ impl Reader {
             let message = format!("material \"{name}\" without a type; \"string type\" would be accepted");
             return Err(Fault::new(statement.place, message));
         };
-        let id = self.make_material(name, &kind, &params, statement)?;
-        self.named_materials.insert(name.clone(), id);
+        let place = statement.place;
+        let id = self.make_material(name, &kind, &params, place)?;
+        statement.params.mark_used_in(&params);
+        let recipe = self.dialect.shapes_change_named_materials().then(|| {
+            Rc::new(Recipe { name: name.clone(), kind, params: params.into_owned().without_unused(), place })
+        });
+        let id = self.put_where_awaited(name, id);
+        self.named_materials.insert(name.clone(), Chosen { id, recipe });
         Ok(())
     }
 
+    /// Moves the newest material to where its name is awaited, if it is; where it is then.
+    fn put_where_awaited(&mut self, name: &str, newest: MaterialId) -> MaterialId {
+        let Some((slot, _)) = self.awaited_materials.remove(name) else { return newest };
+        self.materials.swap_remove(slot.0 as usize);
+        self.mix_depths.swap_remove(slot.0 as usize);
+        slot
+    }
+
+    /// The slot of a material that is named before it is made. Mixes take none of these, so that none is in itself.
+    fn await_material(&mut self, name: &str, place: Place) -> Chosen {
+        let id = match self.awaited_materials.get(name) {
+            Some(&(id, _)) => id,
+            None => {
+                let id = self.add_material(self.materials[0].clone());
+                self.awaited_materials.insert(name.into(), (id, place));
+                id
+            }
+        };
+        Chosen { id, recipe: None }
+    }
+
+    /// # Errors
+    /// At the first name of a material that was never made.
+    pub fn check_awaited_materials(&self) -> Result<()> {
+        match self.awaited_materials.iter().min_by_key(|(_, (id, _))| id.0) {
+            Some((name, (_, place))) => Err(unknown_material(name, *place)),
+            None => Ok(()),
+        }
+    }
+
     pub fn named_material(&mut self, statement: &Statement) -> Result<()> {
-        match self.find_material(&statement.strings[0], statement.place) {
-            Ok(id) => self.state.material = id,
+        let (name, place) = (&statement.strings[0], statement.place);
+        match self.find_material(name, place) {
+            Ok(material) => self.state.material = material,
             Err(fault) if self.dialect.unknown_materials_are_forgiven() => {
                 self.warnings.add(fault.place, fault.message);
+            }
+            Err(_) if self.dialect.names_may_come_first() => {
+                self.state.material = self.await_material(name, place);
             }
             Err(fault) => return Err(fault),
         }
         Ok(())
     }
 
-    fn find_material(&self, name: &str, place: Place) -> Result<MaterialId> {
-        self.named_materials.get(name).copied().ok_or_else(|| {
-            Fault::new(
-                place,
-                format!("material \"{name}\"; one that MakeNamedMaterial made before would be accepted"),
-            )
-        })
+    fn find_material(&self, name: &str, place: Place) -> Result<Chosen> {
+        self.named_materials.get(name).cloned().ok_or_else(|| unknown_material(name, place))
     }
 
-    fn make_material(
-        &mut self,
-        name: &str,
-        kind: &str,
-        params: &Params,
-        statement: &Statement,
-    ) -> Result<MaterialId> {
-        let kind = self.material_kind(kind, params, statement.place)?;
-        self.warn_of_clamped(name, &kind, statement.place);
+    /// The material of a shape with these parameters, all of which it has asked for by then: the current one, or
+    /// one of its own if the shape says something of it.
+    pub fn material_of_shape(&mut self, params: &Params) -> Result<MaterialId> {
+        let Chosen { id, recipe } = self.state.material.clone();
+        let Some(recipe) = recipe.filter(|_| params.unused().next().is_some()) else { return Ok(id) };
+        let all = recipe.params.followed_by_unused(params);
+        let changed = self.make_material(&recipe.name, &recipe.kind, &all, recipe.place)?;
+        if params.mark_used_at_end_of(&all) {
+            return Ok(changed);
+        }
+        // What is left over is not the material's either.
+        self.materials.pop();
+        self.mix_depths.pop();
+        Ok(id)
+    }
+
+    fn make_material(&mut self, name: &str, kind: &str, params: &Params, place: Place) -> Result<MaterialId> {
+        let kind = self.material_kind(kind, params, place)?;
+        self.warn_of_clamped(name, &kind, place);
         let displacement = match (params.get("displacement"), params.get("bumpmap")) {
             (None, None) => None,
             (Some(_), _) => Some(self.float_texture_or(params, "displacement", 0.0)?),
@@ -118,7 +202,6 @@ impl Reader {
                 Some(self.textures.add(Texture::<Vec3>::Image(texture)))
             }
         };
-        statement.params.mark_used_in(params);
         Ok(self.add_material(Material { name: name.into(), kind, displacement, normal_map }))
     }
 
@@ -276,7 +359,7 @@ impl Reader {
 
     fn mix(&mut self, params: &Params, place: Place) -> Result<MaterialKind> {
         let [first, second] = self.mixed_names(params, place)?;
-        let (first, second) = (self.find_material(first, place)?, self.find_material(second, place)?);
+        let (first, second) = (self.find_material(first, place)?.id, self.find_material(second, place)?.id);
         if [first, second].iter().any(|id| self.mix_depths[id.0 as usize] >= MAX_MIX_DEPTH) {
             let message = format!("mixes more than {MAX_MIX_DEPTH} deep; fewer would be accepted");
             return Err(Fault::new(place, message));

@@ -67,6 +67,15 @@ impl MeshDescription {
 }
 
 impl TriangleMesh {
+    /// Leaves out the triangles that have a coordinate of `limit` or more; whether there are any.
+    pub fn leave_out_beyond(&mut self, limit: f32) -> bool {
+        let count = self.indices.len();
+        let positions = &self.positions;
+        let is_near = |&vertex: &u32| positions[vertex as usize].abs().max_element() < limit;
+        self.indices.retain(|triangle| triangle.iter().all(is_near));
+        self.indices.len() < count
+    }
+
     /// Adds a triangle that has an area, with its front where the normals point.
     fn add(&mut self, [a, b, c]: [u32; 3], flip_normal: bool) {
         let [pa, pb, pc] = [a, b, c].map(|i| self.positions[i as usize].as_dvec3());

@@ -2,7 +2,7 @@
 //!
 //! `lexer`: text → tokens. `directives`: tokens → statements, by the table of directives, each
 //! of which is a method of `state::Reader`; these methods are spread over the files by what they
-//! make. What differs between the dialects v2, v3 and v4 stands in `dialect`.
+//! make. What differs between the dialects v2, v3 and v4 stands in `dialect`, how they are told apart in `detection`.
 //!
 //! Source: the file format specification of pbrt-v4 (pbrt.org/fileformat-v4).
 
@@ -10,6 +10,7 @@ mod bilinear;
 mod camera_film;
 mod color_space;
 mod curve;
+mod detection;
 mod dialect;
 mod directives;
 mod files;
@@ -36,6 +37,7 @@ mod warnings;
 
 use std::path::Path;
 
+pub use self::dialect::Dialect;
 use self::state::Reader;
 use super::Scene;
 

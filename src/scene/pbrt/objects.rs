@@ -5,6 +5,7 @@ use glam::{DAffine3, DVec3};
 
 use super::directives::Statement;
 use super::state::{Block, Keys, Reader};
+use super::transforms::inverse;
 use super::{Fault, Place, Result};
 use crate::scene::{AnimatedTransform, Instance, Primitive};
 
@@ -30,6 +31,13 @@ pub struct Part {
     pub group: usize,
     /// The group's motion inside the object; the identity if it stands still.
     keys: Keys,
+}
+
+/// An object's instance.
+pub struct Placed {
+    name: String,
+    keys: Keys,
+    place: Place,
 }
 
 /// Where a shape goes.
@@ -121,26 +129,46 @@ impl Reader {
 
     pub fn object_instance(&mut self, statement: &Statement) -> Result<()> {
         let name = &statement.strings[0];
-        let fault = |message| Err(Fault::new(statement.place, message));
         if let Some((open, _)) = &self.current_object {
-            return fault(format!("ObjectInstance inside object \"{open}\"; ObjectEnd would be accepted"));
+            let message = format!("ObjectInstance inside object \"{open}\"; ObjectEnd would be accepted");
+            return Err(Fault::new(statement.place, message));
         }
+        check_invertible(&self.state.ctm, statement.place)?;
+        let placed = Placed { name: name.clone(), keys: self.state.ctm, place: statement.place };
+        if !self.objects.contains_key(name) && self.dialect.names_may_come_first() {
+            self.awaited_instances.push(placed);
+            return Ok(());
+        }
+        self.place_object(&placed)
+    }
+
+    fn place_object(&mut self, Placed { name, keys, place }: &Placed) -> Result<()> {
         let Some(parts) = self.objects.get(name).cloned() else {
-            return fault(format!("object \"{name}\"; one defined before would be accepted"));
+            let message = format!("object \"{name}\"; one defined before would be accepted");
+            return Err(Fault::new(*place, message));
         };
-        let ctm = self.state.ctm;
-        check_invertible(&ctm, statement.place)?;
         for part in parts {
-            self.add_instance(part.group, [ctm[0] * part.keys[0], ctm[1] * part.keys[1]]);
+            self.add_instance(part.group, [keys[0] * part.keys[0], keys[1] * part.keys[1]]);
         }
         Ok(())
+    }
+
+    /// Places the instances of objects that were made after these were named.
+    ///
+    /// # Errors
+    /// Of an object that was never made.
+    pub fn place_awaited_instances(&mut self) -> Result<()> {
+        std::mem::take(&mut self.awaited_instances).iter().try_for_each(|placed| self.place_object(placed))
     }
 }
 
 /// Normals and rays need the inverse of a transform.
 fn check_invertible(keys: &Keys, place: Place) -> Result<()> {
     // As `f32`, which they will become.
-    if keys.iter().all(|key| key.as_affine3a().is_finite() && key.inverse().as_affine3a().is_finite()) {
+    let fits = |key: &DAffine3| {
+        key.as_affine3a().is_finite() && inverse(key).is_some_and(|inverse| inverse.as_affine3a().is_finite())
+    };
+    if keys.iter().all(fits) {
         return Ok(());
     }
     Err(Fault::new(place, "a singular transform; one that can be inverted would be accepted"))

@@ -2,6 +2,8 @@
 //! for by name and type afterwards. What nobody asked for is reported.
 
 use std::cell::Cell;
+use std::collections::HashMap;
+use std::rc::Rc;
 
 use glam::{DVec2, DVec3};
 
@@ -75,14 +77,26 @@ impl Param {
     }
 }
 
+/// What `Attribute` directives set for one kind of directive, by name. The parameters are shared, because every
+/// block that sets another one keeps a copy of the table.
+#[derive(Clone, Debug, Default)]
+pub struct Defaults(HashMap<String, Rc<Param>>);
+
+impl Defaults {
+    /// Sets these, each in place of the one that had its name before.
+    pub fn set(&mut self, params: Params) {
+        self.0.extend(params.list.into_iter().map(|param| (param.name.clone(), Rc::new(param))));
+    }
+}
+
 /// The parameters of a directive.
 #[derive(Clone, Debug)]
 pub struct Params {
     /// Of the directive.
     pub place: Place,
     list: Vec<Param>,
-    /// What an `Attribute` directive set beforehand, in case the list does not say.
-    defaults: Vec<Param>,
+    /// What `Attribute` directives set beforehand, in case the list does not say.
+    defaults: Option<Rc<Defaults>>,
 }
 
 impl Params {
@@ -98,23 +112,17 @@ impl Params {
             let Some(declared) = declared else { break };
             list.push(parse_param(lexer, &declared, start)?);
         }
-        Ok(Self { place, list, defaults: Vec::new() })
+        Ok(Self { place, list, defaults: None })
     }
 
     /// An empty list.
     pub fn none(place: Place) -> Self {
-        Self { place, list: Vec::new(), defaults: Vec::new() }
+        Self { place, list: Vec::new(), defaults: None }
     }
 
     /// The same list, with values for what it does not say.
-    pub fn with_defaults(mut self, defaults: &[Param]) -> Self {
-        self.defaults = defaults.to_vec();
-        self
-    }
-
-    /// The parameters, given away.
-    pub fn into_list(self) -> Vec<Param> {
-        self.list
+    pub fn with_defaults(self, defaults: &Rc<Defaults>) -> Self {
+        Self { defaults: Some(defaults.clone()), ..self }
     }
 
     /// The parameters that were not asked for.
@@ -134,11 +142,34 @@ impl Params {
         }
     }
 
-    /// The parameter of a name, whatever its type; a second one of the same name counts as used.
+    /// Those that were asked for: there may be any amount of others.
+    pub fn without_unused(mut self) -> Self {
+        self.list.retain(|param| param.used.get());
+        self
+    }
+
+    /// These, and after them, where they count more, what was not asked for of others.
+    pub fn followed_by_unused(&self, others: &Params) -> Params {
+        let list = self.list.iter().chain(others.unused()).cloned().collect();
+        Self { list, ..self.clone() }
+    }
+
+    /// Takes what was asked for at the end of `all`, which [`Self::followed_by_unused`] made, as asked for here;
+    /// whether anything was.
+    pub fn mark_used_at_end_of(&self, all: &Params) -> bool {
+        let unused: Vec<&Param> = self.unused().collect();
+        let copies = &all.list[all.list.len() - unused.len()..];
+        unused.iter().zip(copies).for_each(|(param, copy)| param.used.set(copy.used.get()));
+        copies.iter().any(|copy| copy.used.get())
+    }
+
+    /// The parameter of a name, whatever its type. Of several the last one counts, as in pbrt; the others are taken
+    /// as asked for.
     pub fn get(&self, name: &str) -> Option<&Param> {
         let named = |param: &&Param| param.name == name;
         self.list.iter().filter(named).for_each(|param| param.used.set(true));
-        self.list.iter().find(named).or_else(|| self.defaults.iter().find(named))
+        let default = || self.defaults.as_ref()?.0.get(name).map(Rc::as_ref);
+        self.list.iter().rfind(named).or_else(default)
     }
 
     fn typed(&self, name: &str, types: &[ParamType], accepted: &str) -> Result<Option<&Param>> {

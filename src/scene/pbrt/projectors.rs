@@ -4,7 +4,7 @@ use std::f64::consts::PI;
 
 use glam::{DMat3, DVec3, Vec2, Vec3};
 
-use super::lights::image_of;
+use super::lights::{brightened, image_of};
 use super::params::Params;
 use super::state::Reader;
 use super::{Fault, Result};
@@ -48,7 +48,7 @@ impl Reader {
         if let Some(power) = params.positive("power")?
             && intensity != Vec3::ZERO
         {
-            self.powered_projectors.push((self.lights.len(), power));
+            self.powered_projectors.push((self.lights.len(), power, params.place));
         }
         // Directions have no size.
         let to_render_axes = to_render.matrix3 * to_render.matrix3.determinant().abs().cbrt().recip();
@@ -61,14 +61,18 @@ impl Reader {
     }
 
     /// Brings projectors whose power is given to it.
-    pub fn normalise_projectors(&mut self) {
-        for (index, power) in std::mem::take(&mut self.powered_projectors) {
+    ///
+    /// # Errors
+    /// For one that becomes brighter than numbers go.
+    pub fn normalise_projectors(&mut self) -> Result<()> {
+        for (index, power, place) in std::mem::take(&mut self.powered_projectors) {
             let Light::Projector { intensity, image, .. } = &mut self.lights[index] else { continue };
             let emitted = emitted_power(&self.textures, *image);
             if emitted > 0.0 {
-                *intensity *= (power / emitted) as f32;
+                *intensity = brightened(*intensity, power / emitted, place)?;
             }
         }
+        Ok(())
     }
 }
 

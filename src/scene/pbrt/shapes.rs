@@ -6,12 +6,14 @@ use std::sync::Arc;
 use glam::{DAffine3, DVec2, DVec3};
 
 use super::directives::Statement;
+use super::lights::brightened;
 use super::mesh::MeshDescription;
 use super::objects::Placement;
 use super::params::{ParamType, Params};
 use super::state::{Emission, Reader};
-use super::{Fault, Result, bilinear, curve, loop_subdivision, ply, revolution};
+use super::{Fault, Result, curve, loop_subdivision, ply, revolution};
 use crate::scene::material::MaterialKind;
+use crate::scene::shape::LARGEST_COORDINATE;
 use crate::scene::texture::{FloatTextureId, Texture};
 use crate::scene::{Disk, Primitive, Shape, Sphere};
 
@@ -30,8 +32,14 @@ impl Reader {
         match kind {
             "sphere" => self.sphere(params)?,
             "disk" => self.disk(params)?,
-            "trianglemesh" => self.mesh(params, &triangle_mesh(params)?, fault)?,
-            "loopsubdiv" => self.mesh(params, &loop_subdivided(params)?, fault)?,
+            "trianglemesh" => {
+                let mesh = self.triangle_mesh(params)?;
+                self.mesh(params, &mesh, fault)?;
+            }
+            "loopsubdiv" => {
+                let mesh = self.loop_subdivided(params)?;
+                self.mesh(params, &mesh, fault)?;
+            }
             "plymesh" => {
                 let Some(name) = params.string("filename")? else {
                     return Err(fault(
@@ -44,7 +52,10 @@ impl Reader {
                     .map_err(|message| named(format!("{message}; a sound PLY file would be accepted")))?;
                 self.mesh(params, &mesh, named)?;
             }
-            "bilinearmesh" => self.mesh(params, &bilinear::mesh(params)?, fault)?,
+            "bilinearmesh" => {
+                let mesh = self.bilinear_mesh(params)?;
+                self.mesh(params, &mesh, fault)?;
+            }
             "curve" => {
                 if curve::is_flat(params)? {
                     self.warnings.add(params.place, "curves of type \"flat\" are shaded as round ones");
@@ -105,7 +116,13 @@ impl Reader {
     fn add(&mut self, params: &Params, reference: DVec3, make: impl FnOnce(DAffine3) -> Shape) -> Result<()> {
         let Placement { group, to_group } = self.place_shape(reference, params.place)?;
         let flip_normal = self.state.reverse_orientation != mirrors(to_group);
-        self.add_primitive(params, group, make(to_group), flip_normal)
+        let shape = make(to_group);
+        if !shape.reach().is_some_and(|reach| reach < LARGEST_COORDINATE) {
+            let message = format!("a shape that reaches further than {LARGEST_COORDINATE:e} is left out");
+            self.warnings.add(params.place, message);
+            return Ok(());
+        }
+        self.add_primitive(params, group, shape, flip_normal)
     }
 
     /// Adds a mesh; `fault` says whose fault it is if there is something wrong with it.
@@ -119,7 +136,12 @@ impl Reader {
         let Placement { group, to_group } = self.place_shape(reference, params.place)?;
         let reverse = self.state.reverse_orientation;
         let flip_normal = reverse != mirrors(to_group);
-        let baked = mesh.bake(to_group, flip_normal, reverse).map_err(fault)?;
+        let mut baked = mesh.bake(to_group, flip_normal, reverse).map_err(fault)?;
+        if baked.leave_out_beyond(LARGEST_COORDINATE) {
+            let message =
+                format!("triangles of a mesh that reach further than {LARGEST_COORDINATE:e} are left out");
+            self.warnings.add(params.place, message);
+        }
         if baked.indices.is_empty() {
             self.warnings.add(params.place, "a mesh without any triangle that has an area is left out");
             return Ok(());
@@ -134,7 +156,8 @@ impl Reader {
         shape: Shape,
         flip_normal: bool,
     ) -> Result<()> {
-        let material = self.state.material;
+        let alpha = self.alpha(params)?;
+        let material = self.material_of_shape(params)?;
         let mut area_light = self.state.area_light;
         if area_light.is_some() && group != 0 {
             self.warnings.add(params.place, "area lights on moving or instanced shapes are not simulated");
@@ -146,17 +169,18 @@ impl Reader {
             self.warnings.add(params.place, "an area light on the material \"interface\" is left out");
             area_light = None;
         }
-        let alpha = self.alpha(params)?;
-        let area_light = area_light.map(|Emission { mut light, power }| {
-            if let Some(power) = power {
+        let area_light = match area_light {
+            Some(Emission { mut light, power: Some(power) }) => {
                 let sides = if light.two_sided { 2.0 } else { 1.0 };
-                light.radiance *= (power / (PI * sides * shape.area())) as f32;
+                light.radiance =
+                    brightened(light.radiance, power / (PI * sides * shape.area()), params.place)?;
                 if light.image.is_some() {
-                    self.powered_images.push(self.groups[group].primitives.len());
+                    self.powered_images.push((self.groups[group].primitives.len(), params.place));
                 }
+                Some(light)
             }
-            light
-        });
+            emission => emission.map(|emission| emission.light),
+        };
         self.reading.shapes += 1;
         if let Shape::Mesh(mesh) = &shape {
             self.reading.triangles += mesh.indices.len();
@@ -164,6 +188,76 @@ impl Reader {
         (self.report)(self.reading);
         self.groups[group].primitives.push(Primitive { shape, material, alpha, area_light, flip_normal });
         Ok(())
+    }
+
+    fn triangle_mesh(&mut self, params: &Params) -> Result<MeshDescription> {
+        let positions = required_positions(params)?;
+        let indices = match self.indices::<3>(params)? {
+            Some(indices) => indices,
+            None if positions.len() == 3 => vec![[0, 1, 2]],
+            None => {
+                let message =
+                    "a mesh without \"integer indices\"; these, or exactly three points, would be accepted";
+                return Err(Fault::new(params.place, message));
+            }
+        };
+        let uvs_name = if params.get("uv").is_some() { "uv" } else { "st" };
+        let mut uvs = params.pairs(uvs_name)?.unwrap_or_default();
+        if self.dialect.surplus_uvs_are_cut() {
+            uvs.truncate(positions.len());
+        }
+        let uvs = self.one_each(uvs, uvs_name, positions.len(), params);
+        let normals = params.triples("N")?.unwrap_or_default();
+        let normals = self.one_each(normals, "N", positions.len(), params);
+        Ok(MeshDescription { positions, normals, uvs, indices })
+    }
+
+    fn loop_subdivided(&mut self, params: &Params) -> Result<MeshDescription> {
+        let positions = required_positions(params)?;
+        let Some(indices) = self.indices::<3>(params)? else {
+            return Err(Fault::new(
+                params.place,
+                "loopsubdiv without \"integer indices\"; these would be accepted",
+            ));
+        };
+        let name = if params.get("nlevels").is_some() { "nlevels" } else { "levels" };
+        let levels = params.integer_in(name, 3, 0..=MAX_LEVELS)?;
+        params.get("scheme");
+        if indices.len() << (2 * levels) > MAX_SUBDIVIDED {
+            let message =
+                format!("{} triangles, {levels} times subdivided; less would be accepted", indices.len());
+            return Err(Fault::new(params.place, message));
+        }
+        loop_subdivision::subdivide(&positions, &indices, levels)
+            .map_err(|message| Fault::new(params.place, message))
+    }
+
+    /// The vertices of faces of `N` corners. An empty list is none, and what is left over at its end is passed over,
+    /// as in pbrt.
+    pub fn indices<const N: usize>(&mut self, params: &Params) -> Result<Option<Vec<[u32; N]>>> {
+        let Some(numbers) = params.integers("indices")?.filter(|numbers| !numbers.is_empty()) else {
+            return Ok(None);
+        };
+        let param = params.get("indices").expect("its numbers were just found");
+        let (faces, rest) = numbers.as_chunks::<N>();
+        if !rest.is_empty() {
+            let message = format!("\"indices\" beyond the last multiple of {N} are left out");
+            self.warnings.add(param.place, message);
+        }
+        if let Some(index) = numbers.iter().find(|&&index| index < 0.0 || index > f64::from(u32::MAX)) {
+            return Err(param.fault(index, "the number of a vertex"));
+        }
+        Ok(Some(faces.iter().map(|face| face.map(|index| index as u32)).collect()))
+    }
+
+    /// What a mesh has at its vertices; nothing, as in pbrt, if that is not one for each.
+    pub fn one_each<T>(&mut self, list: Vec<T>, name: &str, vertices: usize, params: &Params) -> Vec<T> {
+        if list.is_empty() || list.len() == vertices {
+            return list;
+        }
+        let place = params.get(name).map_or(params.place, |param| param.place);
+        self.warnings.add(place, format!("\"{name}\" of another number than the points is left out"));
+        Vec::new()
     }
 
     /// Opacity: a texture or a number, unless it is opaque.
@@ -192,24 +286,6 @@ fn phi_max(params: &Params) -> Result<f32> {
     Ok(degrees.to_radians() as f32)
 }
 
-fn triangle_mesh(params: &Params) -> Result<MeshDescription> {
-    let positions = required_positions(params)?;
-    let indices = match indices(params)? {
-        Some(indices) => indices,
-        None if positions.len() == 3 => vec![[0, 1, 2]],
-        None => {
-            let message =
-                "a mesh without \"integer indices\"; these, or exactly three points, would be accepted";
-            return Err(Fault::new(params.place, message));
-        }
-    };
-    let uvs = match params.pairs("uv")? {
-        Some(uvs) => uvs,
-        None => params.pairs("st")?.unwrap_or_default(),
-    };
-    Ok(MeshDescription { positions, normals: params.triples("N")?.unwrap_or_default(), uvs, indices })
-}
-
 /// Heights over a grid of the unit square, as pbrt-v2 and v3 have them.
 fn height_field(params: &Params) -> Result<MeshDescription> {
     let side = |name| params.integer_in(name, 2, 2..=MAX_GRID);
@@ -228,43 +304,9 @@ fn height_field(params: &Params) -> Result<MeshDescription> {
     Ok(MeshDescription { positions, normals: Vec::new(), uvs, indices })
 }
 
-fn loop_subdivided(params: &Params) -> Result<MeshDescription> {
-    let positions = required_positions(params)?;
-    let Some(indices) = indices(params)? else {
-        return Err(Fault::new(
-            params.place,
-            "loopsubdiv without \"integer indices\"; these would be accepted",
-        ));
-    };
-    let name = if params.get("nlevels").is_some() { "nlevels" } else { "levels" };
-    let levels = params.integer_in(name, 3, 0..=MAX_LEVELS)?;
-    params.get("scheme");
-    if indices.len() << (2 * levels) > MAX_SUBDIVIDED {
-        let message =
-            format!("{} triangles, {levels} times subdivided; less would be accepted", indices.len());
-        return Err(Fault::new(params.place, message));
-    }
-    loop_subdivision::subdivide(&positions, &indices, levels)
-        .map_err(|message| Fault::new(params.place, message))
-}
-
 fn required_positions(params: &Params) -> Result<Vec<DVec3>> {
     let positions = params.triples("P")?;
     positions.ok_or_else(|| Fault::new(params.place, "a mesh without points; \"point3 P\" would be accepted"))
-}
-
-fn indices(params: &Params) -> Result<Option<Vec<[u32; 3]>>> {
-    let Some(numbers) = params.integers("indices")? else { return Ok(None) };
-    let fault =
-        |message: String| Fault::new(params.get("indices").map_or(params.place, |p| p.place), message);
-    let (triangles, rest) = numbers.as_chunks::<3>();
-    if !rest.is_empty() {
-        return Err(fault(format!("{} indices; a multiple of 3 would be accepted", numbers.len())));
-    }
-    if let Some(index) = numbers.iter().find(|&&index| index < 0.0 || index > f64::from(u32::MAX)) {
-        return Err(fault(format!("index {index}; the number of a vertex would be accepted")));
-    }
-    Ok(Some(triangles.iter().map(|triangle| triangle.map(|index| index as u32)).collect()))
 }
 
 #[cfg(test)]

@@ -28,7 +28,7 @@ const WIEN_DISPLACEMENT: f64 = 2.897_772e6;
 pub enum Spectrum {
     /// Linear RGB: as good as the scene gives it.
     Rgb(Vec3),
-    /// Wavelengths in nm, rising, and values; constant beyond the ends. Not empty.
+    /// Wavelengths in nm, none below the one before, and values; constant beyond the ends. Not empty.
     Sampled(Vec<[f64; 2]>),
     /// Temperature in kelvin, and a factor (pbrt-v2 and v3).
     Blackbody { kelvin: f64, scale: f64 },
@@ -62,6 +62,17 @@ impl Spectrum {
             }
             _ => None,
         }
+    }
+
+    /// As [`Self::from_numbers`], of pairs in any order and with steps (pbrt-v2 and v3).
+    pub fn from_unsorted_numbers(numbers: &[f64]) -> Option<Self> {
+        let (pairs, rest) = numbers.as_chunks::<2>();
+        if pairs.is_empty() || !rest.is_empty() {
+            return Self::from_numbers(numbers);
+        }
+        let mut pairs = pairs.to_vec();
+        pairs.sort_by(|a, b| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])));
+        Some(Spectrum::Sampled(pairs))
     }
 
     /// The same, but 0 beyond the ends; a constant has none. An index of refraction ends nowhere.

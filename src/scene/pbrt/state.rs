@@ -13,8 +13,9 @@ use super::color_space::ColorSpace;
 use super::dialect::Dialect;
 use super::directives::Statement;
 use super::image_files::ImageFiles;
-use super::objects::{Group, Part};
-use super::params::Param;
+use super::materials::Chosen;
+use super::objects::{Group, Part, Placed};
+use super::params::Defaults;
 use super::textures::TextureNames;
 use super::warnings::Warnings;
 use super::{Fault, Place, Reading, Result, SceneError, camera_film, files};
@@ -44,11 +45,11 @@ pub struct GraphicsState {
     /// Which of the two the transform directives change.
     pub active: [bool; 2],
     pub reverse_orientation: bool,
-    pub material: MaterialId,
+    pub material: Chosen,
     pub area_light: Option<Emission>,
     pub color_space: ColorSpace,
     /// Parameters set by `Attribute`, by what they are for.
-    pub defaults: Rc<HashMap<String, Vec<Param>>>,
+    pub defaults: Rc<HashMap<String, Rc<Defaults>>>,
 }
 
 /// What opened a block.
@@ -112,21 +113,26 @@ pub struct Reader {
     pub texture_names: TextureNames,
     pub images: ImageFiles,
     pub materials: Vec<Material>,
-    pub named_materials: HashMap<String, MaterialId>,
+    pub named_materials: HashMap<String, Chosen>,
+    /// Those that are named and not made yet, by name: their slots, and the place of the first name.
+    pub awaited_materials: HashMap<String, (MaterialId, Place)>,
     /// How deep a mix of mixes each material is.
     pub mix_depths: Vec<usize>,
     pub measured_brdfs: HashMap<PathBuf, Arc<MeasuredBrdf>>,
     pub lights: Vec<Light>,
     /// Primitives of the static part that emit an image and have their power given, and environment
-    /// images that have their illuminance given: brought to it when the images are read.
-    pub powered_images: Vec<usize>,
-    pub lit_environments: Vec<(usize, f64)>,
-    /// Projectors whose power is given, with it: their images are read last.
-    pub powered_projectors: Vec<(usize, f64)>,
+    /// images that have their illuminance given: brought to it when the images are read. With the place of the
+    /// shape or light.
+    pub powered_images: Vec<(usize, Place)>,
+    pub lit_environments: Vec<(usize, f64, Place)>,
+    /// Projectors whose power is given, with it and their place: their images are read last.
+    pub powered_projectors: Vec<(usize, f64, Place)>,
     /// `groups[0]` is the static part of the scene.
     pub groups: Vec<Group>,
     pub instances: Vec<Instance>,
     pub objects: HashMap<String, Vec<Part>>,
+    /// Instances of objects that are not made yet.
+    pub awaited_instances: Vec<Placed>,
     /// The object between `ObjectBegin` and `ObjectEnd`: its name and parts.
     pub current_object: Option<(String, Vec<Part>)>,
     /// Told how far reading has come.
@@ -138,7 +144,7 @@ impl Reader {
     /// A reader of the main file's text.
     pub fn new(text: &[u8], name: String, folder: &Path, path: Option<&Path>) -> Self {
         let mut reader = Self {
-            dialect: Dialect::detect(text),
+            dialect: Dialect::detect(text, folder),
             folder: folder.into(),
             files: vec![name],
             open: path.and_then(|path| path.canonicalize().ok()).into_iter().collect(),
@@ -151,7 +157,7 @@ impl Reader {
                 ctm: [DAffine3::IDENTITY; 2],
                 active: [true; 2],
                 reverse_orientation: false,
-                material: MaterialId(0),
+                material: Chosen::default(),
                 area_light: None,
                 color_space: ColorSpace::Srgb,
                 defaults: Rc::default(),
@@ -166,6 +172,7 @@ impl Reader {
             images: ImageFiles::default(),
             materials: Vec::new(),
             named_materials: HashMap::new(),
+            awaited_materials: HashMap::new(),
             mix_depths: Vec::new(),
             measured_brdfs: HashMap::new(),
             lights: Vec::new(),
@@ -175,6 +182,7 @@ impl Reader {
             groups: vec![Group::new("".into())],
             instances: Vec::new(),
             objects: HashMap::new(),
+            awaited_instances: Vec::new(),
             current_object: None,
             report: Box::new(|_| {}),
             reading: Reading::default(),
@@ -185,11 +193,8 @@ impl Reader {
 
     /// Reads the main file.
     pub fn read(mut self, text: &[u8]) -> std::result::Result<Scene, SceneError> {
-        match self.read_text(text, 0).and_then(|()| self.check_end()).and_then(|()| self.load_images()) {
-            Ok(()) => {
-                self.normalise_lights();
-                Ok(self.into_scene())
-            }
+        match self.read_all(text) {
+            Ok(()) => Ok(self.into_scene()),
             Err(Fault { place, message }) => Err(SceneError {
                 file: self.files[place.file as usize].clone(),
                 line: place.line as usize,
@@ -197,6 +202,15 @@ impl Reader {
                 message,
             }),
         }
+    }
+
+    fn read_all(&mut self, text: &[u8]) -> Result<()> {
+        self.read_text(text, 0)?;
+        self.check_end()?;
+        self.check_awaited_materials()?;
+        self.place_awaited_instances()?;
+        self.load_images()?;
+        self.normalise_lights()
     }
 
     /// World position of render space's origin.
@@ -266,14 +280,12 @@ impl Reader {
         Ok(())
     }
 
-    /// Closes a block.
+    /// Closes a block; where none is open there is nothing to close, in any dialect.
     pub fn pop(&mut self, block: Block, place: Place) -> Result<()> {
         let Some(frame) = self.stack.pop() else {
             let name = block.name();
-            return Err(Fault::new(
-                place,
-                format!("{name}End without {name}Begin; end of file or a directive would be accepted"),
-            ));
+            self.warnings.add(place, format!("{name}End without {name}Begin is left out"));
+            return Ok(());
         };
         let crosses = frame.block != block && (frame.block == Block::Object || block == Block::Object);
         if crosses && !self.dialect.blocks_may_cross() {
@@ -292,12 +304,15 @@ impl Reader {
         Ok(())
     }
 
-    fn check_end(&self) -> Result<()> {
-        if let Some(frame) = self.stack.last() {
-            let name = frame.block.name();
-            let message =
-                format!("{name}Begin without an end; {name}End would be accepted before the file ends");
-            return Err(Fault::new(frame.place, message));
+    fn check_end(&mut self) -> Result<()> {
+        while let Some(frame) = self.stack.pop() {
+            let begin = format!("{}Begin without an end", frame.block.name());
+            if !self.dialect.worlds_end_blocks() {
+                let name = frame.block.name();
+                let message = format!("{begin}; {name}End would be accepted before the file ends");
+                return Err(Fault::new(frame.place, message));
+            }
+            self.warnings.add(frame.place, format!("{begin} ends with the world"));
         }
         if self.view.is_none() {
             return Err(Fault::new(Place::default(), "no WorldBegin in the file; a scene needs one"));
@@ -329,6 +344,7 @@ impl Reader {
         }
         Scene {
             source: String::new(),
+            dialect: Some(self.dialect),
             files: self.open.into_iter().chain(self.inclusions.into_keys()).chain(self.content).collect(),
             hash: self.digest.finalize().iter().map(|byte| format!("{byte:02x}")).collect(),
             origin: view.origin,

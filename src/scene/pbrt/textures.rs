@@ -9,6 +9,7 @@ use super::directives::Statement;
 use super::params::{Param, ParamType, Params};
 use super::spectrum::{Spectrum, rgb_from_xyz};
 use super::state::Reader;
+use super::transforms::inverse;
 use super::{Fault, Place, Result, files};
 use crate::scene::texture::{
     Channels, Encoding, FloatTextureId, ImageTexture, Mapping, Procedural, RgbTextureId, Texture,
@@ -139,7 +140,11 @@ impl Reader {
     }
 
     fn spectrum_of_numbers(&self, param: &Param, numbers: &[f64]) -> Result<Spectrum> {
-        match Spectrum::from_numbers(numbers) {
+        let spectrum = match self.dialect.sorts_spectra() {
+            true => Spectrum::from_unsorted_numbers(numbers),
+            false => Spectrum::from_numbers(numbers),
+        };
+        match spectrum {
             Some(spectrum) if self.dialect.spectra_end() => Ok(spectrum.ending()),
             Some(spectrum) => Ok(spectrum),
             None => {
@@ -324,11 +329,8 @@ impl Reader {
 
     /// Render space to the current, the texture's, space.
     fn to_texture(&self, place: Place) -> Result<DAffine3> {
-        let inverse = self.to_render().inverse();
-        if inverse.is_finite() {
-            return Ok(inverse);
-        }
-        Err(Fault::new(place, "a singular transform; one that can be inverted would be accepted"))
+        let message = "a singular transform; one that can be inverted would be accepted";
+        inverse(&self.to_render()).ok_or_else(|| Fault::new(place, message))
     }
 }
 

@@ -44,7 +44,7 @@ impl Reader {
     /// Degrees, axis.
     pub fn rotate(&mut self, statement: &Statement) -> Result<()> {
         let axis = DVec3::from_slice(&statement.numbers[1..]);
-        let Some(axis) = axis.try_normalize() else {
+        let Some(axis) = unit(axis) else {
             return Err(Fault::new(
                 statement.place,
                 "Rotate about the axis 0 0 0; another axis would be accepted",
@@ -57,8 +57,8 @@ impl Reader {
     /// Eye, point looked at, up: world to camera.
     pub fn look_at(&mut self, statement: &Statement) -> Result<()> {
         let [eye, at, up] = [0, 3, 6].map(|i| DVec3::from_slice(&statement.numbers[i..]));
-        let forward = (at - eye).normalize_or_zero();
-        let right = up.normalize_or_zero().cross(forward).normalize_or_zero();
+        let forward = unit(at - eye).unwrap_or_default();
+        let right = unit(up).unwrap_or_default().cross(forward).normalize_or_zero();
         if right == DVec3::ZERO {
             let message = "LookAt without a direction; an up vector across the view would be accepted";
             return Err(Fault::new(statement.place, message));
@@ -117,6 +117,18 @@ impl Reader {
         self.transform_times = [start as f32, end as f32];
         Ok(())
     }
+}
+
+/// The inverse of a transform, if it has one and its determinant is a number that f64 can hold.
+pub fn inverse(transform: &DAffine3) -> Option<DAffine3> {
+    let inverse = transform.inverse();
+    (transform.matrix3.determinant().is_normal() && inverse.is_finite()).then_some(inverse)
+}
+
+/// A vector of length 1, however short or long it was.
+pub fn unit(vector: DVec3) -> Option<DVec3> {
+    // Its square may be too small, or too large, for f64.
+    (vector / vector.abs().max_element()).try_normalize()
 }
 
 /// The 16 numbers, column by column, as an affine transform.

@@ -2,7 +2,8 @@
 
 use glam::{Vec2, Vec3};
 
-use super::{scene, world};
+use super::{error, folder, scene, world};
+use crate::scene::pbrt::{Dialect, read};
 use crate::scene::texture::TexturePoint;
 use crate::scene::{Light, MaterialKind, Scene};
 
@@ -65,6 +66,90 @@ fn media_tell_the_third_dialect_from_the_second() {
     let default_height = |text: &str| scene(&format!("{text} WorldBegin WorldEnd")).film.height;
     assert_eq!(default_height("MediumInterface \"\" \"\""), default_height("Integrator \"path\""));
     assert_ne!(default_height("MediumInterface \"\" \"\""), default_height(""));
+}
+
+#[test]
+fn a_shape_may_say_what_its_material_is_like() {
+    let red = "Shape \"sphere\" \"color Kd\" [1 0 0]";
+    let of = |text: &str, shape: usize| {
+        let v2 = scene(&format!("SurfaceIntegrator \"path\" WorldBegin {text} WorldEnd"));
+        [v3_world(text), v2].map(|scene| {
+            assert!(scene.warnings.is_empty(), "{:?}", scene.warnings);
+            let MaterialKind::Diffuse { reflectance } =
+                scene.materials[scene.primitives[shape].material.0 as usize].kind
+            else {
+                panic!("{text}")
+            };
+            scene.textures.constant_rgb(reflectance).unwrap()
+        })
+    };
+    assert_eq!(of(red, 0), [Vec3::X; 2]);
+    assert_eq!(
+        of(&format!("Material \"matte\" \"color Kd\" [0 1 0] {red} Shape \"sphere\""), 0),
+        [Vec3::X; 2]
+    );
+    assert_eq!(
+        of(&format!("Material \"matte\" \"color Kd\" [0 1 0] {red} Shape \"sphere\""), 1),
+        [Vec3::Y; 2]
+    );
+    // Only v3 remembers what a material with a name was made of.
+    let named = format!("MakeNamedMaterial \"a\" \"string type\" \"matte\" NamedMaterial \"a\" {red}");
+    let named_colour = |scene: Scene| {
+        let MaterialKind::Diffuse { reflectance } =
+            scene.materials[scene.primitives[0].material.0 as usize].kind
+        else {
+            panic!()
+        };
+        (scene.textures.constant_rgb(reflectance).unwrap(), scene.warnings.len())
+    };
+    assert_eq!(named_colour(v3_world(&named)), (Vec3::X, 0));
+    assert_eq!(named_colour(scene(&format!("WorldBegin {named} WorldEnd"))), (Vec3::splat(0.5), 1));
+}
+
+#[test]
+fn what_is_neither_the_shapes_nor_its_materials_makes_no_material() {
+    let text = "Material \"matte\" Shape \"sphere\" \"color Ks\" [1 0 0] \"float radius\" 2";
+    let scene = v3_world(text);
+    assert_eq!((scene.materials.len(), scene.warnings.len()), (2, 1));
+    assert!(scene.warnings[0].contains("\"Ks\" of Shape \"sphere\" is not used"), "{:?}", scene.warnings);
+    // A part of it may be.
+    let scene = v3_world(&text.replace("\"float radius\"", "\"float sigma\""));
+    assert!(matches!(scene.materials[2].kind, MaterialKind::OrenNayar { .. }));
+    assert_eq!((scene.materials.len(), scene.warnings.len()), (3, 1));
+    // v4 has no such thing.
+    let scene = world("Material \"diffuse\" Shape \"sphere\" \"rgb reflectance\" [1 0 0]");
+    assert_eq!((scene.materials.len(), scene.warnings.len()), (2, 1));
+}
+
+#[test]
+fn the_samples_of_an_older_spectrum_stand_in_any_order() {
+    let light = |samples: &str| format!("LightSource \"point\" \"spectrum I\" [{samples}]");
+    let intensity = |text: &str| match v3_world(text).lights[..] {
+        [Light::Point { intensity, .. }] => intensity,
+        ref other => panic!("{other:?}"),
+    };
+    let rising = intensity(&light("400 1 550.5 1 550.5001 5 700 5"));
+    for samples in ["700 5 400 1 550.5001 5 550.5 1", "400 1 550.5 1 550.5 5 700 5"] {
+        assert!((intensity(&light(samples)) / rising - 1.0).abs().max_element() < 1e-2, "{samples}");
+        assert!(error(&format!("WorldBegin {}", light(samples))).message.contains("rising"), "{samples}");
+    }
+}
+
+#[test]
+fn what_tells_a_dialect_may_stand_in_an_included_file() {
+    let of = |files: &[(&str, &str)]| {
+        let (_folder, main) = folder(files);
+        read(&main).unwrap().dialect.unwrap()
+    };
+    let header = ("head.pbrt", "Integrator \"path\"");
+    let tail = ("tail.pbrt", "WorldEnd");
+    let both = ("main.pbrt", "Include \"head.pbrt\" WorldBegin Include \"tail.pbrt\"");
+    assert_eq!(of(&[("main.pbrt", "Include \"head.pbrt\" WorldBegin WorldEnd"), header]), Dialect::V3);
+    assert_eq!(of(&[both, header, tail]), Dialect::V3);
+    assert_eq!(of(&[both, ("head.pbrt", "SurfaceIntegrator \"path\""), tail]), Dialect::V2);
+    assert_eq!(of(&[both, header, ("tail.pbrt", "Identity")]), Dialect::V4);
+    let import = ("main.pbrt", "WorldBegin Import \"a.pbrt\"");
+    assert_eq!(of(&[import, ("a.pbrt", "Include \"tail.pbrt\""), tail]), Dialect::V2);
 }
 
 #[test]
