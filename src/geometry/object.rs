@@ -10,10 +10,8 @@ use super::query::Query;
 use super::traverse::{Leaves, Stack, TraversalRay, prefetch, traverse};
 use super::triangle::TrianglePacket;
 use super::{Hit, mesh};
+use crate::scene::shape::LARGEST_COORDINATE;
 use crate::scene::{Object, Scene, Shape};
-
-/// Coordinates beyond this are dropped: products of three no longer fit single precision.
-const LARGEST_COORDINATE: f32 = 1e12;
 
 /// A triangle of a primitive.
 #[derive(Clone, Copy, Debug)]
