@@ -12,7 +12,7 @@ use crate::stats::Block;
 
 const SCENE: &str = r#"Film "rgb" "integer xresolution" [ 32 ] "integer yresolution" [ 32 ]
     WorldBegin LightSource "infinite" Translate 0 0 4 Shape "sphere""#;
-const SLOW: Duration = Duration::from_millis(300);
+const SLOW: Duration = Duration::from_secs(1);
 
 /// Finds maps, but slowly.
 struct SlowMaps;
@@ -107,9 +107,9 @@ fn an_image_for_whose_draft_there_is_no_time_stays_unfiltered() {
     let began = Duration::from_secs(20);
     // A draft takes 0.37 of them.
     for (seconds, expected) in [(20.1, Hurried::Unfiltered), (21.2, Hurried::Draft)] {
-        let started = Instant::now().checked_sub(began).expect("a clock that began earlier");
         pool.install(|| {
-            with_loop_of(320, seconds, started, |circle| {
+            with_loop_of(320, seconds, Instant::now(), |circle| {
+                circle.start = Instant::now().checked_sub(began).expect("a clock that began earlier");
                 circle.choose_unrehearsed();
                 assert_eq!(circle.hurried, Some(expected), "{seconds}");
                 let outcome = circle.end(StoppedBy::Time, &mut |_: Progress| ());
