@@ -291,6 +291,36 @@ fn a_target_of_error_ends_the_render_when_the_estimate_says_so() {
 }
 
 #[test]
+fn samples_that_are_rejected_are_counted_in_the_summary_and_the_report() {
+    let lamp = |radiance: &str| {
+        format!(
+            "{SCENE} AreaLightSource \"diffuse\" \"rgb L\" [ {radiance} {radiance} {radiance} ]
+             Translate 0.7 0.3 -1 Shape \"sphere\" \"float radius\" 0.1"
+        )
+    };
+    let of = |radiance: &str| {
+        let folder = folder_with(&lamp(radiance));
+        let arguments = ["render", "scene.pbrt", "--spp", "8", "-o", "a.png", "--report", "a.json"];
+        let output = prpf(folder.path(), &arguments);
+        assert!(output.status.success(), "{}", stderr(&output));
+        let report = std::fs::read(folder.path().join("a.json")).expect("a report");
+        let report: serde_json::Value = serde_json::from_slice(&report).expect("JSON");
+        let [rejected, accepted] =
+            ["rejected_samples", "samples_total"].map(|key| report[key].as_u64().expect("a number"));
+        assert_eq!(rejected + accepted, 8 * 24 * 16);
+        (rejected, String::from_utf8_lossy(&output.stdout).into_owned())
+    };
+    // Where the lamp is seen, it is beyond what a store accepts.
+    let (rejected, said) = of("1e16");
+    assert!(
+        rejected > 0 && said.contains(&format!("{rejected} samples were rejected")),
+        "{rejected}: {said}"
+    );
+    let (rejected, said) = of("10");
+    assert!(rejected == 0 && !said.contains("rejected"), "{rejected}: {said}");
+}
+
+#[test]
 fn the_hash_of_the_scene_is_in_the_image_and_follows_its_text() {
     let hash = |scene: &str| {
         let folder = folder_with(scene);

@@ -11,8 +11,9 @@ use std::time::{Duration, Instant};
 
 use common::SCENE;
 use prpf::adaptive::Sampling;
-use prpf::filter::Quality;
+use prpf::filter::{Filtered, Quality};
 use prpf::geometry::Accel;
+use prpf::image::Planes;
 use prpf::progressive::{
     Budget, Denoiser, Ended, Flow, Hurried, Loop, Memory, Observer, Outcome, Progress, Settings, StoppedBy,
 };
@@ -229,4 +230,42 @@ fn where_the_time_does_not_suffice_the_last_pass_is_a_draft() {
     let unfiltered = of(Denoiser::None, Quality::Standard, 61.0);
     assert!(unfiltered.hurried.is_none(), "there is no filter to save time by");
     assert!(of(Denoiser::Prpf, Quality::Standard, 1e6).hurried.is_none());
+}
+
+#[test]
+fn images_of_a_pixel_a_row_or_a_column_are_rendered() {
+    for (width, height) in [(1, 1), (1, 9), (9, 1), (1, 70), (70, 1)] {
+        let mut scene = scene();
+        scene.film.width = width;
+        scene.film.height = height;
+        scene.film.pixel_bounds = [0, width, 0, height];
+        let accel = Accel::build(&scene);
+        for (denoiser, quality) in [
+            (Denoiser::None, Quality::Standard),
+            (Denoiser::Prpf, Quality::Draft),
+            (Denoiser::Prpf, Quality::Standard),
+            (Denoiser::Prpf, Quality::Paper),
+            (Denoiser::Rpf, Quality::Paper),
+        ] {
+            for (sampling, spp) in
+                [Sampling::Uniform, Sampling::Adaptive].iter().flat_map(|s| [1, 2, 11].map(|n| (*s, n)))
+            {
+                let what = format!("{width}x{height} {denoiser:?} {quality:?} {sampling:?} {spp}");
+                let settings = Settings { denoiser, quality, ..settings(spp, sampling, 3) };
+                let renderer = Renderer::new(&scene, &accel, settings.seed);
+                let never = AtomicBool::new(false);
+                let outcome = Loop::new(&renderer, &settings, Instant::now(), &never, None).run(&mut |_| ());
+                assert_eq!(outcome.stopped_by, StoppedBy::Spp, "{what}");
+                assert_eq!(outcome.store.samples(), u64::from(spp) * (width * height) as u64, "{what}");
+                let Filtered { image, variance, error, .. } = &outcome.filtered;
+                assert_eq!((image.width(), image.height()), (width, height), "{what}");
+                for planes in [image, variance, error] {
+                    assert!(planes.data().iter().all(|v| v.is_finite() && *v >= 0.0), "{what}");
+                }
+                let seen = outcome.store.means(Part::Whole, outcome.store.layout().radiance());
+                let lit = |planes: &Planes| planes.data().iter().any(|&v| v > 0.0);
+                assert!(!lit(&seen) || lit(image), "{what}: black");
+            }
+        }
+    }
 }

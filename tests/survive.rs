@@ -156,6 +156,19 @@ fn killed_at_random_moments_the_render_ends_in_the_same_image() {
     killed_again_and_again(asked.unwrap_or(KILLS));
 }
 
+/// Starts a command, and waits until it has rendered something: it has written its state, or written it anew.
+#[cfg(unix)]
+fn begun(folder: &Path, arguments: &[&str]) -> Child {
+    let written = || folder.join("a.state").metadata().and_then(|state| state.modified()).ok();
+    let before = written();
+    let mut child = command(folder, arguments).spawn().expect("the program starts");
+    while written() == before {
+        assert!(child.try_wait().expect("a child").is_none(), "it goes on");
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    child
+}
+
 #[cfg(unix)]
 #[test]
 fn a_signal_ends_the_batch_writes_image_and_state_and_exits_130() {
@@ -163,10 +176,10 @@ fn a_signal_ends_the_batch_writes_image_and_state_and_exits_130() {
     let folder = folder.path();
     let whole = ["render", "scene.pbrt", "--spp", "4000", "--quiet"];
     done(folder, &[&whole[..], &["-o", "whole.exr"]].concat());
-    let arguments = [&whole[..], &["-o", "out.exr", "--state", "a.state", "--resume"]].concat();
+    let arguments =
+        [&whole[..], &["-o", "out.exr", "--state", "a.state", "--state-every", "30ms", "--resume"]].concat();
     for signal in ["INT", "TERM"] {
-        let mut child = command(folder, &arguments).spawn().expect("the program starts");
-        std::thread::sleep(Duration::from_millis(300));
+        let mut child = begun(folder, &arguments);
         let id = child.id().to_string();
         assert!(Command::new("kill").args(["-s", signal, &id]).status().expect("kill is there").success());
         assert_eq!(child.wait().expect("a child ends").code(), Some(130), "{signal}");
@@ -182,9 +195,9 @@ fn a_signal_ends_the_batch_writes_image_and_state_and_exits_130() {
 fn a_second_signal_ends_the_program_at_once() {
     let folder = folder();
     let folder = folder.path();
-    let arguments = ["render", "scene.pbrt", "--spp", "1000000", "--quiet", "-o", "out.exr"];
-    let mut child = command(folder, &arguments).spawn().expect("the program starts");
-    std::thread::sleep(Duration::from_millis(300));
+    let render = ["render", "scene.pbrt", "--spp", "1000000", "--quiet", "-o", "out.exr"];
+    let arguments = [&render[..], &["--state", "a.state", "--state-every", "30ms"]].concat();
+    let mut child = begun(folder, &arguments);
     // Another one, as two of a kind may arrive as one.
     let both = format!("kill -s INT {id}; kill -s TERM {id}", id = child.id());
     assert!(Command::new("sh").args(["-c", &both]).status().expect("a shell").success());
@@ -401,11 +414,7 @@ fn a_render_that_is_looked_at_keeps_its_state_and_ends_in_the_same_image() {
 #[cfg(unix)]
 fn interrupted(folder: &Path, arguments: &[&str]) -> Option<i32> {
     let state = ["--state", "a.state", "--state-every", "30ms", "--quiet"];
-    let mut child = command(folder, &[arguments, &state[..]].concat()).spawn().expect("the program starts");
-    while !folder.join("a.state").exists() {
-        assert!(child.try_wait().expect("a child").is_none(), "it goes on");
-        std::thread::sleep(Duration::from_millis(2));
-    }
+    let mut child = begun(folder, &[arguments, &state[..]].concat());
     let interrupt = Command::new("kill").args(["-INT", &child.id().to_string()]).status();
     assert!(interrupt.expect("a signal can be sent").success());
     child.wait().expect("a child ends").code()

@@ -7,6 +7,8 @@
 
 pub mod bsdf;
 mod camera;
+#[cfg(test)]
+mod chi_squared;
 mod disk;
 mod integrator;
 mod lights;

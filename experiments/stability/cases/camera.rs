@@ -21,78 +21,100 @@ pub fn cases(effort: Effort) -> Vec<Case> {
     cases
 }
 
-const COLUMNS: usize = 32;
+/// The axis of an image across which light changes.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Across {
+    Columns,
+    Rows,
+}
 
-/// Deviations of the shares of light in the columns of an image from a profile of `samples` binary
-/// samples per pixel.
-fn profile(camera: &str, world: &str, samples: u32, share: impl Fn(f64) -> f64) -> f64 {
-    const ROWS: usize = 8;
+/// Deviations of the shares of light in the columns (or rows) of an image, which is wide (or high), from a
+/// profile of `samples` binary samples per pixel: from −1 at the left (or top) to 1.
+fn profile(axis: Across, camera: &str, world: &str, samples: u32, share: impl Fn(f64) -> f64) -> f64 {
+    const LENGTH: usize = 32;
+    const BREADTH: usize = 8;
     /// Points across a pixel.
     const NODES: usize = 64;
+    let (width, height, window) = match axis {
+        Across::Columns => (LENGTH, BREADTH, "-1 1 -0.25 0.25"),
+        Across::Rows => (BREADTH, LENGTH, "-0.25 0.25 -1 1"),
+    };
     let scene = scene(&format!(
-        r#"LookAt 0 0 0  0 0 1  0 1 0 {camera} Sampler "independent" PixelFilter "box" "float xradius" 0.5 "float yradius" 0.5
+        r#"LookAt 0 0 0  0 0 1  0 1 0 {camera} "float screenwindow" [ {window} ] Sampler "independent" PixelFilter "box" "float xradius" 0.5 "float yradius" 0.5
         Integrator "path" "integer maxdepth" 1
-        Film "rgb" "integer xresolution" {COLUMNS} "integer yresolution" {ROWS} WorldBegin
+        Film "rgb" "integer xresolution" {width} "integer yresolution" {height} WorldBegin
         LightSource "infinite" "rgb L" [ 1 1 1 ] Material "diffuse" "rgb reflectance" [ 0 0 0 ] {world}"#
     ));
     let lit = green(&render(&scene, samples, 5), Part::Whole);
-    let n = ROWS as f64 * f64::from(samples);
-    let (mut statistic, mut columns) = (0.0, 0);
-    for column in 0..COLUMNS {
+    let n = BREADTH as f64 * f64::from(samples);
+    let (mut statistic, mut places) = (0.0, 0);
+    for place in 0..LENGTH {
         let across =
-            |node: usize| (column as f64 + (node as f64 + 0.5) / NODES as f64) / COLUMNS as f64 * 2.0 - 1.0;
+            |node: usize| (place as f64 + (node as f64 + 0.5) / NODES as f64) / LENGTH as f64 * 2.0 - 1.0;
         let share = (0..NODES).map(|node| share(across(node))).sum::<f64>() / NODES as f64;
-        let light = (0..ROWS).map(|row| lit[row * COLUMNS + column]).sum::<f64>() / ROWS as f64;
+        let pixel = |along: usize| match axis {
+            Across::Columns => along * LENGTH + place,
+            Across::Rows => place * BREADTH + along,
+        };
+        let light = (0..BREADTH).map(|along| lit[pixel(along)]).sum::<f64>() / BREADTH as f64;
         if share * (1.0 - share) > 0.0 {
             statistic += (light - share).powi(2) * n / (share * (1.0 - share));
-            columns += 1;
+            places += 1;
         } else if light != share {
             return f64::INFINITY;
         }
     }
-    normal_deviate(statistic, columns)
+    normal_deviate(statistic, places)
 }
 
 /// A black half plane before a sky, out of focus: the sky's share is that of the lens beyond the line
 /// from the point in focus over the edge.
-fn lens(samples: u32) -> [Case; 2] {
+fn lens(samples: u32) -> [Case; 3] {
     const RADIUS: f64 = 0.2;
     const FOCUS: f64 = 2.0;
     const EDGE: f64 = 5.0;
     const FIELD_OF_VIEW: f64 = 20.0;
-    let image = |radius: f64| {
+    let image = |axis: Across, radius: f64| {
         let camera = format!(
-            r#"Camera "perspective" "float fov" {FIELD_OF_VIEW} "float screenwindow" [ -1 1 -0.25 0.25 ]
-            "float lensradius" {radius} "float focaldistance" {FOCUS}"#
+            r#"Camera "perspective" "float fov" {FIELD_OF_VIEW} "float lensradius" {radius}
+            "float focaldistance" {FOCUS}"#
         );
+        // Left of the middle, or above it.
+        let [left, right, bottom] = match axis {
+            Across::Columns => [-9, 0, -9],
+            Across::Rows => [-9, 9, 0],
+        };
         let world = format!(
             r#"Shape "trianglemesh" "integer indices" [ 0 1 2 0 2 3 ]
-            "point3 P" [ 0 -9 {EDGE}  0 9 {EDGE}  -9 9 {EDGE}  -9 -9 {EDGE} ]"#
+            "point3 P" [ {left} {bottom} {EDGE}  {right} {bottom} {EDGE}  {right} 9 {EDGE}  {left} 9 {EDGE} ]"#
         );
-        let half_width = FOCUS * (0.5 * FIELD_OF_VIEW.to_radians()).tan();
-        profile(&camera, &world, samples, |across| {
+        let half_length = FOCUS * (0.5 * FIELD_OF_VIEW.to_radians()).tan();
+        profile(axis, &camera, &world, samples, |across| {
             // In focus at x, a ray from l on the lens is at l + (x − l) EDGE ∕ FOCUS at the edge's distance.
-            let x = across * half_width;
+            let x = across * half_length;
             let beyond = (x * EDGE / (EDGE - FOCUS) / RADIUS).clamp(-1.0, 1.0);
             0.5 + (beyond * (1.0 - beyond * beyond).sqrt() + beyond.asin()) / PI
         })
     };
     let figure = "deviations from the profile, by χ²";
+    let [upright, level] = [Across::Columns, Across::Rows].map(|axis| image(axis, RADIUS));
+    let too_wide = image(Across::Columns, 1.1 * RADIUS);
     [
-        Case::new("an edge out of focus", figure, AtMost(NO_ACCIDENT), image(RADIUS)),
-        Case::new("planted: a lens that is 10 % too wide", figure, AtLeast(NO_ACCIDENT), image(1.1 * RADIUS)),
+        Case::new("an upright edge out of focus", figure, AtMost(NO_ACCIDENT), upright),
+        Case::new("a level edge out of focus", figure, AtMost(NO_ACCIDENT), level),
+        Case::new("planted: a lens that is 10 % too wide", figure, AtLeast(NO_ACCIDENT), too_wide),
     ]
 }
 
 /// A black half plane that moves before a sky: the sky's share is that of the time before it is there.
 fn shutter(samples: u32) -> Case {
-    let camera = r#"Camera "perspective" "float fov" 90 "float screenwindow" [ -1 1 -0.25 0.25 ]
-        "float shutteropen" 0 "float shutterclose" 1 TransformTimes 0 1"#;
+    let camera = r#"TransformTimes 0 1
+        Camera "perspective" "float fov" 90 "float shutteropen" 0 "float shutterclose" 1"#;
     // From −0.6 to 0.4 of the half width.
     let world = r#"ActiveTransform StartTime Translate -0.6 0 0 ActiveTransform EndTime Translate 0.4 0 0
         ActiveTransform All Shape "trianglemesh" "integer indices" [ 0 1 2 0 2 3 ]
         "point3 P" [ 0 -9 1  0 9 1  -9 9 1  -9 -9 1 ]"#;
-    let off = profile(camera, world, samples, |across| (across + 0.6).clamp(0.0, 1.0));
+    let off = profile(Across::Columns, camera, world, samples, |across| (across + 0.6).clamp(0.0, 1.0));
     Case::new("an edge that moves", "deviations from the profile, by χ²", AtMost(NO_ACCIDENT), off)
 }
 

@@ -199,9 +199,13 @@ fn killed(kills: u32) -> Vec<Case> {
             Command::new(program()).current_dir(folder).args(&surviving).stdout(Stdio::null()).spawn();
         let Ok(mut child) = child else { continue };
         std::thread::sleep(Duration::from_secs_f64(share * length));
-        unreadable += usize::from(child.kill().and_then(|()| child.wait()).is_err());
+        let ended = child.kill().and_then(|()| child.wait());
         let path = folder.join("a.state");
-        unreadable += usize::from(path.exists() && State::read(&path).is_err());
+        unreadable += usize::from(ended.is_err() || path.exists() && State::read(&path).is_err());
+        if ended.is_ok_and(|status| status.success()) {
+            // It got to its end; the next starts from nothing.
+            unreadable += usize::from(std::fs::remove_file(&path).is_err());
+        }
     }
     let last = run(folder, &surviving);
     let succeeded = [whole, last].iter().flatten().filter(|output| output.status.success()).count();

@@ -2,10 +2,10 @@
 
 use prpf::filter::Quality;
 use prpf::filter::prpf::{PrpfSettings, filter as paper};
-use prpf::stats::{Block, Store};
+use prpf::stats::{Block, Part, Store};
 use rand::RngExt;
 
-use super::Bound::{AtMost, Exactly};
+use super::Bound::{AtLeast, AtMost, Exactly};
 use super::stores::{QUALITIES, filtered, noisy_wall, not_finite, store};
 use super::{Case, Effort, largest, relative};
 
@@ -22,13 +22,20 @@ fn sizes(effort: Effort) -> Vec<Case> {
     let sizes: Vec<_> = all.step_by(effort.of(173, 1)).chain(degenerate).collect();
     let of_quality = |(quality, name)| {
         let wrong = sizes.iter().filter(|&&(width, height)| {
-            let filtered = filtered(&noisy_wall((width, height), 4, |_, _| 0.5), quality);
-            let image = &filtered.image;
-            let mean = image.data().iter().sum::<f32>() / image.data().len() as f32;
-            let right = (image.width(), image.height()) == (width, height) && not_finite(&filtered) == 0;
-            // Noise of deviation 0.29 in 4 samples of each pixel.
-            let tolerance = 6.0 * 0.29 / (4.0 * (width * height) as f32).sqrt();
-            !(right && (mean - 0.5).abs() < tolerance && image.data().iter().all(|&v| v >= 0.0))
+            let store = noisy_wall((width, height), 4, |_, _| 0.5);
+            let filtered = filtered(&store, quality);
+            let unfiltered = store.means(Part::Whole, store.layout().radiance());
+            let (image, input) = (filtered.image.data(), unfiltered.data());
+            let mean = |values: &[f32]| values.iter().sum::<f32>() / values.len() as f32;
+            let right = (filtered.image.width(), filtered.image.height()) == (width, height)
+                && not_finite(&filtered) == 0;
+            // Noise of deviation 0.29 in 4 samples of each pixel, which a filter does not weigh all alike.
+            let tolerance = 4.0 * 0.29 / (4.0 * (width * height) as f32).sqrt();
+            // Filtered pixels are means of unfiltered ones.
+            let [least, most] =
+                input.iter().fold([f32::INFINITY, 0.0], |[least, most], &v| [v.min(least), v.max(most)]);
+            let is_mean = image.iter().all(|v| (least..=most).contains(v));
+            !(right && is_mean && (mean(image) - mean(input)).abs() < tolerance)
         });
         let name = format!("{} sizes from 1×1 to 70×70, {name}", sizes.len());
         Case::new(name, "images with a wrong size, mean or number", Exactly(0.0), wrong.count() as f64)
@@ -109,17 +116,22 @@ fn interpolation() -> Vec<Case> {
             sample.write(Block::Albedo, &[x, y, x + 41 * y].map(|v| v as f32));
         },
     );
-    let checkerboard = store(
-        (40, 40),
-        |_, _| 8,
-        |x, y, _, numbers, sample| {
-            let odd = f32::from((x + y) % 2 == 1);
-            sample.lit([numbers.random::<f32>(); 3]);
-            sample.write(Block::Normal1, &[odd, 0.0, 1.0 - odd]);
-            sample.write(Block::Albedo, &[0.2 + 0.6 * odd; 3]);
-            sample.write(Block::Position1, &[0.1 * x as f32, 0.1 * y as f32, odd]);
-        },
-    );
+    // Positions and light are alike everywhere: materials differ by one feature alone.
+    let two_materials = |block: Block, values: [[f32; 3]; 2], is_second: fn(usize, usize) -> bool| {
+        store(
+            (40, 40),
+            |_, _| 8,
+            move |x, y, _, numbers, sample| {
+                sample.lit([numbers.random::<f32>(); 3]);
+                sample.write(block, &values[usize::from(is_second(x, y))]);
+            },
+        )
+    };
+    let checkerboard = two_materials(Block::Albedo, [[0.2; 3], [0.8; 3]], |x, y| (x + y) % 2 == 1);
+    // Of the sparse grid, whose weights are interpolated.
+    let at_nodes = |x: usize, y: usize| x % 5 == 2 && y % 5 == 2;
+    let own_albedo = two_materials(Block::Albedo, [[0.2; 3], [0.8; 3]], at_nodes);
+    let own_normal = two_materials(Block::Normal1, [[0.0, 0.0, 1.0], [1.0, 0.0, 0.0]], at_nodes);
     let flat = store((60, 60), |_, _| 8, |_, _, _, _, _| ());
     let wall = noisy_wall((60, 60), 8, |_, _| 0.5);
     let settings = PrpfSettings::paper();
@@ -130,7 +142,10 @@ fn interpolation() -> Vec<Case> {
     let pairs = interpolated.data().iter().zip(direct.data());
     vec![
         Case::new("a material to each pixel", "share interpolated", Exactly(0.0), share(&own_materials)),
-        Case::new("two materials at pixel scale", "share interpolated", Exactly(0.0), share(&checkerboard)),
+        Case::new("nodes of an albedo of their own", "share interpolated", Exactly(0.0), share(&own_albedo)),
+        Case::new("nodes of a normal of their own", "share interpolated", Exactly(0.0), share(&own_normal)),
+        Case::new("two albedos at pixel scale", "share interpolated", AtLeast(0.9), share(&checkerboard))
+            .instead("half of the nodes around a pixel are of its own material, and suffice"),
         Case::new("a flat wall", "share interpolated", Exactly(1.0), share(&flat)),
         Case::new(
             "interpolated weights against direct ones on a noisy wall",

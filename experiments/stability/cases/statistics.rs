@@ -78,23 +78,18 @@ fn many_samples(count: usize) -> Case {
 }
 
 fn far_from_zero() -> [Case; 2] {
-    let around = |mean: f32| {
-        let mut numbers = Pcg64::seed_from_u64(5);
-        // Uniform, with deviation one.
-        let values: Vec<f32> =
-            (0..100_000).map(|_| mean + 12f32.sqrt() * (numbers.random::<f32>() - 0.5)).collect();
-        Pixel::of(&values).moments(Part::Whole).variance()
-    };
-    let million = Case::new(
-        "deviation 1 around 10⁶",
-        "relative error of σ",
-        AtMost(0.01),
-        relative(around(1e6).sqrt(), 1.0),
-    );
-    // Steps of f32 are 8 wide there: values round to neighbours at random.
-    let hundred =
-        Case::new("deviation 1 around 10⁸", "variance", super::Bound::Between(0.0, 64.0), around(1e8));
-    [million, hundred]
+    // Steps of f32 are 0.06 and 8 wide there: what is uniform is rounded to them.
+    [(1e6, 1.0, 0.0625, "deviation 1 around 10⁶"), (1e8, 40.0, 8.0, "deviation 40 around 10⁸")].map(
+        |(mean, deviation, step, name)| {
+            let mut numbers = Pcg64::seed_from_u64(5);
+            let width = 12f32.sqrt() * deviation;
+            let values: Vec<f32> =
+                (0..100_000).map(|_| mean + width * (numbers.random::<f32>() - 0.5)).collect();
+            let expected = f64::from(deviation * deviation + step * step / 12.0).sqrt();
+            let measured = Pixel::of(&values).moments(Part::Whole).variance().sqrt();
+            Case::new(name, "relative error of σ", AtMost(0.01), relative(measured, expected))
+        },
+    )
 }
 
 /// Values over six orders of magnitude.

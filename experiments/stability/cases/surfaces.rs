@@ -158,8 +158,8 @@ pub fn deviations(counts: &[f64], expected: &[f64]) -> f64 {
             (observed, mean) = (0.0, 0.0);
         }
     }
-    // What is left expects little; much there is a group of its own.
-    if observed > 3.0 * LEAST {
+    // What is left expects little, and is a group of its own: samples may be where none should.
+    if observed + mean > 0.0 {
         statistic += (observed - mean).powi(2) / mean.max(1.0);
         groups += 1;
     }

@@ -8,9 +8,9 @@ use std::sync::LazyLock;
 use glam::{Vec2, Vec3};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg32;
-use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 use super::*;
+use crate::render::chi_squared::{p_value, significance};
 use crate::scene::measured::MeasuredBrdf;
 
 fn direction(cos: f32, phi: f32) -> Vec3 {
@@ -156,8 +156,6 @@ impl Cells {
 /// Probability that samples of a lobe with this density would differ from it as much as they do.
 fn chi_squared(lobe: &dyn Scatter, wo: Vec3, eta: f32, pdf: impl Fn(Vec3) -> f32) -> f64 {
     const SAMPLES: usize = 40_000;
-    /// Cells are put together until this much is expected in them.
-    const LEAST_EXPECTED: f64 = 20.0;
     let cells = Cells::around(wo, eta);
     let mut rng = Pcg32::seed_from_u64(7);
     // The last cell is for what the density does not account for: specular samples and none.
@@ -169,31 +167,8 @@ fn chi_squared(lobe: &dyn Scatter, wo: Vec3, eta: f32, pdf: impl Fn(Vec3) -> f32
     }
     let mut mass = cells.integrate(pdf);
     mass.push((1.0 - mass.iter().sum::<f64>()).max(0.0));
-    let (mut statistic, mut groups) = (0.0, 0);
-    let (mut expected, mut observed) = (0.0, 0.0);
-    let mut close = |expected: f64, observed: f64| {
-        statistic += (observed - expected).powi(2) / expected;
-        groups += 1;
-    };
-    for (m, c) in mass.iter().zip(&counts) {
-        expected += m * SAMPLES as f64;
-        observed += c;
-        if expected >= LEAST_EXPECTED {
-            close(expected, observed);
-            (expected, observed) = (0.0, 0.0);
-        }
-    }
-    // The remainder is too little for a term of its own, unless more fell there than can be.
-    if observed > 3.0 * LEAST_EXPECTED {
-        close(expected.max(1.0), observed);
-    }
-    let distribution = ChiSquared::new(f64::from((groups - 1).max(1))).expect("positive");
-    distribution.sf(statistic)
-}
-
-/// Significance of one of `tests` so that all together are wrong once in 100 times.
-fn significance(tests: usize) -> f64 {
-    1.0 - 0.99f64.powf(1.0 / tests as f64)
+    mass.iter_mut().for_each(|m| *m *= SAMPLES as f64);
+    p_value(&counts, &mass)
 }
 
 fn index_of(name: &str) -> f32 {

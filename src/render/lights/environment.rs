@@ -212,7 +212,7 @@ pub fn uniform_direction(u: Vec2) -> (Vec3, f32) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use statrs::distribution::{ChiSquared, ContinuousCDF};
+    use crate::render::chi_squared::{p_value, significance};
 
     fn light(image: Option<EnvironmentImage>) -> EnvironmentLight {
         let to_render = Mat3A::from_rotation_x(0.7) * Mat3A::from_rotation_z(2.0);
@@ -290,10 +290,8 @@ mod tests {
                 assert!(radiance.distance(light.radiance(Vec3::ZERO, d)) < 0.02 * radiance.length() + 1e-3);
             }
             assert!(strays < n / 1000, "light {k}: {strays} samples of another density");
-            let used: Vec<(f64, f64)> = expected.into_iter().zip(counts).filter(|(e, _)| *e > 10.0).collect();
-            let chi2: f64 = used.iter().map(|(e, c)| (c - e).powi(2) / e).sum();
-            let p = ChiSquared::new(used.len() as f64 - 1.0).unwrap().sf(chi2);
-            assert!(p > 1e-4, "light {k}: chi² {chi2} of {} bins, p = {p}", used.len());
+            let p = p_value(&counts, &expected);
+            assert!(p > significance(lights().len()), "light {k}: p = {p}");
         }
     }
 

@@ -189,3 +189,105 @@ fn sample_surface(
         samples.has_target[lane] = if is_on { 1 } else { samples.has_target[lane] };
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::f32::consts::{PI, TAU};
+    use std::path::Path;
+
+    use rand::{RngExt, SeedableRng};
+    use rand_pcg::Pcg32;
+
+    use super::*;
+    use crate::geometry::{Accel, Ray};
+    use crate::render::chi_squared::{p_value, significance};
+    use crate::scene::pbrt::read_str;
+
+    /// All of these lights are seen by rays: a parallelogram and a triangle, one of them with one side, which
+    /// are sampled in all lanes at once as the sky is, and a disk, which is not.
+    const LIGHTS: &str = "WorldBegin
+        LightSource \"infinite\" \"rgb L\" [ .4 .4 .4 ]
+        AreaLightSource \"diffuse\" \"rgb L\" [ 3 3 3 ] \"bool twosided\" true
+        Shape \"trianglemesh\" \"integer indices\" [ 0 1 2 0 2 3 ] \"point3 P\" [ -2 2 -1  1 2 -1  2 2.5 1  -1 2.5 1 ]
+        AreaLightSource \"diffuse\" \"rgb L\" [ 5 5 5 ]
+        Shape \"trianglemesh\" \"integer indices\" [ 0 1 2 ] \"point3 P\" [ 3 -1 -1  3 2 -1  3 0 2 ]
+        AttributeBegin Translate -3 0 0 Rotate 80 0 1 0 Shape \"disk\" AttributeEnd";
+
+    const RECEIVERS: [Receiver; 3] = [
+        Receiver { position: Vec3::ZERO, normal: Vec3::Y, transmits: false },
+        Receiver { position: Vec3::new(1.0, 0.5, 0.4), normal: Vec3::X, transmits: true },
+        // The triangle is seen from its other side.
+        Receiver { position: Vec3::new(5.0, 0.0, -0.5), normal: Vec3::NEG_X, transmits: false },
+    ];
+
+    /// Cells of equal solid angle over the sphere, and quadrature nodes along each side of one.
+    const SIDE: usize = 16;
+    const NODES: usize = 32;
+
+    fn cell(w: Vec3) -> usize {
+        let along = [0.5 * (w.z + 1.0), w.y.atan2(w.x) / TAU + 0.5];
+        let [row, column] = along.map(|along| ((along * SIDE as f32) as usize).min(SIDE - 1));
+        row * SIDE + column
+    }
+
+    /// Density of a direction, from whichever light it leads to.
+    fn density(lights: &Lights, accel: &Accel, receiver: &Receiver, direction: Vec3) -> f32 {
+        let within = lights.choice.expected_within(receiver);
+        let around = lights.environments(receiver.position, direction);
+        let mut sum: f32 = around.map(|(i, _)| lights.pdf_environment(receiver, within, i, direction)).sum();
+        let mut ray = Ray { origin: receiver.position, direction, t_max: f32::INFINITY, time: 0.0 };
+        while let Some(hit) = accel.intersect(&ray) {
+            let point = accel.surface(&ray, &hit);
+            if lights.emitted(&point, -direction).is_some() {
+                sum += lights.pdf_surface(receiver, &point);
+            }
+            ray.origin = point.offset_origin(direction);
+        }
+        sum
+    }
+
+    #[test]
+    fn directions_sampled_in_lanes_follow_their_density() {
+        const ROUNDS: usize = 20_000;
+        let scene = read_str(LIGHTS, Path::new("")).unwrap();
+        let (lights, accel) = (Lights::new(&scene), Accel::build(&scene));
+        let mut receivers = Receivers::NONE;
+        for lane in 0..LANES {
+            let Receiver { position, normal, transmits } = RECEIVERS[lane % RECEIVERS.len()];
+            receivers.position.set(lane, position);
+            receivers.normal.set(lane, normal);
+            receivers.transmits[lane] = u32::from(transmits);
+        }
+        // The last cell is for numbers that give no light.
+        let mut counts = [(); RECEIVERS.len()].map(|()| vec![0.0; SIDE * SIDE + 1]);
+        let mut rng = Pcg32::seed_from_u64(8);
+        for _ in 0..ROUNDS {
+            let mut numbers = || -> Lanes { std::array::from_fn(|_| rng.random()) };
+            let (choice, u) = (numbers(), [numbers(), numbers()]);
+            let mask = rng.random_range(1..1 << LANES);
+            let mut samples = LightSamples::NONE;
+            lights.sample(mask, &receivers, &choice, &u, &mut samples);
+            for lane in lanes_of(mask) {
+                let is_lit = samples.pdf[lane] > 0.0;
+                let cell = if is_lit { cell(samples.wi.at(lane)) } else { SIDE * SIDE };
+                counts[lane % RECEIVERS.len()][cell] += 1.0;
+            }
+        }
+        for (receiver, counts) in RECEIVERS.iter().zip(&counts) {
+            let mut expected = vec![0.0; SIDE * SIDE];
+            let fine = SIDE * NODES;
+            let drawn: f64 = counts.iter().sum();
+            for (row, column) in (0..fine).flat_map(|row| (0..fine).map(move |column| (row, column))) {
+                let z = (2 * row + 1) as f32 / fine as f32 - 1.0;
+                let (sin, cos) = (TAU * ((column as f32 + 0.5) / fine as f32 - 0.5)).sin_cos();
+                let ring = (1.0 - z * z).sqrt();
+                let direction = Vec3::new(ring * cos, ring * sin, z);
+                let mass = density(&lights, &accel, receiver, direction) * 4.0 * PI / (fine * fine) as f32;
+                expected[row / NODES * SIDE + column / NODES] += f64::from(mass) * drawn;
+            }
+            expected.push((drawn - expected.iter().sum::<f64>()).max(0.0));
+            let p = p_value(counts, &expected);
+            assert!(p > significance(RECEIVERS.len()), "{receiver:?}: p = {p}");
+        }
+    }
+}

@@ -183,10 +183,26 @@ mod tests {
     use rand_pcg::Pcg32;
 
     use super::*;
+    use crate::scene::light::Projected;
     use crate::scene::pbrt::read_str;
 
     fn scene(world: &str) -> Scene {
         read_str(&format!("WorldBegin {world}"), Path::new("")).unwrap()
+    }
+
+    /// A scene that may name a square image, dark in a half, and a wide one, which is light everywhere.
+    fn with_images(world: &str) -> Scene {
+        let folder = tempfile::tempdir().unwrap();
+        let write = |name: &str, size: &str, texels: &[f32]| {
+            let bytes = texels.iter().flat_map(|v| v.to_le_bytes());
+            let header = format!("Pf\n{size}\n-1\n");
+            std::fs::write(folder.path().join(name), header.bytes().chain(bytes).collect::<Vec<u8>>())
+                .unwrap();
+        };
+        let half = |i: usize| if i < 8 { 0.0 } else { 0.2 * i as f32 };
+        write("square.pfm", "4 4", &std::array::from_fn::<_, 16, _>(half));
+        write("wide.pfm", "3 2", &[0.5, 1.0, 0.2, 2.0, 0.1, 1.5]);
+        read_str(&format!("WorldBegin {world}"), folder.path()).unwrap()
     }
 
     fn point(rng: &mut Pcg32, size: f32) -> Vec3 {
@@ -210,7 +226,7 @@ mod tests {
             let (p, q) = (point(rng, 5.0), point(rng, 1.0));
             let size = 2.0 * rng.random::<f32>().powi(3) + 0.01;
             let sides = if rng.random::<f32>() < 0.2 { "\"bool twosided\" true" } else { "" };
-            let light = match kind % 6 {
+            let light = match kind % 8 {
                 0 => format!("LightSource \"point\" \"point3 from\" [ {} {} {} ]", p.x, p.y, p.z),
                 1 => format!(
                     "LightSource \"spot\" \"point3 from\" [ {} {} {} ] \"point3 to\" [ {} {} {} ]
@@ -222,6 +238,22 @@ mod tests {
                     q.y,
                     q.z,
                     10.0 + 60.0 * size
+                ),
+                2 | 3 => format!(
+                    "AttributeBegin Translate {} {} {} Rotate {} {} {} {} LightSource {} AttributeEnd",
+                    p.x,
+                    p.y,
+                    p.z,
+                    180.0 * q.z,
+                    q.x,
+                    q.y,
+                    q.z,
+                    if kind % 8 == 2 {
+                        "\"goniometric\" \"string filename\" \"square.pfm\"".to_owned()
+                    } else {
+                        let fov = 15.0 + 50.0 * size;
+                        format!("\"projection\" \"string filename\" \"wide.pfm\" \"float fov\" {fov}")
+                    }
                 ),
                 shape => format!(
                     "AttributeBegin Translate {} {} {} Rotate {} {} {} {} Scale {size} {} {size}
@@ -235,9 +267,9 @@ mod tests {
                     q.z,
                     2.0 * size,
                     match shape {
-                        2 => "Shape \"sphere\"",
-                        3 => "Shape \"disk\" \"float innerradius\" .3",
-                        4 => "ReverseOrientation Shape \"disk\"",
+                        4 => "Shape \"sphere\"",
+                        5 => "Shape \"disk\" \"float innerradius\" .3",
+                        6 => "ReverseOrientation Shape \"disk\"",
                         _ => {
                             "Shape \"trianglemesh\" \"integer indices\" [ 0 1 2 0 2 3 ]
                              \"point3 P\" [ 0 0 0 1 0 0 1 1 .2 0 1 .2 ]"
@@ -247,10 +279,10 @@ mod tests {
             };
             writeln!(world, "{light}").unwrap();
         };
-        (0..60).for_each(&mut add);
+        (0..80).for_each(&mut add);
         world += "LightSource \"infinite\" \"rgb L\" [ .1 .1 .1 ] LightSource \"distant\" ";
         world += "LightSource \"infinite\" \"point3 portal\" [ -2 -1 3  -2 1 3  1 1 3  1 -1 3 ] ";
-        scene(&world)
+        with_images(&world)
     }
 
     fn choose(lights: &Lights, receiver: &Receiver, u: f32) -> Option<(usize, f32)> {
@@ -270,7 +302,9 @@ mod tests {
         let mut rng = Pcg32::seed_from_u64(1);
         let scene = many(&mut rng);
         let lights = Lights::new(&scene);
-        for _ in 0..20 {
+        const RECEIVERS: usize = 20;
+        let mut reached = 0.0;
+        for _ in 0..RECEIVERS {
             let receiver = receiver(&mut rng);
             let probabilities: Vec<f32> =
                 (0..count(&lights)).map(|light| probability(&lights, light, &receiver)).collect();
@@ -283,7 +317,13 @@ mod tests {
                     dead_ends += 1.0 / n as f32;
                     continue;
                 };
-                assert!((p - probabilities[light]).abs() <= 1e-4 * p, "{light}: {p}");
+                // The less likely side of a fork may be known by what 1 lacks of the other's share only.
+                let rounding = 1e-4 * p + 2.0 * f32::EPSILON;
+                assert!(
+                    (p - probabilities[light]).abs() <= rounding,
+                    "{light}: {p} {}",
+                    probabilities[light]
+                );
                 frequencies[light] += 1.0 / n as f32;
             }
             for (light, (f, p)) in frequencies.iter().zip(&probabilities).enumerate() {
@@ -292,8 +332,11 @@ mod tests {
                 assert!((f - p).abs() < 2.0 / n as f32 + 1e-4 * p, "{light}: {f} {p}");
             }
             let sum: f32 = probabilities.iter().sum();
-            assert!((sum + dead_ends - 1.0).abs() < 1e-3 && sum > 0.5, "{sum} {dead_ends}");
+            assert!((sum + dead_ends - 1.0).abs() < 1e-3, "{sum} {dead_ends}");
+            reached += sum / RECEIVERS as f32;
         }
+        // Beams are narrow: what is near most of them need not be in any.
+        assert!(reached > 0.75, "{reached}");
     }
 
     #[test]
@@ -367,5 +410,53 @@ mod tests {
         let lights = Lights::new(&scene);
         let below = Receiver { position: Vec3::ZERO, normal: Vec3::Z, transmits: false };
         assert!(probability(&lights, 1, &below) > 0.8);
+    }
+
+    #[test]
+    fn an_image_around_a_light_counts_by_its_mean() {
+        let scene = with_images(
+            "LightSource \"point\" \"point3 from\" [ -1 0 2 ]
+             Translate 1 0 2 LightSource \"goniometric\" \"string filename\" \"square.pfm\"",
+        );
+        let lights = Lights::new(&scene);
+        let mut rng = Pcg32::seed_from_u64(4);
+        const DIRECTIONS: usize = 40_000;
+        let mut mean = 0.0;
+        for _ in 0..DIRECTIONS {
+            let u = Vec2::new(rng.random(), rng.random());
+            let from = Vec3::new(1.0, 0.0, 2.0) + environment::uniform_direction(u).0;
+            let light = lights.sample_light(1, from, Vec2::ZERO);
+            mean += light.map_or(0.0, |sample| brightness(sample.radiance)) / DIRECTIONS as f32;
+        }
+        let between = Receiver { position: Vec3::ZERO, normal: Vec3::Z, transmits: false };
+        let [point, image] = [0, 1].map(|light| probability(&lights, light, &between));
+        assert!((image / point / mean - 1.0).abs() < 0.02, "{point} {image} {mean}");
+    }
+
+    #[test]
+    fn a_projection_is_not_ruled_out_where_its_corners_fall() {
+        for fov in [15, 60, 120] {
+            let scene = with_images(&format!(
+                "LightSource \"point\" Translate 1 2 3 Rotate 40 1 2 3
+                 LightSource \"projection\" \"string filename\" \"wide.pfm\" \"float fov\" {fov}"
+            ));
+            let Light::Projector { position, from_render, image, .. } = scene.lights[1] else {
+                panic!("{fov}")
+            };
+            let Projected::Window { tan_half_fov, .. } = image else { panic!("{image:?}") };
+            let half = Projected::half_window(tan_half_fov, 3, 2);
+            let lights = Lights::new(&scene);
+            for sign in [Vec2::ONE, Vec2::NEG_ONE, Vec2::new(1.0, -1.0), Vec2::new(-1.0, 1.0)] {
+                let towards = |share: f32| {
+                    let direction = (from_render.inverse() * (share * sign * half).extend(1.0)).normalize();
+                    Receiver { position: position + 2.0 * direction, normal: -direction, transmits: false }
+                };
+                let arrives =
+                    |receiver: Receiver| lights.sample_light(1, receiver.position, Vec2::ZERO).is_some();
+                let inside = towards(0.999);
+                assert!(arrives(inside) && !arrives(towards(1.001)), "{fov} {sign}");
+                assert!(probability(&lights, 1, &inside) > 0.0, "{fov} {sign}");
+            }
+        }
     }
 }

@@ -157,9 +157,9 @@ fn solid_angle(direction: DVec3) -> f64 {
 mod tests {
     use rand::{RngExt, SeedableRng};
     use rand_pcg::Pcg32;
-    use statrs::distribution::{ChiSquared, ContinuousCDF};
 
     use super::*;
+    use crate::render::chi_squared::{p_value, significance};
 
     const PORTAL: Portal = Portal {
         corner: Vec3::new(-1.0, 2.0, 3.0),
@@ -256,9 +256,13 @@ mod tests {
                     f64::from(view.pdf(from, direction)) / density / (fine * fine) as f64 * n as f64;
             }
             let mut counts = vec![0.0; bins * bins];
+            let mut outside = 0;
             for _ in 0..n {
                 let (direction, pdf) = view.sample(from, Vec2::new(rng.random(), rng.random())).unwrap();
-                assert!((pdf / view.pdf(from, direction) - 1.0).abs() < 0.01 || !view.shows(from, direction));
+                let (is_inside, expected) = (view.shows(from, direction), view.pdf(from, direction));
+                assert!((pdf / expected - 1.0).abs() < 0.01 || !is_inside, "{from}: {pdf} {expected}");
+                // Rounding carries a few past the edge.
+                outside += usize::from(!is_inside);
                 let out = PORTAL.edges[0].cross(PORTAL.edges[1]);
                 let t = out.dot(PORTAL.corner - from) / out.dot(direction);
                 let hit = from + t * direction - PORTAL.corner;
@@ -267,10 +271,9 @@ mod tests {
                 };
                 counts[cell(PORTAL.edges[1]) * bins + cell(PORTAL.edges[0])] += 1.0;
             }
-            let used: Vec<(f64, f64)> = expected.into_iter().zip(counts).filter(|(e, _)| *e > 10.0).collect();
-            let chi2: f64 = used.iter().map(|(e, c)| (c - e).powi(2) / e).sum();
-            let p = ChiSquared::new(used.len() as f64 - 1.0).unwrap().sf(chi2);
-            assert!(p > 1e-4, "{from}: chi² {chi2} of {} bins, p = {p}", used.len());
+            assert!(outside <= n / 10_000, "{from}: {outside} directions lead past the portal");
+            let p = p_value(&counts, &expected);
+            assert!(p > significance(POINTS.len()), "{from}: p = {p}");
         }
     }
 

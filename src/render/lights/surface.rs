@@ -259,6 +259,7 @@ mod tests {
 
     use super::*;
     use crate::geometry::{Accel, Ray};
+    use crate::render::chi_squared::{p_value, significance};
     use crate::scene::pbrt::read_str;
 
     /// A scene whose light emits an image of 2×2 texels: red and green above, blue and white below.
@@ -333,6 +334,62 @@ mod tests {
             let difference = (sampled - found).abs().max_element();
             let size = found.max_element();
             assert!(size > 0.2 && difference < 0.02 * size, "{shape}: {sampled} {found}");
+        }
+    }
+
+    /// In bins of equal area, by the coordinates along its edges.
+    #[test]
+    fn points_of_two_triangles_that_are_one_light_follow_their_density() {
+        const BINS: usize = 8;
+        /// Nodes of quadrature along each side of a bin.
+        const NODES: usize = 16;
+        const SAMPLES: usize = 100_000;
+        // Far from it, near a corner, and near its plane.
+        const POINTS: [Vec3; 3] =
+            [Vec3::new(1.0, -2.0, 5.0), Vec3::new(2.2, 0.2, 0.9), Vec3::new(-3.0, 1.0, 0.1)];
+        let [a, b, c, d] =
+            [Vec3::ZERO, Vec3::new(2.0, 0.0, 0.5), Vec3::new(2.5, 3.0, 0.7), Vec3::new(0.5, 3.0, 0.2)];
+        let corners = [a, b, c, d].map(|p| format!("{} {} {}", p.x, p.y, p.z)).join(" ");
+        let scene = read_str(
+            &format!(
+                "WorldBegin AreaLightSource \"diffuse\" \"bool twosided\" true
+                 Shape \"trianglemesh\" \"integer indices\" [ 0 1 2 0 2 3 ] \"point3 P\" [ {corners} ]"
+            ),
+            std::path::Path::new(""),
+        );
+        let scene = scene.unwrap();
+        let lights = SurfaceLights::new(&scene);
+        let [SurfaceLight { triangle: Some(sampler), .. }] = &lights.lights[..] else { panic!("one light") };
+        let edges = [b - a, d - a];
+        let area = edges[0].cross(edges[1]);
+        let normal = area.normalize();
+        let mut rng = Pcg32::seed_from_u64(3);
+        for from in POINTS {
+            let side = BINS * NODES;
+            let mut expected = vec![0.0; BINS * BINS];
+            for (i, j) in (0..side).flat_map(|i| (0..side).map(move |j| (i, j))) {
+                let at = (Vec2::new(i as f32, j as f32) + 0.5) / side as f32;
+                let point = a + at.x * edges[0] + at.y * edges[1];
+                let to_point = point - from;
+                let per_area = normal.dot(to_point.normalize()).abs() / to_point.length_squared();
+                let mass = sampler.pdf(from, point) * per_area * area.length() / (side * side) as f32;
+                expected[i / NODES * BINS + j / NODES] += f64::from(mass) * SAMPLES as f64;
+            }
+            let mut counts = vec![0.0; BINS * BINS];
+            for _ in 0..SAMPLES {
+                let u = Vec2::new(rng.random(), rng.random());
+                let wi = lights.sample(0, from, u).expect("it is seen").wi;
+                let point = from + normal.dot(a - from) / normal.dot(wi) * wi - a;
+                let along = [point.cross(edges[1]), edges[0].cross(point)];
+                let [i, j] = along.map(|along| {
+                    let share = along.dot(area) / area.length_squared();
+                    assert!((-1e-4..=1.0001).contains(&share), "{from}: {share}");
+                    ((share * BINS as f32) as usize).min(BINS - 1)
+                });
+                counts[i * BINS + j] += 1.0;
+            }
+            let p = p_value(&counts, &expected);
+            assert!(p > significance(POINTS.len()), "{from}: p = {p}");
         }
     }
 }

@@ -1,0 +1,34 @@
+//! Whether samples follow a density, for tests.
+
+use statrs::distribution::{ChiSquared, ContinuousCDF};
+
+/// Probability that counts would differ from what is expected as much as they do (Pearson).
+pub fn p_value(counts: &[f64], expected: &[f64]) -> f64 {
+    /// Cells are put together until this much is expected in them.
+    const LEAST_EXPECTED: f64 = 20.0;
+    assert_eq!(counts.len(), expected.len());
+    let (mut statistic, mut groups) = (0.0, 0);
+    let mut close = |mean: f64, observed: f64| {
+        statistic += (observed - mean).powi(2) / mean;
+        groups += 1;
+    };
+    let (mut mean, mut observed) = (0.0, 0.0);
+    for (count, expected) in counts.iter().zip(expected) {
+        mean += expected;
+        observed += count;
+        if mean >= LEAST_EXPECTED {
+            close(mean, observed);
+            (mean, observed) = (0.0, 0.0);
+        }
+    }
+    // What is left expects little, and is a group of its own: samples may be where none should.
+    if observed + mean > 0.0 {
+        close(mean.max(1.0), observed);
+    }
+    ChiSquared::new(f64::from((groups - 1).max(1))).expect("positive").sf(statistic)
+}
+
+/// Significance of one of `tests` so that all together are wrong once in 100 times.
+pub fn significance(tests: usize) -> f64 {
+    1.0 - 0.99f64.powf(1.0 / tests as f64)
+}
