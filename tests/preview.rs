@@ -396,6 +396,8 @@ fn the_mouse_pans_and_dollies_the_camera_and_else_the_picture() {
 
     page.key("q");
     let zoom = page.value("window.prpf.picture.zoom").as_f64().expect("a number");
+    // Where it is by now: the panel has filled since.
+    let middle = on_image(&mut page, [0.0, 0.0]);
     page.wheel(middle, -100.0);
     page.wait(&format!("window.prpf.picture.zoom > {zoom}"));
     let [x, y] = on_image(&mut page, [0.0, 0.0]);
