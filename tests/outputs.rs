@@ -80,6 +80,58 @@ fn a_state_that_is_there_is_replaced_with_a_word_and_anything_else_is_not() {
 }
 
 #[test]
+fn a_merge_replaces_neither_what_it_reads_nor_anything_but_a_state() {
+    let folder = folder();
+    let folder = folder.path();
+    for (shard, state) in [("1/2", "1.state"), ("2/2", "2.state")] {
+        done(
+            folder,
+            &[
+                "render",
+                "scene.pbrt",
+                "--spp",
+                "4",
+                "--quiet",
+                "-o",
+                "a.png",
+                "--shard",
+                shard,
+                "--state",
+                state,
+            ],
+        );
+    }
+    let first = std::fs::read(folder.join("1.state")).expect("a state");
+    let merge = |sum: &'static str| ["merge", "1.state", "2.state", "-o", sum];
+    assert!(refused(folder, &merge("1.state")).contains("same file"));
+    assert!(refused(folder, &merge("texture.png")).contains("no render state"));
+    assert!(refused(folder, &merge("none/sum.state")).contains("found no folder"));
+    assert_eq!(std::fs::read(folder.join("1.state")).expect("a state"), first);
+    done(folder, &merge("sum.state"));
+    done(folder, &merge("sum.state"));
+}
+
+/// As a disk that is full under one of them.
+#[test]
+fn what_cannot_be_written_takes_nothing_else_with_it() {
+    let folder = folder();
+    let folder = folder.path();
+    std::fs::create_dir(folder.join("gone")).expect("a folder");
+    let outputs = ["-o", "gone/a.exr", "-o", "b.png", "--report", "r.json", "--spp", "0", "--time", "1500ms"];
+    let render = [&["render", "scene.pbrt", "--quiet"], &outputs[..]].concat();
+    let child = command(folder, &render).spawn().expect("it starts");
+    std::thread::sleep(std::time::Duration::from_millis(600));
+    std::fs::remove_dir(folder.join("gone")).expect("an empty folder");
+    let output = child.wait_with_output().expect("it ends");
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(
+        output.status.code() == Some(1) && said.contains("gone/a.exr") && said.lines().count() == 1,
+        "{said}"
+    );
+    assert!(folder.join("b.png").exists() && folder.join("r.json").exists());
+}
+
+#[test]
 fn layers_are_asked_for_where_there_are_some() {
     let folder = folder();
     let folder = folder.path();

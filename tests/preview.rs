@@ -246,7 +246,9 @@ fn a_map_of_another_view_is_not_shown_after_a_movement() {
     page.click("#pause");
     page.wait(&format!("{PHASE} === 'paused'"));
     let generation = page.value(GENERATION);
-    page.click("#home");
+    page.key("c");
+    let (from, to) = (on_image(&mut page, [0.0, 0.0]), on_image(&mut page, [0.1, 0.0]));
+    page.drag(&[from, to]);
     page.wait(&format!("{GENERATION} > {generation} && {PHASE} === 'paused'"));
     page.wait("window.prpf.picture.shown.right === 'raw' && window.prpf.picture.frames.has('raw')");
 }
@@ -320,6 +322,11 @@ fn the_home_key_brings_the_scenes_camera_back_except_in_a_field() {
     page.value("window.prpf.picture.canvas.focus()");
     page.key("Home");
     page.wait(&format!("{GENERATION} > {generation} && window.prpf.state.status.camera.aperture === 0"));
+    // What does not move the camera loses no sample.
+    let generation = page.value(GENERATION);
+    page.key("Home");
+    page.wait("window.prpf.state.status.statistics.mean > 8");
+    assert_eq!((page.value(GENERATION), sent(&mut page, "camera")), (generation, 3));
 }
 
 #[test]

@@ -311,6 +311,9 @@ fn a_state_that_does_not_fit_gets_one_line_and_stays() {
     refused(folder, &["denoise", "a.state", "--quality", "paper", "-o", "b.exr"]);
     refused(folder, &["denoise", "a.state", "--layers", "Depth", "-o", "b.exr"]);
     refused(folder, &["export", "missing", "-o", "b.npz"]);
+    // Longer than any memory.
+    #[cfg(unix)]
+    assert!(refused(folder, &["denoise", "/dev/zero", "-o", "b.exr"]).contains("no render state"));
     assert!(refused(folder, &["export", "a.state", "-o", "./a.state"]).contains("same file"));
     assert_eq!(std::fs::read(folder.join("a.state")).expect("a state"), state);
     refused(folder, &["merge", "a.state", "-o", "b.state"]);

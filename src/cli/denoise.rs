@@ -84,10 +84,11 @@ fn denoise(options: &DenoiseOptions, start: Instant) -> Result<u8, Failure> {
         layers.keep_only(names).map_err(Failure::Input)?;
     }
     let written = Written { store, image: &filtered.image, batches: &memory.batches };
-    outfiles
+    let images: Vec<_> = outfiles
         .par_iter()
-        .try_for_each(|path| write(path, &layers, &written, &frame, &settings, None, start))
-        .map_err(|error| Failure::Run(error.into()))?;
+        .map(|path| write(path, &layers, &written, &frame, &settings, None, start))
+        .collect();
+    images.into_iter().collect::<Result<(), _>>().map_err(|error| Failure::Run(error.into()))?;
     if !options.quiet {
         let files: String = outfiles.iter().map(|path| format!("{}\n", path.display())).collect();
         let spp = store.samples() as f64 / store.pixels().max(1) as f64;

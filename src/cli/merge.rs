@@ -6,6 +6,8 @@ use anyhow::Context;
 use clap::Args;
 
 use super::Failure;
+use super::output::{are_distinct, can_be_written};
+use super::state::replaces_state;
 use crate::state::{Merge, State};
 
 /// `prpf merge`.
@@ -33,6 +35,9 @@ pub(super) struct MergeOptions {
 }
 
 pub(super) fn run(options: &MergeOptions) -> Result<u8, Failure> {
+    can_be_written(&options.outfile).map_err(Failure::Input)?;
+    are_distinct(options.states.iter().map(PathBuf::as_path), &[&options.outfile]).map_err(Failure::Input)?;
+    replaces_state(&options.outfile).map_err(Failure::Input)?;
     let sum = merge(&options.states).map_err(Failure::Input)?;
     sum.write(&options.outfile).map_err(|error| Failure::Run(error.into()))?;
     if !options.quiet {

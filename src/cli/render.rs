@@ -161,12 +161,12 @@ fn run_in_pool(
     let Outcome { filtered, store, estimate, settings, .. } = &outcome;
     let layers = Layers::of(filtered, store, estimate.as_ref(), &frame);
     let written = Written { store, image: &filtered.image, batches: &outcome.batches };
-    let images = outfiles
+    // A full disk under one of them is none under the others.
+    let images: Vec<_> = outfiles
         .par_iter()
-        .try_for_each(|path| write(path, &layers, &written, &frame, settings, reference.as_ref(), start))
-        .map_err(|error| Failure::Run(error.into()));
+        .map(|path| write(path, &layers, &written, &frame, settings, reference.as_ref(), start))
+        .collect();
     let kept = kept.map_or(Ok(()), Kept::finish);
-    images?;
     let written_after = start.elapsed().as_secs_f64();
     drop(display);
     let seconds = Times {
@@ -184,6 +184,7 @@ fn run_in_pool(
             .with_context(|| format!("writing {}", path.display()))
             .map_err(Failure::Run)?;
     }
+    images.into_iter().collect::<Result<(), _>>().map_err(|error| Failure::Run(error.into()))?;
     if !options.quiet {
         super::say(&summary(&outcome, seconds, &outfiles, options.verbose)).map_err(Failure::Run)?;
     }

@@ -60,12 +60,7 @@ impl StateOptions {
     /// # Errors
     /// What is there is something else.
     pub fn replaces_one(&self) -> anyhow::Result<bool> {
-        let Some(path) = self.state.as_deref().filter(|path| !self.resume && path.exists()) else {
-            return Ok(false);
-        };
-        let there = std::fs::metadata(path)?;
-        // Whoever makes a name for a temporary file makes an empty file.
-        Ok(there.is_file() && there.len() > 0 && state::check_kind(path).map(|()| true)?)
+        self.state.as_deref().filter(|_| !self.resume).map_or(Ok(false), replaces_state)
     }
 
     /// Turns a budget of all shares into that of this one.
@@ -120,6 +115,16 @@ impl StateOptions {
             stream,
         }))
     }
+}
+
+/// Whether a state stands where one will be written.
+///
+/// # Errors
+/// What is there is something else.
+pub(super) fn replaces_state(path: &Path) -> anyhow::Result<bool> {
+    let Ok(there) = std::fs::metadata(path) else { return Ok(false) };
+    // Whoever makes a name for a temporary file makes an empty file.
+    Ok(there.is_file() && there.len() > 0 && state::check_kind(path).map(|()| true)?)
 }
 
 fn unwritable(path: &Path) -> String {

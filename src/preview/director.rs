@@ -186,8 +186,9 @@ impl<'a> Director<'a> {
 
     /// Whether a new loop has to begin; the camera is moved then.
     fn begins_anew(&mut self, renderer: &Renderer, circle: &Loop) -> bool {
-        let anew = self.wishes.begins_anew() || !circle.can_change_to(&self.stage.settings);
-        if let Some(rig) = self.rig.as_mut().filter(|_| anew) {
+        let mut anew = self.wishes.restart || !circle.can_change_to(&self.stage.settings);
+        if let Some(rig) = self.rig.as_mut() {
+            let before = rig.camera().clone();
             let (width, height) = renderer.resolution();
             for step in self.wishes.moves.drain(..) {
                 let inside = step
@@ -200,6 +201,8 @@ impl<'a> Director<'a> {
                 }
                 rig.apply(&step, seen.map(|p| p.as_dvec3()));
             }
+            // Nothing is lost by a movement to where it is.
+            anew |= *rig.camera() != before;
         }
         anew
     }

@@ -32,7 +32,9 @@ impl Loop<'_> {
     pub(super) fn expect_unrehearsed(&mut self) {
         let Settings { denoiser, quality, .. } = self.settings;
         let pass = self.hurried.map_or((denoiser, quality), pass_in_a_hurry);
-        self.schedule.expects(Cost::of(pass).seconds(self.store.pixels(), self.keep.is_some()));
+        let pixels = self.store.pixels();
+        let spp = self.store.drawn() as f64 / pixels.max(1) as f64;
+        self.schedule.expects(Cost::of(pass).at(spp).seconds(pixels, self.keep.is_some()));
     }
 
     /// Under a budget of time, measures on some rows what comes after the last batch, now and then.
@@ -40,6 +42,10 @@ impl Loop<'_> {
         let elapsed = self.elapsed();
         self.choose_unrehearsed();
         let Some(left) = self.schedule.seconds_left(elapsed) else { return };
+        if self.last_filter().0 == Denoiser::Rpf {
+            // With the next samples it would be wrong.
+            return;
+        }
         // A rehearsal would have to fill the pixels without samples first, and takes time from them.
         let sparse = self.store.drawn() < self.store.pixels() as u64;
         if sparse || !self.rehearsal.is_due(elapsed, left, self.schedule.closing()) {
@@ -78,7 +84,10 @@ impl Loop<'_> {
             self.hurried = None;
             self.expect_unrehearsed();
             let left = self.schedule.seconds_left(elapsed).unwrap_or(0.0);
-            self.rehearsal.is_due(elapsed, left, self.schedule.closing())
+            match self.settings.denoiser {
+                Denoiser::Rpf => !self.schedule.is_late(elapsed),
+                _ => self.rehearsal.is_due(elapsed, left, self.schedule.closing()),
+            }
         };
         if !has_time && self.hurry(Hurried::Draft) {
             self.expect_unrehearsed();

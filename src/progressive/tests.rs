@@ -150,3 +150,25 @@ fn pixels_that_reject_all_their_samples_do_not_make_the_others_uniform() {
         assert!(left > 2 * right, "{left} {right}");
     });
 }
+
+#[test]
+fn what_rpf_takes_grows_with_the_square_of_the_samples_until_there_is_no_time_for_it() {
+    with_loop(10.0, Instant::now(), |circle| {
+        circle.settings.denoiser = Denoiser::Rpf;
+        circle.choose_unrehearsed();
+        let few = circle.schedule.closing();
+        assert_eq!(circle.hurried, None);
+        let sample = vec![0.0; circle.store.layout().len()];
+        let store = Arc::make_mut(&mut circle.store);
+        let (width, height) = (store.width(), store.height());
+        for (x, y) in (0..height).flat_map(|y| (0..width).map(move |x| (x, y))) {
+            store.push(x, y, &sample.repeat(2));
+        }
+        circle.choose_unrehearsed();
+        assert!((circle.schedule.closing() / few - 4.0).abs() < 1e-6);
+        circle.start =
+            Instant::now().checked_sub(Duration::from_secs(10)).expect("a clock that began earlier");
+        circle.choose_unrehearsed();
+        assert_eq!(circle.hurried, Some(Hurried::Draft));
+    });
+}

@@ -63,6 +63,8 @@ impl State {
     /// # Errors
     /// A file that cannot be read, is no state, is of another version, or is damaged.
     pub fn read(path: &Path) -> Result<Self, StateError> {
+        // Other files may be larger than any memory.
+        check_kind(path)?;
         let state = std::fs::read(path).map_err(Problem::from).and_then(|bytes| read_bytes(&bytes));
         state.map_err(|problem| StateError { path: path.to_path_buf(), problem })
     }
