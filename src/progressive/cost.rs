@@ -16,12 +16,9 @@ pub(super) struct Cost {
     pub draft: f64,
     /// Seconds to find where interpolation of feature weights fails, for each of the pass.
     pub maps: f64,
-    /// Whether it grows with the square of the samples: each is compared with all around it.
+    /// Whether it is that of each sample of a pixel: they are filtered one by one.
     of_samples: bool,
 }
-
-/// See [`Cost::of`]. A third less than measured, since nothing corrects what is supposed of RPF.
-const RPF_SPP: f64 = 5.5;
 
 /// Seconds for each pixel to write a state.
 const STATE_SECONDS: f64 = 2e-6;
@@ -35,14 +32,14 @@ impl Cost {
             (Denoiser::Prpf, Quality::Draft) => cost(3.6e-6, 350, 1.0, 2.5),
             (Denoiser::Prpf, Quality::Standard) => cost(6e-6, 700, 0.36, 0.9),
             (Denoiser::Prpf, Quality::Paper) => cost(3e-5, 700, 0.04, 0.1),
-            // With `RPF_SPP` samples per pixel.
-            (Denoiser::Rpf, _) => Self { of_samples: true, ..cost(2e-4, 700, 0.01, 0.02) },
+            // For each sample per pixel; a fifth more than measured, since nothing corrects what is supposed of it.
+            (Denoiser::Rpf, _) => Self { of_samples: true, ..cost(3.3e-4, 700, 0.01, 0.02) },
         }
     }
 
     /// The same with so many samples per pixel.
     pub fn at(self, spp: f64) -> Self {
-        let growth = if self.of_samples { (spp / RPF_SPP).powi(2) } else { 1.0 };
+        let growth = if self.of_samples { spp } else { 1.0 };
         Self { core_seconds: growth * self.core_seconds, ..self }
     }
 

@@ -152,7 +152,7 @@ fn pixels_that_reject_all_their_samples_do_not_make_the_others_uniform() {
 }
 
 #[test]
-fn what_rpf_takes_grows_with_the_square_of_the_samples_until_there_is_no_time_for_it() {
+fn what_rpf_takes_grows_with_the_samples_until_there_is_no_time_for_it() {
     with_loop(10.0, Instant::now(), |circle| {
         circle.settings.denoiser = Denoiser::Rpf;
         circle.choose_unrehearsed();
@@ -165,7 +165,7 @@ fn what_rpf_takes_grows_with_the_square_of_the_samples_until_there_is_no_time_fo
             store.push(x, y, &sample.repeat(2));
         }
         circle.choose_unrehearsed();
-        assert!((circle.schedule.closing() / few - 4.0).abs() < 1e-6);
+        assert!((circle.schedule.closing() / few - 2.0).abs() < 1e-6);
         circle.start =
             Instant::now().checked_sub(Duration::from_secs(10)).expect("a clock that began earlier");
         circle.choose_unrehearsed();
