@@ -5,11 +5,10 @@ use std::time::Instant;
 
 use anyhow::{anyhow, bail};
 use clap::Args;
-use rayon::prelude::*;
 
 use super::layers::Layers;
 use super::options::DenoiserOption;
-use super::output::{Written, are_distinct, can_be_written, write};
+use super::output::{Written, are_distinct, can_be_written, write_all};
 use super::{Failure, in_pool};
 use crate::filter::{Filtered, Quality};
 use crate::image::formats::OutputFormat;
@@ -84,11 +83,8 @@ fn denoise(options: &DenoiseOptions, start: Instant) -> Result<u8, Failure> {
         layers.keep_only(names).map_err(Failure::Input)?;
     }
     let written = Written { store, image: &filtered.image, batches: &memory.batches };
-    let images: Vec<_> = outfiles
-        .par_iter()
-        .map(|path| write(path, &layers, &written, &frame, &settings, None, start))
-        .collect();
-    images.into_iter().collect::<Result<(), _>>().map_err(|error| Failure::Run(error.into()))?;
+    write_all(&outfiles, &layers, &written, &frame, &settings, None, start)
+        .map_err(|error| Failure::Run(error.into()))?;
     if !options.quiet {
         let files: String = outfiles.iter().map(|path| format!("{}\n", path.display())).collect();
         let spp = store.samples() as f64 / store.pixels().max(1) as f64;

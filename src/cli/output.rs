@@ -3,6 +3,8 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
+use rayon::prelude::*;
+
 use super::layers::Layers;
 use super::report::{Report, Spread};
 use crate::filter::Filtered;
@@ -84,6 +86,21 @@ pub(super) fn write(
             exr_file::write(path, windows, &layers.channels(), &attributes)
         }
     }
+}
+
+/// Writes all images: a full disk under one of them is none under the others.
+pub(super) fn write_all(
+    paths: &[PathBuf],
+    layers: &Layers,
+    written: &Written,
+    frame: &Frame,
+    settings: &Settings,
+    reference: Option<&Planes>,
+    start: Instant,
+) -> Result<(), image::ImageError> {
+    let write = |path: &PathBuf| write(path, layers, written, frame, settings, reference, start);
+    let all: Vec<_> = paths.par_iter().map(write).collect();
+    all.into_iter().collect()
 }
 
 /// What a written image's attributes tell of.

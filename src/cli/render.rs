@@ -11,7 +11,7 @@ use rayon::prelude::*;
 
 use super::layers::Layers;
 use super::options::RenderOptions;
-use super::output::{Written, are_distinct, can_be_written, encode, write, write_report};
+use super::output::{Written, are_distinct, can_be_written, encode, write, write_all, write_report};
 use super::report::{Report, Spread, Times};
 use super::signals::{INTERRUPTED, Signals};
 use super::state::Kept;
@@ -161,11 +161,7 @@ fn run_in_pool(
     let Outcome { filtered, store, estimate, settings, .. } = &outcome;
     let layers = Layers::of(filtered, store, estimate.as_ref(), &frame);
     let written = Written { store, image: &filtered.image, batches: &outcome.batches };
-    // A full disk under one of them is none under the others.
-    let images: Vec<_> = outfiles
-        .par_iter()
-        .map(|path| write(path, &layers, &written, &frame, settings, reference.as_ref(), start))
-        .collect();
+    let images = write_all(&outfiles, &layers, &written, &frame, settings, reference.as_ref(), start);
     let kept = kept.map_or(Ok(()), Kept::finish);
     let written_after = start.elapsed().as_secs_f64();
     drop(display);
@@ -184,7 +180,7 @@ fn run_in_pool(
             .with_context(|| format!("writing {}", path.display()))
             .map_err(Failure::Run)?;
     }
-    images.into_iter().collect::<Result<(), _>>().map_err(|error| Failure::Run(error.into()))?;
+    images.map_err(|error| Failure::Run(error.into()))?;
     if !options.quiet {
         super::say(&summary(&outcome, seconds, &outfiles, options.verbose)).map_err(Failure::Run)?;
     }
