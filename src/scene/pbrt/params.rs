@@ -384,6 +384,17 @@ mod tests {
     }
 
     #[test]
+    fn all_that_have_the_same_defaults_share_them() {
+        let mut defaults = Defaults::default();
+        defaults.set(params(r#""float a" 2"#).unwrap());
+        let defaults = Rc::new(defaults);
+        let shapes: Vec<Params> =
+            (0..9).map(|_| Params::none(Place::default()).with_defaults(&defaults)).collect();
+        assert!(shapes.iter().all(|shape| shape.float("a").unwrap() == Some(2.0)));
+        assert_eq!(Rc::strong_count(&defaults), 10, "no copies");
+    }
+
+    #[test]
     fn values_are_found_by_name_with_and_without_brackets() {
         let params =
             params(r#""float a" 2 "integer b" [3] "bool c" true "string d" "x" "point3 e" [1 2 3 4 5 6]"#)

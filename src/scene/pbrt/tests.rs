@@ -10,6 +10,7 @@ use crate::scene::light::EnvironmentMap;
 use crate::scene::texture::TexturePoint;
 use crate::scene::{Integrator, Light, MaterialKind, PixelFilter, SamplerKind, Scene, Shape, TriangleMesh};
 
+mod attributes;
 mod coordinates;
 mod extremes;
 mod forgiven;
@@ -278,50 +279,6 @@ fn an_environment_image_is_square_in_v4_and_shares_the_pool() {
     assert_eq!(maps[0], maps[1]);
     assert_eq!(scene.textures.image(image).rgb(1, 1), Vec3::new(1.0, 2.0, 3.0));
     assert!(read("b.exr").unwrap_err().message.contains("2x1"));
-}
-
-#[test]
-fn attributes_set_defaults_that_shapes_may_override() {
-    let scene = world(
-        "AttributeBegin Attribute \"shape\" \"float radius\" 3 Shape \"sphere\" Shape \"sphere\" \"float radius\" 2
-         AttributeEnd Shape \"sphere\"",
-    );
-    let radii: Vec<_> = scene
-        .primitives
-        .iter()
-        .map(|primitive| match &primitive.shape {
-            Shape::Sphere(sphere) => sphere.radius,
-            other => panic!("{other:?}"),
-        })
-        .collect();
-    assert_eq!(radii, [3.0, 2.0, 1.0]);
-}
-
-#[test]
-fn of_a_parameter_that_is_given_twice_the_last_counts() {
-    let twice = "\"float radius\" 3 \"float radius\" 2";
-    for text in [
-        format!("Shape \"sphere\" {twice}"),
-        format!("Attribute \"shape\" {twice} Shape \"sphere\""),
-        "Attribute \"shape\" \"float radius\" 3 Attribute \"shape\" \"float radius\" 2 Shape \"sphere\""
-            .to_owned(),
-    ] {
-        for scene in [world(&text), scene(&format!("WorldBegin {text} WorldEnd"))] {
-            assert!(scene.warnings.is_empty(), "{:?}", scene.warnings);
-            let Shape::Sphere(sphere) = &scene.primitives[0].shape else { panic!("{text}") };
-            assert_eq!(sphere.radius, 2.0, "{text}");
-        }
-    }
-}
-
-#[test]
-fn many_attributes_take_no_more_time_for_each() {
-    let attributes: String = (0..50_000).map(|i| format!("Attribute \"shape\" \"float a{i}\" 1 ")).collect();
-    let start = std::time::Instant::now();
-    let scene = world(&format!("{attributes} {}", "Shape \"sphere\" ".repeat(1000)));
-    assert_eq!(scene.primitives.len(), 1000);
-    // Fifty million copies if every shape had a table of its own.
-    assert!(start.elapsed().as_secs() < 10, "{:?}", start.elapsed());
 }
 
 #[test]
