@@ -88,6 +88,19 @@ fn repeated_ply(vertices: usize) -> Vec<u8> {
 const ENDLESS_LIST: &[u8] = b"ply\nformat ascii 1.0\nelement vertex 9\nproperty list uint float x\n\
     element face 1\nproperty list uint int vertex_indices\nend_header\n4000000000 1";
 
+/// A table of reflectances that names its dimensions, as MERL's do, and has none of them.
+fn promised_brdf() -> Vec<u8> {
+    let dimensions = [i32::MAX, 90, 180].map(i32::to_le_bytes).concat();
+    [&[1], &dimensions[..], &[0; 64]].concat()
+}
+
+/// Samples of one pixel: what is kept of them does not grow with their number.
+fn pushed_samples(count: usize) -> Vec<u8> {
+    let all_blocks = [0xff, 0x3f];
+    let image_and_reservoir = [0, 0, 8, 0];
+    [&all_blocks[..], &image_and_reservoir, &vec![100; count]].concat()
+}
+
 #[test]
 fn small_files_that_stand_for_much_take_no_more_than_their_size_allows() {
     let promised = |header: &str| [&[4], header.as_bytes(), &[0; 64]].concat();
@@ -101,6 +114,12 @@ fn small_files_that_stand_for_much_take_no_more_than_their_size_allows() {
         ("ply", ENDLESS_LIST.to_vec()),
         ("scene", format!("{}\0{last}", includes.join("\0")).into_bytes()),
         ("scene", format!("WorldBegin {}", "AttributeBegin ".repeat(20_000)).into_bytes()),
+        ("spectrum", "400 1 ".repeat(200_000).into_bytes()),
+        ("brdf", promised_brdf()),
+        ("brdf", [b"\0", "1 ".repeat(200_000).as_bytes()].concat()),
+        ("message", format!("{}\n", "[".repeat(1 << 20)).into_bytes()),
+        ("message", "{\"type\":\"camera\"}\n".repeat(1 << 14).into_bytes()),
+        ("store", pushed_samples(4 << 20)),
         ("state", std::fs::read(Path::new(env!("CARGO_MANIFEST_DIR")).join("fuzz/corpus/state/b")).unwrap()),
     ];
     for (name, input) in cases {

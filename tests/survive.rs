@@ -61,7 +61,7 @@ fn a_render_resumed_from_any_step_ends_in_the_same_image() {
         let circle = || Loop::new(&renderer, &settings, Instant::now(), &never, None);
         let kept = RefCell::new(Vec::new());
         let keep = |_: &Settings, memory: Memory| {
-            let streams = vec![Stream { seed: 5, share: Share::WHOLE }];
+            let streams = vec![Stream::new(5, Share::WHOLE)];
             let state = State { frame: frame.clone(), settings: settings.clone(), streams, memory };
             let mut file = Vec::new();
             state::bytes(&state, &mut file);

@@ -47,7 +47,11 @@ class Pcg32:
 
 
 class Guide:
-    """What distances are measured by: means and variances of all pixels, features first, then colours."""
+    """What distances are measured by: means and variances of all pixels, features first, then colours.
+
+    Of single precision, as in the filter: shares of few samples make distances that are just the threshold, and
+    rounding decides whether those resemble.
+    """
 
     def __init__(self, data):
         groups, names, units = (data[f"dimension_{kind}"] for kind in ("groups", "names", "units"))
@@ -57,28 +61,30 @@ class Guide:
         radiance = np.flatnonzero(np.char.startswith(names, "radiance"))
         self.radiance = radiance if len(radiance) else np.flatnonzero(groups == "colour")
         count = self.count = data["count"].astype(float)
-        mean = {s: np.where(data[f"count{s}"] > 0, data[f"mean{s}"][self.radiance], 0.0) for s in ("", "_a", "_b")}
+        parts = {s: data[f"mean{s}"][self.radiance].astype(np.float32) for s in ("", "_a", "_b")}
+        mean = {s: np.where(data[f"count{s}"] > 0, values, np.float32(0)) for s, values in parts.items()}
         for half in ("_a", "_b"):
             mean[half] = np.where(data[f"count{half}"] > 0, mean[half], mean[""])
         with np.errstate(divide="ignore", invalid="ignore"):
-            variance = np.where(count >= 2, data["m2"] / (count - 1), 0.0)
+            variance = np.where(count >= 2, data["m2"] / (count - 1), 0.0).astype(np.float32)
         colour, kept = clamped(mean, data["count_a"], data["count_b"])
-        average = colour.mean()
+        average = colour.mean(dtype=float)
         self.exposure = 2.0 ** -np.round(np.log2(average)) if average > 0 else 1.0
-        self.means = np.concatenate([data["mean"][self.features], colour * self.exposure])
-        variances = np.concatenate(
-            [variance[self.features], variance[self.radiance] * kept**2 * self.exposure**2])
+        single = [data["mean"][self.features], colour * self.exposure]
+        self.means = np.concatenate(single).astype(np.float32)
+        single = [variance[self.features], variance[self.radiance] * kept**2 * self.exposure**2]
+        variances = np.concatenate(single).astype(np.float32)
         pooled = np.array([pool(m, v, count) for m, v in zip(self.means, variances)])
         n = count.flat[0]
         even = n >= 2 and (count == n).all()
         self.within = variances * (n - 1) / n if even else pooled
         world = np.array([unit.startswith("scene") for unit in units[self.features]])[:, None, None]
-        z, tolerance = np.where(world, Z_WORLD, Z), np.where(world, TOLERANCE_WORLD, TOLERANCE)
+        z, tolerance = (np.where(world, *values).astype(np.float32) for values in ((Z_WORLD, Z), (TOLERANCE_WORLD, TOLERANCE)))
         pooled = pooled[: len(self.features)]
-        least = np.where(pooled <= tolerance**2, tolerance**2, 0.0)
-        self.thresholds = np.where(count > 0, np.maximum(z**2 * pooled, least), np.inf)
+        least = np.where(pooled <= tolerance**2, tolerance**2, np.float32(0))
+        self.thresholds = np.where(count > 0, np.maximum(z**2 * pooled, least), np.float32(np.inf))
         self.means[:, count == 0] = 0.0
-        hit = data["mean"][names == "hit"][0] if "hit" in names else np.ones_like(count)
+        hit = data["mean"][names == "hit"][0].astype(np.float32) if "hit" in names else np.ones_like(count)
         self.hit, self.own_hit = np.where(count > 0, hit, 4.0), np.where(count > 0, hit, 0.5)
 
     def alike(self, x, y, rows, columns):
@@ -95,7 +101,7 @@ class Guide:
         height, width = self.count.shape
         rows, columns = (o[(o >= 0) & (o < size)] for o, size in ((y + offsets, height), (x + offsets, width)))
         alike = self.alike(x, y, rows, columns)
-        means, within = (a[:, rows][:, :, columns][:, alike] for a in (self.means, self.within))
+        means, within = (a[:, rows][:, :, columns][:, alike].astype(float) for a in (self.means, self.within))
         mean = means.mean(axis=1)
         return mean, ((means - mean[:, None]) ** 2 + within).mean(axis=1)
 
@@ -110,17 +116,18 @@ def round_half_up(value):
 def pool(mean, variance, count):
     """Variances of pixels' samples, joined with those of the 3×3 around each as if that were two samples more."""
     height, width = count.shape
+    count = count.astype(np.float32)
     known, total, pairs, squares = (np.zeros_like(mean) for _ in range(4))
     for dy in (-1, 0, 1):
         for dx in (-1, 0, 1):
             to = np.s_[max(0, -dy) : height - max(0, dy), max(0, -dx) : width - max(0, dx)]
             of = np.s_[max(0, dy) : height - max(0, -dy), max(0, dx) : width - max(0, -dx)]
             known[to] += count[of] >= 2
-            total[to] += np.where(count[of] >= 2, variance[of], 0.0)
+            total[to] += np.where(count[of] >= 2, variance[of], np.float32(0))
             if (dx, dy) != (0, 0):
                 pairs[to] += count[of] == 1
-                squares[to] += np.where(count[of] == 1, (mean[of] - mean[to]) ** 2 / 2, 0.0)
-    single = np.where((pairs > 0) & (count > 0), squares / np.maximum(pairs, 1), 0.0)
+                squares[to] += np.where(count[of] == 1, (mean[of] - mean[to]) ** 2 / 2, np.float32(0))
+    single = np.where((pairs > 0) & (count > 0), squares / np.maximum(pairs, 1), np.float32(0))
     pooled = np.where(known > 0, total / np.maximum(known, 1), single)
     own = np.maximum(count - 1, 0)
     return (2 * pooled + own * variance) / (2 + own)
@@ -229,7 +236,7 @@ def filtered(guide, x, y, weight):
     n, randomness = guide.count[y, x], weight[-1]
     factor = (1 - randomness) ** 2 / (16 * SIGMA8_SQUARED)
     gain = np.where(guide.constant(mean, variance), 0.0, weight[:-1] * n * factor / np.maximum(variance, 1e-300))
-    others = guide.means[:, rows][:, :, columns]
+    others = guide.means[:, rows][:, :, columns].astype(float)
     exponent = np.tensordot(gain, (others - guide.means[:, y, x][:, None, None]) ** 2, 1)
     deviation = WINDOW / 4
     exponent += ((rows - y)[:, None] ** 2 + (columns - x)[None, :] ** 2) / (2 * deviation**2)
@@ -249,9 +256,13 @@ def node(at, size):
 
 def main(path, *pixel):
     data = dict(np.load(path))
+    if "first_pass" not in data:
+        sys.exit(f"{path}: no `first_pass` in it; `prpf export` writes one for states of `--quality paper`")
     guide = Guide(data)
     height, width = guide.count.shape
     x, y = (int(v) for v in pixel) if pixel else (width // 2, height // 2)
+    if not (0 <= x < width and 0 <= y < height):
+        sys.exit(f"pixel {x}, {y}: not within the image's {width} x {height}")
     x, y = node(x, width), node(y, height)
     size, ours = weights(data, guide, x, y)
     theirs = data["feature_weights"][0, :-1, y, x]

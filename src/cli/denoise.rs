@@ -107,8 +107,8 @@ pub(super) fn filtered(memory: &Memory, settings: &Settings) -> anyhow::Result<F
     let needed = reservoir_capacity(&Settings { reservoir: 0, ..settings.clone() });
     if capacity < needed {
         bail!(
-            "--quality: found a state with {capacity} sample vectors per pixel, and this quality needs {needed}; \
-             accepted are draft and standard, or a state rendered with --reservoir {needed}"
+            "reservoir: found a state with {capacity} sample vectors per pixel, and this filter needs {needed}; \
+             accepted are P-RPF in draft and standard quality, or a state rendered with --reservoir {needed}"
         );
     }
     let &Settings { denoiser, quality, seed, .. } = settings;

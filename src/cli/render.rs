@@ -96,6 +96,15 @@ fn run_in_pool(
     has_room(renderer.layout(), &settings, renderer.resolution(), keeps)
         .map_err(|error| Failure::Input(error.into()))?;
     let resumed = options.state.resumed(&frame, stream, &renderer, &settings).map_err(Failure::Input)?;
+    if let (Some(memory), Some(spp), false) = (&resumed, settings.budget.spp, options.quiet) {
+        let there = memory.store.drawn() as f64 / memory.store.pixels().max(1) as f64;
+        if there > f64::from(spp) {
+            super::complain(&format!(
+                "warning: the state has {there:.1} samples per pixel already, more than the {spp} that are asked for; \
+                 none is added"
+            ));
+        }
+    }
     let kept = options.state.keeper(&frame, stream, &renderer, &settings).map_err(Failure::Input)?;
     let interrupt = signals.begin();
     let bar = bar(options);

@@ -52,7 +52,7 @@ fn parse_share(text: &str) -> Result<Share, String> {
 impl StateOptions {
     /// Which samples are rendered.
     pub fn stream(&self, seed: u64) -> Stream {
-        Stream { seed, share: self.shard }
+        Stream::new(seed, self.shard)
     }
 
     /// Whether a state that is there will be replaced.
@@ -154,8 +154,8 @@ fn fits(
     let capacity = reservoir_capacity(settings);
     if store.capacity() < capacity {
         bail!(
-            "reservoir: found a state with {} sample vectors per pixel; this quality needs {capacity}, which \
-             `--reservoir {capacity}` would have kept",
+            "reservoir: found a state with {} sample vectors per pixel; this render keeps {capacity}, as its denoiser, \
+             quality or --reservoir asks for",
             store.capacity()
         );
     }

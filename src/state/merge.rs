@@ -21,14 +21,12 @@ pub enum MergeError {
 /// Several states on their way to become one.
 pub struct Merge {
     state: State,
-    /// Samples drawn per pixel, state by state.
-    drawn: Vec<Vec<u32>>,
 }
 
 impl Merge {
-    pub fn new(first: State) -> Self {
-        let drawn = vec![first.memory.store.next_indices()];
-        Self { state: first, drawn }
+    pub fn new(mut first: State) -> Self {
+        first.streams = counted(&first);
+        Self { state: first }
     }
 
     /// Adds a state's samples. What belongs to the loop is lost.
@@ -52,13 +50,11 @@ impl Merge {
         if let Some((ours, theirs)) = pairs.find(|(a, b)| a.overlaps(*b)) {
             return Err(MergeError::Overlap(theirs, ours));
         }
-        let theirs_drawn = theirs.next_indices();
-        if !can_be_added(&ours.next_indices(), &theirs_drawn) {
+        if !can_be_added(&ours.next_indices(), &theirs.next_indices()) {
             return Err(MergeError::TooMany);
         }
-        self.drawn.push(theirs_drawn);
         Arc::make_mut(&mut state.memory.store).merge(theirs);
-        state.streams.extend(&other.streams);
+        state.streams.extend(counted(other));
         let Memory { batches, estimate, rerun, under_way, .. } = &mut state.memory;
         batches.clear();
         (*estimate, *rerun, *under_way) = (None, None, None);
@@ -68,22 +64,35 @@ impl Merge {
     /// The sum. Where it has all shares of one seed, each as long as in the whole, it is that whole, and
     /// a render can go on from it.
     pub fn finish(mut self) -> State {
-        let streams = &mut self.state.streams;
-        let shares: Vec<Share> = streams.iter().map(|stream| stream.share).collect();
-        let seed = streams.first().map(|stream| stream.seed);
-        let one_seed = streams.iter().all(|stream| Some(stream.seed) == seed);
-        if one_seed && Share::are_whole(&shares) && self.drawn.len() == shares.len() {
-            let whole = |i: usize| {
-                let total = self.drawn.iter().map(|drawn| drawn[i]).fold(0, u32::saturating_add);
-                shares.iter().zip(&self.drawn).all(|(share, drawn)| drawn[i] == share.of_first(total))
-            };
-            if (0..self.state.memory.store.pixels()).all(whole) {
-                streams.truncate(1);
-                streams.iter_mut().for_each(|stream| stream.share = Share::WHOLE);
-            }
+        if let Some(whole) = whole(&self.state) {
+            self.state.streams = vec![whole];
         }
         self.state
     }
+}
+
+/// A state's streams, each with its samples per pixel where that is one number.
+fn counted(state: &State) -> Vec<Stream> {
+    match state.streams[..] {
+        [stream] => vec![Stream { drawn: even(state), ..stream }],
+        _ => state.streams.clone(),
+    }
+}
+
+/// Samples drawn per pixel, if all pixels have as many.
+fn even(state: &State) -> Option<u32> {
+    let drawn = state.memory.store.next_indices();
+    drawn.first().copied().filter(|first| drawn.iter().all(|drawn| drawn == first))
+}
+
+/// The stream that a state's streams are together, if all shares are there and none is longer or shorter than in
+/// the whole.
+fn whole(state: &State) -> Option<Stream> {
+    let seed = state.streams.first()?.seed;
+    let total = even(state)?;
+    let shares: Vec<Share> = state.streams.iter().map(|stream| stream.share).collect();
+    let is_full = |stream: &Stream| stream.seed == seed && stream.drawn == Some(stream.share.of_first(total));
+    (Share::are_whole(&shares) && state.streams.iter().all(is_full)).then(|| Stream::new(seed, Share::WHOLE))
 }
 
 fn can_be_added(ours: &[u32], theirs: &[u32]) -> bool {

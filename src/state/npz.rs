@@ -1,7 +1,7 @@
 //! Named numpy arrays in one file: a zip archive of `.npy` files (numpy's format 1.0), not compressed,
 //! so that writing takes as long as the disk takes.
 
-use std::io::{self, Seek, Write};
+use std::io::{self, Seek, SeekFrom, Write};
 
 use zip::write::{SimpleFileOptions, ZipWriter};
 
@@ -27,11 +27,47 @@ macro_rules! element {
 element!(u32 = "<u4", f32 = "<f4", f64 = "<f8");
 
 /// An archive being written.
-pub(super) struct Npz<W: Write + Seek>(ZipWriter<W>);
+pub(super) struct Npz<W: Write + Seek>(ZipWriter<UntilError<W>>);
+
+/// Says what went wrong once, and swallows all that comes after: an archive that is dropped tries to end itself and
+/// would print that it cannot.
+struct UntilError<W> {
+    out: W,
+    failed: bool,
+}
+
+/// A place behind all that was written.
+const FAR: u64 = 1 << 62;
+
+impl<W> UntilError<W> {
+    fn attempt<T>(&mut self, swallowed: T, act: impl FnOnce(&mut W) -> io::Result<T>) -> io::Result<T> {
+        if self.failed {
+            return Ok(swallowed);
+        }
+        act(&mut self.out).inspect_err(|_| self.failed = true)
+    }
+}
+
+impl<W: Write> Write for UntilError<W> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.attempt(bytes.len(), |out| out.write(bytes))
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.attempt((), W::flush)
+    }
+}
+
+impl<W: Seek> Seek for UntilError<W> {
+    fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
+        let SeekFrom::Start(at) = to else { return self.attempt(FAR, |out| out.seek(to)) };
+        self.attempt(at, |out| out.seek(to))
+    }
+}
 
 impl<W: Write + Seek> Npz<W> {
     pub fn new(out: W) -> Self {
-        Self(ZipWriter::new(out))
+        Self(ZipWriter::new(UntilError { out, failed: false }))
     }
 
     /// Adds an array of this shape, its values in C order.
@@ -98,6 +134,42 @@ fn header(kind: &str, shape: &[usize]) -> Vec<u8> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Takes so many bytes.
+    struct Small(io::Cursor<Vec<u8>>, usize);
+
+    impl Write for Small {
+        fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+            if self.0.get_ref().len() + bytes.len() > self.1 {
+                return Err(io::ErrorKind::StorageFull.into());
+            }
+            self.0.write(bytes)
+        }
+
+        fn flush(&mut self) -> io::Result<()> {
+            Ok(())
+        }
+    }
+
+    impl Seek for Small {
+        fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
+            self.0.seek(to)
+        }
+    }
+
+    #[test]
+    fn whatever_a_full_disk_cuts_off_is_an_error_and_the_rest_is_not_tried() {
+        let write = |most: usize| {
+            let mut npz = Npz::new(Small(io::Cursor::default(), most));
+            npz.array("a", &[1000], (0..1000).map(f64::from))?;
+            npz.texts("b", &[1], &["text"])?;
+            npz.finish()
+        };
+        for most in (0..8500).step_by(50) {
+            assert_eq!(write(most).map_err(|error| error.kind()), Err(io::ErrorKind::StorageFull), "{most}");
+        }
+        write(10_000).unwrap();
+    }
 
     #[test]
     fn a_header_is_a_padded_python_dictionary() {

@@ -76,7 +76,7 @@ fn state(seed: u64, share: Share) -> State {
     State {
         frame: frame(),
         settings: Settings { seed, ..settings() },
-        streams: vec![Stream { seed, share }],
+        streams: vec![Stream::new(seed, share)],
         memory: Memory {
             store: Arc::new(store),
             batches: vec![Batch::default(), batch],
@@ -197,10 +197,9 @@ fn counts_that_do_not_add_up_are_refused() {
 
 #[test]
 fn shares_that_make_a_whole_become_it_and_others_stay_apart() {
-    let share = |k| Share::new(k, 2).unwrap();
-    // Each pixel as often as it is due to the first and to the second of two shares.
-    let of = |k: u32, samples: u32| {
-        let mut state = state(7, share(k));
+    // Each pixel as often as it is due to the share.
+    let of_many = |k: u32, n: u32, samples: u32| {
+        let mut state = state(7, Share::new(k, n).unwrap());
         let layout = state.memory.store.layout().clone();
         let mut store = Store::new(WIDTH, HEIGHT, layout.clone(), 3, 7);
         for i in 0..WIDTH * HEIGHT {
@@ -210,18 +209,31 @@ fn shares_that_make_a_whole_become_it_and_others_stay_apart() {
         state.memory.store = Arc::new(store);
         state
     };
+    let of = |k: u32, samples: u32| of_many(k, 2, samples);
     let sum = |a: State, b: State| {
         let mut merge = Merge::new(a);
         merge.add(&b).unwrap();
         merge.finish()
     };
     let whole = sum(of(2, 2), of(1, 4));
-    assert_eq!(whole.streams, [Stream { seed: 7, share: Share::WHOLE }]);
+    assert_eq!(whole.streams, [Stream::new(7, Share::WHOLE)]);
     assert_eq!(whole.memory.store.drawn(), 6 * (WIDTH * HEIGHT) as u64);
     assert!(whole.memory.rerun.is_none() && whole.memory.batches.is_empty());
     let gap = sum(of(1, 2), of(2, 4));
     assert_eq!(gap.streams.len(), 2, "indices 2 and 3 of the first share are missing");
     assert_eq!(to_bytes(&read_bytes(&to_bytes(&gap)).unwrap()), to_bytes(&gap));
+
+    // Step by step, by way of files, in any order and grouping: 8 samples are 4, 2 and 2.
+    let reread = |state: State| read_bytes(&to_bytes(&state)).unwrap();
+    let [a, b, c] = [(1, 4), (2, 2), (3, 2)].map(|(k, samples)| move || of_many(k, 3, samples));
+    for steps in [sum(reread(sum(c(), a())), b()), sum(b(), reread(sum(a(), c())))] {
+        assert_eq!(steps.streams, [Stream::new(7, Share::WHOLE)]);
+    }
+    assert_eq!(
+        sum(reread(sum(of_many(3, 3, 4), of_many(1, 3, 2))), b()).streams.len(),
+        3,
+        "as many, but not these"
+    );
 }
 
 #[test]

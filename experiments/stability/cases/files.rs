@@ -44,7 +44,7 @@ fn state() -> State {
         under_way: None,
         recent: (0.0, 0.0),
     };
-    let streams = vec![Stream { seed: 1, share: Share::WHOLE }];
+    let streams = vec![Stream::new(1, Share::WHOLE)];
     State {
         frame: Frame::of(&scene, &renderer),
         settings: settings(4, Sampling::Uniform, 1),
