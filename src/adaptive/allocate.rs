@@ -1,5 +1,9 @@
 //! Sample counts of a batch from priorities: exact sums, a share for everyone, a ceiling.
 
+use rand::SeedableRng;
+use rand::seq::SliceRandom;
+use rand_pcg::Pcg64Mcg;
+
 /// Share of an adaptive batch that is spread regardless of priority: no pixel is ever given up, and
 /// the pixels it falls on are an unbiased choice for measuring error.
 const UNIFORM_SHARE: f64 = 0.15;
@@ -15,17 +19,22 @@ pub struct Allocation {
     pub probes: Vec<bool>,
 }
 
-/// `total` samples over `pixels` pixels, as even as can be; pixels with `max_spp` are passed over.
-pub fn uniform(total: u64, have: &[u32], max_spp: u32) -> Allocation {
+/// `total` samples over all pixels, as even as can be; pixels with `max_spp` are passed over. What does not go
+/// into all goes to those with the fewest samples (`have`), and by chance (`key`) among as many: to the first rows
+/// it would be a border in the image, and an estimate of the error there and nowhere else.
+pub fn uniform(total: u64, have: &[u32], max_spp: u32, key: u64) -> Allocation {
     let pixels = have.len();
     let mut open: Vec<usize> = (0..pixels).filter(|&i| have[i] < max_spp).collect();
+    if !total.is_multiple_of(open.len().max(1) as u64) {
+        open.shuffle(&mut Pcg64Mcg::seed_from_u64(key));
+    }
     // Least room first: what finds no room there is left for the others.
     open.sort_by_key(|&i| max_spp - have[i]);
     let mut counts = vec![0; pixels];
     let mut left = total;
     for (k, &i) in open.iter().enumerate() {
         // What is left over the pixels that are left: differs by at most one between pixels.
-        let share = left.div_ceil((open.len() - k) as u64).min(u64::from(max_spp - have[i])) as u32;
+        let share = (left / (open.len() - k) as u64).min(u64::from(max_spp - have[i])) as u32;
         counts[i] = share;
         left -= u64::from(share);
     }
@@ -48,7 +57,7 @@ pub fn allocate(
     let pixels = priority.len();
     let sum: f64 = priority.iter().map(|&p| f64::from(p)).sum();
     if sum.is_nan() || sum <= 0.0 || !sum.is_finite() {
-        return uniform(total, have, max_spp);
+        return uniform(total, have, max_spp, key);
     }
     let pairs = total / 2;
     let room = |i: usize| f64::from(max_spp.saturating_sub(have[i]) / 2);
@@ -175,7 +184,7 @@ mod tests {
 
     #[test]
     fn a_uniform_batch_differs_by_at_most_one() {
-        let a = uniform(1003, &[0; 100], NO_CEILING);
+        let a = uniform(1003, &[0; 100], NO_CEILING, 1);
         assert_eq!(total(&a), 1003);
         assert!(a.counts.iter().all(|&n| n == 10 || n == 11));
     }
@@ -217,7 +226,10 @@ mod tests {
 
     #[test]
     fn no_error_anywhere_falls_back_to_uniform() {
-        assert_eq!(allocate(&[0.0; 64], &[4; 64], 8, 640, NO_CEILING, 3), uniform(640, &[4; 64], NO_CEILING));
+        assert_eq!(
+            allocate(&[0.0; 64], &[4; 64], 8, 640, NO_CEILING, 3),
+            uniform(640, &[4; 64], NO_CEILING, 3)
+        );
     }
 
     proptest! {
@@ -317,9 +329,27 @@ mod tests {
 
     #[test]
     fn uniform_batches_pass_over_full_pixels_and_tell_which_got_some() {
-        let a = uniform(10, &[8, 0, 7, 0], 8);
-        assert_eq!(a.counts, [0, 5, 1, 4]);
+        let a = uniform(10, &[8, 0, 7, 0], 8, 1);
+        assert!(a.counts == [0, 5, 1, 4] || a.counts == [0, 4, 1, 5], "{:?}", a.counts);
         assert_eq!(a.probes, [false, true, true, true]);
-        assert_eq!(uniform(100, &[8, 0], 8).counts, [0, 8]);
+        assert_eq!(uniform(100, &[8, 0], 8, 1).counts, [0, 8]);
+    }
+
+    #[test]
+    fn a_rest_goes_to_the_emptiest_pixels_wherever_they_are() {
+        let (width, height) = (40, 30);
+        // A quarter of the pixels has one sample more than the others.
+        let have: Vec<u32> = (0..width * height).map(|i| 1 + u32::from(i % 4 == 0)).collect();
+        let rest = 300;
+        let of = |key: u64| uniform(1200 + rest, &have, NO_CEILING, key);
+        let a = of(1);
+        assert_eq!(total(&a), 1500);
+        assert!(have.iter().zip(&a.counts).all(|(&have, &n)| n == 1 || n == 2 && have == 1));
+        // A third of 900 pixels: per band of six rows 60 of 180, with a deviation below 6.
+        for band in a.counts.chunks(6 * width) {
+            let more = band.iter().filter(|&&n| n == 2).count();
+            assert!((30..=90).contains(&more), "{more}");
+        }
+        assert_ne!(of(2).counts, a.counts);
     }
 }

@@ -7,6 +7,7 @@ use anyhow::{Context, ensure};
 use clap::Args;
 use serde::Serialize;
 
+use super::output::{are_distinct, can_be_written};
 use crate::image::formats::{OutputFormat, read_rgb};
 use crate::image::metrics::{BLOCK_SIDE, Pair};
 use crate::image::{Planes, Problem, exr_file, png_file};
@@ -73,6 +74,8 @@ pub fn run(args: &CompareArgs) -> anyhow::Result<u8> {
     if let Some(path) = &args.error_image {
         let is_png = OutputFormat::of(path).is_ok_and(|format| format == OutputFormat::Png);
         ensure!(is_png, "{}: --error-image is a PNG, .png expected", path.display());
+        can_be_written(path)?;
+        are_distinct([&*args.image, &*args.reference], &[path])?;
     }
     let image = read_image(&args.image, args.layer.as_deref())?;
     let reference = read_rgb(&args.reference)?;
@@ -260,6 +263,22 @@ mod tests {
         assert_eq!((map.width(), map.height()), (5, 4));
         assert!(map.at(0, 2, 2) > 0.5, "a large difference is bright");
         assert!(files.run(&["--error-image", "flip.exr"]).is_err());
+        let (a, b) = (files.path("a.png"), files.path("b.png"));
+        png_file::write_srgb8(&a, 1, 1, &[0; 3]).unwrap();
+        std::fs::copy(&a, &b).unwrap();
+        let before = std::fs::read(&a).unwrap();
+        for kept in [&a, &b] {
+            let options = CompareArgs {
+                image: a.clone(),
+                reference: b.clone(),
+                json: false,
+                error_image: Some(kept.clone()),
+                max_relmse: None,
+                layer: None,
+            };
+            assert!(run(&options).unwrap_err().to_string().contains("the same file twice"));
+            assert!(std::fs::read(kept).unwrap() == before);
+        }
     }
 
     #[test]

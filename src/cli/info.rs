@@ -4,8 +4,8 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::Failure;
 use super::report::dimension_names;
+use super::{Failure, escaped};
 use crate::progressive::RESERVOIR;
 use crate::scene::{Integrator, Light, Scene, Shape, pbrt};
 use crate::stats::{Group, Layout, Store};
@@ -20,7 +20,8 @@ pub(super) struct InfoOptions {
 
 pub(super) fn run(options: &InfoOptions) -> Result<u8, Failure> {
     let scene = pbrt::read(&options.scene).map_err(|error| Failure::Input(error.into()))?;
-    let warnings: String = scene.warnings.iter().map(|warning| format!("warning: {warning}\n")).collect();
+    let warnings: String =
+        scene.warnings.iter().map(|warning| format!("warning: {}\n", escaped(warning))).collect();
     let dark = if scene.is_lit() { "" } else { "warning: the scene has no light\n" };
     super::say(&(describe(&scene) + &warnings + dark)).map_err(Failure::Run)?;
     Ok(0)
@@ -63,7 +64,7 @@ fn describe(scene: &Scene) -> String {
          auxiliary   {}\n\
          pairs       {pairs} of mutual information, with --quality paper\n\
          store       {bytes} bytes per pixel, {megabytes:.0} MB for this film; {paper} bytes per pixel with --quality paper\n",
-        scene.source,
+        escaped(&scene.source),
         scene.dialect.map_or_else(String::new, |dialect| dialect.to_string()),
         film.width,
         film.height,

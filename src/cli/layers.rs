@@ -47,9 +47,7 @@ impl Layers {
         }
         add("Variance", RGB, filter::variance_of_mean(store), Float);
         add("Error", X, filtered.error.clone(), Float);
-        let mut counts = Planes::new(store.width(), store.height(), 1);
-        counts.data_mut().iter_mut().zip(store.counts(Part::Whole)).for_each(|(v, n)| *v = n as f32);
-        add("SampleCount", X, counts, Float);
+        add("SampleCount", X, store.count_plane(), Float);
         if let Some(failure) = &filtered.interpolation_failure {
             add("InterpolationFailure", X, failure.clone(), Half);
         }

@@ -9,6 +9,7 @@ use super::state::StateOptions;
 use crate::adaptive::{PrioritySettings, Sampling};
 use crate::filter::Quality;
 use crate::progressive::{Budget, Denoiser, MIN_SPP, NO_CEILING, Settings};
+use crate::scene::film::{MAX_PIXELS, MAX_SIDE};
 use crate::scene::{Integrator, Scene};
 
 /// `prpf render`.
@@ -223,17 +224,19 @@ fn parse_positive(text: &str) -> Result<f64, String> {
     }
 }
 
-/// Longest side of a film. Whether its pixels fit in memory is checked before they are allocated.
-const LONGEST_SIDE: usize = 1 << 15;
-
 fn parse_resolution(text: &str) -> Result<[usize; 2], String> {
-    let sides = text.split_once(['x', 'X']).and_then(|(w, h)| Some([w.parse().ok()?, h.parse().ok()?]));
-    match sides {
-        Some([w, h]) if (1..=LONGEST_SIDE).contains(&w) && (1..=LONGEST_SIDE).contains(&h) => Ok([w, h]),
-        _ => Err(format!(
-            "found `{text}`; accepted is WIDTHxHEIGHT with sides from 1 to {LONGEST_SIDE}, e.g. 640x480"
-        )),
-    }
+    let sides: Option<[u32; 2]> =
+        text.split_once(['x', 'X']).and_then(|(w, h)| Some([w.parse().ok()?, h.parse().ok()?]));
+    // Whether these fit in memory is checked before they are allocated.
+    let fits = |&[w, h]: &[u32; 2]| {
+        [w, h].iter().all(|side| (1..=MAX_SIDE).contains(side)) && u64::from(w) * u64::from(h) <= MAX_PIXELS
+    };
+    sides.filter(fits).map(|sides| sides.map(|side| side as usize)).ok_or_else(|| {
+        format!(
+            "found `{text}`; accepted is WIDTHxHEIGHT with sides from 1 to {MAX_SIDE} and at most {MAX_PIXELS} \
+             pixels, e.g. 640x480"
+        )
+    })
 }
 
 fn parse_bounds(text: &str) -> Result<[usize; 4], String> {

@@ -172,7 +172,7 @@ fn run_in_pool(
     let written = Written { store, image: &filtered.image, batches: &outcome.batches };
     let images = write_all(&outfiles, &layers, &written, &frame, settings, reference.as_ref(), start);
     let kept = kept.map_or(Ok(()), Kept::finish);
-    let written_after = start.elapsed().as_secs_f64();
+    let (write, total) = (writing.elapsed().as_secs_f64(), start.elapsed().as_secs_f64());
     drop(display);
     let seconds = Times {
         load,
@@ -180,8 +180,8 @@ fn run_in_pool(
         render: outcome.seconds.render,
         filter: outcome.seconds.filter,
         allocate: outcome.seconds.allocate,
-        write: writing.elapsed().as_secs_f64(),
-        total: written_after,
+        write,
+        total,
     };
     if let Some(path) = &options.report {
         let report = Report::of(&frame, &outcome, seconds);
@@ -202,7 +202,9 @@ fn outfiles(options: &RenderOptions, scene: &mut Scene) -> Vec<PathBuf> {
     if !options.outfile.is_empty() {
         return options.outfile.clone();
     }
-    let fallback = Path::new(options.scene.file_stem().unwrap_or_default()).with_extension("exr");
+    let mut fallback = options.scene.file_stem().unwrap_or_default().to_owned();
+    fallback.push(".exr");
+    let fallback = PathBuf::from(fallback);
     let Some(named) = scene.film.filename.as_ref().map(PathBuf::from) else {
         return vec![fallback];
     };
@@ -357,7 +359,7 @@ fn summary(outcome: &Outcome, seconds: Times, outfiles: &[PathBuf], verbose: boo
         ));
     }
     for path in outfiles {
-        lines.push(format!("{}", path.display()));
+        lines.push(escaped(&path.to_string_lossy()));
     }
     lines.push(String::new());
     lines.join("\n")

@@ -2,6 +2,7 @@
 
 use serde::Serialize;
 
+use crate::preview::memory_bytes;
 use crate::progressive::{Batch, Forecast, Hurried, Outcome, Settings, StoppedBy};
 use crate::state::Frame;
 use crate::stats::{Layout, Part, Store};
@@ -85,7 +86,7 @@ impl<'a> Report<'a> {
             samples_min: spread.min,
             samples_max: spread.max,
             rejected_samples: store.rejected(),
-            peak_memory_bytes: peak_memory_bytes(),
+            peak_memory_bytes: memory_bytes("VmHWM"),
             kept_samples_bytes: store.reservoir_bytes(),
             estimated_error: outcome.estimate.as_ref().map(|e| e.image),
             estimated_error_samples: outcome.estimate.as_ref().map(|e| e.samples),
@@ -99,12 +100,4 @@ impl<'a> Report<'a> {
 /// Names of the alive dimensions of the sample vector.
 pub(super) fn dimension_names(layout: &Layout) -> Vec<&'static str> {
     layout.dimensions().iter().map(|d| d.name).collect()
-}
-
-/// Largest resident set of the process so far, where the system tells.
-fn peak_memory_bytes() -> Option<u64> {
-    let status = std::fs::read_to_string("/proc/self/status").ok()?;
-    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
-    let kibibytes: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
-    Some(kibibytes * 1024)
 }

@@ -4,7 +4,7 @@
 /// products, which are slow, and add nothing to a sum.
 const LOWEST_POWER: f32 = -64.0;
 
-/// exp(−x) for x ≥ 0, with a relative error below 10⁻⁵; 2⁻⁶⁴ from x ≈ 44 on.
+/// exp(−x) for x ≥ 0, with a relative error below 10⁻⁴; 2⁻⁶⁴ from x ≈ 44 on.
 #[inline(always)]
 pub(super) fn exp_negative(x: f32) -> f32 {
     // 1.5·2²³: adding it leaves the nearest integer in the low bits of the mantissa.

@@ -47,7 +47,7 @@ pub struct StandardSettings {
     pub k_samples: f32,
     /// The most that k grows by.
     pub k_growth: f32,
-    /// The same for directly visible emission, whose edges are hard.
+    /// As `k`, of directly visible emission, whose edges are hard.
     pub emission_k: f32,
     /// Radius of the disc of neighbours for directly visible emission, in pixels: emitters out of focus have
     /// narrow rims, which find others like them only farther off.

@@ -58,12 +58,16 @@ pub fn can_be_replaced(path: &Path, bytes: usize) -> io::Result<()> {
     reserve(temporary.as_file(), bytes as u64)
 }
 
-/// All that [`replace_own_file`] does but replacing, to see how long it takes.
+/// All that [`replace_own_file`] does but replacing, to see how long it takes. The file itself may be being replaced
+/// meanwhile.
 ///
 /// # Errors
 /// As for [`replace_own_file`].
 pub fn rehearse_own_file(path: &Path, content: &[u8]) -> io::Result<()> {
-    let temporary = own_temporary_file(&resolve(path)?)?;
+    let target = resolve(path)?;
+    let mut name = target.file_name().unwrap_or_default().to_owned();
+    name.push(".rehearsal");
+    let temporary = own_temporary_file(&target.with_file_name(name))?;
     write_uncached(temporary.as_file(), content)?;
     temporary.as_file().sync_all()
 }
@@ -145,7 +149,11 @@ fn rename(temporary: NamedTempFile, target: &Path) -> io::Result<()> {
 /// The file that a link stands for; `path` itself where there is nothing yet.
 fn resolve(path: &Path) -> io::Result<PathBuf> {
     let target = match fs::canonicalize(path) {
-        Err(error) if error.kind() == io::ErrorKind::NotFound => path.to_path_buf(),
+        Err(error) if error.kind() == io::ErrorKind::NotFound => match fs::read_link(path) {
+            // What it stands for is still to come.
+            Ok(link) => return resolve(&folder_of(path).join(link)),
+            Err(_) => path.to_path_buf(),
+        },
         resolved => resolved?,
     };
     if fs::metadata(&target).is_ok_and(|old| !old.is_file()) {
@@ -181,16 +189,36 @@ fn own_temporary_file(target: &Path) -> io::Result<NamedTempFile> {
     left.push(".tmp");
     let left = folder.join(left);
     if let Ok(file) = File::open(&left) {
-        if let Err(fs::TryLockError::WouldBlock) = file.try_lock() {
-            let message = "another program is writing this file";
-            return Err(io::Error::new(io::ErrorKind::ResourceBusy, message));
-        }
+        lock_at(&file, &left)?;
         fs::remove_file(&left)?;
     }
     let temporary = builder.tempfile_in(folder)?;
-    // Where files cannot be locked, two programs have to keep apart by themselves.
-    let _ = temporary.as_file().try_lock();
+    lock_at(temporary.as_file(), &left)?;
     Ok(temporary)
+}
+
+/// Locks a file, as long as it is what stands at `path`: another program may have removed it before it was locked,
+/// and put its own there. Where files cannot be locked, two programs have to keep apart by themselves.
+fn lock_at(file: &File, path: &Path) -> io::Result<()> {
+    let is_others = matches!(file.try_lock(), Err(fs::TryLockError::WouldBlock));
+    if is_others || !is_at(file, path) {
+        let message = "another program is writing this file";
+        return Err(io::Error::new(io::ErrorKind::ResourceBusy, message));
+    }
+    Ok(())
+}
+
+#[cfg(unix)]
+fn is_at(file: &File, path: &Path) -> bool {
+    use std::os::unix::fs::MetadataExt;
+    let place = |data: fs::Metadata| (data.dev(), data.ino());
+    let [locked, there] = [file.metadata(), fs::metadata(path)].map(|data| data.map(place).ok());
+    locked.is_some() && locked == there
+}
+
+#[cfg(not(unix))]
+fn is_at(_: &File, _: &Path) -> bool {
+    true
 }
 
 /// Temporary files are private by default; an image is not, so it gets what the umask grants.
@@ -337,5 +365,32 @@ mod tests {
         assert_eq!(fs::read(&file).unwrap(), b"new");
         assert_eq!(fs::metadata(&file).unwrap().permissions().mode() & 0o777, 0o640);
         assert!(fs::symlink_metadata(&link).unwrap().is_symlink());
+        // And where what it stands for is still to come.
+        fs::create_dir(folder.path().join("sub")).unwrap();
+        let early = folder.path().join("early");
+        std::os::unix::fs::symlink("sub/late", &early).unwrap();
+        replace(&early, b"first").unwrap();
+        assert!(fs::symlink_metadata(&early).unwrap().is_symlink());
+        assert_eq!(fs::read(folder.path().join("sub/late")).unwrap(), b"first");
+        let ring = folder.path().join("ring");
+        std::os::unix::fs::symlink(&ring, &ring).unwrap();
+        assert!(replace(&ring, b"x").is_err());
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_file_that_another_program_writes_is_left_to_it() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a");
+        let others = own_temporary_file(&path).unwrap();
+        assert_eq!(replace_own_file(&path, b"x").unwrap_err().kind(), io::ErrorKind::ResourceBusy);
+        // To see how long it would take does not disturb it.
+        rehearse_own_file(&path, b"x").unwrap();
+        // What one program has locked is not what stands there any more.
+        fs::remove_file(others.path()).unwrap();
+        fs::write(others.path(), b"").unwrap();
+        assert!(!is_at(others.as_file(), others.path()));
+        replace_own_file(&path, b"y").unwrap();
+        assert_eq!(fs::read(&path).unwrap(), b"y");
     }
 }

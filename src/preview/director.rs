@@ -24,8 +24,8 @@ use super::view::View;
 use super::wishes::Wishes;
 use crate::filter::Quality;
 use crate::progressive::{
-    Denoiser, Ended, FilterJob, Flow, Loop, Observer, Outcome, Progress, Region, Shown, StoppedBy, has_room,
-    reservoir_capacity,
+    Denoiser, Ended, FilterJob, Flow, Loop, Observer, Outcome, Progress, Region, Shown, StoppedBy, fitting,
+    has_room, reservoir_capacity,
 };
 use crate::render::Renderer;
 use crate::stats::Store;
@@ -103,7 +103,7 @@ impl<'a> Director<'a> {
                 if self.rests(circle.store()) {
                     self.reporter.enter(Phase::Paused);
                     self.tell(circle.store(), true);
-                    self.stand(&mut circle, &renderer, true);
+                    self.stand(&mut circle, true);
                     self.reporter.hasten();
                 } else if let Ended::Finished(filtered, stopped_by) = circle.advance(&mut self) {
                     self.finish(stopped_by, circle.store());
@@ -111,15 +111,15 @@ impl<'a> Director<'a> {
                     if interrupted || !self.stage.stays {
                         // Asked for during the last pass, or when it ended.
                         self.listen(circle.store());
-                        self.save_if_wished(circle.store(), &renderer);
+                        self.save_if_wished(circle.store());
                         if !self.wishes.any() {
                             return Some(circle.into_outcome(*filtered, stopped_by));
                         }
                     }
-                    self.stand(&mut circle, &renderer, false);
+                    self.stand(&mut circle, false);
                 }
                 if !self.wishes.quit {
-                    self.save_if_wished(circle.store(), &renderer);
+                    self.save_if_wished(circle.store());
                 }
                 if self.wishes.quit {
                     circle.keep_now();
@@ -130,12 +130,12 @@ impl<'a> Director<'a> {
                     self.wishes.begin();
                     continue;
                 }
-                let moves = !self.wishes.moves.is_empty();
                 if self.begins_anew(&renderer, &circle) {
-                    if moves && self.stage.keeping.is_some() {
+                    if self.stage.keeping.is_some() {
+                        // What begins now must not replace what hours have made.
                         circle.keep_now();
                         self.stage.keeping = None;
-                        let said = "the state is kept of the scene's own view, up to here";
+                        let said = "the state is kept as it was up to here; of what begins now none is";
                         self.reporter.notice(said.to_owned(), false);
                     }
                     break;
@@ -156,12 +156,12 @@ impl<'a> Director<'a> {
     /// Whether a person wants no more samples for now. After a movement an image is still rendered once, or there
     /// would be none.
     fn rests(&self, store: &Store) -> bool {
-        self.paused && !self.is_interrupted() && store.samples() as f64 >= COVERED_SPP * store.pixels() as f64
+        self.paused && !self.is_interrupted() && is_covered(store)
     }
 
     /// Stands still, at a pause until that is over, as long as nothing but images is asked for. No budget counts
     /// that time.
-    fn stand(&mut self, circle: &mut Loop, renderer: &Renderer, at_a_pause: bool) {
+    fn stand(&mut self, circle: &mut Loop, at_a_pause: bool) {
         let (since, store) = (Instant::now(), circle.store().clone());
         if at_a_pause {
             // Nothing new comes until a person says so, which may be never.
@@ -172,7 +172,7 @@ impl<'a> Director<'a> {
             (director.paused || !at_a_pause) && !wishes.breaks_off() && !wishes.goes_on_otherwise()
         };
         while stands(self) && !self.is_interrupted() {
-            self.save_if_wished(&store, renderer);
+            self.save_if_wished(&store);
             if self.should_filter(&store) {
                 self.filter_for_the_eye(&store);
             }
@@ -315,16 +315,15 @@ impl<'a> Director<'a> {
         let Some(progress) = self.reporter.progress() else { return false };
         let filters = self.stage.settings.denoiser != Denoiser::None;
         let shown = self.reporter.shown();
-        let lacks_map = self.reporter.wants(is_of_grid) && shown.is_none_or(|shown| !shown.has_failure());
+        let lacks_map =
+            self.reporter.wants(is_of_grid) && shown.is_none_or(|shown| shown.any_failure().is_none());
         let lacks_image = filters && self.reporter.wants(View::is_filtered) && {
             let samples = progress.samples as f64;
             let grown = samples > EXTRA_FILTER_GROWTH * self.reporter.shown_samples() as f64;
             let affordable = self.extra_filter_seconds < EXTRA_FILTER_SHARE * progress.elapsed;
             shown.is_none() || affordable && (grown || self.region.is_some())
         };
-        (lacks_image || lacks_map)
-            && store.samples() as f64 >= COVERED_SPP * store.pixels() as f64
-            && !self.passes.is_busy()
+        (lacks_image || lacks_map) && is_covered(store) && !self.passes.is_busy()
     }
 
     /// Filters for the eye: a draft, but for a finished image, which keeps its quality.
@@ -346,9 +345,10 @@ impl<'a> Director<'a> {
         self.extra_filter_seconds += started.elapsed().as_secs_f64();
     }
 
-    /// Runs a filter pass and shows it; `None` if it was given up.
+    /// Runs a filter pass and shows it; `None` if it was given up, or another filter was chosen meanwhile.
     fn pass(&mut self, job: FilterJob) -> Option<Shown> {
         let (started, store) = (Instant::now(), job.store.clone());
+        let denoiser = self.stage.settings.denoiser;
         let before = self.reporter.enter(Phase::Filtering);
         self.tell(&store, true);
         let (commands, passes) = (self.hub.commands().clone(), self.passes.clone());
@@ -360,13 +360,14 @@ impl<'a> Director<'a> {
             self.reporter.publish(&store);
             !self.wishes.breaks_off()
         });
+        let shown = shown.filter(|_| self.stage.settings.denoiser == denoiser);
         self.reporter.enter(before);
         self.reporter.hasten();
         self.reporter.filtered(shown.as_ref(), started.elapsed().as_secs_f64(), &store);
         shown
     }
 
-    fn save_if_wished(&mut self, store: &Arc<Store>, renderer: &Renderer) {
+    fn save_if_wished(&mut self, store: &Arc<Store>) {
         if !std::mem::take(&mut self.wishes.save) {
             return;
         }
@@ -378,7 +379,7 @@ impl<'a> Director<'a> {
         match shown {
             Some(shown) => {
                 let (settings, filtered) = (&self.stage.settings, &shown.filtered);
-                let picture = Picture { store, filtered, settings, diameter: renderer.diameter() };
+                let picture = Picture { store, filtered, settings };
                 match (self.stage.save)(&picture) {
                     Ok(paths) => {
                         let names: Vec<_> = paths.iter().map(|path| path.display().to_string()).collect();
@@ -389,20 +390,26 @@ impl<'a> Director<'a> {
             }
             None => self
                 .reporter
-                .notice("not saved: the view changed before the filter was done".to_owned(), true),
+                .notice("not saved: the view or the filter changed before it was done".to_owned(), true),
         }
         self.tell(store, true);
     }
 
     fn job(&self, store: &Arc<Store>, quality: Quality) -> FilterJob {
+        let (denoiser, quality) = fitting(store, self.stage.settings.denoiser, quality);
         FilterJob {
             store: store.clone(),
-            denoiser: self.stage.settings.denoiser,
+            denoiser,
             quality,
             seed: self.stage.settings.seed,
             interpolation: self.reporter.wants(is_of_grid),
         }
     }
+}
+
+/// Whether every pixel has had its samples.
+fn is_covered(store: &Store) -> bool {
+    store.drawn() as f64 >= COVERED_SPP * store.pixels() as f64
 }
 
 /// Whether a view comes from the grid of feature weights, whatever the denoiser is.

@@ -35,7 +35,6 @@ pub struct Frame {
 pub struct Stamp {
     pub generation: u32,
     pub sequence: u32,
-    pub is_final: bool,
     pub spp: f32,
     pub seconds: f32,
 }
@@ -48,7 +47,7 @@ impl Frame {
         let row_bytes = width * channels * size_of::<u16>();
         let mut bytes = vec![0; HEADER + row_bytes * height];
         let (head, pixels) = bytes.split_at_mut(HEADER);
-        head[0..4].copy_from_slice(&[VERSION, view.index() as u8, channels as u8, u8::from(stamp.is_final)]);
+        head[0..4].copy_from_slice(&[VERSION, view.index() as u8, channels as u8, 0]);
         head[4..6].copy_from_slice(&(width as u16).to_le_bytes());
         head[6..8].copy_from_slice(&(height as u16).to_le_bytes());
         head[8..12].copy_from_slice(&stamp.generation.to_le_bytes());
@@ -92,7 +91,7 @@ fn sampled(counts: &[u32], width: usize, x: usize, y: usize) -> usize {
 mod tests {
     use super::*;
 
-    const STAMP: Stamp = Stamp { generation: 2, sequence: 7, is_final: true, spp: 1.5, seconds: 3.0 };
+    const STAMP: Stamp = Stamp { generation: 2, sequence: 7, spp: 1.5, seconds: 3.0 };
 
     fn halves(frame: &Frame) -> Vec<f32> {
         let pairs = frame.bytes[HEADER..].as_chunks::<2>().0.iter();
@@ -105,7 +104,7 @@ mod tests {
         planes.data_mut().copy_from_slice(&[0.0, 1.0, 2.0, 3.0, 1e9, f32::NEG_INFINITY]);
         let frame = Frame::new(View::Raw, &planes, None, STAMP);
         assert_eq!(halves(&frame), [0.0, 2.0, 65504.0, 1.0, 3.0, -65504.0]);
-        assert_eq!(frame.bytes[..8], [1, 1, 3, 1, 2, 0, 1, 0]);
+        assert_eq!(frame.bytes[..8], [1, 1, 3, 0, 2, 0, 1, 0]);
         assert_eq!(frame.bytes[8..16], [2, 0, 0, 0, 7, 0, 0, 0]);
     }
 

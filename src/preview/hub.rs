@@ -167,7 +167,7 @@ mod tests {
     use crate::image::Planes;
 
     fn frame(view: View, generation: u32, sequence: u32) -> Frame {
-        let stamp = Stamp { generation, sequence, is_final: false, spp: 0.0, seconds: 0.0 };
+        let stamp = Stamp { generation, sequence, spp: 0.0, seconds: 0.0 };
         Frame::new(view, &Planes::new(1, 1, 1), None, stamp)
     }
 

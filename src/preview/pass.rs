@@ -15,6 +15,9 @@ use crate::progressive::{FilterJob, Shown};
 /// How often a pass is looked at when nobody says anything.
 const POLL: Duration = Duration::from_millis(50);
 
+/// Passes that were given up and still run beside a new one, at most: each holds a whole store.
+const MOST_GIVEN_UP: usize = 1;
+
 /// What came while waiting for a pass.
 pub enum Given {
     Command(Command),
@@ -47,6 +50,15 @@ impl Passes {
             // A system without threads to give still filters, only not aside.
             return Some(job.run());
         };
+        while self.running.load(Ordering::Relaxed) > MOST_GIVEN_UP {
+            let goes_on = select! {
+                recv(commands) -> command => hear(command.map_or(Given::Nothing, Given::Command)),
+                default(POLL) => hear(Given::Nothing),
+            };
+            if !goes_on {
+                return None;
+            }
+        }
         let (done, result) = bounded(1);
         let running = self.running.clone();
         running.fetch_add(1, Ordering::Relaxed);

@@ -92,13 +92,7 @@ impl Publisher {
     }
 
     /// Publishes what has changed of what is wanted.
-    pub fn publish(
-        &mut self,
-        store: &Store,
-        shown: Option<&Shown>,
-        progress: Option<&Progress>,
-        is_final: bool,
-    ) {
+    pub fn publish(&mut self, store: &Store, shown: Option<&Shown>, progress: Option<&Progress>) {
         let version = |view: View| if view.is_filtered() { self.passes } else { self.steps };
         let wanted: Vec<View> = self
             .views
@@ -120,7 +114,6 @@ impl Publisher {
             let stamp = Stamp {
                 generation: self.generation,
                 sequence: self.sequence,
-                is_final,
                 spp: spp as f32,
                 seconds: progress.map_or(0.0, |p| p.elapsed) as f32,
             };

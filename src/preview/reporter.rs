@@ -198,7 +198,7 @@ impl Reporter {
     /// another: not every pass makes one.
     pub fn complete(&mut self, shown: &Shown) {
         let mut shown = shown.clone();
-        if !shown.has_failure()
+        if shown.any_failure().is_none()
             && let Some(old) = self.shown.take()
         {
             shown.failure = old.filtered.interpolation_failure.or(old.failure);
@@ -209,8 +209,7 @@ impl Reporter {
 
     /// Makes images for whoever is ready.
     pub fn publish(&mut self, store: &Store) {
-        let is_final = self.phase == Phase::Finished;
-        self.publisher.publish(store, self.shown.as_ref(), self.progress.as_ref(), is_final);
+        self.publisher.publish(store, self.shown.as_ref(), self.progress.as_ref());
     }
 
     /// Tells how the render goes, not too often unless `at_once`.
@@ -256,7 +255,7 @@ impl Reporter {
             max: counts.iter().copied().max().unwrap_or(0),
             samples_per_second: if self.phase == Phase::Rendering { rate } else { 0.0 },
             filter_share: if seconds > 0.0 { (self.filter_seconds / seconds).min(1.0) } else { 0.0 },
-            memory_bytes: memory_bytes(),
+            memory_bytes: memory_bytes("VmRSS"),
             estimate: self.estimate,
         }
     }

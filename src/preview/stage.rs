@@ -16,8 +16,6 @@ pub struct Picture<'a> {
     pub store: &'a Store,
     pub filtered: &'a Filtered,
     pub settings: &'a Settings,
-    /// What positions in the store were divided by.
-    pub diameter: f32,
 }
 
 /// Writes a picture; says where, or in one line why not.
@@ -32,8 +30,8 @@ pub struct Stage<'a> {
     pub reference: Option<&'a Planes>,
     /// What is done with the image at the end, for the loop to rehearse.
     pub closing: Option<Closing<'a>>,
-    /// Seconds from one memory that is kept to the next, and what keeps it, until the camera is moved: the
-    /// samples of another view would not be the scene's.
+    /// Seconds from one memory that is kept to the next, and what keeps it, until the render begins anew: the
+    /// samples of another view would not be the scene's, and fewer must not replace more.
     pub keeping: Option<(f64, Keep<'a>)>,
     /// What the first view goes on from.
     pub resumed: Option<Memory>,

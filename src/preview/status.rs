@@ -85,10 +85,10 @@ impl Notice {
     }
 }
 
-/// Memory that the program holds now, where the system tells.
-pub fn memory_bytes() -> Option<u64> {
+/// Memory that the program holds now (`VmRSS`) or held at most (`VmHWM`), where the system tells.
+pub fn memory_bytes(kind: &str) -> Option<u64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
-    let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:"))?;
+    let line = status.lines().find_map(|line| line.strip_prefix(kind)?.strip_prefix(':'))?;
     let kibibytes: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
     Some(kibibytes * 1024)
 }

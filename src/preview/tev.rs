@@ -299,7 +299,7 @@ mod tests {
     }
 
     fn frame(values: &Planes, sequence: u32) -> Frame {
-        let stamp = Stamp { generation: 1, sequence, is_final: false, spp: 1.0, seconds: 1.0 };
+        let stamp = Stamp { generation: 1, sequence, spp: 1.0, seconds: 1.0 };
         Frame::new(View::Raw, values, None, stamp)
     }
 

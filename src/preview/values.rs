@@ -37,8 +37,7 @@ pub fn at([x, y]: [u32; 2], store: &Store, shown: Option<&Shown>) -> String {
     let samples = row.count(column, Part::Whole);
     let of = |planes: &Planes, plane| planes.at(plane, column, line);
     let filtered = shown.map(|shown| &shown.filtered);
-    let failure =
-        shown.and_then(|shown| shown.filtered.interpolation_failure.as_ref().or(shown.failure.as_ref()));
+    let failure = shown.and_then(Shown::any_failure);
     let values = Values {
         r#type: "values",
         x,

@@ -61,17 +61,11 @@ impl View {
         match self {
             View::Filtered => shown.map(|shown| shown.filtered.image.clone()),
             View::Raw => Some(raw()),
-            View::Samples => {
-                let mut counts = Planes::new(store.width(), store.height(), 1);
-                counts.data_mut().iter_mut().zip(store.counts(Part::Whole)).for_each(|(v, n)| *v = n as f32);
-                Some(counts)
-            }
+            View::Samples => Some(store.count_plane()),
             View::Error => shown.map(|shown| relative(&shown.filtered.error, &shown.filtered.image)),
             View::Variance => Some(relative(&filter::variance_of_mean(store), &raw())),
             View::Residual => shown.map(|shown| shown.filtered.residual.clone()),
-            View::Failure => shown
-                .and_then(|shown| shown.filtered.interpolation_failure.as_ref().or(shown.failure.as_ref()))
-                .cloned(),
+            View::Failure => shown.and_then(Shown::any_failure).cloned(),
             View::Albedo => means(Block::Albedo),
             View::Normal => means(Block::Normal1),
         }

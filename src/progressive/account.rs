@@ -5,11 +5,11 @@ use super::{ErrorEstimate, Forecast, Point, Settings, forecast};
 use crate::filter::Filtered;
 use crate::stats::Store;
 
-/// One turn of the circle.
+/// A filter pass of the loop and what was rendered before it.
 #[derive(Clone, Debug, Default, serde::Serialize, serde::Deserialize)]
 pub struct Batch {
     pub index: usize,
-    /// Since the program's start, when the batch's image stood.
+    /// Since the program's start, time that a person had it stand still left out, when the pass's image stood.
     pub seconds: f64,
     pub samples_total: u64,
     pub filter_seconds: f64,

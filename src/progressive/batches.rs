@@ -55,10 +55,11 @@ impl Loop<'_> {
             _ => None,
         };
         let max_spp = self.settings.max_spp;
-        let key = self.settings.seed.rotate_left(32) ^ self.batches.len() as u64;
+        // Other pixels by chance in every batch.
+        let key = self.settings.seed.rotate_left(32) ^ self.store.drawn();
         let spread = |priority: Option<&[f32]>, have: &[u32], width: usize, total: u64| match priority {
             Some(priority) => adaptive::allocate(priority, have, width, total, max_spp, key),
-            None => adaptive::uniform(total, have, max_spp),
+            None => adaptive::uniform(total, have, max_spp, key),
         };
         let width = self.store.width();
         // First of all, the whole is an image.
@@ -118,7 +119,7 @@ impl Loop<'_> {
             self.rehearse();
             let (samples, elapsed) = (self.store.samples(), self.elapsed());
             let progress = Progress {
-                fraction: self.schedule.fraction(elapsed, samples),
+                fraction: self.schedule.fraction(elapsed, self.store.drawn()),
                 elapsed,
                 samples,
                 spp: samples as f64 / self.store.pixels().max(1) as f64,

@@ -159,7 +159,7 @@ impl<'a> Loop<'a> {
             self.hurried = None;
             self.rehearsal = Rehearsal::default();
         }
-        self.schedule.change(&settings.budget);
+        self.schedule.change(&settings.budget, settings.min_spp, settings.max_spp);
         let rerun = |s: &Settings| (s.denoiser, s.quality, s.sampling, s.budget.target_error.is_some());
         if rerun(&settings) != rerun(&self.settings) {
             (self.interim_seconds, self.maps_seconds) = (None, None);

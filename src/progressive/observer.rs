@@ -70,9 +70,9 @@ pub struct Shown {
 }
 
 impl Shown {
-    /// Whether there is a map of where interpolation failed.
-    pub fn has_failure(&self) -> bool {
-        self.failure.is_some() || self.filtered.interpolation_failure.is_some()
+    /// The map of where interpolation failed: the filter's own, or that of the grid stage alone.
+    pub fn any_failure(&self) -> Option<&Planes> {
+        self.filtered.interpolation_failure.as_ref().or(self.failure.as_ref())
     }
 }
 

@@ -79,7 +79,7 @@ mod tests {
         let mut counts = vec![2; 6 * 5];
         let mut sizes = Vec::new();
         while let Some(share) = region.share(&counts, 6, 10_000, &settings(20)) {
-            let uniform = |_: Option<&[f32]>, have: &[u32], _, total| adaptive::uniform(total, have, 1000);
+            let uniform = |_: Option<&[f32]>, have: &[u32], _, total| adaptive::uniform(total, have, 1000, 0);
             let allocation = share.allocate(&counts, None, uniform);
             assert!(!allocation.probes.contains(&true));
             sizes.push(allocation.counts.iter().sum::<u32>());

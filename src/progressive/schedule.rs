@@ -214,9 +214,10 @@ impl Schedule {
         self.rate().map_or(0.0, |rate| samples / rate)
     }
 
-    /// Follows another budget from now on.
-    pub fn change(&mut self, budget: &Budget) {
+    /// Follows another budget, floor and ceiling per pixel from now on.
+    pub fn change(&mut self, budget: &Budget, min_spp: u32, max_spp: u32) {
         self.budget = *budget;
+        (self.min_spp, self.max_spp) = (min_spp.into(), max_spp.into());
     }
 
     /// Seconds that what comes after the last batch will take, as far as is known.

@@ -15,6 +15,12 @@ pub struct Film {
     pub scale: f32,
 }
 
+/// Longest side of a film, in pixels: what the live page's frames can say. Keeps a slip of the pen from asking for
+/// all memory.
+pub const MAX_SIDE: u32 = u16::MAX as u32;
+/// Most pixels of a film.
+pub const MAX_PIXELS: u64 = 1 << 27;
+
 /// Reconstruction filter of a pixel, sampled by importance: a sample belongs to one pixel.
 /// Radii are in pixels.
 #[derive(Clone, Copy, Debug, PartialEq)]

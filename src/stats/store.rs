@@ -202,6 +202,13 @@ impl Store {
         ([a, b], variance)
     }
 
+    /// One plane: accepted samples of each pixel.
+    pub fn count_plane(&self) -> Planes {
+        let mut plane = Planes::new(self.width, self.height(), 1);
+        plane.data_mut().iter_mut().zip(self.counts(Part::Whole)).for_each(|(v, n)| *v = n as f32);
+        plane
+    }
+
     fn extract(
         &self,
         part: Part,

@@ -76,30 +76,44 @@ fn what_is_asked_for_during_the_last_pass_is_saved() {
     assert!(saved.into_inner() == [(outcome.store.samples(), outcome.filtered.image)]);
 }
 
-#[test]
-fn once_the_camera_is_moved_no_memory_is_kept_of_what_it_sees() {
-    let moved = Cell::new(false);
+/// Whatever begins a render anew leaves the memory as it was then.
+#[track_caller]
+fn begins_anew_and_keeps_no_more(command: impl Fn() -> Command) {
+    let given = Cell::new(false);
     let (before, after) = (Cell::new(0), RefCell::new(Vec::new()));
-    let step = Move { orbit: Some([0.3, 0.1]), ..Move::default() };
     let outcome = directed(Moments {
         stepped: &|progress, hub, _| {
-            if progress.spp >= 2.0 && !moved.replace(true) {
+            if progress.spp >= 2.0 && !given.replace(true) {
                 before.set(progress.samples);
-                assert!(hub.command(Command::Camera(step.clone())));
+                assert!(hub.command(command()));
             }
         },
         kept: &|_, memory, _| {
-            if moved.get() {
+            if given.get() {
                 after.borrow_mut().push(memory.store.samples());
             }
         },
         saved: &|_| unreachable!("nobody asked for it"),
     });
-    assert!(moved.get());
+    assert!(given.get());
     // The last one is of the scene's own view, as far as it came.
     assert_eq!(after.into_inner(), [before.get()]);
     assert!(before.get() < outcome.store.samples());
     assert_eq!(outcome.store.samples(), u64::from(SPP) * SIDE * SIDE);
+}
+
+#[test]
+fn once_the_camera_is_moved_no_memory_is_kept_of_what_it_sees() {
+    let step = Move { orbit: Some([0.3, 0.1]), ..Move::default() };
+    begins_anew_and_keeps_no_more(|| Command::Camera(step.clone()));
+}
+
+#[test]
+fn samples_that_were_kept_are_not_replaced_by_those_of_another_start() {
+    begins_anew_and_keeps_no_more(|| Command::Restart);
+    // It needs sample vectors, which so far none were kept of.
+    let paper = || Change { quality: Some(Quality::Paper), ..Change::default() };
+    begins_anew_and_keeps_no_more(|| Command::Set(paper()));
 }
 
 #[test]

@@ -44,7 +44,6 @@ export class Link {
     this.on.frame({
       view: VIEWS[head.getUint8(1)],
       channels: head.getUint8(2),
-      final: head.getUint8(3) === 1,
       width: head.getUint16(4, true),
       height: head.getUint16(6, true),
       generation: head.getUint32(8, true),

@@ -7,6 +7,7 @@ use glam::{DVec2, DVec3};
 use super::mesh::MeshDescription;
 use super::params::Params;
 use super::revolution::grid;
+use super::shapes::MAX_TRIANGLES;
 use super::state::Reader;
 use super::{Fault, Result};
 
@@ -53,6 +54,12 @@ impl Reader {
                 given(&normals),
                 if uvs.is_empty() { CORNERS } else { corners.map(|i| uvs[i]) },
             );
+            if mesh.indices.len() > MAX_TRIANGLES {
+                let message = format!(
+                    "patches that become more than {MAX_TRIANGLES} triangles; fewer would be accepted"
+                );
+                return Err(fault(message));
+            }
         }
         Ok(mesh)
     }

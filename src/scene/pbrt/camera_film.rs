@@ -11,12 +11,9 @@ use super::state::{Kept, Keys, Reader};
 use super::transforms::inverse;
 use super::{Fault, Place, Result};
 use crate::scene::camera::{Projection, SphericalMapping};
+use crate::scene::film::{MAX_PIXELS, MAX_SIDE};
 use crate::scene::{AnimatedTransform, Camera, Film, Integrator, PixelFilter, SamplerKind};
 
-/// Longest side of a film: what the live page's frames can say. Keeps a slip of the pen from asking for all memory.
-const MAX_SIDE: u32 = u16::MAX as u32;
-/// Most pixels of a film.
-const MAX_PIXELS: u64 = 1 << 27;
 /// Most samples per pixel.
 const MAX_SPP: u32 = 1 << 30;
 /// Deepest path that may be asked for: longer ones carry no light that could be seen.

@@ -22,6 +22,9 @@ const TOLERANCE: f64 = 0.05;
 /// Most pieces of a segment.
 const MAX_PIECES: f64 = 64.0;
 
+/// Most segments of a curve.
+const MAX_SEGMENTS: usize = 1 << 16;
+
 /// The control points of a cubic Bézier segment.
 type Bezier = [DVec3; 4];
 
@@ -46,6 +49,10 @@ pub fn mesh(params: &Params) -> Result<MeshDescription> {
             return Err(fault(format!("curve basis \"{other}\"; bezier and bspline are accepted")));
         }
     };
+    if segments.len() > MAX_SEGMENTS {
+        let found = segments.len();
+        return Err(fault(format!("a curve of {found} segments; up to {MAX_SEGMENTS} would be accepted")));
+    }
     params.get("splitdepth");
     let normals = params.triples("N")?;
     let ribbon = match params.string("type")? {

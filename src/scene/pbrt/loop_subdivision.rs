@@ -156,35 +156,20 @@ impl Rings {
             }
         }
         let mut rings = Self { corners, starts };
+        let mut order = Order::default();
         for vertex in 0..vertices {
-            rings.order(vertex)?;
+            let range = rings.range(vertex);
+            if !order.sort(&mut rings.corners[range]) {
+                return Err(format!(
+                    "the triangles around vertex {vertex} are not one fan of one orientation; a manifold would be accepted"
+                ));
+            }
         }
         Ok(rings)
     }
 
     fn range(&self, vertex: usize) -> std::ops::Range<usize> {
         self.starts[vertex] as usize..self.starts[vertex + 1] as usize
-    }
-
-    /// Sorts a vertex's corners so that each begins where the one before ends.
-    fn order(&mut self, vertex: usize) -> Result<(), String> {
-        let range = self.range(vertex);
-        let corners = &mut self.corners[range];
-        // On a border the fan begins at the neighbour that no corner leads to.
-        let begin = corners.iter().position(|(next, _)| corners.iter().all(|(_, previous)| previous != next));
-        if let Some(begin) = begin {
-            corners.swap(0, begin);
-        }
-        for i in 1..corners.len() {
-            let wanted = corners[i - 1].1;
-            let Some(found) = corners[i..].iter().position(|(next, _)| *next == wanted) else {
-                return Err(format!(
-                    "the triangles around vertex {vertex} are not one fan of one orientation; a manifold would be accepted"
-                ));
-            };
-            corners.swap(i, i + found);
-        }
-        Ok(())
     }
 
     /// Puts the neighbours' positions into `ring`, counterclockwise; from border to border if the
@@ -198,6 +183,42 @@ impl Rings {
             ring.push(positions[*last as usize]);
         }
         first == last
+    }
+}
+
+/// What sorting the corners of a vertex needs besides them: they may be as many as there are triangles.
+#[derive(Default)]
+struct Order {
+    by_next: Vec<(u32, u32)>,
+    previous: Vec<u32>,
+}
+
+impl Order {
+    /// Sorts a vertex's corners so that each begins where the one before ends; on a border the fan begins at the
+    /// neighbour that no corner leads to. False if they are not one fan.
+    fn sort(&mut self, corners: &mut [(u32, u32)]) -> bool {
+        let Self { by_next, previous } = self;
+        by_next.clear();
+        by_next.extend_from_slice(corners);
+        by_next.sort_unstable();
+        previous.clear();
+        previous.extend(corners.iter().map(|&(_, previous)| previous));
+        previous.sort_unstable();
+        // No neighbour twice on either side: then there are only chains and rings.
+        if !by_next.is_sorted_by(|a, b| a.0 < b.0) || !previous.is_sorted_by(|a, b| a < b) {
+            return false;
+        }
+        if let Some(begin) = corners.iter().position(|(next, _)| previous.binary_search(next).is_err()) {
+            corners.swap(0, begin);
+        }
+        for i in 1..corners.len() {
+            let wanted = corners[i - 1].1;
+            match by_next.binary_search_by_key(&wanted, |&(next, _)| next) {
+                Ok(found) if wanted != corners[0].0 => corners[i] = by_next[found],
+                _ => return false,
+            }
+        }
+        true
     }
 }
 
@@ -262,5 +283,27 @@ mod tests {
         let book = [[0, 1, 2], [0, 1, 3], [0, 1, 4]];
         assert!(subdivide(&positions, &book, 1).unwrap_err().contains("manifold"));
         assert!(subdivide(&positions, &[[0, 1, 9]], 1).unwrap_err().contains("index 9"));
+        let tetrahedron = |[a, b, c, d]: [u32; 4]| [[a, b, c], [a, c, d], [a, d, b], [b, d, c]];
+        let positions: Vec<DVec3> = (0..7).map(|i| DVec3::splat(f64::from(i * i))).collect();
+        let at_one_point = [tetrahedron([0, 1, 2, 3]), tetrahedron([0, 4, 5, 6])].concat();
+        assert!(
+            subdivide(&positions, &at_one_point, 1).unwrap_err().contains("around vertex 0"),
+            "two rings"
+        );
+        let two_fans = [[0, 1, 2], [0, 3, 4]];
+        assert!(subdivide(&positions, &two_fans, 1).unwrap_err().contains("around vertex 0"), "two chains");
+    }
+
+    #[test]
+    fn corners_in_any_order_make_one_fan() {
+        let ring: Vec<(u32, u32)> = (0..1000).map(|i| (i, (i + 1) % 1000)).collect();
+        for (fan, closed) in [(&ring[..], true), (&ring[..999], false)] {
+            let mut shuffled: Vec<_> = (0..fan.len()).map(|i| fan[i * 7 % fan.len()]).collect();
+            shuffled.rotate_left(400);
+            let first = shuffled[0];
+            assert!(Order::default().sort(&mut shuffled));
+            assert!(shuffled.windows(2).all(|pair| pair[0].1 == pair[1].0));
+            assert_eq!(shuffled[0], if closed { first } else { fan[0] });
+        }
     }
 }

@@ -21,8 +21,8 @@ use crate::scene::{Disk, Primitive, Shape, Sphere};
 const MAX_LEVELS: u32 = 10;
 /// Most heights along a side of a height field.
 const MAX_GRID: u32 = 1 << 14;
-/// Most triangles that subdivision may make: some gigabytes while it does.
-const MAX_SUBDIVIDED: usize = 1 << 24;
+/// Most triangles that one shape of something else may become: some gigabytes while it does.
+pub(super) const MAX_TRIANGLES: usize = 1 << 24;
 
 impl Reader {
     pub fn shape(&mut self, statement: &Statement) -> Result<()> {
@@ -223,7 +223,7 @@ impl Reader {
         let name = if params.get("nlevels").is_some() { "nlevels" } else { "levels" };
         let levels = params.integer_in(name, 3, 0..=MAX_LEVELS)?;
         params.get("scheme");
-        if indices.len() << (2 * levels) > MAX_SUBDIVIDED {
+        if indices.len() << (2 * levels) > MAX_TRIANGLES {
             let message =
                 format!("{} triangles, {levels} times subdivided; less would be accepted", indices.len());
             return Err(Fault::new(params.place, message));
