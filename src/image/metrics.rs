@@ -17,7 +17,7 @@ use rayon::prelude::*;
 use super::Planes;
 
 /// The part of relMSE's denominator that keeps black pixels from deciding everything.
-const RELMSE_EPSILON: f64 = 0.01;
+pub const RELMSE_EPSILON: f64 = 0.01;
 
 /// Side of the blocks of [`Pair::block_relmse`] in pixels: over 256 pixels the noise of a path
 /// tracer averages out, and what stays is whether light and materials agree.

@@ -76,6 +76,7 @@ impl Hub {
     }
 
     /// Whether anyone is there.
+    #[cfg(test)]
     pub fn has_viewers(&self) -> bool {
         !self.viewers().is_empty()
     }

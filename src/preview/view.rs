@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::filter;
 use crate::image::Planes;
+use crate::image::metrics::RELMSE_EPSILON;
 use crate::progressive::{Settings, Shown};
 use crate::stats::{Block, Layout, Part, Store};
 
@@ -113,8 +114,6 @@ const LEAST_BUDGET: u32 = 16;
 const SAMPLES_HEADROOM: u64 = 8;
 /// Where the scales of relative errors begin: below, no noise can be seen.
 const LOWEST_ERROR: f32 = 1e-5;
-/// The denominator's floor in relMSE.
-const RELATIVE_FLOOR: f32 = 0.01;
 
 /// Which colour stands for which value.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -141,7 +140,7 @@ fn relative(squares: &Planes, image: &Planes) -> Planes {
     for channel in 0..3 {
         let squares = squares.plane(channel.min(squares.count() - 1));
         for ((out, square), value) in map.data_mut().iter_mut().zip(squares).zip(image.plane(channel)) {
-            *out += square / (value * value + RELATIVE_FLOOR) / 3.0;
+            *out += square / (value * value + RELMSE_EPSILON as f32) / 3.0;
         }
     }
     map

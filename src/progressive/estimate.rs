@@ -11,12 +11,11 @@
 
 use super::memory::Snapshot;
 use crate::image::Planes;
+use crate::image::metrics::RELMSE_EPSILON;
 use crate::stats::Store;
 
 /// Side of the tiles, in pixels.
 pub const TILE: usize = 16;
-/// The denominator's floor in relMSE.
-const RELATIVE_FLOOR: f32 = 0.01;
 
 /// See the module.
 #[derive(Clone, Debug)]
@@ -98,7 +97,7 @@ impl ErrorEstimate {
             };
             let relative = |c: usize| {
                 let f = shown.plane(c)[i];
-                (f - new_mean(0, c)) * (f - new_mean(1, c)) / (f * f + RELATIVE_FLOOR)
+                (f - new_mean(0, c)) * (f - new_mean(1, c)) / (f * f + RELMSE_EPSILON as f32)
             };
             let error = (0..3).map(relative).sum::<f32>() / 3.0;
             sum += f64::from(error);

@@ -11,4 +11,5 @@ mod store;
 
 pub use layout::{Block, Dimension, Feature, Group, Layout, MAX_DIMENSIONS};
 pub use moments::Moments;
+pub(crate) use reservoir::hash;
 pub use store::{BLOCK, BlockValues, LARGEST_VALUE, Part, Row, RowError, Store};

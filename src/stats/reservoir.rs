@@ -24,8 +24,8 @@ pub(super) fn key(seed: u64, x: usize, y: usize) -> u64 {
 }
 
 /// The finaliser of SplitMix64 (Steele, Lea and Flood 2014).
-#[inline]
-pub(super) fn hash(x: u64) -> u64 {
+#[inline(always)]
+pub(crate) fn hash(x: u64) -> u64 {
     let mut z = x.wrapping_add(0x9e37_79b9_7f4a_7c15);
     z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
     z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);

@@ -6,6 +6,7 @@ mod independent;
 mod sobol;
 
 use crate::geometry::{LANES, Lanes};
+use crate::stats::hash;
 
 pub use dimensions::{BounceNumbers, Dimensions, Needs};
 pub use independent::Independent;
@@ -55,15 +56,6 @@ impl Addresses {
     pub fn at(&self, lane: usize) -> Address {
         Address { key: self.keys[lane], index: self.indices[lane] }
     }
-}
-
-/// The finaliser of SplitMix64 (Steele, Lea and Flood 2014).
-#[inline(always)]
-fn hash(x: u64) -> u64 {
-    let mut z = x.wrapping_add(0x9e37_79b9_7f4a_7c15);
-    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    z ^ (z >> 31)
 }
 
 /// Key of a pixel's numbers.
