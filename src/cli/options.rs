@@ -46,7 +46,7 @@ pub(super) struct RenderOptions {
     /// The reconstruction
     #[arg(long, value_enum, default_value_t = DenoiserOption::Prpf)]
     pub denoiser: DenoiserOption,
-    /// Filter effort; `paper` is the published method, nothing tuned. Of no effect with `--denoiser rpf`
+    /// Filter effort; `paper` is the published method. Of no effect with `--denoiser rpf`
     #[arg(long, value_enum, default_value_t = Quality::Standard)]
     pub quality: Quality,
     /// Everything random follows from it
@@ -107,7 +107,7 @@ pub(super) enum SamplingOption {
 pub(super) enum DenoiserOption {
     /// The mean of the samples
     None,
-    /// Pixel-based random parameter filtering
+    /// What --quality says
     Prpf,
     /// Random parameter filtering, its slow predecessor: for comparison
     Rpf,

@@ -38,7 +38,7 @@ impl Spread {
     }
 }
 
-/// See the documentation of the command line for the meaning of each key.
+/// What each key means: `docs/outputs.md`.
 #[derive(Serialize)]
 pub(super) struct Report<'a> {
     scene: &'a str,

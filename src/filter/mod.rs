@@ -70,11 +70,11 @@ pub struct Filtered {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "lowercase")]
 pub enum Quality {
-    /// `Standard` with smaller discs, for reruns between batches.
+    /// As standard, with smaller discs and without its linear fit: for reruns between batches.
     Draft,
     /// The patch-distance filter: what measures best.
     Standard,
-    /// P-RPF as published, nothing tuned.
+    /// P-RPF as published; two of its statistics are sampled.
     Paper,
 }
 

@@ -9,10 +9,10 @@
 //! | `reservoir` | f4, \[h, w, k, d\] | sample vectors; the first `reservoir_count` of each pixel |
 //! | `reservoir_count` | u4, \[h, w\] | |
 //! | `dimension_names`, `dimension_groups`, `dimension_units` | text, \[d\] | what d counts |
-//! | `image`, `variance` | f4, \[3, h, w\] | filtered, as the state's settings say; variance of that |
+//! | `image`, `variance` | f4, \[3, h, w\] | filtered, as the state's settings say; variance of that (the EXR's layer `Variance` is of the unfiltered mean) |
 //! | `residual`, `error` | f4, \[h, w\] | as in [`crate::filter::Filtered`] |
 //! | `interpolation_failure` | f4, \[h, w\] | if there is such a map |
-//! | `tile_error` | f4, \[h/16, w/16\] | measured relMSE, if there was a batch to measure it with |
+//! | `tile_error` | f4, \[⌈h/16⌉, ⌈w/16⌉\] | measured relMSE, if there was a batch to measure it with |
 //! | `feature_weights` | f4, \[pass, weight, h, w\] | those of `--quality paper`, if there are sample vectors |
 //! | `feature_weight_names` | text, \[weight\] | β of a feature, α of a colour, randomness of the colour, sum of interpolation weights (infinite at nodes) |
 //! | `first_pass` | f4, \[3, h, w\] | the image after the first pass of `--quality paper`, what outliers lost not given back |
