@@ -8,7 +8,7 @@ use clap::Args;
 
 use super::layers::Layers;
 use super::options::DenoiserOption;
-use super::output::{Written, are_distinct, can_be_written, write_all};
+use super::output::{Written, are_distinct, can_be_written};
 use super::{Failure, in_pool};
 use crate::filter::{Filtered, Quality};
 use crate::image::formats::OutputFormat;
@@ -68,6 +68,7 @@ fn denoise(options: &DenoiseOptions, start: Instant) -> Result<u8, Failure> {
             "--layers: found no output that has layers; accepted with -o FILE.exr"
         )));
     }
+    options.layers.as_deref().map_or(Ok(()), Layers::check).map_err(Failure::Input)?;
     let State { frame, settings, memory, .. } =
         State::read(&options.state).map_err(|error| Failure::Input(error.into()))?;
     let settings = Settings {
@@ -82,9 +83,17 @@ fn denoise(options: &DenoiseOptions, start: Instant) -> Result<u8, Failure> {
     if let Some(names) = &options.layers {
         layers.keep_only(names).map_err(Failure::Input)?;
     }
-    let written = Written { store, image: &filtered.image, batches: &memory.batches };
-    write_all(&outfiles, &layers, &written, &frame, &settings, None, start)
-        .map_err(|error| Failure::Run(error.into()))?;
+    let written = Written {
+        layers: &layers,
+        store,
+        image: &filtered.image,
+        batches: &memory.batches,
+        frame: &frame,
+        settings: &settings,
+        reference: None,
+        start,
+    };
+    written.write_all(&outfiles).map_err(|error| Failure::Run(error.into()))?;
     if !options.quiet {
         let files: String = outfiles.iter().map(|path| format!("{}\n", path.display())).collect();
         let spp = store.samples() as f64 / store.pixels().max(1) as f64;

@@ -20,6 +20,20 @@ const RGB: &[&str] = &["R", "G", "B"];
 const XYZ: &[&str] = &["X", "Y", "Z"];
 const X: &[&str] = &["X"];
 
+/// Of layers beside the image.
+const NAMES: [&str; 10] = [
+    "Noisy",
+    "Albedo",
+    "Ns",
+    "P",
+    "Variance",
+    "Error",
+    "SampleCount",
+    "InterpolationFailure",
+    "FilterResidual",
+    "TileError",
+];
+
 /// All layers of a finished render.
 pub(super) struct Layers(Vec<Layer>);
 
@@ -58,10 +72,21 @@ impl Layers {
         Self(layers)
     }
 
+    /// Whether there can be layers of these names: known before any filtering.
+    ///
+    /// # Errors
+    /// A name that no layer ever has.
+    pub fn check(names: &[String]) -> anyhow::Result<()> {
+        match names.iter().find(|name| !NAMES.contains(&name.as_str())) {
+            Some(unknown) => anyhow::bail!("--layers: found `{unknown}`; accepted are {}", NAMES.join(", ")),
+            None => Ok(()),
+        }
+    }
+
     /// Leaves out all but the image and the layers of these names.
     ///
     /// # Errors
-    /// A name that no layer has.
+    /// A name of no layer that there is.
     pub fn keep_only(&mut self, names: &[String]) -> anyhow::Result<()> {
         let known: Vec<&str> =
             self.0.iter().map(|layer| layer.name).filter(|name| !name.is_empty()).collect();

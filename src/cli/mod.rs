@@ -17,6 +17,7 @@ mod render;
 mod report;
 mod signals;
 mod state;
+mod summary;
 mod usage;
 
 use std::ffi::OsString;

@@ -69,74 +69,65 @@ pub(super) fn encode(path: &Path, layers: &Layers, filtered: &Filtered) {
     }
 }
 
-pub(super) fn write(
-    path: &Path,
-    layers: &Layers,
-    written: &Written,
-    frame: &Frame,
-    settings: &Settings,
-    reference: Option<&Planes>,
-    start: Instant,
-) -> Result<(), image::ImageError> {
-    match OutputFormat::of(path)? {
-        OutputFormat::Png => png_file::write(path, written.image, 0.0),
-        OutputFormat::Exr => {
-            let windows = Windows { data: frame.pixel_bounds, display: frame.film };
-            let attributes = attributes(written, frame, settings, reference, start);
-            exr_file::write(path, windows, &layers.channels(), &attributes)
-        }
-    }
-}
-
-/// Writes all images: a full disk under one of them is none under the others.
-pub(super) fn write_all(
-    paths: &[PathBuf],
-    layers: &Layers,
-    written: &Written,
-    frame: &Frame,
-    settings: &Settings,
-    reference: Option<&Planes>,
-    start: Instant,
-) -> Result<(), image::ImageError> {
-    let write = |path: &PathBuf| write(path, layers, written, frame, settings, reference, start);
-    let all: Vec<_> = paths.par_iter().map(write).collect();
-    all.into_iter().collect()
-}
-
-/// What a written image's attributes tell of.
+/// What is written of a render: an image, and what its attributes tell of it.
 pub(super) struct Written<'a> {
+    pub layers: &'a Layers,
     pub store: &'a Store,
     pub image: &'a Planes,
     pub batches: &'a [Batch],
+    pub frame: &'a Frame,
+    pub settings: &'a Settings,
+    pub reference: Option<&'a Planes>,
+    /// When the program started.
+    pub start: Instant,
 }
 
-fn attributes(
-    written: &Written,
-    frame: &Frame,
-    settings: &Settings,
-    reference: Option<&Planes>,
-    start: Instant,
-) -> Vec<(String, Attribute)> {
-    let spread = Spread::of(written.store);
-    let own = |name: &str| format!("prpf.{name}");
-    let schedule = written.batches.iter().map(|b| b.samples_total.try_into().unwrap_or(i64::MAX)).collect();
-    let mut attributes = vec![
-        (names::SAMPLES_PER_PIXEL.to_owned(), Attribute::Int(spread.mean.round() as i32)),
-        (names::RENDER_TIME_SECONDS.to_owned(), Attribute::Float(start.elapsed().as_secs_f32())),
-        (own("seed"), Attribute::Text(settings.seed.to_string())),
-        (own("version"), Attribute::Text(env!("CARGO_PKG_VERSION").to_owned())),
-        (own("commandLine"), Attribute::Text(command_line())),
-        (own("scene"), Attribute::Text(frame.source.clone())),
-        (own("sceneHash"), Attribute::Text(format!("sha256:{}", frame.hash))),
-        (own("samplesMin"), Attribute::Int(spread.min.try_into().unwrap_or(i32::MAX))),
-        (own("samplesMean"), Attribute::Float(spread.mean as f32)),
-        (own("samplesMax"), Attribute::Int(spread.max.try_into().unwrap_or(i32::MAX))),
-        (own("batches"), Attribute::Ints(schedule)),
-    ];
-    if let Some(mse) = reference.and_then(|r| Some(Pair::new(written.image, r).ok()?.mse())) {
-        attributes.push((names::MSE.to_owned(), Attribute::Float(mse as f32)));
+impl Written<'_> {
+    /// Writes an image file.
+    ///
+    /// # Errors
+    /// Those of the file system, and a name that is of no format.
+    pub fn write(&self, path: &Path) -> Result<(), image::ImageError> {
+        match OutputFormat::of(path)? {
+            OutputFormat::Png => png_file::write(path, self.image, 0.0),
+            OutputFormat::Exr => {
+                let windows = Windows { data: self.frame.pixel_bounds, display: self.frame.film };
+                exr_file::write(path, windows, &self.layers.channels(), &self.attributes())
+            }
+        }
     }
-    attributes
+
+    /// Writes all image files: a full disk under one of them is none under the others.
+    ///
+    /// # Errors
+    /// The first of theirs.
+    pub fn write_all(&self, paths: &[PathBuf]) -> Result<(), image::ImageError> {
+        let all: Vec<_> = paths.par_iter().map(|path| self.write(path)).collect();
+        all.into_iter().collect()
+    }
+
+    fn attributes(&self) -> Vec<(String, Attribute)> {
+        let spread = Spread::of(self.store);
+        let own = |name: &str| format!("prpf.{name}");
+        let schedule = self.batches.iter().map(|b| b.samples_total.try_into().unwrap_or(i64::MAX)).collect();
+        let mut attributes = vec![
+            (names::SAMPLES_PER_PIXEL.to_owned(), Attribute::Int(spread.mean.round() as i32)),
+            (names::RENDER_TIME_SECONDS.to_owned(), Attribute::Float(self.start.elapsed().as_secs_f32())),
+            (own("seed"), Attribute::Text(self.settings.seed.to_string())),
+            (own("version"), Attribute::Text(env!("CARGO_PKG_VERSION").to_owned())),
+            (own("commandLine"), Attribute::Text(command_line())),
+            (own("scene"), Attribute::Text(self.frame.source.clone())),
+            (own("sceneHash"), Attribute::Text(format!("sha256:{}", self.frame.hash))),
+            (own("samplesMin"), Attribute::Int(spread.min.try_into().unwrap_or(i32::MAX))),
+            (own("samplesMean"), Attribute::Float(spread.mean as f32)),
+            (own("samplesMax"), Attribute::Int(spread.max.try_into().unwrap_or(i32::MAX))),
+            (own("batches"), Attribute::Ints(schedule)),
+        ];
+        if let Some(mse) = self.reference.and_then(|r| Some(Pair::new(self.image, r).ok()?.mse())) {
+            attributes.push((names::MSE.to_owned(), Attribute::Float(mse as f32)));
+        }
+        attributes
+    }
 }
 
 fn command_line() -> String {

@@ -6,7 +6,7 @@ use tokio::sync::mpsc;
 use super::view::View;
 use crate::adaptive::Sampling;
 use crate::filter::Quality;
-use crate::progressive::Denoiser;
+use crate::progressive::{Denoiser, Settings};
 
 /// Longest message that is read, in bytes.
 pub const LONGEST_MESSAGE: usize = 4096;
@@ -91,6 +91,27 @@ pub enum Command {
     },
 }
 
+impl Change {
+    /// Changes settings; whether another filter makes the image from now on.
+    pub fn apply(&self, settings: &mut Settings) -> bool {
+        let on = |value: f64| Some(value).filter(|v| *v > 0.0);
+        let before = settings.denoiser;
+        settings.denoiser = self.denoiser.unwrap_or(before);
+        settings.sampling = self.sampling.unwrap_or(settings.sampling);
+        settings.quality = self.quality.unwrap_or(settings.quality);
+        if let Some(spp) = self.spp {
+            settings.budget.spp = Some(spp).filter(|spp| *spp > 0);
+        }
+        if let Some(seconds) = self.seconds {
+            settings.budget.seconds = on(seconds);
+        }
+        if let Some(error) = self.target_error {
+            settings.budget.target_error = on(error);
+        }
+        settings.denoiser != before
+    }
+}
+
 impl Message {
     /// Reads and checks a message.
     ///
@@ -103,6 +124,20 @@ impl Message {
         let message: Self = serde_json::from_str(text).map_err(|error| error.to_string())?;
         message.check()?;
         Ok(message)
+    }
+
+    /// What the render is to do; answers go to `reply`.
+    pub fn command(self, reply: &mpsc::Sender<String>) -> Command {
+        match self {
+            Message::Look { .. } | Message::Ready {} => Command::Look,
+            Message::Pause { paused } => Command::Pause(paused),
+            Message::Set(change) => Command::Set(change),
+            Message::Camera(step) => Command::Camera(step),
+            Message::Favour { region } => Command::Favour(region),
+            Message::Restart {} => Command::Restart,
+            Message::Save {} => Command::Save,
+            Message::Inspect { x, y } => Command::Inspect { pixel: [x, y], reply: reply.clone() },
+        }
     }
 
     fn check(&self) -> Result<(), String> {

@@ -16,7 +16,7 @@ use tokio::sync::mpsc;
 use super::access::Access;
 use super::hub::{Hub, Viewer};
 use super::page;
-use super::protocol::{Command, LONGEST_MESSAGE, Message};
+use super::protocol::{LONGEST_MESSAGE, Message};
 
 /// Where the page is if no address is given and nobody else is there.
 const USUAL_PORT: u16 = 7377;
@@ -203,20 +203,4 @@ async fn attend(mut socket: WebSocket, hub: Arc<Hub>) {
 
 fn refusal(reason: &str) -> Packet {
     Packet::Text(serde_json::json!({ "type": "refused", "reason": reason }).to_string().into())
-}
-
-impl Message {
-    /// What the render is to do; answers go to `reply`.
-    fn command(self, reply: &mpsc::Sender<String>) -> Command {
-        match self {
-            Message::Look { .. } | Message::Ready {} => Command::Look,
-            Message::Pause { paused } => Command::Pause(paused),
-            Message::Set(change) => Command::Set(change),
-            Message::Camera(step) => Command::Camera(step),
-            Message::Favour { region } => Command::Favour(region),
-            Message::Restart {} => Command::Restart,
-            Message::Save {} => Command::Save,
-            Message::Inspect { x, y } => Command::Inspect { pixel: [x, y], reply: reply.clone() },
-        }
-    }
 }

@@ -1,7 +1,6 @@
 //! What people have asked for and has to wait for the end of a step, or of a filter pass.
 
-use super::protocol::{Change, Move};
-use crate::progressive::Settings;
+use super::protocol::Move;
 
 /// See the module.
 #[derive(Default)]
@@ -37,26 +36,5 @@ impl Wishes {
     /// A new generation fulfils all but a save.
     pub fn begin(&mut self) {
         *self = Self { save: self.save, ..Self::default() };
-    }
-}
-
-impl Change {
-    /// Changes settings; whether another filter makes the image from now on.
-    pub fn apply(&self, settings: &mut Settings) -> bool {
-        let on = |value: f64| Some(value).filter(|v| *v > 0.0);
-        let before = settings.denoiser;
-        settings.denoiser = self.denoiser.unwrap_or(before);
-        settings.sampling = self.sampling.unwrap_or(settings.sampling);
-        settings.quality = self.quality.unwrap_or(settings.quality);
-        if let Some(spp) = self.spp {
-            settings.budget.spp = Some(spp).filter(|spp| *spp > 0);
-        }
-        if let Some(seconds) = self.seconds {
-            settings.budget.seconds = on(seconds);
-        }
-        if let Some(error) = self.target_error {
-            settings.budget.target_error = on(error);
-        }
-        settings.denoiser != before
     }
 }

@@ -38,6 +38,18 @@ pub enum StoppedBy {
     Interrupt,
 }
 
+impl std::fmt::Display for StoppedBy {
+    /// As in the report.
+    fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::Spp => "spp",
+            Self::Time => "time",
+            Self::TargetError => "target-error",
+            Self::Interrupt => "interrupt",
+        })
+    }
+}
+
 /// A last pass that is quicker than what was asked for, the quickest last.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, serde::Serialize)]
 #[serde(rename_all = "kebab-case")]
