@@ -145,8 +145,9 @@ fn random_parameter_filtering_is_refused_where_its_samples_do_not_fit() {
 fn an_image_beyond_all_memory_is_refused_before_it_takes_any() {
     let folder = folder_with(SCENE);
     for more in [&[] as &[&str], &["--denoiser", "none"], &["--state", "a.state"], &["--quality", "paper"]] {
-        let arguments =
-            [&["render", "scene.pbrt", "--spp", "1", "--resolution", "32768x32768"], more].concat();
+        let large =
+            ["render", "scene.pbrt", "--spp", "1", "--resolution", "65535x2048", "--reservoir", "1024"];
+        let arguments = [&large[..], more].concat();
         let output = prpf(folder.path(), &arguments);
         assert_eq!(output.status.code(), Some(2), "{}", stderr(&output));
         let said = stderr(&output);

@@ -32,10 +32,13 @@ pub(super) struct Brightness {
 }
 
 impl Brightness {
-    /// `image` is an estimate of the whole image: 3 planes.
-    pub fn of(image: &Planes) -> Self {
-        let values = image.data();
-        let level = values.iter().map(|&v| f64::from(v)).sum::<f64>() / values.len().max(1) as f64;
+    /// `image` is an estimate of the whole image, the sum and mean of `parts`: 3 planes each.
+    pub fn of<'a>(image: &Planes, parts: impl IntoIterator<Item = &'a Planes>) -> Self {
+        /// Of what the parts hold, an image is taken to be at least this bright: light that is less than none, which
+        /// no renderer makes, may leave nothing of it.
+        const LEAST_LEVEL: f64 = 1e-6;
+        let level =
+            parts.into_iter().map(|part| LEAST_LEVEL * magnitude(part)).fold(magnitude(image), f64::max);
         let level = (level as f32).max(f32::MIN_POSITIVE.sqrt());
         // Nothing is fainter than what has an inverse, or its weight would be infinite.
         let floor = (RELATIVE_FLOOR * level * level).max(f32::MIN_POSITIVE);
@@ -43,6 +46,12 @@ impl Brightness {
         weight.data_mut().par_iter_mut().with_min_len(1024).for_each(|v| *v = 1.0 / (*v * *v + floor));
         Self { weight, black: BLACK * level }
     }
+}
+
+/// Mean of all planes' values without their signs.
+fn magnitude(planes: &Planes) -> f64 {
+    let values = planes.data();
+    values.iter().map(|&v| f64::from(v.abs())).sum::<f64>() / values.len().max(1) as f64
 }
 
 /// Mixes two estimates of `noisy`; where they hardly differ, half and half. `sigma` is the blur of
@@ -116,7 +125,7 @@ mod tests {
     #[test]
     fn the_better_of_two_estimates_gets_the_larger_share() {
         let noisy = Halves { mean: [planes(0.4), planes(0.6)], variance: [planes(0.01), planes(0.01)] };
-        let brightness = Brightness::of(&planes(0.5));
+        let brightness = Brightness::of(&planes(0.5), []);
         let mixed = |a, b| mix(&noisy, &brightness, estimates(a), &estimates(b), 5.0)[0].value.at(0, 16, 16);
         // The truth is 0.5, and no weight on the own value says that the estimates have no noise.
         assert!((mixed(0.5, 0.9) - 0.5).abs() < 1e-3);
@@ -127,7 +136,7 @@ mod tests {
     #[test]
     fn what_the_first_estimate_knows_to_be_black_stays_black() {
         let noisy = Halves { mean: [planes(0.4), planes(0.6)], variance: [planes(0.01), planes(0.01)] };
-        let mixed = mix(&noisy, &Brightness::of(&planes(0.5)), estimates(0.0), &estimates(0.5), 5.0);
+        let mixed = mix(&noisy, &Brightness::of(&planes(0.5), []), estimates(0.0), &estimates(0.5), 5.0);
         assert!(mixed.iter().all(|half| half.value.data().iter().all(|&v| v == 0.0)));
     }
 
@@ -136,7 +145,7 @@ mod tests {
         let noisy = Halves { mean: [planes(0.4), planes(0.6)], variance: [planes(0.02), planes(0.03)] };
         let mut image = planes(0.5);
         image.plane_mut(2).fill(0.2);
-        let brightness = Brightness::of(&image);
+        let brightness = Brightness::of(&image, []);
         let estimates = |values: [f32; 2], own: f32| {
             values.map(|value| Estimate { value: planes(value), own_weight: vec![own; 1024] })
         };

@@ -143,7 +143,8 @@ pub fn filter(store: &Store, settings: &StandardSettings) -> Filtered {
         if let Some([a, b]) = &emission {
             add(&mut image, &counts.mean([&a.value, &b.value]));
         }
-        let brightness = Brightness::of(&image);
+        let parts = colour.iter().chain(emission.iter().flatten()).map(|half| &half.value);
+        let brightness = Brightness::of(&image, parts);
         let features = [normal.as_ref(), albedo.as_ref()];
         let fitted = fit(&noisy, features, settings.fit_k, settings);
         colour = stack::mix(&noisy, &brightness, colour, &fitted, settings.mix_sigma);

@@ -236,7 +236,17 @@ fn killed(kills: u32) -> Vec<Case> {
 fn too_large() -> Case {
     let folder = folder();
     std::fs::write(folder.path().join("scene.pbrt"), NOISY).expect("it can be written to");
-    let arguments = ["render", "scene.pbrt", "--resolution", "32768x32768", "--quiet", "-o", "out.exr"];
+    let arguments = [
+        "render",
+        "scene.pbrt",
+        "--resolution",
+        "65535x2048",
+        "--reservoir",
+        "64",
+        "--quiet",
+        "-o",
+        "out.exr",
+    ];
     let said = run(folder.path(), &arguments).filter(|output| output.status.code() == Some(2));
     let said = said.map(|output| String::from_utf8_lossy(&output.stderr).into_owned()).unwrap_or_default();
     let right = said.lines().count() == 1 && said.contains("pixels would fit");

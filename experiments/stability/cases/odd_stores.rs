@@ -68,8 +68,9 @@ fn any_numbers(stores: u64) -> Vec<Case> {
     for (quality, name) in QUALITIES {
         filters.push((name, Box::new(move |store| filtered(store, quality))));
     }
-    let stores =
-        |wild: Wild, most: f32| (0..stores).map(|seed| odd_store(seed, wild, most)).collect::<Vec<_>>();
+    // The last were no numbers once: light below none left nothing that an error could be relative to.
+    let seeds = || (0..stores).chain([150, 176, 1195, 1376, 1544]);
+    let stores = |wild: Wild, most: f32| seeds().map(|seed| odd_store(seed, wild, most)).collect::<Vec<_>>();
     let kinds = [
         ("any colours that are accepted", stores(Wild::Colours, LARGEST_VALUE)),
         ("any features that are accepted", stores(Wild::Features, LARGEST_VALUE)),
