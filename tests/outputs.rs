@@ -59,6 +59,33 @@ fn outputs_replace_neither_each_other_nor_what_is_read() {
         assert!(!folder.join("a.png").exists());
     }
     assert_eq!(content(), before);
+    for name in ["new.png/", "texture.png/"] {
+        let said = refused(folder, &render(&["-o", name]));
+        assert!(said.contains("found a folder"), "{said}");
+        refused(folder, &render(&["-o", "a.png", "--state", name]));
+    }
+}
+
+/// Links to what is still to come.
+#[cfg(unix)]
+#[test]
+fn outputs_by_way_of_links_do_not_replace_each_other_either() {
+    let folder = folder();
+    let folder = folder.path();
+    for (link, target) in [("state", "a.exr"), ("b.exr", "a.exr"), ("report", "b.exr")] {
+        std::os::unix::fs::symlink(target, folder.join(link)).expect("a link");
+    }
+    for outputs in [
+        ["-o", "a.exr", "--state", "state"],
+        ["-o", "b.exr", "-o", "a.exr"],
+        ["-o", "a.exr", "--report", "report"],
+    ] {
+        let said = refused(folder, &render(&outputs));
+        assert!(said.contains("the same file"), "{said}");
+        assert!(!folder.join("a.exr").exists());
+    }
+    done(folder, &render(&["-o", "b.exr"]));
+    assert!(folder.join("a.exr").exists());
 }
 
 #[test]
@@ -117,7 +144,20 @@ fn what_cannot_be_written_takes_nothing_else_with_it() {
     let folder = folder();
     let folder = folder.path();
     std::fs::create_dir(folder.join("gone")).expect("a folder");
-    let outputs = ["-o", "gone/a.exr", "-o", "b.png", "--report", "r.json", "--spp", "0", "--time", "1500ms"];
+    let outputs = [
+        "-o",
+        "gone/a.exr",
+        "-o",
+        "gone/c.png",
+        "-o",
+        "b.png",
+        "--report",
+        "r.json",
+        "--spp",
+        "0",
+        "--time",
+        "1500ms",
+    ];
     let render = [&["render", "scene.pbrt", "--quiet"], &outputs[..]].concat();
     let child = command(folder, &render).spawn().expect("it starts");
     std::thread::sleep(std::time::Duration::from_millis(600));
@@ -125,7 +165,9 @@ fn what_cannot_be_written_takes_nothing_else_with_it() {
     let output = child.wait_with_output().expect("it ends");
     let said = String::from_utf8_lossy(&output.stderr);
     assert!(
-        output.status.code() == Some(1) && said.contains("gone/a.exr") && said.lines().count() == 1,
+        output.status.code() == Some(1)
+            && ["gone/a.exr", "gone/c.png"].iter().all(|name| said.contains(name))
+            && said.lines().count() == 1,
         "{said}"
     );
     assert!(folder.join("b.png").exists() && folder.join("r.json").exists());

@@ -54,7 +54,7 @@ pub(super) fn run(options: &DenoiseOptions, start: Instant) -> Result<u8, Failur
 
 fn denoise(options: &DenoiseOptions, start: Instant) -> Result<u8, Failure> {
     let outfiles = match options.outfile.as_slice() {
-        [] => vec![options.state.with_extension("exr")],
+        [] => vec![beside(&options.state)],
         files => files.to_vec(),
     };
     for path in &outfiles {
@@ -93,7 +93,7 @@ fn denoise(options: &DenoiseOptions, start: Instant) -> Result<u8, Failure> {
         reference: None,
         start,
     };
-    written.write_all(&outfiles).map_err(|error| Failure::Run(error.into()))?;
+    written.write_all(&outfiles).map_err(Failure::Run)?;
     if !options.quiet {
         let files: String = outfiles.iter().map(|path| format!("{}\n", path.display())).collect();
         let spp = store.samples() as f64 / store.pixels().max(1) as f64;
@@ -101,6 +101,15 @@ fn denoise(options: &DenoiseOptions, start: Instant) -> Result<u8, Failure> {
         super::say(&format!("{seconds:.2} s, {spp:.1} samples per pixel\n{files}")).map_err(Failure::Run)?;
     }
     Ok(0)
+}
+
+/// The state's name, `.state` left out, and `.exr`.
+fn beside(state: &Path) -> PathBuf {
+    let is_plain = state.extension().is_none_or(|extension| extension == "state");
+    let mut name =
+        if is_plain { state.file_stem() } else { state.file_name() }.unwrap_or_default().to_owned();
+    name.push(".exr");
+    state.with_file_name(name)
 }
 
 fn is_exr(path: &Path) -> bool {

@@ -23,7 +23,9 @@ pub(super) fn can_be_written(path: &Path) -> anyhow::Result<()> {
     if !folder.is_dir() {
         anyhow::bail!("{}: found no folder {}; it has to exist", path.display(), folder.display());
     }
-    if path.is_dir() {
+    if path.is_dir()
+        || path.as_os_str().as_encoded_bytes().ends_with(std::path::MAIN_SEPARATOR_STR.as_bytes())
+    {
         anyhow::bail!("{}: found a folder; accepted is the name of a file", path.display());
     }
     Ok(image::atomic::can_replace(path).map_err(|error| image::Problem::from(error).at(path))?)
@@ -31,9 +33,9 @@ pub(super) fn can_be_written(path: &Path) -> anyhow::Result<()> {
 
 /// The one spelling of a file's name, whether there is such a file yet or not.
 fn place_of(path: &Path) -> std::io::Result<PathBuf> {
-    let absolute = std::path::absolute(path)?;
+    let absolute = std::path::absolute(atomic::behind_links(path)?)?;
     let of_new = || Some(absolute.parent()?.canonicalize().ok()?.join(absolute.file_name()?));
-    Ok(path.canonicalize().ok().or_else(of_new).unwrap_or(absolute))
+    Ok(absolute.canonicalize().ok().or_else(of_new).unwrap_or(absolute))
 }
 
 /// Refuses outputs that would replace each other or what is read.
@@ -100,10 +102,13 @@ impl Written<'_> {
     /// Writes all image files: a full disk under one of them is none under the others.
     ///
     /// # Errors
-    /// The first of theirs.
-    pub fn write_all(&self, paths: &[PathBuf]) -> Result<(), image::ImageError> {
-        let all: Vec<_> = paths.par_iter().map(|path| self.write(path)).collect();
-        all.into_iter().collect()
+    /// All of theirs, in one line.
+    pub fn write_all(&self, paths: &[PathBuf]) -> anyhow::Result<()> {
+        let failed: Vec<String> = paths
+            .par_iter()
+            .filter_map(|path| self.write(path).err().map(|error| error.to_string()))
+            .collect();
+        if failed.is_empty() { Ok(()) } else { Err(anyhow::anyhow!(failed.join("; "))) }
     }
 
     fn attributes(&self) -> Vec<(String, Attribute)> {

@@ -59,8 +59,8 @@ fn run_in_pool(
     options.apply(&mut scene).map_err(Failure::Input)?;
     let outfiles = outfiles(options, &mut scene);
     let mut outputs: Vec<&Path> = outfiles.iter().chain(&options.report).map(PathBuf::as_path).collect();
-    outputs.iter().try_for_each(|path| can_be_written(path)).map_err(Failure::Input)?;
     outputs.extend(options.state.state.as_deref());
+    outputs.iter().try_for_each(|path| can_be_written(path)).map_err(Failure::Input)?;
     let read = scene.files.iter().chain(&options.reference);
     are_distinct(read.map(PathBuf::as_path), &outputs).map_err(Failure::Input)?;
     if options.state.replaces_one().map_err(Failure::Input)? && !options.quiet {
@@ -190,13 +190,14 @@ fn run_in_pool(
         write,
         total,
     };
-    if let Some(path) = &options.report {
+    let report = options.report.as_ref().map_or(Ok(()), |path| {
         let report = Report::of(&frame, &outcome, seconds);
-        write_report(path, &report)
-            .with_context(|| format!("writing {}", path.display()))
-            .map_err(Failure::Run)?;
+        write_report(path, &report).with_context(|| format!("writing {}", path.display()))
+    });
+    match (images, report) {
+        (Err(images), Err(report)) => return Err(Failure::Run(anyhow::anyhow!("{images}; {report:#}"))),
+        (images, report) => images.and(report).map_err(Failure::Run)?,
     }
-    images.map_err(|error| Failure::Run(error.into()))?;
     if !options.quiet {
         super::say(&summary::of(&outcome, seconds, &outfiles, options.verbose)).map_err(Failure::Run)?;
     }

@@ -146,16 +146,23 @@ fn rename(temporary: NamedTempFile, target: &Path) -> io::Result<()> {
     Ok(())
 }
 
-/// The file that a link stands for; `path` itself where there is nothing yet.
-fn resolve(path: &Path) -> io::Result<PathBuf> {
-    let target = match fs::canonicalize(path) {
+/// The file that a link stands for, which may be still to come; `path` itself where there is nothing yet.
+///
+/// # Errors
+/// Links that lead nowhere.
+pub fn behind_links(path: &Path) -> io::Result<PathBuf> {
+    match fs::canonicalize(path) {
         Err(error) if error.kind() == io::ErrorKind::NotFound => match fs::read_link(path) {
-            // What it stands for is still to come.
-            Ok(link) => return resolve(&folder_of(path).join(link)),
-            Err(_) => path.to_path_buf(),
+            Ok(link) => behind_links(&folder_of(path).join(link)),
+            Err(_) => Ok(path.to_path_buf()),
         },
-        resolved => resolved?,
-    };
+        resolved => resolved,
+    }
+}
+
+/// What will be replaced.
+fn resolve(path: &Path) -> io::Result<PathBuf> {
+    let target = behind_links(path)?;
     if fs::metadata(&target).is_ok_and(|old| !old.is_file()) {
         return Err(io::Error::new(io::ErrorKind::InvalidInput, "exists and is not a regular file"));
     }

@@ -28,6 +28,7 @@ use crate::progressive::{
     has_room, reservoir_capacity,
 };
 use crate::render::Renderer;
+use crate::scene::Camera;
 use crate::stats::Store;
 
 /// How long a step of a batch takes: how soon a person is heard.
@@ -201,8 +202,10 @@ impl<'a> Director<'a> {
                 }
                 rig.apply(&step, seen.map(|p| p.as_dvec3()));
             }
-            // Nothing is lost by a movement to where it is.
-            anew |= *rig.camera() != before;
+            // Nothing is lost by a movement to where it is, nor by a focus that no lens has.
+            let pinhole = rig.camera().lens_radius == 0.0 && before.lens_radius == 0.0;
+            let focal_distance = if pinhole { before.focal_distance } else { rig.camera().focal_distance };
+            anew |= Camera { focal_distance, ..rig.camera().clone() } != before;
         }
         anew
     }
