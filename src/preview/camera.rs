@@ -133,6 +133,13 @@ impl Rig {
         }
     }
 
+    /// Whether it sees what that camera sees: a focus that no lens has changes nothing.
+    pub fn sees_as(&self, other: &Camera) -> bool {
+        let is_pinhole = self.camera.lens_radius == 0.0 && other.lens_radius == 0.0;
+        let focal_distance = if is_pinhole { other.focal_distance } else { self.camera.focal_distance };
+        Camera { focal_distance, ..self.camera.clone() } == *other
+    }
+
     fn focus(&mut self, depth: f64) {
         self.camera.focal_distance = depth.max(NEAREST_FOCUS * self.first_distance) as f32;
     }
@@ -298,6 +305,19 @@ mod tests {
             rig.apply(&Move { dolly: Some(4.0), ..Move::default() }, None);
         }
         assert!(rig.distance() > 0.009);
+    }
+
+    #[test]
+    fn a_focus_that_no_lens_has_changes_nothing_that_is_seen() {
+        let mut rig = rig(1.0);
+        let scenes_own = rig.camera.clone();
+        rig.apply(&Move { focus: Some(3.0), ..Move::default() }, None);
+        assert!(rig.sees_as(&scenes_own) && rig.camera.focal_distance == 3.0);
+        rig.apply(&Move { aperture: Some(0.1), ..Move::default() }, None);
+        let with_lens = rig.camera.clone();
+        assert!(!rig.sees_as(&scenes_own) && rig.sees_as(&with_lens));
+        rig.apply(&Move { focus: Some(4.0), ..Move::default() }, None);
+        assert!(!rig.sees_as(&with_lens));
     }
 
     #[test]

@@ -28,7 +28,6 @@ use crate::progressive::{
     has_room, reservoir_capacity,
 };
 use crate::render::Renderer;
-use crate::scene::Camera;
 use crate::stats::Store;
 
 /// How long a step of a batch takes: how soon a person is heard.
@@ -202,10 +201,8 @@ impl<'a> Director<'a> {
                 }
                 rig.apply(&step, seen.map(|p| p.as_dvec3()));
             }
-            // Nothing is lost by a movement to where it is, nor by a focus that no lens has.
-            let pinhole = rig.camera().lens_radius == 0.0 && before.lens_radius == 0.0;
-            let focal_distance = if pinhole { before.focal_distance } else { rig.camera().focal_distance };
-            anew |= Camera { focal_distance, ..rig.camera().clone() } != before;
+            // Nothing is lost by a movement to where it is.
+            anew |= !rig.sees_as(&before);
         }
         anew
     }

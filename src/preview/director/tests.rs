@@ -109,27 +109,6 @@ fn once_the_camera_is_moved_no_memory_is_kept_of_what_it_sees() {
 }
 
 #[test]
-fn a_focus_that_no_lens_has_loses_no_sample() {
-    let (asked, kept) = (Cell::new(false), Cell::new(0));
-    directed(Moments {
-        stepped: &|_, hub, _| {
-            if !asked.replace(true) {
-                for step in [
-                    Move { focus: Some(3.0), ..Move::default() },
-                    Move { aperture: Some(0.0), ..Move::default() },
-                ] {
-                    assert!(hub.command(Command::Camera(step)));
-                }
-            }
-        },
-        kept: &|_, memory, _| kept.set(memory.store.samples()),
-        saved: &|_| unreachable!("nobody asked for it"),
-    });
-    // Of a render begun anew none would be kept.
-    assert_eq!(kept.get(), u64::from(SPP) * SIDE * SIDE);
-}
-
-#[test]
 fn samples_that_were_kept_are_not_replaced_by_those_of_another_start() {
     begins_anew_and_keeps_no_more(|| Command::Restart);
     // It needs sample vectors, which so far none were kept of.
