@@ -306,8 +306,14 @@ fn a_state_that_does_not_fit_gets_one_line_and_stays() {
             folder,
             &["render", "scene.pbrt", "--quiet", "-o", "b.exr", "--spp", "4", "--state", path],
         );
-        assert!(said.contains("cannot be written"), "{said}");
+        assert!(said.contains(path), "{said}");
     }
+    let own = prpf::image::atomic::OwnFile::new(&folder.join("a.state")).expect("nobody else keeps it");
+    for more in [&[] as &[&str], &["--resume"]] {
+        let render = ["render", "scene.pbrt", "--quiet", "-o", "b.exr", "--spp", "4", "--state", "a.state"];
+        assert!(refused(folder, &[&render[..], more].concat()).contains("another program"));
+    }
+    drop(own);
     refused(folder, &["denoise", "a.state", "--quality", "paper", "-o", "b.exr"]);
     refused(folder, &["denoise", "a.state", "--layers", "Depth", "-o", "b.exr"]);
     refused(folder, &["export", "missing", "-o", "b.npz"]);

@@ -36,33 +36,67 @@ pub fn can_replace(path: &Path) -> io::Result<()> {
     temporary_file(folder_of(&resolve(path)?)).map(drop)
 }
 
-/// [`replace_file`] for a file that one program replaces again and again, and that nobody reads soon: on Linux it does
-/// not go through the system's cache of files, whose fresh pages can cost more than the disk. The temporary file is
-/// named after the target, so that what a killed program left is taken up by the next and does not pile up.
+/// A file that one program replaces again and again, and that nobody reads soon: on Linux it does not go through the
+/// system's cache of files, whose fresh pages can cost more than the disk. The temporary file is named after the
+/// target, so that what a killed program left is taken up by the next and does not pile up.
 ///
-/// # Errors
-/// As for [`replace_file`], and if another program is replacing the file just now.
-pub fn replace_own_file(path: &Path, content: &[u8]) -> io::Result<()> {
-    let target = resolve(path)?;
-    let temporary = own_temporary_file(&target)?;
-    write_uncached(temporary.as_file(), content)?;
-    rename(temporary, &target)
+/// As long as this lives, no other program may replace the file by this way, nor this one what another has put there:
+/// whoever comes second would replace hours of work by less.
+pub struct OwnFile {
+    target: PathBuf,
+    /// What stands there, locked; `None` while there is nothing.
+    held: Option<File>,
 }
 
-/// Whether [`replace_own_file`] could write so many bytes now. Leaves nothing behind.
-///
-/// # Errors
-/// As for [`replace_own_file`]; a full disk where the file system can tell beforehand.
-pub fn can_be_replaced(path: &Path, bytes: usize) -> io::Result<()> {
-    let temporary = own_temporary_file(&resolve(path)?)?;
-    reserve(temporary.as_file(), bytes as u64)
+impl OwnFile {
+    /// Takes a file for this program's own.
+    ///
+    /// # Errors
+    /// As for [`replace_file`]; a file that is another program's.
+    pub fn new(path: &Path) -> io::Result<Self> {
+        let target = resolve(path)?;
+        let held = match File::open(&target) {
+            Ok(file) => lock_at(&file, &target).map(|()| Some(file))?,
+            Err(error) if error.kind() == io::ErrorKind::NotFound => None,
+            Err(error) => return Err(error),
+        };
+        Ok(Self { target, held })
+    }
+
+    /// Replaces its content, whole or not at all.
+    ///
+    /// # Errors
+    /// As for [`replace_file`], and if another program has put something there.
+    pub fn replace(&mut self, content: &[u8]) -> io::Result<()> {
+        let is_own = self.held.as_ref().is_some_and(|held| is_at(held, &self.target));
+        if !is_own && self.target.exists() {
+            return Err(others());
+        }
+        let temporary = own_temporary_file(&self.target)?;
+        write_uncached(temporary.as_file(), content)?;
+        self.held = Some(rename(temporary, &self.target)?);
+        Ok(())
+    }
+
+    /// Whether so many bytes could be written now. Leaves nothing behind.
+    ///
+    /// # Errors
+    /// As for [`Self::replace`]; a full disk where the file system can tell beforehand.
+    pub fn has_room(&self, bytes: usize) -> io::Result<()> {
+        let temporary = own_temporary_file(&self.target)?;
+        reserve(temporary.as_file(), bytes as u64)
+    }
 }
 
-/// All that [`replace_own_file`] does but replacing, to see how long it takes. The file itself may be being replaced
+fn others() -> io::Error {
+    io::Error::new(io::ErrorKind::ResourceBusy, "another program is writing this file")
+}
+
+/// All that [`OwnFile::replace`] does but replacing, to see how long it takes. The file itself may be being replaced
 /// meanwhile.
 ///
 /// # Errors
-/// As for [`replace_own_file`].
+/// As for [`replace_file`].
 pub fn rehearse_own_file(path: &Path, content: &[u8]) -> io::Result<()> {
     let target = resolve(path)?;
     let mut name = target.file_name().unwrap_or_default().to_owned();
@@ -132,18 +166,19 @@ fn fill_and_rename<E: From<io::Error>>(
     write(&mut writer)?;
     writer.flush()?;
     drop(writer);
-    Ok(rename(temporary, target)?)
+    rename(temporary, target)?;
+    Ok(())
 }
 
 /// Makes a temporary file durable and puts it in the target's place.
-fn rename(temporary: NamedTempFile, target: &Path) -> io::Result<()> {
+fn rename(temporary: NamedTempFile, target: &Path) -> io::Result<File> {
     if let Ok(old) = fs::metadata(target) {
         temporary.as_file().set_permissions(old.permissions())?;
     }
     temporary.as_file().sync_all()?;
-    temporary.persist(target).map_err(|error| error.error)?;
+    let file = temporary.persist(target).map_err(|error| error.error)?;
     sync_folder(folder_of(target));
-    Ok(())
+    Ok(file)
 }
 
 /// The file that a link stands for, which may be still to come; `path` itself where there is nothing yet.
@@ -209,8 +244,7 @@ fn own_temporary_file(target: &Path) -> io::Result<NamedTempFile> {
 fn lock_at(file: &File, path: &Path) -> io::Result<()> {
     let is_others = matches!(file.try_lock(), Err(fs::TryLockError::WouldBlock));
     if is_others || !is_at(file, path) {
-        let message = "another program is writing this file";
-        return Err(io::Error::new(io::ErrorKind::ResourceBusy, message));
+        return Err(others());
     }
     Ok(())
 }
@@ -303,7 +337,7 @@ mod tests {
         for length in [0, 1, 4095, 4096, 8192, 12_345, 5_000_000, 8 << 20] {
             let content: Vec<u8> =
                 (0..length).map(|i: u32| (i.wrapping_mul(2_654_435_761) >> 24) as u8).collect();
-            replace_own_file(&path, &content).unwrap();
+            OwnFile::new(&path).unwrap().replace(&content).unwrap();
             assert!(fs::read(&path).unwrap() == content, "{length}");
             rehearse_own_file(&path, &content[..length as usize / 2]).unwrap();
             assert!(fs::read(&path).unwrap() == content, "{length}");
@@ -390,14 +424,31 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a");
         let others = own_temporary_file(&path).unwrap();
-        assert_eq!(replace_own_file(&path, b"x").unwrap_err().kind(), io::ErrorKind::ResourceBusy);
+        let busy = |result: io::Result<()>| result.unwrap_err().kind() == io::ErrorKind::ResourceBusy;
+        let mut own = OwnFile::new(&path).unwrap();
+        assert!(busy(own.replace(b"x")) && busy(own.has_room(1)));
         // To see how long it would take does not disturb it.
         rehearse_own_file(&path, b"x").unwrap();
         // What one program has locked is not what stands there any more.
         fs::remove_file(others.path()).unwrap();
         fs::write(others.path(), b"").unwrap();
         assert!(!is_at(others.as_file(), others.path()));
-        replace_own_file(&path, b"y").unwrap();
+        own.replace(b"y").unwrap();
         assert_eq!(fs::read(&path).unwrap(), b"y");
+        // What one keeps, another may not take, be it old or its latest.
+        assert!(busy(OwnFile::new(&path).map(drop)));
+        own.replace(b"z").unwrap();
+        assert!(busy(OwnFile::new(&path).map(drop)));
+        fs::remove_file(&path).unwrap();
+        own.replace(b"again").unwrap();
+        drop(own);
+        let mut next = OwnFile::new(&path).unwrap();
+        // And what stands there by other ways is not replaced.
+        replace(&path, b"longer").unwrap();
+        assert!(busy(next.replace(b"w")));
+        assert_eq!(fs::read(&path).unwrap(), b"longer");
+        let mut early = OwnFile::new(&folder.path().join("b")).unwrap();
+        replace(&folder.path().join("b"), b"others").unwrap();
+        assert!(busy(early.replace(b"w")));
     }
 }

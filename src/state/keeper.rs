@@ -2,18 +2,13 @@
 //! a thread of its own writes it, which takes as long as the disk takes.
 
 use std::io;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Mutex;
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread::JoinHandle;
 
 use super::{State, bytes};
-use crate::image::atomic;
-
-/// Writes a file's bytes, whole or not at all.
-pub(super) fn write(path: &Path, file: &[u8]) -> io::Result<()> {
-    atomic::replace_own_file(path, file)
-}
+use crate::image::atomic::OwnFile;
 
 /// See the module.
 pub struct Keeper {
@@ -36,15 +31,16 @@ impl Keeper {
     /// Will keep states in this file.
     ///
     /// # Errors
-    /// A file that cannot be written, or a disk without room for so many bytes: known before any work.
+    /// A file that cannot be written or that another program keeps, or a disk without room for so many bytes: known
+    /// before any work.
     pub fn new(path: &Path, size: usize) -> io::Result<Self> {
-        atomic::can_be_replaced(path, size)?;
+        let mut own = OwnFile::new(path)?;
+        own.has_room(size)?;
         let (to_write, jobs) = channel::<Vec<u8>>();
         let (done, written) = channel();
-        let path: PathBuf = path.to_path_buf();
         let thread = std::thread::Builder::new().name("state".into()).spawn(move || {
             for file in jobs {
-                let result = write(&path, &file);
+                let result = own.replace(&file);
                 if done.send((file, result)).is_err() {
                     return;
                 }

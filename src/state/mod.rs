@@ -24,6 +24,7 @@ pub use keeper::Keeper;
 pub use merge::{Merge, MergeError};
 pub use stream::Stream;
 
+use crate::image::atomic;
 use crate::progressive::{Memory, Settings};
 
 /// A render that can go on.
@@ -76,17 +77,18 @@ impl State {
     pub fn rehearse(&self, path: &Path) -> std::io::Result<()> {
         let mut file = Vec::new();
         bytes(self, &mut file);
-        crate::image::atomic::rehearse_own_file(path, &file)
+        atomic::rehearse_own_file(path, &file)
     }
 
     /// Replaces a file, whole or not at all.
     ///
     /// # Errors
-    /// Those of the file system: no such folder, unwritable folder, disk full.
+    /// Those of the file system: no such folder, unwritable folder, disk full; a file that another program keeps.
     pub fn write(&self, path: &Path) -> Result<(), StateError> {
         let mut file = Vec::new();
         bytes(self, &mut file);
-        keeper::write(path, &file)
+        atomic::OwnFile::new(path)
+            .and_then(|mut own| own.replace(&file))
             .map_err(|error| StateError { path: path.to_path_buf(), problem: error.into() })
     }
 }
