@@ -184,6 +184,16 @@ fn layers_are_asked_for_where_there_are_some() {
     done(folder, &denoise(&["-o", "a.png", "-o", "a.exr", "--denoiser", "none"]));
     let channels = prpf::image::exr_file::read_info(&folder.join("a.exr")).expect("an image").channels;
     assert_eq!(channels, ["Albedo.B", "Albedo.G", "Albedo.R", "B", "G", "Ns.X", "Ns.Y", "Ns.Z", "R"]);
+    // All that are ever written can be asked for.
+    done(folder, &["denoise", "a.state", "-o", "all.exr"]);
+    let channels = prpf::image::exr_file::read_info(&folder.join("all.exr")).expect("an image").channels;
+    let layers: std::collections::BTreeSet<&str> =
+        channels.iter().filter_map(|channel| Some(channel.split_once('.')?.0)).collect();
+    assert!(layers.len() >= 8, "{layers:?}");
+    let names = layers.into_iter().collect::<Vec<_>>().join(",");
+    done(folder, &["denoise", "a.state", "-o", "same.exr", "--layers", &names]);
+    let error = refused(folder, &["denoise", "a.state", "-o", "b.exr", "--layers", "Noisy,Depth"]);
+    assert!(error.contains("`Depth`") && error.contains("SampleCount"), "{error}");
 }
 
 /// Before the first sample there is nothing to lose.

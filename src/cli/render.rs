@@ -93,6 +93,8 @@ fn run_in_pool(
     let keeps = options.state.state.is_some();
     has_room(renderer.layout(), &settings, renderer.resolution(), keeps)
         .map_err(|error| Failure::Input(error.into()))?;
+    // From here on no other program replaces what is read.
+    let kept = options.state.keeper(&frame, stream, &renderer, &settings).map_err(Failure::Input)?;
     let resumed = options.state.resumed(&frame, stream, &renderer, &settings).map_err(Failure::Input)?;
     if let (Some(memory), Some(spp), false) = (&resumed, settings.budget.spp, options.quiet) {
         let there = memory.store.drawn() as f64 / memory.store.pixels().max(1) as f64;
@@ -103,7 +105,6 @@ fn run_in_pool(
             ));
         }
     }
-    let kept = options.state.keeper(&frame, stream, &renderer, &settings).map_err(Failure::Input)?;
     let interrupt = signals.begin();
     let bar = bar(options);
     let rehearse = |filtered: &Filtered, store: &Store| {

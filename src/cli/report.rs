@@ -2,8 +2,7 @@
 
 use serde::Serialize;
 
-use crate::preview::memory_bytes;
-use crate::progressive::{Batch, Forecast, Hurried, Outcome, Settings, StoppedBy};
+use crate::progressive::{Batch, Forecast, Hurried, Outcome, Settings, StoppedBy, memory_bytes};
 use crate::state::Frame;
 use crate::stats::{Layout, Part, Store};
 

@@ -34,6 +34,5 @@ pub use hub::Hub;
 pub use protocol::{Change, Message, Move};
 pub use server::{ServeError, Server};
 pub use stage::{Picture, Save, Stage};
-pub use status::memory_bytes;
 pub use tev::Display;
 pub use view::View;

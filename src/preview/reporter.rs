@@ -7,9 +7,11 @@ use std::time::{Duration, Instant};
 
 use super::hub::Hub;
 use super::publish::Publisher;
-use super::status::{Lens, Notice, Phase, Statistics, Status, memory_bytes};
+use super::status::{Lens, Notice, Phase, Statistics, Status};
 use super::view::View;
-use crate::progressive::{Estimated, Forecast, Point, Progress, Settings, Shown, StoppedBy, forecast};
+use crate::progressive::{
+    Estimated, Forecast, Point, Progress, Settings, Shown, StoppedBy, forecast, memory_bytes,
+};
 use crate::stats::{Layout, Part, Store};
 
 /// Time between two reports, at least.

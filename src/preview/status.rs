@@ -84,11 +84,3 @@ impl Notice {
         *self = Self { number: self.number + 1, text, is_problem };
     }
 }
-
-/// Memory that the program holds now (`VmRSS`) or held at most (`VmHWM`), where the system tells.
-pub fn memory_bytes(kind: &str) -> Option<u64> {
-    let status = std::fs::read_to_string("/proc/self/status").ok()?;
-    let line = status.lines().find_map(|line| line.strip_prefix(kind)?.strip_prefix(':'))?;
-    let kibibytes: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
-    Some(kibibytes * 1024)
-}

@@ -36,7 +36,7 @@ pub use memory::{Keep, Memory, Rerun, Snapshot, UnderWay};
 pub use observer::{FilterJob, Flow, Observer, Shown, fitting};
 pub use region::Region;
 use rehearsal::Rehearsal;
-pub use room::{NoRoom, has_room};
+pub use room::{NoRoom, has_room, memory_bytes};
 pub use schedule::Budget;
 use schedule::{Plan, Schedule};
 pub use settings::{Denoiser, MIN_SPP, NO_CEILING, PixelMemory, RESERVOIR, Settings, reservoir_capacity};

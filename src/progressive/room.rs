@@ -1,4 +1,4 @@
-//! Whether a render fits in memory, said before any is taken.
+//! Whether a render fits in memory, said before any is taken, and what it has taken.
 
 use sysinfo::System;
 
@@ -76,6 +76,14 @@ fn within(
         available / 1e9,
         (available / (statistics + samples)).floor()
     )))
+}
+
+/// Memory that the program holds now (`VmRSS`) or held at most (`VmHWM`), where the system tells.
+pub fn memory_bytes(kind: &str) -> Option<u64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find_map(|line| line.strip_prefix(kind)?.strip_prefix(':'))?;
+    let kibibytes: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
+    Some(kibibytes * 1024)
 }
 
 /// Memory left to this process, of the machine or, if that is less, of the container that it runs in; `None`

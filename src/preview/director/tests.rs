@@ -109,6 +109,25 @@ fn once_the_camera_is_moved_no_memory_is_kept_of_what_it_sees() {
 }
 
 #[test]
+fn a_filter_chosen_while_another_runs_makes_the_image() {
+    let outcome = directed(Moments {
+        stepped: &|_, _, _| (),
+        // All samples are there, and the last pass comes next: it is under way when this is heard.
+        kept: &|settings, memory, hub| {
+            let all = memory.store.samples() == u64::from(SPP) * SIDE * SIDE;
+            if all && settings.denoiser == Denoiser::Prpf {
+                let change = Change { denoiser: Some(Denoiser::None), ..Change::default() };
+                assert!(hub.command(Command::Set(change)));
+            }
+        },
+        saved: &|_| unreachable!("nobody asked for it"),
+    });
+    assert_eq!(outcome.settings.denoiser, Denoiser::None);
+    let means = outcome.store.means(crate::stats::Part::Whole, outcome.store.layout().radiance());
+    assert!(outcome.filtered.image == means);
+}
+
+#[test]
 fn samples_that_were_kept_are_not_replaced_by_those_of_another_start() {
     begins_anew_and_keeps_no_more(|| Command::Restart);
     // It needs sample vectors, which so far none were kept of.
