@@ -176,7 +176,7 @@ fn a_person_can_look_and_steer() {
 
     // A save.
     page.click("#save");
-    page.wait("window.prpf.state.status.notice.text.startsWith('saved')");
+    page.wait("window.prpf.state.status.notices.some((n) => n.text.startsWith('saved'))");
     for name in ["named-0001.exr", "named-0001.png"] {
         assert!(folder.path().join(name).metadata().unwrap().len() > 100, "{name}");
     }

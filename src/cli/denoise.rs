@@ -90,6 +90,7 @@ fn denoise(options: &DenoiseOptions, start: Instant) -> Result<u8, Failure> {
         batches: &memory.batches,
         frame: &frame,
         settings: &settings,
+        filter: fitting(store, settings.denoiser, settings.quality),
         reference: None,
         start,
     };

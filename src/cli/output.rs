@@ -7,13 +7,13 @@ use rayon::prelude::*;
 
 use super::layers::Layers;
 use super::report::{Report, Spread};
-use crate::filter::Filtered;
+use crate::filter::{Filtered, Quality};
 use crate::image::exr_file::{self, Attribute, Windows, names};
 use crate::image::formats::OutputFormat;
 use crate::image::metrics::Pair;
 use crate::image::tone::to_srgb8;
 use crate::image::{self, Planes, atomic, png_file};
-use crate::progressive::{Batch, Settings};
+use crate::progressive::{Batch, Denoiser, Settings};
 use crate::state::Frame;
 use crate::stats::Store;
 
@@ -79,6 +79,8 @@ pub(super) struct Written<'a> {
     pub batches: &'a [Batch],
     pub frame: &'a Frame,
     pub settings: &'a Settings,
+    /// What has made the image: where the samples or the time did not suffice not what was asked for.
+    pub filter: (Denoiser, Quality),
     pub reference: Option<&'a Planes>,
     /// When the program started.
     pub start: Instant,
@@ -123,6 +125,7 @@ impl Written<'_> {
             (own("commandLine"), Attribute::Text(command_line())),
             (own("scene"), Attribute::Text(self.frame.source.clone())),
             (own("sceneHash"), Attribute::Text(format!("sha256:{}", self.frame.hash))),
+            (own("denoiser"), Attribute::Text(self.filter_name())),
             (own("samplesMin"), Attribute::Int(spread.min.try_into().unwrap_or(i32::MAX))),
             (own("samplesMean"), Attribute::Float(spread.mean as f32)),
             (own("samplesMax"), Attribute::Int(spread.max.try_into().unwrap_or(i32::MAX))),
@@ -132,6 +135,15 @@ impl Written<'_> {
             attributes.push((names::MSE.to_owned(), Attribute::Float(mse as f32)));
         }
         attributes
+    }
+
+    fn filter_name(&self) -> String {
+        let (denoiser, quality) = self.filter;
+        match denoiser {
+            Denoiser::None => "none".to_owned(),
+            Denoiser::Rpf => "rpf".to_owned(),
+            Denoiser::Prpf => format!("prpf {}", quality.name()),
+        }
     }
 }
 

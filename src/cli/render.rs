@@ -20,8 +20,10 @@ use crate::filter::Filtered;
 use crate::geometry::Accel;
 use crate::image::formats::OutputFormat;
 use crate::image::{self, Planes};
-use crate::preview::{Director, Hub, Picture, Stage};
-use crate::progressive::{Estimated, Keep, Loop, Memory, Outcome, Progress, Settings, StoppedBy, has_room};
+use crate::preview::{Director, Hub, Keeping, Picture, Stage};
+use crate::progressive::{
+    Estimated, Loop, Memory, Outcome, Progress, Settings, StoppedBy, fitting, has_room,
+};
 use crate::render::Renderer;
 use crate::scene::{Scene, pbrt};
 use crate::state::Frame;
@@ -117,8 +119,11 @@ fn run_in_pool(
             kept.keep(settings, memory);
         }
     };
-    let keeping = kept.as_ref().map(|kept| (kept.every, &keep as Keep));
-    let mut listen = |progress| show(&bar, progress, interrupt.load(Ordering::Relaxed));
+    let news = || kept.as_ref().and_then(Kept::news);
+    let settle = || kept.as_ref().map_or(Ok(()), Kept::settle);
+    let keeping =
+        kept.as_ref().map(|kept| Keeping { every: kept.every, keep: &keep, news: &news, settle: &settle });
+    let listen = |progress| show(&bar, progress, interrupt.load(Ordering::Relaxed));
     // Looks on until the image is written: what it waits for at its end is no part of a budget.
     let mut display = None;
     let outcome = if serves || options.display_server.is_some() {
@@ -151,13 +156,16 @@ fn run_in_pool(
     } else {
         let circle = Loop::new(&renderer, &settings, start, interrupt, reference.as_ref());
         let mut circle = circle.closing_with(&rehearse);
-        if let Some((seconds, keep)) = keeping {
-            circle = circle.keeping(seconds, keep);
+        if let Some(keeping) = keeping {
+            circle = circle.keeping(keeping.every, keeping.keep);
         }
         if let Some(memory) = resumed {
             circle = circle.resuming(memory);
         }
-        Some(circle.run(&mut listen))
+        Some(circle.run(&mut |progress| {
+            listen(progress);
+            news();
+        }))
     };
     bar.finish_and_clear();
     let Some(outcome) = outcome else {
@@ -175,6 +183,7 @@ fn run_in_pool(
         batches: &outcome.batches,
         frame: &frame,
         settings,
+        filter: outcome.last_filter,
         reference: reference.as_ref(),
         start,
     };
@@ -303,6 +312,7 @@ fn save(picture: &Picture, outfile: &Path, frame: &Frame, start: Instant) -> Res
         batches: &[],
         frame,
         settings: picture.settings,
+        filter: fitting(picture.store, picture.settings.denoiser, picture.settings.quality),
         reference: None,
         start,
     };

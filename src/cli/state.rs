@@ -177,12 +177,24 @@ impl Kept {
     /// The render goes on even if the disk is full: there is still an image to come, and room may be made.
     pub fn keep(&self, settings: &Settings, memory: Memory) {
         let (frame, settings, streams) = (self.frame.clone(), settings.clone(), vec![self.stream]);
-        let state = State { frame, settings, streams, memory };
-        if let Err(error) = self.keeper.keep(&state)
-            && !self.failed.swap(true, Ordering::Relaxed)
-        {
-            super::complain(&format!("warning: {}: {error}; the render goes on", unwritable(&self.path)));
-        }
+        self.keeper.keep(&State { frame, settings, streams, memory });
+    }
+
+    /// What went wrong since this was last asked, once for as long as it goes on; said on the terminal as well.
+    pub fn news(&self) -> Option<String> {
+        let news = self.keeper.news()?;
+        let is_new = !self.failed.swap(news.is_err(), Ordering::Relaxed);
+        let problem = format!("{}: {}", unwritable(&self.path), news.err().filter(|_| is_new)?);
+        super::complain(&format!("warning: {problem}; the render goes on"));
+        Some(problem)
+    }
+
+    /// Waits until the last one is on the disk.
+    ///
+    /// # Errors
+    /// Why it is not.
+    pub fn settle(&self) -> Result<(), String> {
+        self.keeper.settle().map_err(|error| format!("{}: {error}", unwritable(&self.path)))
     }
 
     /// Does on a part of the image's rows what keeping does, to see how long it takes. What fails here
@@ -205,6 +217,10 @@ impl Kept {
 
     /// Waits until the last one is on the disk.
     pub fn finish(self) -> Result<(), Failure> {
-        self.keeper.finish().with_context(|| unwritable(&self.path)).map_err(Failure::Run)
+        self.keeper
+            .finish()
+            .map_err(anyhow::Error::msg)
+            .with_context(|| unwritable(&self.path))
+            .map_err(Failure::Run)
     }
 }

@@ -78,6 +78,16 @@ pub enum Quality {
     Paper,
 }
 
+impl Quality {
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Draft => "draft",
+            Self::Standard => "standard",
+            Self::Paper => "paper",
+        }
+    }
+}
+
 /// Makes an image of a store. `seed` decides which samples mutual information is estimated from.
 pub fn filter(store: &Store, quality: Quality, seed: u64) -> Filtered {
     match quality {

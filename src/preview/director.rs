@@ -9,11 +9,11 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
-use crossbeam::channel::RecvTimeoutError;
+use crossbeam::channel::{RecvTimeoutError, TryRecvError};
 
 use super::camera::Rig;
 use super::hub::Hub;
-use super::pass::{Given, Passes};
+use super::pass::{Given, Pass, Passes};
 use super::protocol::{Change, Command};
 use super::publish::COVERED_SPP;
 use super::reporter::{Reporter, Subject};
@@ -24,8 +24,8 @@ use super::view::View;
 use super::wishes::Wishes;
 use crate::filter::Quality;
 use crate::progressive::{
-    Denoiser, Ended, FilterJob, Flow, Loop, Observer, Outcome, Progress, Region, Shown, StoppedBy, fitting,
-    has_room, reservoir_capacity,
+    Denoiser, Ended, FilterJob, Flow, Loop, Observer, Outcome, Progress, Region, Settings, Shown, StoppedBy,
+    fitting, has_room, reservoir_capacity,
 };
 use crate::render::Renderer;
 use crate::stats::Store;
@@ -43,6 +43,15 @@ const EXTRA_FILTER_SHARE: f64 = 0.04;
 /// Such a pass waits until there are so many times the samples of the last one.
 const EXTRA_FILTER_GROWTH: f64 = 1.4;
 
+/// Images that are still being made to be saved while the render has gone on to others, at most: each holds a store.
+const MOST_ASIDE: usize = 2;
+
+/// An image that somebody wants saved, as it was when that was said.
+struct Asked {
+    store: Arc<Store>,
+    settings: Settings,
+}
+
 /// See the module.
 pub struct Director<'a> {
     stage: Stage<'a>,
@@ -54,6 +63,10 @@ pub struct Director<'a> {
     paused: bool,
     region: Option<[[f32; 2]; 2]>,
     extra_filter_seconds: f64,
+    /// To be saved before anything else.
+    asked: Option<Asked>,
+    /// Being made beside the render.
+    aside: Vec<(Asked, Pass)>,
 }
 
 impl<'a> Director<'a> {
@@ -69,12 +82,22 @@ impl<'a> Director<'a> {
             paused: false,
             region: None,
             extra_filter_seconds: 0.0,
+            asked: None,
+            aside: Vec::new(),
         }
     }
 
     /// Renders until a budget is spent, or, if it stays, until it is interrupted: then there is no
     /// outcome. Must not be called where it could block a thread that others need.
     pub fn run(mut self) -> Option<Outcome> {
+        let outcome = self.direct();
+        for (asked, pass) in std::mem::take(&mut self.aside) {
+            self.write(&asked, pass.wait().ok().as_ref());
+        }
+        outcome
+    }
+
+    fn direct(&mut self) -> Option<Outcome> {
         let mut start = self.stage.start;
         loop {
             let scene = self.stage.scene;
@@ -91,8 +114,8 @@ impl<'a> Director<'a> {
             if let Some(closing) = self.stage.closing {
                 circle = circle.closing_with(closing);
             }
-            if let Some((seconds, keep)) = self.stage.keeping {
-                circle = circle.keeping(seconds, keep);
+            if let Some(keeping) = self.stage.keeping {
+                circle = circle.keeping(keeping.every, keeping.keep);
             }
             if let Some(memory) = self.stage.resumed.take() {
                 circle = circle.resuming(memory);
@@ -105,22 +128,20 @@ impl<'a> Director<'a> {
                     self.tell(circle.store(), true);
                     self.stand(&mut circle, true);
                     self.reporter.hasten();
-                } else if let Ended::Finished(filtered, stopped_by) = circle.advance(&mut self) {
+                } else if let Ended::Finished(filtered, stopped_by) = circle.advance(self) {
                     self.finish(stopped_by, circle.store());
                     let interrupted = stopped_by == StoppedBy::Interrupt;
                     if interrupted || !self.stage.stays {
                         // Asked for during the last pass, or when it ended.
                         self.listen(circle.store());
-                        self.save_if_wished(circle.store());
+                        self.save_what_is_asked();
                         if !self.wishes.any() {
                             return Some(circle.into_outcome(*filtered, stopped_by));
                         }
                     }
                     self.stand(&mut circle, false);
                 }
-                if !self.wishes.quit {
-                    self.save_if_wished(circle.store());
-                }
+                self.save_what_is_asked();
                 if self.wishes.quit {
                     circle.keep_now();
                     return None;
@@ -131,12 +152,13 @@ impl<'a> Director<'a> {
                     continue;
                 }
                 if self.begins_anew(&renderer, &circle) {
-                    if self.stage.keeping.is_some() {
+                    if let Some(keeping) = self.stage.keeping.take() {
                         // What begins now must not replace what hours have made.
                         circle.keep_now();
-                        self.stage.keeping = None;
-                        let said = "the state is kept as it was up to here; of what begins now none is";
-                        self.reporter.notice(said.to_owned(), false);
+                        let kept = (keeping.settle)();
+                        let is_problem = kept.is_err();
+                        let how = kept.err().unwrap_or("the state is kept as it was up to here".to_owned());
+                        self.reporter.notice(format!("{how}; of what begins now none is kept"), is_problem);
                     }
                     break;
                 }
@@ -151,6 +173,11 @@ impl<'a> Director<'a> {
 
     fn is_interrupted(&self) -> bool {
         self.stage.interrupt.load(Ordering::Relaxed)
+    }
+
+    /// Whether something is wanted that is done between two batches only.
+    fn has_to_leave(&self) -> bool {
+        self.wishes.any() || self.asked.is_some()
     }
 
     /// Whether a person wants no more samples for now. After a movement an image is still rendered once, or there
@@ -172,12 +199,13 @@ impl<'a> Director<'a> {
             (director.paused || !at_a_pause) && !wishes.breaks_off() && !wishes.goes_on_otherwise()
         };
         while stands(self) && !self.is_interrupted() {
-            self.save_if_wished(&store);
+            self.save_what_is_asked();
             if self.should_filter(&store) {
                 self.filter_for_the_eye(&store);
             }
-            let enough =
-                |director: &Self| !stands(director) || director.wishes.save || director.should_filter(&store);
+            let enough = |director: &Self| {
+                !stands(director) || director.asked.is_some() || director.should_filter(&store)
+            };
             self.wait(&store, enough);
         }
         self.listen(&store);
@@ -250,7 +278,10 @@ impl<'a> Director<'a> {
                 self.region = region;
             }
             Command::Restart => self.wishes.restart = true,
-            Command::Save => self.wishes.save = true,
+            Command::Save => {
+                self.wishes.save = true;
+                self.ask_if_wished(store);
+            }
             Command::Inspect { pixel, reply } => {
                 // A page that does not read its answers misses them.
                 let _ = reply.try_send(values::at(pixel, store, self.reporter.shown()));
@@ -285,6 +316,21 @@ impl<'a> Director<'a> {
         if self.stage.stays && self.is_interrupted() {
             self.wishes.quit = true;
         }
+        self.ask_if_wished(store);
+        self.attend();
+    }
+
+    /// Deals with what goes on beside the render.
+    fn attend(&mut self) {
+        for (asked, pass) in std::mem::take(&mut self.aside) {
+            match pass.made() {
+                Err(TryRecvError::Empty) => self.aside.push((asked, pass)),
+                made => self.write(&asked, made.ok().as_ref()),
+            }
+        }
+        if let Some(problem) = self.stage.keeping.and_then(|keeping| (keeping.news)()) {
+            self.reporter.notice(problem, true);
+        }
     }
 
     /// Waits, at no cost, until `enough` or interrupted; frames are made for whoever is ready.
@@ -294,7 +340,7 @@ impl<'a> Director<'a> {
             self.tell(store, false);
             match self.hub.commands().recv_timeout(IDLE_POLL) {
                 Ok(command) => self.obey(command, store),
-                Err(RecvTimeoutError::Timeout | RecvTimeoutError::Disconnected) => {}
+                Err(RecvTimeoutError::Timeout | RecvTimeoutError::Disconnected) => self.attend(),
             }
         }
     }
@@ -328,11 +374,11 @@ impl<'a> Director<'a> {
 
     /// Filters for the eye: a draft, but for a finished image, which keeps its quality.
     fn filter_for_the_eye(&mut self, store: &Arc<Store>) {
-        let started = Instant::now();
+        let (started, settings) = (Instant::now(), &self.stage.settings);
         let job = match self.reporter.phase() {
-            Phase::Finished => self.job(store, self.stage.settings.quality),
+            Phase::Finished => self.job(store, settings, settings.quality),
             _ => {
-                let mut job = self.job(store, Quality::Draft);
+                let mut job = self.job(store, settings, Quality::Draft);
                 if job.denoiser == Denoiser::Rpf {
                     // It knows no drafts.
                     job.denoiser = Denoiser::Prpf;
@@ -347,61 +393,92 @@ impl<'a> Director<'a> {
 
     /// Runs a filter pass and shows it; `None` if it was given up, or another filter was chosen meanwhile.
     fn pass(&mut self, job: FilterJob) -> Option<Shown> {
-        let (started, store) = (Instant::now(), job.store.clone());
-        let denoiser = self.stage.settings.denoiser;
-        let before = self.reporter.enter(Phase::Filtering);
-        self.tell(&store, true);
+        let (store, denoiser) = (job.store.clone(), self.stage.settings.denoiser);
         let (commands, passes) = (self.hub.commands().clone(), self.passes.clone());
-        let shown = passes.run(job, &commands, |given| {
+        let shown = self.while_filtering(&store, denoiser, |hear| passes.run(job, &commands, hear));
+        shown.filter(|_| self.stage.settings.denoiser == denoiser)
+    }
+
+    /// Hears and tells while `run` waits for this filter's pass over `store`, and shows what that makes unless another
+    /// filter was chosen meanwhile.
+    fn while_filtering(
+        &mut self,
+        store: &Arc<Store>,
+        denoiser: Denoiser,
+        run: impl FnOnce(&mut dyn FnMut(Given) -> bool) -> Option<Shown>,
+    ) -> Option<Shown> {
+        let started = Instant::now();
+        let before = self.reporter.enter(Phase::Filtering);
+        self.tell(store, true);
+        let shown = run(&mut |given| {
             match given {
-                Given::Command(command) => self.obey(command, &store),
-                Given::Nothing => self.listen(&store),
+                Given::Command(command) => self.obey(command, store),
+                Given::Nothing => self.listen(store),
             }
-            self.reporter.publish(&store);
+            self.reporter.publish(store);
             !self.wishes.breaks_off()
         });
-        let shown = shown.filter(|_| self.stage.settings.denoiser == denoiser);
         self.reporter.enter(before);
         self.reporter.hasten();
-        self.reporter.filtered(shown.as_ref(), started.elapsed().as_secs_f64(), &store);
+        let fits = shown.as_ref().filter(|_| self.stage.settings.denoiser == denoiser);
+        self.reporter.filtered(fits, started.elapsed().as_secs_f64(), store);
         shown
     }
 
-    fn save_if_wished(&mut self, store: &Arc<Store>) {
-        if !std::mem::take(&mut self.wishes.save) {
-            return;
+    /// Whoever wants an image saved wants that of now, whatever comes next; after what makes the image another one,
+    /// the first that is of it.
+    fn ask_if_wished(&mut self, store: &Arc<Store>) {
+        let is_there = is_covered(store) || self.reporter.phase() == Phase::Finished || self.wishes.quit;
+        if self.wishes.save && !self.wishes.begins_anew() && is_there {
+            self.wishes.save = false;
+            self.asked = Some(Asked { store: store.clone(), settings: self.stage.settings.clone() });
         }
-        let finished = self.reporter.phase() == Phase::Finished;
-        let shown = match self.reporter.shown().filter(|_| finished).cloned() {
-            Some(shown) => Some(shown),
-            None => self.pass(self.job(store, self.stage.settings.quality)),
-        };
-        match shown {
-            Some(shown) => {
-                let (settings, filtered) = (&self.stage.settings, &shown.filtered);
-                let picture = Picture { store, filtered, settings };
-                match (self.stage.save)(&picture) {
-                    Ok(paths) => {
-                        let names: Vec<_> = paths.iter().map(|path| path.display().to_string()).collect();
-                        self.reporter.notice(format!("saved {}", names.join(" and ")), false);
-                    }
-                    Err(problem) => self.reporter.notice(format!("not saved: {problem}"), true),
-                }
-            }
-            None => self
-                .reporter
-                .notice("not saved: the view or the filter changed before it was done".to_owned(), true),
-        }
-        self.tell(store, true);
     }
 
-    fn job(&self, store: &Arc<Store>, quality: Quality) -> FilterJob {
-        let (denoiser, quality) = fitting(store, self.stage.settings.denoiser, quality);
+    /// Saves it, at once or, where the render has to go on to another image meanwhile, as soon as it is made.
+    fn save_what_is_asked(&mut self) {
+        while let Some(asked) = self.asked.take() {
+            let is_there = self.reporter.phase() == Phase::Finished && asked.settings == self.stage.settings;
+            if let Some(shown) = self.reporter.shown().filter(|_| is_there).cloned() {
+                self.write(&asked, Some(&shown));
+            } else if self.aside.len() == MOST_ASIDE {
+                self.reporter.notice("not saved: earlier images are still being made".to_owned(), true);
+            } else {
+                let pass = self.passes.start(self.job(&asked.store, &asked.settings, asked.settings.quality));
+                let commands = self.hub.commands().clone();
+                let (store, denoiser) = (asked.store.clone(), asked.settings.denoiser);
+                match self.while_filtering(&store, denoiser, |hear| pass.hearing(&commands, hear)) {
+                    Some(shown) => self.write(&asked, Some(&shown)),
+                    None => self.aside.push((asked, pass)),
+                }
+                self.tell(&store, true);
+            }
+        }
+    }
+
+    /// Writes an image that was asked for, if it could be made.
+    fn write(&mut self, asked: &Asked, made: Option<&Shown>) {
+        let Asked { store, settings } = asked;
+        let written = made.ok_or("the filter ended early".to_owned()).and_then(|shown| {
+            let filtered = &shown.filtered;
+            (self.stage.save)(&Picture { store, filtered, settings })
+        });
+        match written {
+            Ok(paths) => {
+                let names: Vec<_> = paths.iter().map(|path| path.display().to_string()).collect();
+                self.reporter.notice(format!("saved {}", names.join(" and ")), false);
+            }
+            Err(problem) => self.reporter.notice(format!("not saved: {problem}"), true),
+        }
+    }
+
+    fn job(&self, store: &Arc<Store>, settings: &Settings, quality: Quality) -> FilterJob {
+        let (denoiser, quality) = fitting(store, settings.denoiser, quality);
         FilterJob {
             store: store.clone(),
             denoiser,
             quality,
-            seed: self.stage.settings.seed,
+            seed: settings.seed,
             interpolation: self.reporter.wants(is_of_grid),
         }
     }
@@ -423,12 +500,12 @@ impl Observer for Director<'_> {
         self.reporter.stepped(progress, store);
         self.tell(store, false);
         self.listen(store);
-        if self.wishes.any() {
+        if self.has_to_leave() {
             return Flow::Leave;
         }
         if self.should_filter(store) {
             self.filter_for_the_eye(store);
-            if self.wishes.any() {
+            if self.has_to_leave() {
                 return Flow::Leave;
             }
         }

@@ -33,6 +33,6 @@ pub use director::Director;
 pub use hub::Hub;
 pub use protocol::{Change, Message, Move};
 pub use server::{ServeError, Server};
-pub use stage::{Picture, Save, Stage};
+pub use stage::{Keeping, Picture, Save, Stage};
 pub use tev::Display;
 pub use view::View;

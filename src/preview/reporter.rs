@@ -18,6 +18,8 @@ use crate::stats::{Layout, Part, Store};
 const STATUS_INTERVAL: Duration = Duration::from_millis(250);
 /// Time over which samples per second are counted, in seconds.
 const RATE_WINDOW: f64 = 2.0;
+/// Notices that are told again, for whoever missed the reports between two that they read.
+const NOTICES: usize = 6;
 
 /// What a report says beside how the render goes.
 pub struct Subject<'a> {
@@ -45,7 +47,8 @@ pub struct Reporter {
     /// The latest estimate of this image's error, and all of them against time.
     estimate: Option<Estimated>,
     curve: Vec<Point>,
-    notice: Notice,
+    /// The latest [`NOTICES`], newest last.
+    notices: VecDeque<Notice>,
     /// When was told last; `None` where there is something to tell at once.
     told: Option<Instant>,
 }
@@ -65,7 +68,7 @@ impl Reporter {
             filter_seconds: 0.0,
             estimate: None,
             curve: Vec::new(),
-            notice: Notice::default(),
+            notices: VecDeque::new(),
             told: None,
         }
     }
@@ -135,7 +138,11 @@ impl Reporter {
 
     /// There is something that a person should know.
     pub fn notice(&mut self, text: String, is_problem: bool) {
-        self.notice.next(text, is_problem);
+        let number = self.notices.back().map_or(0, |last| last.number) + 1;
+        self.notices.push_back(Notice { number, text, is_problem });
+        if self.notices.len() > NOTICES {
+            self.notices.pop_front();
+        }
         self.hasten();
     }
 
@@ -237,7 +244,7 @@ impl Reporter {
             forecast: self.forecast(),
             camera: subject.camera,
             region: subject.region,
-            notice: &self.notice,
+            notices: &self.notices,
         };
         // Numbers that JSON cannot hold do not occur: all are finite or absent.
         self.hub.tell(serde_json::to_string(&status).unwrap_or_default());

@@ -21,6 +21,18 @@ pub struct Picture<'a> {
 /// Writes a picture; says where, or in one line why not.
 pub type Save<'a> = Box<dyn FnMut(&Picture) -> Result<Vec<PathBuf>, String> + 'a>;
 
+/// How memories of a render are kept.
+#[derive(Clone, Copy)]
+pub struct Keeping<'a> {
+    /// Seconds from one to the next.
+    pub every: f64,
+    pub keep: Keep<'a>,
+    /// Tells in one line what went wrong since it was last asked.
+    pub news: &'a dyn Fn() -> Option<String>,
+    /// Waits for what is being kept; the newest may not be.
+    pub settle: &'a dyn Fn() -> Result<(), String>,
+}
+
 /// What a render is directed by from the start.
 pub struct Stage<'a> {
     pub scene: &'a Scene,
@@ -30,9 +42,9 @@ pub struct Stage<'a> {
     pub reference: Option<&'a Planes>,
     /// What is done with the image at the end, for the loop to rehearse.
     pub closing: Option<Closing<'a>>,
-    /// Seconds from one memory that is kept to the next, and what keeps it, until the render begins anew: the
-    /// samples of another view would not be the scene's, and fewer must not replace more.
-    pub keeping: Option<(f64, Keep<'a>)>,
+    /// Until the render begins anew: the samples of another view would not be the scene's, and fewer must not
+    /// replace more.
+    pub keeping: Option<Keeping<'a>>,
     /// What the first view goes on from.
     pub resumed: Option<Memory>,
     /// When the program started.

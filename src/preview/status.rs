@@ -1,5 +1,7 @@
 //! What everyone who looks is told: where the render stands, what it follows, what it costs.
 
+use std::collections::VecDeque;
+
 use serde::Serialize;
 
 use super::view::Scale;
@@ -36,7 +38,8 @@ pub struct Status<'a> {
     pub camera: Lens,
     /// Shares of width and height that get samples first.
     pub region: Option<[[f32; 2]; 2]>,
-    pub notice: &'a Notice,
+    /// The latest ones, newest last.
+    pub notices: &'a VecDeque<Notice>,
 }
 
 /// A view that this render has.
@@ -70,17 +73,11 @@ pub struct Lens {
     pub distance: f64,
 }
 
-/// The latest thing that a person should know, such as where an image was saved.
-#[derive(Clone, Debug, Default, Serialize)]
+/// Something that a person should know, such as where an image was saved.
+#[derive(Clone, Debug, Serialize)]
 pub struct Notice {
-    /// Counts notices.
+    /// Counts notices, from one.
     pub number: u32,
     pub text: String,
     pub is_problem: bool,
-}
-
-impl Notice {
-    pub fn next(&mut self, text: String, is_problem: bool) {
-        *self = Self { number: self.number + 1, text, is_problem };
-    }
 }

@@ -9,13 +9,15 @@ pub struct Wishes {
     pub restart: bool,
     pub settings: bool,
     pub region: bool,
+    /// An image of what is to come, as soon as it is one.
     pub save: bool,
     pub quit: bool,
 }
 
 impl Wishes {
+    /// Whether the loop has to be left.
     pub fn any(&self) -> bool {
-        self.breaks_off() || self.goes_on_otherwise() || self.save
+        self.breaks_off() || self.goes_on_otherwise()
     }
 
     /// Whether the samples so far are of no use any more.

@@ -1,8 +1,8 @@
 //! What the loop tells of itself: while it runs, and when it is done.
 
 use super::estimate::Estimated;
-use super::{ErrorEstimate, Forecast, Point, Settings, forecast};
-use crate::filter::Filtered;
+use super::{Denoiser, ErrorEstimate, Forecast, Point, Settings, forecast};
+use crate::filter::{Filtered, Quality};
 use crate::stats::Store;
 
 /// A filter pass of the loop and what was rendered before it.
@@ -80,7 +80,9 @@ pub struct Outcome {
     pub seconds: Seconds,
     /// The latest estimate of the image's relMSE; of an image with fewer samples than the final one.
     pub estimate: Option<ErrorEstimate>,
-    /// What the last pass was, if the time did not suffice for the filter that was asked for.
+    /// The last pass.
+    pub last_filter: (Denoiser, Quality),
+    /// What it was, if the time did not suffice for the filter that was asked for.
     pub hurried: Option<Hurried>,
     /// What was followed at the end: a person may have changed it on the way.
     pub settings: Settings,

@@ -266,6 +266,7 @@ impl<'a> Loop<'a> {
     /// Ends the render with what [`Self::advance`] gave.
     pub fn into_outcome(self, filtered: Filtered, stopped_by: StoppedBy) -> Outcome {
         Outcome {
+            last_filter: self.last_filter(),
             filtered,
             own_samples: self.store.samples() - self.resumed_samples,
             store: Arc::unwrap_or_clone(self.store),

@@ -3,12 +3,14 @@
 
 use std::io;
 use std::path::Path;
-use std::sync::Mutex;
-use std::sync::mpsc::{Receiver, Sender, channel};
+use std::sync::mpsc::{Receiver, Sender, TryRecvError, channel};
+use std::sync::{Mutex, MutexGuard};
 use std::thread::JoinHandle;
 
 use super::{State, bytes};
 use crate::image::atomic::OwnFile;
+
+const ENDED_EARLY: &str = "the thread that writes states ended early";
 
 /// See the module.
 pub struct Keeper {
@@ -23,8 +25,9 @@ pub struct Keeper {
 struct Progress {
     /// The one buffer, when it is not being written.
     buffer: Option<Vec<u8>>,
-    /// How the latest writing ended.
-    latest: Option<io::Result<()>>,
+    /// How the latest writing ended, and whether nobody has asked since.
+    latest: Option<Result<(), String>>,
+    is_news: bool,
 }
 
 impl Keeper {
@@ -46,40 +49,64 @@ impl Keeper {
                 }
             }
         })?;
-        let state = Mutex::new(Progress { buffer: Some(Vec::new()), latest: None });
+        let state = Mutex::new(Progress { buffer: Some(Vec::new()), ..Progress::default() });
         Ok(Self { to_write, written: Mutex::new(written), state, thread })
     }
 
-    /// Has a state written, after the one that is being written. An error is of that earlier one.
-    pub fn keep(&self, state: &State) -> io::Result<()> {
-        let mut progress = self.state.lock().expect("no thread panics while it holds this");
-        let earlier = self.wait(&mut progress);
+    /// Has a state written, after the one that is being written.
+    pub fn keep(&self, state: &State) {
+        let mut progress = self.progress(true);
         let mut file = progress.buffer.take().unwrap_or_default();
         bytes(state, &mut file);
         // Fails only if the thread is gone, which `finish` reports.
         let _ = self.to_write.send(file);
-        earlier
+    }
+
+    /// How the latest writing that has ended did so, if nobody has asked since.
+    pub fn news(&self) -> Option<Result<(), String>> {
+        let mut progress = self.progress(false);
+        std::mem::take(&mut progress.is_news).then(|| progress.latest.clone()).flatten()
     }
 
     /// Waits until all is written.
     ///
     /// # Errors
     /// What the file system said to the last state.
-    pub fn finish(self) -> io::Result<()> {
-        let result = self.wait(&mut self.state.lock().expect("no thread panics while it holds this"));
+    pub fn settle(&self) -> Result<(), String> {
+        self.progress(true).latest.clone().unwrap_or(Ok(()))
+    }
+
+    /// Waits until all is written.
+    ///
+    /// # Errors
+    /// What the file system said to the last state.
+    pub fn finish(self) -> Result<(), String> {
+        let result = self.settle();
         drop(self.to_write);
-        self.thread.join().map_err(|_| io::Error::other("the thread that writes states ended early"))?;
+        self.thread.join().map_err(|_| ENDED_EARLY.to_owned())?;
         result
     }
 
-    fn wait(&self, progress: &mut Progress) -> io::Result<()> {
+    /// How far it is; if it `waits`, when nothing is being written.
+    fn progress(&self, waits: bool) -> MutexGuard<'_, Progress> {
+        let mut progress = self.state.lock().expect("no thread panics while it holds this");
         if progress.buffer.is_none() {
             let written = self.written.lock().expect("no thread panics while it holds this");
-            let (buffer, result) =
-                written.recv().map_err(|_| io::Error::other("the thread that writes states ended early"))?;
-            progress.buffer = Some(buffer);
-            progress.latest = Some(result);
+            let ended = if waits {
+                written.recv().map_err(|_| TryRecvError::Disconnected)
+            } else {
+                written.try_recv()
+            };
+            let (buffer, result) = match ended {
+                Ok((buffer, result)) => (buffer, result.map_err(|error| error.to_string())),
+                Err(TryRecvError::Empty) => {
+                    drop(written);
+                    return progress;
+                }
+                Err(TryRecvError::Disconnected) => (Vec::new(), Err(ENDED_EARLY.to_owned())),
+            };
+            (progress.buffer, progress.latest, progress.is_news) = (Some(buffer), Some(result), true);
         }
-        progress.latest.take().unwrap_or(Ok(()))
+        progress
     }
 }

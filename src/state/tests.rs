@@ -256,7 +256,7 @@ fn a_keeper_leaves_the_latest_state_and_nothing_else() {
     std::fs::write(folder.path().join(".a.state.tmp"), b"left by a killed program").unwrap();
     let keeper = Keeper::new(&path, 1000).unwrap();
     for seed in [1, 2, 3] {
-        keeper.keep(&state(seed, Share::WHOLE)).unwrap();
+        keeper.keep(&state(seed, Share::WHOLE));
     }
     keeper.finish().unwrap();
     assert_eq!(State::read(&path).unwrap().settings.seed, 3);

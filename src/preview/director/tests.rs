@@ -6,6 +6,7 @@ use super::*;
 use crate::adaptive::Sampling;
 use crate::geometry::Accel;
 use crate::preview::protocol::Move;
+use crate::preview::stage::Keeping;
 use crate::progressive::{Budget, Denoiser, Memory, Settings};
 use crate::scene::pbrt;
 
@@ -31,6 +32,16 @@ fn of_spp(spp: u32) -> Settings {
 
 /// As [`directed`]; if it `stays` at the end it has no outcome.
 fn directed_by(settings: &Settings, stays: bool, moments: Moments) -> Option<Outcome> {
+    directed_on(&|| Ok(()), settings, stays, moments).0
+}
+
+/// As [`directed_by`], on a disk that takes what is kept or not; and what was told last.
+fn directed_on(
+    disk: &dyn Fn() -> Result<(), String>,
+    settings: &Settings,
+    stays: bool,
+    moments: Moments,
+) -> (Option<Outcome>, Arc<str>) {
     let text = include_str!("../../../experiments/stability/cases/noisy.pbrt");
     let scene = pbrt::read_str(text, Path::new(".")).unwrap();
     let accel = Accel::build(&scene);
@@ -44,7 +55,7 @@ fn directed_by(settings: &Settings, stays: bool, moments: Moments) -> Option<Out
         settings: settings.clone(),
         reference: None,
         closing: None,
-        keeping: Some((0.0, &keep)),
+        keeping: Some(Keeping { every: 0.0, keep: &keep, news: &|| disk().err(), settle: disk }),
         resumed: None,
         start: Instant::now(),
         interrupt: &interrupt,
@@ -55,7 +66,9 @@ fn directed_by(settings: &Settings, stays: bool, moments: Moments) -> Option<Out
         }),
         listen: Box::new(|progress| (moments.stepped)(progress, &hub, &interrupt)),
     };
-    Director::new(hub.clone(), stage).run()
+    let outcome = Director::new(hub.clone(), stage).run();
+    let told = hub.status().borrow().clone();
+    (outcome, told)
 }
 
 #[test]
@@ -74,6 +87,69 @@ fn what_is_asked_for_during_the_last_pass_is_saved() {
         },
     });
     assert!(saved.into_inner() == [(outcome.store.samples(), outcome.filtered.image)]);
+}
+
+/// Renders while these are said in one breath, once there are 16 samples per pixel, and the program is closed then
+/// if it `stays`; samples of then, and samples and denoiser of what was saved.
+fn saved_of(commands: &[Command], stays: bool) -> (u64, Vec<(u64, Denoiser)>) {
+    let (given, saved) = (Cell::new(0), RefCell::new(Vec::new()));
+    let moments = Moments {
+        stepped: &|progress, hub, interrupt| {
+            if progress.spp >= 16.0 && given.get() == 0 {
+                given.set(progress.samples);
+                commands.iter().for_each(|command| assert!(hub.command(command.clone())));
+                interrupt.store(stays, Ordering::Relaxed);
+            }
+        },
+        kept: &|_, _, _| (),
+        saved: &|picture| {
+            saved.borrow_mut().push((picture.store.samples(), picture.settings.denoiser));
+        },
+    };
+    let settings = Settings { sampling: Sampling::Uniform, quality: Quality::Paper, ..of_spp(32) };
+    assert_eq!(directed_by(&settings, stays, moments).is_none(), stays);
+    (given.get(), saved.into_inner())
+}
+
+#[test]
+fn what_is_saved_is_the_image_of_when_that_was_said() {
+    let set = |denoiser| Command::Set(Change { denoiser: Some(denoiser), ..Change::default() });
+    let moved = || Command::Camera(Move { orbit: Some([0.3, 0.1]), ..Move::default() });
+    // Whatever comes after it.
+    for next in [Command::Restart, moved(), set(Denoiser::None)] {
+        let (before, saved) = saved_of(&[Command::Save, next], false);
+        assert_eq!(saved, [(before, Denoiser::Prpf)]);
+    }
+    let (before, saved) = saved_of(&[Command::Save], true);
+    assert_eq!(saved, [(before, Denoiser::Prpf)]);
+    // And after what makes it another, the first that is of it.
+    let (before, saved) = saved_of(&[set(Denoiser::None), Command::Save], false);
+    assert_eq!(saved, [(before, Denoiser::None)]);
+    for first in [Command::Restart, moved()] {
+        let (before, saved) = saved_of(&[first, Command::Save], false);
+        let [(samples, Denoiser::Prpf)] = saved[..] else { panic!("{saved:?}") };
+        assert!((SIDE * SIDE..before).contains(&samples), "{samples}");
+    }
+}
+
+#[test]
+fn a_state_that_could_not_be_kept_is_not_said_to_be() {
+    let restarted = Cell::new(false);
+    let moments = Moments {
+        stepped: &|progress, hub, _| {
+            if progress.spp >= 2.0 && !restarted.replace(true) {
+                assert!(hub.command(Command::Restart));
+            }
+        },
+        kept: &|_, _, _| (),
+        saved: &|_| unreachable!("nobody asked for it"),
+    };
+    let (_, told) = directed_on(&|| Err("the disk is full".to_owned()), &of_spp(SPP), false, moments);
+    assert!(
+        told.contains(r#""text":"the disk is full; of what begins now none is kept","is_problem":true"#),
+        "{told}"
+    );
+    assert!(told.contains(r#""text":"the disk is full","is_problem":true"#), "{told}");
 }
 
 /// Whatever begins a render anew leaves the memory as it was then.
@@ -205,7 +281,7 @@ fn a_pause_keeps_a_memory_and_costs_no_sample() {
 
 #[test]
 fn closing_while_an_image_is_saved_keeps_what_there_was() {
-    let (asked, had) = (Cell::new(false), Cell::new(0));
+    let (asked, had, saved) = (Cell::new(false), Cell::new(0), Cell::new(0));
     let kept = RefCell::new(Vec::new());
     // A filter that takes long enough to be interrupted.
     let settings = Settings { quality: Quality::Paper, ..of_spp(64) };
@@ -222,9 +298,13 @@ fn closing_while_an_image_is_saved_keeps_what_there_was() {
             }
         },
         kept: &|_, memory, _| kept.borrow_mut().push(memory.store.samples()),
-        saved: &|_| (),
+        saved: &|picture| {
+            assert_eq!(picture.store.samples(), had.get());
+            saved.set(saved.get() + 1);
+        },
     };
     assert!(directed_by(&settings, true, moments).is_none());
+    assert_eq!(saved.get(), 1, "whoever wants it sooner says so again");
     assert!(kept.into_inner().last().is_some_and(|&last| last >= had.get()));
 }
 

@@ -35,8 +35,11 @@ const link = new Link({
     if (!status.views.some(({ view }) => view === state.view)) state.view = "filtered";
     panel.choose(state.view);
     // What was said before somebody looked is no news.
-    if (state.notice !== null && status.notice.number > state.notice) tell(status.notice.text, status.notice.is_problem);
-    state.notice = status.notice.number;
+    const newest = status.notices.at(-1)?.number ?? 0;
+    if (state.notice !== null) {
+      status.notices.filter(({ number }) => number > state.notice).forEach((n) => tell(n.text, n.is_problem));
+    }
+    state.notice = newest;
     arrange();
     place();
   },
@@ -81,12 +84,11 @@ function command(type, content) {
 }
 
 function tell(text, isProblem) {
-  const notice = $("notice");
-  notice.textContent = text;
-  notice.classList.toggle("problem", isProblem);
-  notice.hidden = false;
-  clearTimeout(state.timer);
-  state.timer = setTimeout(() => { notice.hidden = true; }, NOTICE_MILLISECONDS);
+  const line = document.createElement("p");
+  line.textContent = text;
+  line.classList.toggle("problem", isProblem);
+  $("notices").append(line);
+  setTimeout(() => line.remove(), NOTICE_MILLISECONDS);
 }
 
 function choose(view) {
