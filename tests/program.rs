@@ -167,7 +167,7 @@ fn a_wrong_scene_gets_one_line_with_its_place() {
 #[test]
 fn wrong_command_lines_exit_with_2_and_say_what_is_accepted() {
     let folder = folder_with(SCENE);
-    let cases: [(&[&str], &str); 20] = [
+    let cases: [(&[&str], &str); 21] = [
         (&["render", "scene.pbrt", "--foo"], "found `--foo`"),
         (&["render", "scene.pbrt", "--qualty", "draft"], "`--quality`"),
         (&["render", "scene.pbrt", "--spp", "many"], "whole number"),
@@ -175,6 +175,7 @@ fn wrong_command_lines_exit_with_2_and_say_what_is_accepted() {
         (&["render", "scene.pbrt", "--time", "-5s"], "20s"),
         (&["render", "scene.pbrt", "--spp", "8", "--max-spp", "4"], "--spp 8: found more than --max-spp 4"),
         (&["render", "scene.pbrt", "--min-spp", "8", "--max-spp", "4"], "--min-spp 8: found more than"),
+        (&["render", "scene.pbrt", "--min-spp", "8", "--spp", "4"], "--min-spp 8: found more than --spp 4"),
         (&["render"], "<SCENE>"),
         (&["rendr", "scene.pbrt"], "`render`"),
         (&["render", "scene.pbrt", "--spp"], "no value"),

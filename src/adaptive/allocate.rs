@@ -107,6 +107,28 @@ pub fn allocate(
     Allocation { counts, probes }
 }
 
+/// As [`allocate`], once all pixels have `floor` samples: those that lack some, as after a resume with a higher one,
+/// get them first.
+pub fn allocate_above(
+    floor: u32,
+    priority: &[f32],
+    have: &[u32],
+    width: usize,
+    total: u64,
+    max_spp: u32,
+    key: u64,
+) -> Allocation {
+    let lacking: u64 = have.iter().map(|&n| u64::from(floor.saturating_sub(n))).sum();
+    if lacking == 0 {
+        return allocate(priority, have, width, total, max_spp, key);
+    }
+    let first = uniform(lacking.min(total), have, floor, key).counts;
+    let have: Vec<u32> = have.iter().zip(&first).map(|(have, n)| have + n).collect();
+    let mut rest = allocate(priority, &have, width, total.saturating_sub(lacking), max_spp, key);
+    rest.counts.iter_mut().zip(first).for_each(|(n, first)| *n += first);
+    rest
+}
+
 /// Pairs per pixel, not yet whole: max(0, λ·priority − have/2) with λ such that they sum to `pairs`,
 /// each at most its ceiling.
 fn targets(priority: &[f32], have: &[u32], pairs: f64, ceiling: impl Fn(usize) -> f64) -> Vec<f64> {
@@ -351,5 +373,24 @@ mod tests {
             assert!((30..=90).contains(&more), "{more}");
         }
         assert_ne!(of(2).counts, a.counts);
+    }
+
+    #[test]
+    fn pixels_below_the_floor_come_first() {
+        // Nothing draws samples to the first half, which lacks 5 and 4 in turn.
+        let priority: Vec<f32> = (0..400).map(|i| if i < 200 { 0.0 } else { 1.0 }).collect();
+        let have: Vec<u32> = (0..400).map(|i| if i < 200 { 4 + i % 2 } else { 30 }).collect();
+        for (total, met) in [(900, true), (1900, true), (700, false)] {
+            let a = allocate_above(9, &priority, &have, 20, total, NO_CEILING, 0);
+            assert_eq!(a.counts.iter().map(|&n| u64::from(n)).sum::<u64>(), total);
+            let after: Vec<u32> = have.iter().zip(&a.counts).map(|(have, n)| have + n).collect();
+            assert_eq!(after.iter().all(|&n| n >= 9), met, "{total}");
+            if total <= 900 {
+                assert!(a.counts[200..].iter().all(|&n| n == 0) && !a.probes.contains(&true));
+                assert!(after[..200].iter().all(|n| (7..=9).contains(n)), "as even as can be");
+            }
+        }
+        let above = allocate_above(4, &priority, &have, 20, 1000, NO_CEILING, 0);
+        assert_eq!(above, allocate(&priority, &have, 20, 1000, NO_CEILING, 0));
     }
 }

@@ -5,7 +5,7 @@
 mod allocate;
 mod priority;
 
-pub use allocate::{Allocation, CEILING, allocate, uniform};
+pub use allocate::{Allocation, CEILING, allocate, allocate_above, uniform};
 pub use priority::{Maps, PrioritySettings, priority};
 
 /// How a batch is spread over the pixels.

@@ -127,8 +127,13 @@ impl RenderOptions {
     /// Whether the options suit each other.
     ///
     /// # Errors
-    /// A ceiling per pixel below the floor, or below what the budget asks for on average.
+    /// A ceiling per pixel below the floor, or below what the budget asks for on average; a floor above that.
     pub fn check(&self) -> anyhow::Result<()> {
+        if let (Some(floor), Some(spp)) = (self.min_spp, self.spp.filter(|&spp| spp > 0))
+            && floor > spp
+        {
+            anyhow::bail!("--min-spp {floor}: found more than --spp {spp}; accepted is at most that");
+        }
         let Some(max_spp) = self.max_spp.filter(|&n| n > 0) else { return Ok(()) };
         for (name, spp) in [("--min-spp", self.min_spp), ("--spp", self.spp)] {
             if let Some(spp) = spp.filter(|&spp| spp > max_spp) {

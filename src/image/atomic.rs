@@ -24,7 +24,7 @@ pub fn replace_file<E: From<io::Error>>(
     write: impl FnOnce(&mut BufWriter<&File>) -> Result<(), E>,
 ) -> Result<(), E> {
     let target = resolve(path)?;
-    let temporary = temporary_file(folder_of(&target))?;
+    let temporary = temporary_file(&target)?;
     fill_and_rename(temporary, &target, write)
 }
 
@@ -33,7 +33,7 @@ pub fn replace_file<E: From<io::Error>>(
 /// # Errors
 /// Its own, but for what can only be known of the whole file.
 pub fn can_replace(path: &Path) -> io::Result<()> {
-    temporary_file(folder_of(&resolve(path)?)).map(drop)
+    temporary_file(&resolve(path)?).map(drop)
 }
 
 /// A file that one program replaces again and again, and that nobody reads soon: on Linux it does not go through the
@@ -211,8 +211,13 @@ fn folder_of(path: &Path) -> &Path {
     }
 }
 
-/// Same folder as the target, because a rename is atomic within one file system only.
-fn temporary_file(folder: &Path) -> io::Result<NamedTempFile> {
+/// In the target's folder, because a rename is atomic within one file system only. Named after it, so that what killed
+/// programs leave does not pile up, and by chance where another program writes the same file.
+fn temporary_file(target: &Path) -> io::Result<NamedTempFile> {
+    own_temporary_file(target).or_else(|_| temporary_file_by_chance(folder_of(target)))
+}
+
+fn temporary_file_by_chance(folder: &Path) -> io::Result<NamedTempFile> {
     let mut builder = tempfile::Builder::new();
     builder.prefix(".prpf-").suffix(".tmp");
     not_private(&mut builder);
@@ -416,6 +421,21 @@ mod tests {
         let ring = folder.path().join("ring");
         std::os::unix::fs::symlink(&ring, &ring).unwrap();
         assert!(replace(&ring, b"x").is_err());
+    }
+
+    #[test]
+    fn what_a_killed_program_left_is_taken_up() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a");
+        fs::write(folder.path().join(".a.tmp"), b"left").unwrap();
+        // While another program writes it, this one does not wait.
+        let others = own_temporary_file(&folder.path().join("b")).unwrap();
+        for name in ["a", "b"] {
+            replace(&folder.path().join(name), b"new").unwrap();
+        }
+        drop(others);
+        assert_eq!(fs::read(&path).unwrap(), b"new");
+        assert_eq!(names_in(folder.path()), ["a", "b"]);
     }
 
     #[cfg(unix)]

@@ -41,7 +41,7 @@ impl Loop<'_> {
         let drawn = self.store.next_indices();
         let floor = self.settings.min_spp.min(self.settings.max_spp);
         let priority = match (self.settings.sampling, &self.rerun) {
-            (Sampling::Adaptive, Some(rerun)) if drawn.iter().all(|&n| n >= floor) => {
+            (Sampling::Adaptive, Some(rerun)) => {
                 let maps = Maps {
                     counts: &self.store.counts(Part::Whole),
                     image: &rerun.image,
@@ -58,7 +58,7 @@ impl Loop<'_> {
         // Other pixels by chance in every batch.
         let key = self.settings.seed.rotate_left(32) ^ self.store.drawn();
         let spread = |priority: Option<&[f32]>, have: &[u32], width: usize, total: u64| match priority {
-            Some(priority) => adaptive::allocate(priority, have, width, total, max_spp, key),
+            Some(priority) => adaptive::allocate_above(floor, priority, have, width, total, max_spp, key),
             None => adaptive::uniform(total, have, max_spp, key),
         };
         let width = self.store.width();

@@ -51,6 +51,11 @@ pub struct StateError {
 /// A file that cannot be read, or that is something else.
 pub fn check_kind(path: &Path) -> Result<(), StateError> {
     let begins = || {
+        let data = path.metadata()?;
+        if !data.is_file() && !data.is_dir() {
+            // A pipe would wait for who writes into it.
+            return Err(Problem::Foreign);
+        }
         let mut first = Vec::new();
         File::open(path)?.take(format::MAGIC.len() as u64).read_to_end(&mut first)?;
         if first == format::MAGIC { Ok(()) } else { Err(Problem::Foreign) }
