@@ -22,7 +22,7 @@ use crate::image::formats::OutputFormat;
 use crate::image::{self, Planes};
 use crate::preview::{Director, Hub, Keeping, Picture, Stage};
 use crate::progressive::{
-    Estimated, Loop, Memory, Outcome, Progress, Settings, StoppedBy, fitting, has_room,
+    Estimated, Loop, Memory, Outcome, Progress, Seconds, Settings, StoppedBy, fitting, has_room,
 };
 use crate::render::Renderer;
 use crate::scene::{Scene, pbrt};
@@ -57,41 +57,17 @@ fn run_in_pool(
     signals: &Signals,
     start: Instant,
 ) -> Result<u8, Failure> {
-    let mut scene = read(options)?;
-    options.apply(&mut scene).map_err(Failure::Input)?;
-    let outfiles = outfiles(options, &mut scene);
-    let mut outputs: Vec<&Path> = outfiles.iter().chain(&options.report).map(PathBuf::as_path).collect();
-    outputs.extend(options.state.state.as_deref());
-    outputs.iter().try_for_each(|path| can_be_written(path)).map_err(Failure::Input)?;
-    let read = scene.files.iter().chain(&options.reference);
-    are_distinct(read.map(PathBuf::as_path), &outputs).map_err(Failure::Input)?;
-    if options.state.replaces_one().map_err(Failure::Input)? && !options.quiet {
-        super::complain(
-            "warning: --state replaces the state that is there; with --resume it would be gone on with",
-        );
-    }
-    let reference = options
-        .reference
-        .as_deref()
-        .map(|path| reference(path, &scene))
-        .transpose()
-        .map_err(Failure::Input)?;
-    warn(options, &scene);
+    let inputs = Inputs::read(options).map_err(Failure::Input)?;
+    let Inputs { scene, outfiles, reference } = &inputs;
     let load = start.elapsed().as_secs_f64();
 
-    let accel = Accel::build(&scene);
-    let serves = mode == Mode::Preview || options.preview.is_some();
+    let accel = Accel::build(scene);
     let stream = options.state.stream(options.seed);
-    let renderer = Renderer::new(&scene, &accel, options.seed).of_share(stream.share);
-    let frame = Frame::of(&scene, &renderer);
+    let renderer = Renderer::new(scene, &accel, options.seed).of_share(stream.share);
+    let frame = Frame::of(scene, &renderer);
     let build = start.elapsed().as_secs_f64() - load;
 
-    let mut settings = options.settings(&scene);
-    if mode == Mode::Preview && options.spp == Some(0) {
-        // A person watches; nothing has to end it.
-        settings.budget.spp = None;
-    }
-    options.state.budget(&mut settings.budget).map_err(Failure::Input)?;
+    let settings = settings(options, mode, scene).map_err(Failure::Input)?;
     let keeps = options.state.state.is_some();
     has_room(renderer.layout(), &settings, renderer.resolution(), keeps)
         .map_err(|error| Failure::Input(error.into()))?;
@@ -99,13 +75,7 @@ fn run_in_pool(
     let kept = options.state.keeper(&frame, stream, &renderer, &settings).map_err(Failure::Input)?;
     let resumed = options.state.resumed(&frame, stream, &renderer, &settings).map_err(Failure::Input)?;
     if let (Some(memory), Some(spp), false) = (&resumed, settings.budget.spp, options.quiet) {
-        let there = memory.store.drawn() as f64 / memory.store.pixels().max(1) as f64;
-        if there > f64::from(spp) {
-            super::complain(&format!(
-                "warning: the state has {there:.1} samples per pixel already, more than the {spp} that are asked for; \
-                 none is added"
-            ));
-        }
+        warn_of_more(memory, spp);
     }
     let interrupt = signals.begin();
     let bar = bar(options);
@@ -126,6 +96,7 @@ fn run_in_pool(
     let listen = |progress| show(&bar, progress, interrupt.load(Ordering::Relaxed));
     // Looks on until the image is written: what it waits for at its end is no part of a budget.
     let mut display = None;
+    let serves = mode == Mode::Preview || options.preview.is_some();
     let outcome = if serves || options.display_server.is_some() {
         let hub = Arc::new(Hub::default());
         if serves {
@@ -137,9 +108,9 @@ fn run_in_pool(
                 beside.suspend(|| super::complain(&format!("warning: {}", escaped(warning))));
             }
         };
-        display = preview::display(&hub, options.display_server.as_deref(), &scene, warn)?;
+        display = preview::display(&hub, options.display_server.as_deref(), scene, warn)?;
         let stage = Stage {
-            scene: &scene,
+            scene,
             renderer: &renderer,
             settings: settings.clone(),
             reference: reference.as_ref(),
@@ -174,32 +145,12 @@ fn run_in_pool(
     };
 
     let writing = Instant::now();
-    let Outcome { filtered, store, estimate, settings, .. } = &outcome;
-    let layers = Layers::of(filtered, store, estimate.as_ref(), &frame);
-    let written = Written {
-        layers: &layers,
-        store,
-        image: &filtered.image,
-        batches: &outcome.batches,
-        frame: &frame,
-        settings,
-        filter: outcome.last_filter,
-        reference: reference.as_ref(),
-        start,
-    };
-    let images = written.write_all(&outfiles);
+    let images = write(&outcome, &inputs, &frame, start);
     let kept = kept.map_or(Ok(()), Kept::finish);
     let (write, total) = (writing.elapsed().as_secs_f64(), start.elapsed().as_secs_f64());
     drop(display);
-    let seconds = Times {
-        load,
-        build,
-        render: outcome.seconds.render,
-        filter: outcome.seconds.filter,
-        allocate: outcome.seconds.allocate,
-        write,
-        total,
-    };
+    let Seconds { render, filter, allocate } = outcome.seconds;
+    let seconds = Times { load, build, render, filter, allocate, write, total };
     let report = options.report.as_ref().map_or(Ok(()), |path| {
         let report = Report::of(&frame, &outcome, seconds);
         write_report(path, &report).with_context(|| format!("writing {}", path.display()))
@@ -209,10 +160,76 @@ fn run_in_pool(
         (images, report) => images.and(report).map_err(Failure::Run)?,
     }
     if !options.quiet {
-        super::say(&summary::of(&outcome, seconds, &outfiles, options.verbose)).map_err(Failure::Run)?;
+        super::say(&summary::of(&outcome, seconds, outfiles, options.verbose)).map_err(Failure::Run)?;
     }
     kept?;
     Ok(if outcome.stopped_by == StoppedBy::Interrupt { INTERRUPTED } else { 0 })
+}
+
+/// What is read, and where the image goes.
+struct Inputs {
+    scene: Scene,
+    outfiles: Vec<PathBuf>,
+    reference: Option<Planes>,
+}
+
+impl Inputs {
+    /// Reads the scene and the reference, and sees that no output replaces anything but an output of before.
+    fn read(options: &RenderOptions) -> anyhow::Result<Self> {
+        let mut scene = read(options)?;
+        options.apply(&mut scene)?;
+        let outfiles = outfiles(options, &mut scene);
+        let mut outputs: Vec<&Path> = outfiles.iter().chain(&options.report).map(PathBuf::as_path).collect();
+        outputs.extend(options.state.state.as_deref());
+        outputs.iter().try_for_each(|path| can_be_written(path))?;
+        let read = scene.files.iter().chain(&options.reference);
+        are_distinct(read.map(PathBuf::as_path), &outputs)?;
+        if options.state.replaces_one()? && !options.quiet {
+            super::complain(
+                "warning: --state replaces the state that is there; with --resume it would be gone on with",
+            );
+        }
+        let reference = options.reference.as_deref().map(|path| reference(path, &scene)).transpose()?;
+        warn(options, &scene);
+        Ok(Self { scene, outfiles, reference })
+    }
+}
+
+fn settings(options: &RenderOptions, mode: Mode, scene: &Scene) -> anyhow::Result<Settings> {
+    let mut settings = options.settings(scene);
+    if mode == Mode::Preview && options.spp == Some(0) {
+        // A person watches; nothing has to end it.
+        settings.budget.spp = None;
+    }
+    options.state.budget(&mut settings.budget)?;
+    Ok(settings)
+}
+
+fn warn_of_more(resumed: &Memory, spp: u32) {
+    let there = resumed.store.drawn() as f64 / resumed.store.pixels().max(1) as f64;
+    if there > f64::from(spp) {
+        super::complain(&format!(
+            "warning: the state has {there:.1} samples per pixel already, more than the {spp} that are asked for; \
+             none is added"
+        ));
+    }
+}
+
+/// Writes the images of a finished render.
+fn write(outcome: &Outcome, inputs: &Inputs, frame: &Frame, start: Instant) -> anyhow::Result<()> {
+    let Outcome { filtered, store, estimate, settings, .. } = outcome;
+    let written = Written {
+        layers: &Layers::of(filtered, store, estimate.as_ref(), frame),
+        store,
+        image: &filtered.image,
+        batches: &outcome.batches,
+        frame,
+        settings,
+        filter: outcome.last_filter,
+        reference: inputs.reference.as_ref(),
+        start,
+    };
+    written.write_all(&inputs.outfiles)
 }
 
 /// What was asked for, else what the scene's film says, else the scene's name with `.exr`.
@@ -271,7 +288,7 @@ fn warn(options: &RenderOptions, scene: &Scene) {
 }
 
 /// Reads the scene, showing how far it has come.
-fn read(options: &RenderOptions) -> Result<Scene, Failure> {
+fn read(options: &RenderOptions) -> anyhow::Result<Scene> {
     let bar = if options.quiet { ProgressBar::hidden() } else { ProgressBar::new_spinner() };
     let shown = bar.clone();
     let scene = pbrt::read_reporting(&options.scene, move |reading| {
@@ -279,7 +296,7 @@ fn read(options: &RenderOptions) -> Result<Scene, Failure> {
         shown.tick();
     });
     bar.finish_and_clear();
-    scene.map_err(|error| Failure::Input(error.into()))
+    Ok(scene?)
 }
 
 fn bar(options: &RenderOptions) -> ProgressBar {
