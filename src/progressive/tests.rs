@@ -152,6 +152,24 @@ fn pixels_that_reject_all_their_samples_do_not_make_the_others_uniform() {
 }
 
 #[test]
+fn every_batch_probes_other_pixels() {
+    with_loop(1e3, Instant::now(), |circle| {
+        let counts = vec![8; circle.store.pixels()];
+        circle.renderer.render_batch(&counts, Arc::make_mut(&mut circle.store));
+        assert!(circle.rerun(Quality::Draft, &mut |_: Progress| ()));
+        let probes = |circle: &mut Loop| {
+            let samples = 10 * circle.store.pixels() as u64;
+            circle.allocate(Plan { samples, last: false }).allocation.probes
+        };
+        let first = probes(circle);
+        assert!(first.contains(&true) && first.contains(&false));
+        assert_eq!(probes(circle), first, "the same of the same state");
+        circle.renderer.render_batch(&counts, Arc::make_mut(&mut circle.store));
+        assert_ne!(probes(circle), first);
+    });
+}
+
+#[test]
 fn what_rpf_takes_grows_with_the_samples_until_there_is_no_time_for_it() {
     with_loop(10.0, Instant::now(), |circle| {
         circle.settings.denoiser = Denoiser::Rpf;
