@@ -320,13 +320,40 @@ fn a_state_that_does_not_fit_gets_one_line_and_stays() {
         assert!(refused(folder, &[&render[..], more].concat()).contains("another program"));
     }
     drop(own);
+    // Before there is one as well.
+    let early = prpf::image::atomic::OwnFile::new(&folder.join("new.state")).expect("nobody else keeps it");
+    let render = ["render", "scene.pbrt", "--quiet", "-o", "b.exr", "--spp", "4", "--state", "new.state"];
+    assert!(refused(folder, &render).contains("another program"));
+    drop(early);
     refused(folder, &["denoise", "a.state", "--quality", "paper", "-o", "b.exr"]);
     refused(folder, &["denoise", "a.state", "--layers", "Depth", "-o", "b.exr"]);
     refused(folder, &["export", "missing", "-o", "b.npz"]);
     // Longer than any memory.
     #[cfg(unix)]
     assert!(refused(folder, &["denoise", "/dev/zero", "-o", "b.exr"]).contains("no render state"));
-    assert!(refused(folder, &["export", "a.state", "-o", "./a.state"]).contains("same file"));
+    assert!(refused(folder, &["export", "a.state", "-o", "./a.state"]).contains(".npz expected"));
+    // Whatever its name is, it is not replaced by what is no state.
+    std::fs::copy(folder.join("a.state"), folder.join("v.npz")).expect("a copy");
+    std::fs::copy(folder.join("a.state"), folder.join("v.exr")).expect("a copy");
+    let render = ["render", "scene.pbrt", "--quiet", "-o", "b.exr", "--report", "v.exr"];
+    for over in
+        [&["export", "a.state", "-o", "v.npz"] as &[&str], &["denoise", "a.state", "-o", "v.exr"], &render]
+    {
+        assert!(refused(folder, over).contains("found a render state"));
+    }
+    #[cfg(unix)]
+    {
+        let made = std::process::Command::new("mkfifo").arg(folder.join("pipe")).status();
+        assert!(made.expect("mkfifo").success());
+        std::fs::copy(folder.join("a.state"), folder.join("b.exr")).expect("a copy");
+        for wait in [
+            &["denoise", "pipe", "-o", "c.exr"] as &[&str],
+            &["compare", "pipe", "b.exr"],
+            &["render", "scene.pbrt", "--quiet", "-o", "c.exr", "--reference", "pipe"],
+        ] {
+            assert!(refused(folder, wait).contains("pipe: "));
+        }
+    }
     assert_eq!(std::fs::read(folder.join("a.state")).expect("a state"), state);
     refused(folder, &["merge", "a.state", "-o", "b.state"]);
 }

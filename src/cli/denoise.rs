@@ -8,7 +8,7 @@ use clap::Args;
 
 use super::layers::Layers;
 use super::options::DenoiserOption;
-use super::output::{Written, are_distinct, can_be_written};
+use super::output::{Written, are_distinct, can_be_written, replaces_no_state};
 use super::{Failure, in_pool};
 use crate::filter::{Filtered, Quality};
 use crate::image::formats::OutputFormat;
@@ -60,6 +60,7 @@ fn denoise(options: &DenoiseOptions, start: Instant) -> Result<u8, Failure> {
     for path in &outfiles {
         OutputFormat::of(path).map_err(|error| Failure::Input(error.into()))?;
         can_be_written(path).map_err(Failure::Input)?;
+        replaces_no_state(path).map_err(Failure::Input)?;
     }
     let outputs: Vec<&Path> = outfiles.iter().map(PathBuf::as_path).collect();
     are_distinct([&*options.state], &outputs).map_err(Failure::Input)?;

@@ -2,10 +2,10 @@
 
 use std::path::PathBuf;
 
-use anyhow::Context;
+use anyhow::{Context, anyhow};
 use clap::Args;
 
-use super::output::{are_distinct, can_be_written};
+use super::output::{are_distinct, can_be_written, replaces_no_state};
 use super::{Failure, denoise, in_pool};
 use crate::image::atomic;
 use crate::state::{self, State};
@@ -31,7 +31,12 @@ pub(super) struct ExportOptions {
 }
 
 pub(super) fn run(options: &ExportOptions) -> Result<u8, Failure> {
+    if !options.outfile.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("npz")) {
+        let error = anyhow!("{}: unknown extension, .npz expected", options.outfile.display());
+        return Err(Failure::Input(error));
+    }
     can_be_written(&options.outfile).map_err(Failure::Input)?;
+    replaces_no_state(&options.outfile).map_err(Failure::Input)?;
     are_distinct([&*options.state], &[&options.outfile]).map_err(Failure::Input)?;
     let state = State::read(&options.state).map_err(|error| Failure::Input(error.into()))?;
     in_pool(None, || {

@@ -14,7 +14,7 @@ use crate::image::metrics::Pair;
 use crate::image::tone::to_srgb8;
 use crate::image::{self, Planes, atomic, png_file};
 use crate::progressive::{Batch, Denoiser, Settings};
-use crate::state::Frame;
+use crate::state::{self, Frame};
 use crate::stats::Store;
 
 /// What can be known of an output before minutes of rendering.
@@ -29,6 +29,14 @@ pub(super) fn can_be_written(path: &Path) -> anyhow::Result<()> {
         anyhow::bail!("{}: found a folder; accepted is the name of a file", path.display());
     }
     Ok(image::atomic::can_replace(path).map_err(|error| image::Problem::from(error).at(path))?)
+}
+
+/// Refuses to put something else in a state's place.
+pub(super) fn replaces_no_state(path: &Path) -> anyhow::Result<()> {
+    if path.is_file() && state::check_kind(path).is_ok() {
+        anyhow::bail!("{}: found a render state; accepted is the name of another file", path.display());
+    }
+    Ok(())
 }
 
 /// The one spelling of a file's name, whether there is such a file yet or not.

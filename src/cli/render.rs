@@ -11,7 +11,7 @@ use rayon::prelude::*;
 
 use super::layers::Layers;
 use super::options::RenderOptions;
-use super::output::{Written, are_distinct, can_be_written, encode, write_report};
+use super::output::{Written, are_distinct, can_be_written, encode, replaces_no_state, write_report};
 use super::report::{Report, Times};
 use super::signals::{INTERRUPTED, Signals};
 use super::state::Kept;
@@ -22,7 +22,7 @@ use crate::image::formats::OutputFormat;
 use crate::image::{self, Planes};
 use crate::preview::{Director, Hub, Keeping, Picture, Stage};
 use crate::progressive::{
-    Estimated, Loop, Memory, Outcome, Progress, Seconds, Settings, StoppedBy, fitting, has_room,
+    Estimated, Loop, Memory, Outcome, Progress, Seconds, Settings, StoppedBy, has_room,
 };
 use crate::render::Renderer;
 use crate::scene::{Scene, pbrt};
@@ -180,6 +180,7 @@ impl Inputs {
         options.apply(&mut scene)?;
         let outfiles = outfiles(options, &mut scene);
         let mut outputs: Vec<&Path> = outfiles.iter().chain(&options.report).map(PathBuf::as_path).collect();
+        outputs.iter().try_for_each(|path| replaces_no_state(path))?;
         outputs.extend(options.state.state.as_deref());
         outputs.iter().try_for_each(|path| can_be_written(path))?;
         let read = scene.files.iter().chain(&options.reference);
@@ -329,7 +330,7 @@ fn save(picture: &Picture, outfile: &Path, frame: &Frame, start: Instant) -> Res
         batches: &[],
         frame,
         settings: picture.settings,
-        filter: fitting(picture.store, picture.settings.denoiser, picture.settings.quality),
+        filter: picture.made_by,
         reference: None,
         start,
     };

@@ -46,6 +46,8 @@ pub struct OwnFile {
     target: PathBuf,
     /// What stands there, locked; `None` while there is nothing.
     held: Option<File>,
+    /// The temporary file, locked, while there is nothing else to hold.
+    reserved: Option<NamedTempFile>,
 }
 
 impl OwnFile {
@@ -60,7 +62,8 @@ impl OwnFile {
             Err(error) if error.kind() == io::ErrorKind::NotFound => None,
             Err(error) => return Err(error),
         };
-        Ok(Self { target, held })
+        let reserved = held.is_none().then(|| own_temporary_file(&target)).transpose()?;
+        Ok(Self { target, held, reserved })
     }
 
     /// Replaces its content, whole or not at all.
@@ -72,9 +75,19 @@ impl OwnFile {
         if !is_own && self.target.exists() {
             return Err(others());
         }
-        let temporary = own_temporary_file(&self.target)?;
-        write_uncached(temporary.as_file(), content)?;
-        self.held = Some(rename(temporary, &self.target)?);
+        let temporary = match self.reserved.take() {
+            Some(reserved) => reserved,
+            None => own_temporary_file(&self.target)?,
+        };
+        let written =
+            write_uncached(temporary.as_file(), content).and_then(|()| rename(temporary, &self.target));
+        match written {
+            Ok(file) => self.held = Some(file),
+            Err(error) => {
+                self.reserved = self.held.is_none().then(|| own_temporary_file(&self.target).ok()).flatten();
+                return Err(error);
+            }
+        }
         Ok(())
     }
 
@@ -83,8 +96,17 @@ impl OwnFile {
     /// # Errors
     /// As for [`Self::replace`]; a full disk where the file system can tell beforehand.
     pub fn has_room(&self, bytes: usize) -> io::Result<()> {
-        let temporary = own_temporary_file(&self.target)?;
-        reserve(temporary.as_file(), bytes as u64)
+        let own;
+        let temporary = match &self.reserved {
+            Some(reserved) => reserved.as_file(),
+            None => {
+                own = own_temporary_file(&self.target)?;
+                own.as_file()
+            }
+        };
+        let room = reserve(temporary, bytes as u64);
+        temporary.set_len(0)?;
+        room
     }
 }
 
@@ -443,12 +465,19 @@ mod tests {
     fn a_file_that_another_program_writes_is_left_to_it() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a");
-        let others = own_temporary_file(&path).unwrap();
         let busy = |result: io::Result<()>| result.unwrap_err().kind() == io::ErrorKind::ResourceBusy;
-        let mut own = OwnFile::new(&path).unwrap();
-        assert!(busy(own.replace(b"x")) && busy(own.has_room(1)));
+        // From the start, when there is nothing yet.
+        let mut others = OwnFile::new(&path).unwrap();
+        others.has_room(100_000).unwrap();
+        assert!(busy(OwnFile::new(&path).map(drop)));
         // To see how long it would take does not disturb it.
         rehearse_own_file(&path, b"x").unwrap();
+        others.replace(b"x").unwrap();
+        assert_eq!(fs::read(&path).unwrap(), b"x");
+        drop(others);
+        let mut own = OwnFile::new(&path).unwrap();
+        let others = own_temporary_file(&path).unwrap();
+        assert!(busy(own.replace(b"x")) && busy(own.has_room(1)));
         // What one program has locked is not what stands there any more.
         fs::remove_file(others.path()).unwrap();
         fs::write(others.path(), b"").unwrap();

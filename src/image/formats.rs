@@ -34,6 +34,11 @@ impl OutputFormat {
 ///
 /// EXR is told by its content, not by its name. Values of 8- and 16-bit files are taken for sRGB.
 pub fn read_rgb(path: &Path) -> Result<Planes, ImageError> {
+    // A pipe would wait for who writes into it.
+    let metadata = path.metadata().map_err(|error| Problem::Io(error).at(path))?;
+    if !metadata.is_file() && !metadata.is_dir() {
+        return Err(Problem::Malformed("it is no regular file".to_owned()).at(path));
+    }
     let mut start = [0; exr_file::MAGIC.len()];
     let is_exr = File::open(path)
         .map_err(|error| Problem::Io(error).at(path))?

@@ -58,6 +58,9 @@ fn decode(path: &Path) -> Result<Planes, Problem> {
     limits.max_image_height = Some(MAX_SIDE as u32);
     limits.max_alloc = Some(MAX_SAMPLES as u64);
     let mut reader = ImageReader::open(path)?.with_guessed_format()?;
+    if reader.format().is_none() {
+        return Err(Problem::Unsupported("found no image; accepted are EXR, PNG, JPEG and TGA".to_owned()));
+    }
     reader.limits(limits);
     let image = reader.decode()?.into_rgb32f();
 

@@ -5,6 +5,7 @@
 //! a new loop with an empty store: a new *generation*. A filter pass runs on threads of its own and is
 //! given up when a new generation begins, so that no movement of the camera waits for it.
 
+use std::collections::VecDeque;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
@@ -64,7 +65,7 @@ pub struct Director<'a> {
     region: Option<[[f32; 2]; 2]>,
     extra_filter_seconds: f64,
     /// To be saved before anything else.
-    asked: Option<Asked>,
+    asked: VecDeque<Asked>,
     /// Being made beside the render.
     aside: Vec<(Asked, Pass)>,
 }
@@ -82,7 +83,7 @@ impl<'a> Director<'a> {
             paused: false,
             region: None,
             extra_filter_seconds: 0.0,
-            asked: None,
+            asked: VecDeque::new(),
             aside: Vec::new(),
         }
     }
@@ -177,7 +178,7 @@ impl<'a> Director<'a> {
 
     /// Whether something is wanted that is done between two batches only.
     fn has_to_leave(&self) -> bool {
-        self.wishes.any() || self.asked.is_some()
+        self.wishes.any() || !self.asked.is_empty()
     }
 
     /// Whether a person wants no more samples for now. After a movement an image is still rendered once, or there
@@ -204,7 +205,7 @@ impl<'a> Director<'a> {
                 self.filter_for_the_eye(&store);
             }
             let enough = |director: &Self| {
-                !stands(director) || director.asked.is_some() || director.should_filter(&store)
+                !stands(director) || !director.asked.is_empty() || director.should_filter(&store)
             };
             self.wait(&store, enough);
         }
@@ -279,7 +280,7 @@ impl<'a> Director<'a> {
             }
             Command::Restart => self.wishes.restart = true,
             Command::Save => {
-                self.wishes.save = true;
+                self.wishes.saves.push(self.stage.settings.clone());
                 self.ask_if_wished(store);
             }
             Command::Inspect { pixel, reply } => {
@@ -426,20 +427,38 @@ impl<'a> Director<'a> {
     }
 
     /// Whoever wants an image saved wants that of now, whatever comes next; after what makes the image another one,
-    /// the first that is of it.
+    /// the first that is of it. To want the same twice is to want it once.
     fn ask_if_wished(&mut self, store: &Arc<Store>) {
         let is_there = is_covered(store) || self.reporter.phase() == Phase::Finished || self.wishes.quit;
-        if self.wishes.save && !self.wishes.begins_anew() && is_there {
-            self.wishes.save = false;
-            self.asked = Some(Asked { store: store.clone(), settings: self.stage.settings.clone() });
+        if self.wishes.begins_anew() || !is_there {
+            return;
+        }
+        let is_kept = |settings: &Settings| reservoir_capacity(settings) <= store.capacity();
+        for settings in std::mem::take(&mut self.wishes.saves) {
+            let asked = Asked { store: store.clone(), settings };
+            let is_same =
+                |other: &Asked| Arc::ptr_eq(&other.store, &asked.store) && other.settings == asked.settings;
+            if !is_kept(&asked.settings) && !is_kept(&self.stage.settings) {
+                // A render that keeps what this filter needs is about to begin.
+                self.wishes.saves.push(asked.settings);
+            } else if !is_kept(&asked.settings) {
+                let said =
+                    "not saved: another filter was chosen before the samples that this one needs were there";
+                self.reporter.notice(said.to_owned(), true);
+            } else if !self.asked.iter().any(is_same) {
+                self.asked.push_back(asked);
+            }
         }
     }
 
     /// Saves it, at once or, where the render has to go on to another image meanwhile, as soon as it is made.
     fn save_what_is_asked(&mut self) {
-        while let Some(asked) = self.asked.take() {
-            let is_there = self.reporter.phase() == Phase::Finished && asked.settings == self.stage.settings;
-            if let Some(shown) = self.reporter.shown().filter(|_| is_there).cloned() {
+        while let Some(asked) = self.asked.pop_front() {
+            let made_by = fitting(&asked.store, asked.settings.denoiser, asked.settings.quality);
+            let is_done = self.reporter.phase() == Phase::Finished
+                && self.reporter.shown_samples() == asked.store.samples();
+            let is_it = |shown: &&Shown| is_done && shown.made_by == made_by;
+            if let Some(shown) = self.reporter.shown().filter(is_it).cloned() {
                 self.write(&asked, Some(&shown));
             } else if self.aside.len() == MOST_ASIDE {
                 self.reporter.notice("not saved: earlier images are still being made".to_owned(), true);
@@ -460,8 +479,8 @@ impl<'a> Director<'a> {
     fn write(&mut self, asked: &Asked, made: Option<&Shown>) {
         let Asked { store, settings } = asked;
         let written = made.ok_or("the filter ended early".to_owned()).and_then(|shown| {
-            let filtered = &shown.filtered;
-            (self.stage.save)(&Picture { store, filtered, settings })
+            let (filtered, made_by) = (&shown.filtered, shown.made_by);
+            (self.stage.save)(&Picture { store, filtered, made_by, settings })
         });
         match written {
             Ok(paths) => {

@@ -4,9 +4,9 @@ use std::path::PathBuf;
 use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
-use crate::filter::Filtered;
+use crate::filter::{Filtered, Quality};
 use crate::image::Planes;
-use crate::progressive::{Closing, Keep, Memory, Progress, Settings};
+use crate::progressive::{Closing, Denoiser, Keep, Memory, Progress, Settings};
 use crate::render::Renderer;
 use crate::scene::Scene;
 use crate::stats::Store;
@@ -15,6 +15,7 @@ use crate::stats::Store;
 pub struct Picture<'a> {
     pub store: &'a Store,
     pub filtered: &'a Filtered,
+    pub made_by: (Denoiser, Quality),
     pub settings: &'a Settings,
 }
 

@@ -1,6 +1,7 @@
 //! What people have asked for and has to wait for the end of a step, or of a filter pass.
 
 use super::protocol::Move;
+use crate::progressive::Settings;
 
 /// See the module.
 #[derive(Default)]
@@ -9,8 +10,8 @@ pub struct Wishes {
     pub restart: bool,
     pub settings: bool,
     pub region: bool,
-    /// An image of what is to come, as soon as it is one.
-    pub save: bool,
+    /// Images of what is to come, as soon as it is one, as these settings make them.
+    pub saves: Vec<Settings>,
     pub quit: bool,
 }
 
@@ -37,6 +38,6 @@ impl Wishes {
 
     /// A new generation fulfils all but a save.
     pub fn begin(&mut self) {
-        *self = Self { save: self.save, ..Self::default() };
+        *self = Self { saves: std::mem::take(&mut self.saves), ..Self::default() };
     }
 }

@@ -61,6 +61,7 @@ pub struct FilterJob {
 /// What a filter pass makes of the store.
 #[derive(Clone)]
 pub struct Shown {
+    pub made_by: (Denoiser, Quality),
     pub filtered: Filtered,
     /// Where interpolation failed, and the share of pixels where it did not.
     pub failure: Option<Planes>,
@@ -92,7 +93,8 @@ impl FilterJob {
         });
         let maps_seconds = self.interpolation.then(|| started.elapsed().as_secs_f64());
         let (failure, success) = grid.unzip();
-        Shown { filtered, failure, success, maps_seconds }
+        let made_by = (self.denoiser, self.quality);
+        Shown { made_by, filtered, failure, success, maps_seconds }
     }
 }
 

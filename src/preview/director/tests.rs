@@ -89,9 +89,11 @@ fn what_is_asked_for_during_the_last_pass_is_saved() {
     assert!(saved.into_inner() == [(outcome.store.samples(), outcome.filtered.image)]);
 }
 
-/// Renders while these are said in one breath, once there are 16 samples per pixel, and the program is closed then
-/// if it `stays`; samples of then, and samples and denoiser of what was saved.
-fn saved_of(commands: &[Command], stays: bool) -> (u64, Vec<(u64, Denoiser)>) {
+type Made = (Denoiser, Quality);
+
+/// Renders in this quality while these are said in one breath, once there are 16 samples per pixel, and the program
+/// is closed then if it `stays`; samples of then, and samples and filter of what was saved.
+fn saved_of(quality: Quality, commands: &[Command], stays: bool) -> (u64, Vec<(u64, Made)>) {
     let (given, saved) = (Cell::new(0), RefCell::new(Vec::new()));
     let moments = Moments {
         stepped: &|progress, hub, interrupt| {
@@ -103,33 +105,86 @@ fn saved_of(commands: &[Command], stays: bool) -> (u64, Vec<(u64, Denoiser)>) {
         },
         kept: &|_, _, _| (),
         saved: &|picture| {
-            saved.borrow_mut().push((picture.store.samples(), picture.settings.denoiser));
+            saved.borrow_mut().push((picture.store.samples(), picture.made_by));
         },
     };
-    let settings = Settings { sampling: Sampling::Uniform, quality: Quality::Paper, ..of_spp(32) };
+    let settings = Settings { sampling: Sampling::Uniform, quality, ..of_spp(32) };
     assert_eq!(directed_by(&settings, stays, moments).is_none(), stays);
     (given.get(), saved.into_inner())
 }
 
 #[test]
 fn what_is_saved_is_the_image_of_when_that_was_said() {
-    let set = |denoiser| Command::Set(Change { denoiser: Some(denoiser), ..Change::default() });
+    const PAPER: Made = (Denoiser::Prpf, Quality::Paper);
+    const STANDARD: Made = (Denoiser::Prpf, Quality::Standard);
+    let unfiltered = || Command::Set(Change { denoiser: Some(Denoiser::None), ..Change::default() });
+    let better = || Command::Set(Change { quality: Some(Quality::Paper), ..Change::default() });
     let moved = || Command::Camera(Move { orbit: Some([0.3, 0.1]), ..Move::default() });
+    let of = |quality, commands: &[Command], stays| {
+        let (before, saved) = saved_of(quality, commands, stays);
+        let all_new = saved.iter().all(|(samples, _)| (SIDE * SIDE..before).contains(samples));
+        let all_old = saved.iter().all(|&(samples, _)| samples == before);
+        assert!(all_new || all_old, "{before} {saved:?}");
+        (all_old, saved.into_iter().map(|(_, made_by)| made_by).collect::<Vec<_>>())
+    };
     // Whatever comes after it.
-    for next in [Command::Restart, moved(), set(Denoiser::None)] {
-        let (before, saved) = saved_of(&[Command::Save, next], false);
-        assert_eq!(saved, [(before, Denoiser::Prpf)]);
+    for next in [Command::Restart, moved(), unfiltered()] {
+        assert_eq!(of(Quality::Paper, &[Command::Save, next], false), (true, vec![PAPER]));
     }
-    let (before, saved) = saved_of(&[Command::Save], true);
-    assert_eq!(saved, [(before, Denoiser::Prpf)]);
-    // And after what makes it another, the first that is of it.
-    let (before, saved) = saved_of(&[set(Denoiser::None), Command::Save], false);
-    assert_eq!(saved, [(before, Denoiser::None)]);
+    assert_eq!(of(Quality::Paper, &[Command::Save], true), (true, vec![PAPER]));
+    // And after what makes it another, the first that is of it, as it was to be filtered then.
+    let none = (Denoiser::None, Quality::Paper);
+    assert_eq!(of(Quality::Paper, &[unfiltered(), Command::Save], false), (true, vec![none]));
     for first in [Command::Restart, moved()] {
-        let (before, saved) = saved_of(&[first, Command::Save], false);
-        let [(samples, Denoiser::Prpf)] = saved[..] else { panic!("{saved:?}") };
-        assert!((SIDE * SIDE..before).contains(&samples), "{samples}");
+        assert_eq!(
+            of(Quality::Standard, &[first, Command::Save, unfiltered()], false),
+            (false, vec![STANDARD])
+        );
     }
+    // Each once.
+    let several = [Command::Save, Command::Save, unfiltered(), Command::Save, better(), Command::Save];
+    assert_eq!(of(Quality::Paper, &several, false), (true, vec![PAPER, none]));
+    let several = [Command::Restart, Command::Save, unfiltered(), Command::Save];
+    let none = (Denoiser::None, Quality::Standard);
+    assert_eq!(of(Quality::Standard, &several, false), (false, vec![STANDARD, none]));
+
+    // Sample vectors that its filter needs are kept no more.
+    let vain = [Command::Restart, Command::Save, unfiltered()];
+    assert_eq!(of(Quality::Paper, &vain, false).1, []);
+    // A filter that needs sample vectors waits for some.
+    let (before, saved) = saved_of(Quality::Standard, &[better(), Command::Save], false);
+    let [(samples, PAPER)] = saved[..] else { panic!("{saved:?}") };
+    assert!((SIDE * SIDE..before).contains(&samples), "{samples}");
+}
+
+/// At the end, too, where an image is there already.
+#[test]
+fn what_is_saved_of_a_finished_render_is_made_by_the_filter_that_is_chosen() {
+    let (asked, saved) = (Cell::new(0), RefCell::new(Vec::new()));
+    let all = u64::from(SPP) * SIDE * SIDE;
+    let moments = Moments {
+        stepped: &|_, _, _| (),
+        kept: &|settings, memory, hub| {
+            // Before the last pass of the first render, and of that which the new filter begins.
+            if memory.store.samples() == all
+                && asked.get() < 2
+                && asked.get() == usize::from(settings.quality == Quality::Paper)
+            {
+                asked.set(asked.get() + 1);
+                assert!(hub.command(Command::Save));
+                if asked.get() == 1 {
+                    let change = Change { quality: Some(Quality::Paper), ..Change::default() };
+                    assert!(hub.command(Command::Set(change)) && hub.command(Command::Save));
+                }
+            }
+        },
+        saved: &|picture| saved.borrow_mut().push(picture.made_by.1),
+    };
+    let settings = Settings { sampling: Sampling::Uniform, ..of_spp(SPP) };
+    let outcome = directed_by(&settings, false, moments).expect("it ends by its budget");
+    assert_eq!(outcome.settings.quality, Quality::Paper);
+    let saved = saved.into_inner();
+    assert_eq!(saved[..2], [Quality::Standard, Quality::Paper], "{saved:?}");
 }
 
 #[test]
