@@ -485,7 +485,9 @@ impl<'a> Director<'a> {
         match written {
             Ok(paths) => {
                 let names: Vec<_> = paths.iter().map(|path| path.display().to_string()).collect();
-                self.reporter.notice(format!("saved {}", names.join(" and ")), false);
+                let spp = store.samples() as f64 / store.pixels().max(1) as f64;
+                let said = format!("saved {}: {spp:.1} samples per pixel", names.join(" and "));
+                self.reporter.notice(said, false);
             }
             Err(problem) => self.reporter.notice(format!("not saved: {problem}"), true),
         }
