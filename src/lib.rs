@@ -18,6 +18,7 @@
 //!
 //! | room | holds |
 //! | --- | --- |
+//! | [`files`] | files on disk: atomic replacement, locking, direct I/O |
 //! | [`image`] | planes of `f32`; EXR and PNG files; tone mapping; error metrics |
 //! | [`scene`] | what is in the picture: pbrt reader, shapes, materials, textures, lights, camera, and the [`scene::Effects`] it calls for |
 //! | [`geometry`] | acceleration structure, intersection, instances, motion |
@@ -62,6 +63,7 @@
 
 pub mod adaptive;
 pub mod cli;
+pub mod files;
 pub mod filter;
 pub mod geometry;
 pub mod image;

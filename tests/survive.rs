@@ -314,14 +314,14 @@ fn a_state_that_does_not_fit_gets_one_line_and_stays() {
         );
         assert!(said.contains(word), "{said}");
     }
-    let own = prpf::image::atomic::OwnFile::new(&folder.join("a.state")).expect("nobody else keeps it");
+    let own = prpf::files::ExclusiveFile::new(&folder.join("a.state")).expect("nobody else keeps it");
     for more in [&[] as &[&str], &["--resume"]] {
         let render = ["render", "scene.pbrt", "--quiet", "-o", "b.exr", "--spp", "4", "--state", "a.state"];
         assert!(refused(folder, &[&render[..], more].concat()).contains("another program"));
     }
     drop(own);
     // Before there is one as well.
-    let early = prpf::image::atomic::OwnFile::new(&folder.join("new.state")).expect("nobody else keeps it");
+    let early = prpf::files::ExclusiveFile::new(&folder.join("new.state")).expect("nobody else keeps it");
     let render = ["render", "scene.pbrt", "--quiet", "-o", "b.exr", "--spp", "4", "--state", "new.state"];
     assert!(refused(folder, &render).contains("another program"));
     drop(early);

@@ -7,7 +7,7 @@ use clap::Args;
 
 use super::output::{are_distinct, can_be_written, replaces_no_state};
 use super::{Failure, denoise, in_pool};
-use crate::image::atomic;
+use crate::files::replace_file;
 use crate::state::{self, State};
 
 /// `prpf export`.
@@ -42,7 +42,7 @@ pub(super) fn run(options: &ExportOptions) -> Result<u8, Failure> {
     in_pool(None, || {
         let filtered = denoise::filtered(&state.memory, &state.settings).map_err(Failure::Input)?;
         // A writer that may seek, which archives need.
-        atomic::replace_file(&options.outfile, |out| state::export(&state, &filtered, out))
+        replace_file(&options.outfile, |out| state::export(&state, &filtered, out))
             .with_context(|| format!("writing {}", options.outfile.display()))
             .map_err(Failure::Run)
     })?;

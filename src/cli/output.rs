@@ -7,12 +7,13 @@ use rayon::prelude::*;
 
 use super::layers::Layers;
 use super::report::{Report, Spread};
+use crate::files;
 use crate::filter::{Filtered, Quality};
 use crate::image::exr_file::{self, Attribute, Windows, names};
 use crate::image::formats::OutputFormat;
 use crate::image::metrics::Pair;
 use crate::image::tone::to_srgb8;
-use crate::image::{self, Planes, atomic, png_file};
+use crate::image::{self, Planes, png_file};
 use crate::progressive::{Batch, Denoiser, Settings};
 use crate::state::{self, Frame};
 use crate::stats::Store;
@@ -28,7 +29,7 @@ pub(super) fn can_be_written(path: &Path) -> anyhow::Result<()> {
     {
         anyhow::bail!("{}: found a folder; accepted is the name of a file", path.display());
     }
-    Ok(image::atomic::can_replace(path).map_err(|error| image::Problem::from(error).at(path))?)
+    Ok(files::can_replace(path).map_err(|error| image::Problem::from(error).at(path))?)
 }
 
 /// Refuses to put something else in a state's place.
@@ -41,7 +42,7 @@ pub(super) fn replaces_no_state(path: &Path) -> anyhow::Result<()> {
 
 /// The one spelling of a file's name, whether there is such a file yet or not.
 fn place_of(path: &Path) -> std::io::Result<PathBuf> {
-    let absolute = std::path::absolute(atomic::behind_links(path)?)?;
+    let absolute = std::path::absolute(files::resolve_links(path)?)?;
     let of_new = || Some(absolute.parent()?.canonicalize().ok()?.join(absolute.file_name()?));
     Ok(absolute.canonicalize().ok().or_else(of_new).unwrap_or(absolute))
 }
@@ -162,7 +163,7 @@ fn command_line() -> String {
 
 pub(super) fn write_report(path: &Path, report: &Report) -> anyhow::Result<()> {
     let text = serde_json::to_vec_pretty(report)?;
-    atomic::replace_file::<anyhow::Error>(path, |file| {
+    files::replace_file::<anyhow::Error>(path, |file| {
         use std::io::Write;
         file.write_all(&text)?;
         Ok(file.write_all(b"\n")?)

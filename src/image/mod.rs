@@ -7,10 +7,8 @@
 //! | [`png_file`] | 8-bit sRGB out; PNG, JPEG and TGA in |
 //! | [`formats`] | which of the two a file name or a file's content means |
 //! | [`tone`] | the sRGB transfer curve |
-//! | [`atomic`] | files that are replaced whole or not at all |
 //! | [`metrics`], [`perceptual`] | how far an image is from its reference |
 
-pub mod atomic;
 pub mod error;
 pub mod exr_file;
 pub mod formats;

@@ -6,10 +6,10 @@ use std::path::Path;
 use image::codecs::png::PngEncoder;
 use image::{ExtendedColorType, ImageEncoder, ImageReader, Limits};
 
-use super::atomic::replace_file;
 use super::error::{MAX_SAMPLES, MAX_SIDE};
 use super::tone::{srgb_decode, to_srgb8};
 use super::{ImageError, Planes, Problem};
+use crate::files::replace_file;
 
 /// Writes the first three planes (or one plane as grey) as 8-bit sRGB PNG.
 ///

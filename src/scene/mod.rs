@@ -11,7 +11,6 @@ pub mod light;
 pub mod material;
 pub mod measured;
 pub mod pbrt;
-mod regular_file;
 pub mod shape;
 pub mod texture;
 pub mod transform;

@@ -8,7 +8,7 @@ use std::sync::{Mutex, MutexGuard};
 use std::thread::JoinHandle;
 
 use super::{State, bytes};
-use crate::image::atomic::OwnFile;
+use crate::files::ExclusiveFile;
 
 const ENDED_EARLY: &str = "the thread that writes states ended early";
 
@@ -37,8 +37,8 @@ impl Keeper {
     /// A file that cannot be written or that another program keeps, or a disk without room for so many bytes: known
     /// before any work.
     pub fn new(path: &Path, size: usize) -> io::Result<Self> {
-        let mut own = OwnFile::new(path)?;
-        own.has_room(size)?;
+        let mut own = ExclusiveFile::new(path)?;
+        own.check_space(size)?;
         let (to_write, jobs) = channel::<Vec<u8>>();
         let (done, written) = channel();
         let thread = std::thread::Builder::new().name("state".into()).spawn(move || {

@@ -24,7 +24,7 @@ pub use keeper::Keeper;
 pub use merge::{Merge, MergeError};
 pub use stream::Stream;
 
-use crate::image::atomic;
+use crate::files::{self, ExclusiveFile};
 use crate::progressive::{Memory, Settings};
 
 /// A render that can go on.
@@ -82,7 +82,7 @@ impl State {
     pub fn rehearse(&self, path: &Path) -> std::io::Result<()> {
         let mut file = Vec::new();
         bytes(self, &mut file);
-        atomic::rehearse_own_file(path, &file)
+        files::exclusive::write_and_discard(path, &file)
     }
 
     /// Replaces a file, whole or not at all.
@@ -92,7 +92,7 @@ impl State {
     pub fn write(&self, path: &Path) -> Result<(), StateError> {
         let mut file = Vec::new();
         bytes(self, &mut file);
-        atomic::OwnFile::new(path)
+        ExclusiveFile::new(path)
             .and_then(|mut own| own.replace(&file))
             .map_err(|error| StateError { path: path.to_path_buf(), problem: error.into() })
     }

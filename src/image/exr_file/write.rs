@@ -16,7 +16,7 @@ use rayon::prelude::*;
 
 use super::attribute::{self, text};
 use super::{Attribute, Channel, Precision, Windows};
-use crate::image::atomic::replace_file;
+use crate::files::replace_file;
 use crate::image::{ImageError, Problem};
 
 /// Writes the channels as one part, ZIP-compressed by scan lines, replacing the file whole or not

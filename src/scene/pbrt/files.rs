@@ -5,7 +5,7 @@ use std::path::Path;
 
 use flate2::bufread::MultiGzDecoder;
 
-use crate::scene::regular_file;
+use crate::files::open_regular;
 
 /// Most bytes that one byte of a gzip file can stand for (the limit of DEFLATE).
 pub const MAX_INFLATION: u64 = 1032;
@@ -20,9 +20,9 @@ pub struct Source {
 /// Opens a file for reading.
 ///
 /// # Errors
-/// As [`regular_file::open`].
+/// As [`open_regular`].
 pub fn open(path: &Path) -> Result<Source, String> {
-    let (file, length) = regular_file::open(path)?;
+    let (file, length) = open_regular(path)?;
     let plain = BufReader::new(file);
     Ok(if path.extension().is_some_and(|extension| extension == "gz") {
         let reader = Box::new(BufReader::new(MultiGzDecoder::new(plain)));
@@ -44,7 +44,7 @@ pub fn read(path: &Path) -> Result<Vec<u8>, String> {
 
 /// Length and CRC-32 of a file as it is stored, little endian; nothing if it cannot be read.
 pub fn checksum(path: &Path) -> Option<[u8; 12]> {
-    let (file, length) = regular_file::open(path).ok()?;
+    let (file, length) = open_regular(path).ok()?;
     let mut reader = BufReader::with_capacity(1 << 18, file);
     let mut sum = crc32fast::Hasher::new();
     loop {

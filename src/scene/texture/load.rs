@@ -11,8 +11,8 @@ use ::image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
 use glam::Vec3;
 
 use super::{TextureImage, luminance};
+use crate::files::open_regular;
 use crate::image::exr_file;
-use crate::scene::regular_file;
 
 /// Largest number of texels of an image: 16 384 × 16 384.
 const MAX_TEXELS: u64 = 1 << 28;
@@ -98,7 +98,7 @@ pub fn load(path: &Path, encoding: Encoding, channels: Channels) -> Result<Textu
         "tga" => Some(ImageFormat::Tga),
         _ => return Err(format!("image format \"{extension}\"; exr, pfm, png, jpg and tga are accepted")),
     };
-    let (file, length) = regular_file::open(path)?;
+    let (file, length) = open_regular(path)?;
     let mut reader = BufReader::new(file);
     let of_floats = |width, height, count, data: Vec<f32>| {
         let data = data.into_iter().map(finite).collect();

@@ -1,0 +1,24 @@
+//! Files on disk: atomic replacement, locking, direct I/O and opening regular files.
+//!
+//! | file | holds |
+//! | --- | --- |
+//! | [`atomic`] | [`replace_file`]: replaces a file whole or not at all |
+//! | [`exclusive`] | [`ExclusiveFile`]: a file that only this process may replace |
+//! | `temporary` | temporary files beside their target |
+//! | `lock` | advisory locks and the identity of files |
+//! | `direct` | writes that bypass the page cache; reserving disk space |
+//! | [`links`] | the target of symbolic links |
+//! | [`regular`] | opening regular files only |
+
+pub mod atomic;
+mod direct;
+pub mod exclusive;
+pub mod links;
+mod lock;
+pub mod regular;
+mod temporary;
+
+pub use atomic::{can_replace, replace_file};
+pub use exclusive::ExclusiveFile;
+pub use links::resolve_links;
+pub use regular::open_regular;

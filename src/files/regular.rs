@@ -1,0 +1,22 @@
+//! Opens regular files only: pipes and devices could block or never end.
+//!
+//! Takes a path; gives the open file and its length.
+
+use std::fs::File;
+use std::path::Path;
+
+/// Opens a file for reading; also returns its length in bytes.
+///
+/// # Errors
+/// The system's message without the file's name; also for anything but a regular file.
+pub fn open_regular(path: &Path) -> Result<(File, u64), String> {
+    // The kind is checked first: opening a pipe waits for a writer, and a device may never end.
+    let metadata = path.metadata().map_err(|error| error.to_string())?;
+    if metadata.is_dir() {
+        return Err("it is a folder".into());
+    }
+    if !metadata.is_file() {
+        return Err("it is no regular file".into());
+    }
+    Ok((File::open(path).map_err(|error| error.to_string())?, metadata.len()))
+}

@@ -1,0 +1,77 @@
+//! Temporary files beside the file that they will replace.
+//!
+//! They stand in the target's folder, because a rename is atomic within one file system only. Their name follows from
+//! the target's, so that the next process removes what a killed one left behind.
+
+use std::ffi::OsString;
+use std::fs::{self, File};
+use std::io;
+use std::path::Path;
+
+use tempfile::NamedTempFile;
+
+use super::links::folder_of;
+use super::lock::lock_at;
+
+/// Creates a temporary file for `target`, under a random name if another process is writing the same target.
+pub fn temporary_file(target: &Path) -> io::Result<NamedTempFile> {
+    locked_temporary_file(target).or_else(|_| random_temporary_file(folder_of(target)))
+}
+
+/// Creates the temporary file named after `target`, locked while it is open.
+///
+/// # Errors
+/// [`io::ErrorKind::ResourceBusy`] if another process has it; those of the file system.
+pub fn locked_temporary_file(target: &Path) -> io::Result<NamedTempFile> {
+    let folder = folder_of(target);
+    let mut name = OsString::from(".");
+    name.push(target.file_name().unwrap_or_default());
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(&name).suffix(".tmp").rand_bytes(0);
+    grant_by_umask(&mut builder);
+    let mut stale = name.clone();
+    stale.push(".tmp");
+    let stale = folder.join(stale);
+    if let Ok(file) = File::open(&stale) {
+        lock_at(&file, &stale)?;
+        fs::remove_file(&stale)?;
+    }
+    let temporary = builder.tempfile_in(folder)?;
+    lock_at(temporary.as_file(), &stale)?;
+    Ok(temporary)
+}
+
+fn random_temporary_file(folder: &Path) -> io::Result<NamedTempFile> {
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(".prpf-").suffix(".tmp");
+    grant_by_umask(&mut builder);
+    builder.tempfile_in(folder)
+}
+
+/// Makes a temporary file durable and renames it over `target`, whose permissions it takes.
+pub fn rename_over(temporary: NamedTempFile, target: &Path) -> io::Result<File> {
+    if let Ok(old) = fs::metadata(target) {
+        temporary.as_file().set_permissions(old.permissions())?;
+    }
+    temporary.as_file().sync_all()?;
+    let file = temporary.persist(target).map_err(|error| error.error)?;
+    sync_folder(folder_of(target));
+    Ok(file)
+}
+
+/// Temporary files are private by default; the final file gets the permissions that the umask grants.
+fn grant_by_umask(builder: &mut tempfile::Builder) {
+    #[cfg(unix)]
+    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+}
+
+/// Makes the rename itself durable.
+#[cfg(unix)]
+fn sync_folder(folder: &Path) {
+    // Some network file systems cannot sync a folder; the file is complete all the same.
+    File::open(folder).and_then(|folder| folder.sync_all()).ok();
+}
+
+/// Only Unix can sync a folder.
+#[cfg(not(unix))]
+fn sync_folder(_: &Path) {}
