@@ -109,17 +109,17 @@ pub fn brdf(bytes: &[u8]) {
 /// A state's file as it is, and the same bytes as the header, up to a zero byte, and the arrays of a file
 /// whose lengths and checksum are right: no search gets past a checksum.
 pub fn state(bytes: &[u8]) {
-    let _ = state::read_bytes(bytes);
+    let _ = state::decode(bytes);
     let header = bytes.iter().position(|&byte| byte == 0).unwrap_or(bytes.len());
     let (header, arrays) = (&bytes[..header], bytes.get(header + 1..).unwrap_or_default());
-    let Ok(read) = state::read_bytes(&sealed(header, arrays)) else { return };
+    let Ok(read) = state::decode(&sealed(header, arrays)) else { return };
     let written = |state| {
         let mut file = Vec::new();
-        state::bytes(state, &mut file);
+        state::encode(state, &mut file);
         file
     };
     let once = written(&read);
-    let again = state::read_bytes(&once).expect("what was read can be written and read again");
+    let again = state::decode(&once).expect("what was read can be written and read again");
     assert!(written(&again) == once, "writing and reading change nothing");
     assert!(read.streams.iter().all(|stream| !stream.to_string().is_empty()));
     let mut merge = Merge::new(read.clone());

@@ -18,7 +18,7 @@ use prpf::image::{Planes, exr_file};
 use prpf::progressive::{Budget, Loop, Memory, Settings, StoppedBy};
 use prpf::render::{Renderer, Share};
 use prpf::scene::pbrt;
-use prpf::state::{self, Frame, State, Stream};
+use prpf::state::{self, ImageMetadata, RenderState, Stream};
 
 const SPP: &str = "40";
 
@@ -49,7 +49,7 @@ fn a_render_resumed_from_any_step_ends_in_the_same_image() {
     let scene = pbrt::read_str(SCENE, Path::new(".")).expect("the test's scene is right");
     let accel = Accel::build(&scene);
     let renderer = Renderer::new(&scene, &accel, 5);
-    let frame = Frame::of(&scene, &renderer);
+    let metadata = ImageMetadata::new(&scene, &renderer);
     for quality in [Quality::Standard, Quality::Paper] {
         let settings = Settings {
             budget: Budget { spp: Some(19), ..Budget::default() },
@@ -62,16 +62,17 @@ fn a_render_resumed_from_any_step_ends_in_the_same_image() {
         let kept = RefCell::new(Vec::new());
         let keep = |_: &Settings, memory: Memory| {
             let streams = vec![Stream::new(5, Share::WHOLE)];
-            let state = State { frame: frame.clone(), settings: settings.clone(), streams, memory };
+            let state =
+                RenderState { metadata: metadata.clone(), settings: settings.clone(), streams, memory };
             let mut file = Vec::new();
-            state::bytes(&state, &mut file);
+            state::encode(&state, &mut file);
             kept.borrow_mut().push(file);
         };
         let whole = circle().keeping(0.0, &keep).run(&mut |_| ());
         let kept = kept.into_inner();
         assert!(kept.len() >= 6, "steps of batches, and their ends: {}", kept.len());
         for file in kept {
-            let memory = state::read_bytes(&file).expect("a state").memory;
+            let memory = state::decode(&file).expect("a state").memory;
             let resumed = circle().resuming(memory).run(&mut |_| ());
             assert_eq!(resumed.filtered.image, whole.filtered.image);
             assert_eq!(resumed.filtered.interpolation_failure, whole.filtered.interpolation_failure);
@@ -131,7 +132,7 @@ fn killed_again_and_again(kills: u32) {
         let status = child.wait().expect("a child ends");
         assert!(status.code().is_none_or(|code| code == 0), "killed or done: {status}");
         if folder.join("a.state").exists() {
-            State::read(&folder.join("a.state")).expect("a state that loads");
+            RenderState::read(&folder.join("a.state")).expect("a state that loads");
         }
         if status.success() {
             // It got to its end; the next starts from nothing.
@@ -184,7 +185,7 @@ fn a_signal_ends_the_batch_writes_image_and_state_and_exits_130() {
         assert!(Command::new("kill").args(["-s", signal, &id]).status().expect("kill is there").success());
         assert_eq!(child.wait().expect("a child ends").code(), Some(130), "{signal}");
         assert!(image(folder, "out.exr").data().iter().all(|v| v.is_finite()));
-        State::read(&folder.join("a.state")).expect("a state that loads");
+        RenderState::read(&folder.join("a.state")).expect("a state that loads");
     }
     done(folder, &arguments);
     assert_eq!(image(folder, "out.exr"), image(folder, "whole.exr"));
@@ -236,7 +237,7 @@ fn shards_of_a_render_add_up_to_it() {
     render(&["-o", "s.exr", "--state", "2.state", "--shard", "2/3"]);
     render(&["-o", "s.exr", "--state", "3.state", "--shard", "3/3"]);
     done(folder, &["merge", "3.state", "1.state", "2.state", "-o", "sum.state"]);
-    let read = |name: &str| State::read(&folder.join(name)).expect("a state");
+    let read = |name: &str| RenderState::read(&folder.join(name)).expect("a state");
     let (sum, whole) = (read("sum.state"), read("whole.state"));
     assert_eq!(sum.streams, whole.streams);
     let (sum, whole) = (&sum.memory.store, &whole.memory.store);
@@ -372,7 +373,7 @@ fn an_export_is_an_archive_of_numpy_arrays() {
         std::io::copy(&mut entry, &mut bytes).expect("readable");
         bytes
     };
-    let state = State::read(&folder.join("a.state")).expect("a state");
+    let state = RenderState::read(&folder.join("a.state")).expect("a state");
     let store = &state.memory.store;
     let count = bytes_of("count");
     let values: Vec<u32> = count[128..].as_chunks().0.iter().map(|&b| u32::from_le_bytes(b)).collect();
@@ -469,7 +470,7 @@ fn a_render_that_is_looked_at_ends_with_an_image_when_interrupted() {
     let folder = folder.path();
     let render = ["render", "scene.pbrt", "--preview", "--spp", "2000000", "-o", "out.exr"];
     assert_eq!(interrupted(folder, &render), Some(130));
-    let state = State::read(&folder.join("a.state")).expect("a state");
+    let state = RenderState::read(&folder.join("a.state")).expect("a state");
     let counts = exr_file::read_channels(&folder.join("out.exr"), &["SampleCount.X"]).expect("counts");
     let samples = counts.data().iter().map(|&n| f64::from(n)).sum::<f64>();
     assert!(samples > 0.0 && samples == state.memory.store.samples() as f64, "both are of the end");
@@ -481,7 +482,7 @@ fn a_preview_that_is_closed_leaves_what_it_has_rendered() {
     let folder = folder();
     let folder = folder.path();
     assert_eq!(interrupted(folder, &["preview", "scene.pbrt", "--spp", "0"]), Some(0));
-    let state = State::read(&folder.join("a.state")).expect("a state");
+    let state = RenderState::read(&folder.join("a.state")).expect("a state");
     assert!(state.memory.store.samples() > 0);
 }
 

@@ -13,7 +13,7 @@ use super::{Failure, in_pool};
 use crate::filter::{Filtered, Quality};
 use crate::image::formats::OutputFormat;
 use crate::progressive::{FilterJob, Memory, Settings, fitting, reservoir_capacity};
-use crate::state::State;
+use crate::state::RenderState;
 
 /// `prpf denoise`.
 #[derive(Args)]
@@ -70,8 +70,8 @@ fn denoise(options: &DenoiseOptions, start: Instant) -> Result<u8, Failure> {
         )));
     }
     options.layers.as_deref().map_or(Ok(()), Layers::check).map_err(Failure::Input)?;
-    let State { frame, settings, memory, .. } =
-        State::read(&options.state).map_err(|error| Failure::Input(error.into()))?;
+    let RenderState { metadata, settings, memory, .. } =
+        RenderState::read(&options.state).map_err(|error| Failure::Input(error.into()))?;
     let settings = Settings {
         denoiser: options.denoiser.map_or(settings.denoiser, Into::into),
         quality: options.quality.unwrap_or(settings.quality),
@@ -80,7 +80,7 @@ fn denoise(options: &DenoiseOptions, start: Instant) -> Result<u8, Failure> {
     let store = &memory.store;
     let filtered = filtered(&memory, &settings).map_err(Failure::Input)?;
 
-    let mut layers = Layers::of(&filtered, store, memory.estimate.as_ref(), &frame);
+    let mut layers = Layers::of(&filtered, store, memory.estimate.as_ref(), &metadata);
     if let Some(names) = &options.layers {
         layers.keep_only(names).map_err(Failure::Input)?;
     }
@@ -89,7 +89,7 @@ fn denoise(options: &DenoiseOptions, start: Instant) -> Result<u8, Failure> {
         store,
         image: &filtered.image,
         batches: &memory.batches,
-        frame: &frame,
+        metadata: &metadata,
         settings: &settings,
         filter: fitting(store, settings.denoiser, settings.quality),
         reference: None,

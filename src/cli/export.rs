@@ -8,7 +8,7 @@ use clap::Args;
 use super::output::{are_distinct, can_be_written, replaces_no_state};
 use super::{Failure, denoise, in_pool};
 use crate::files::replace_file;
-use crate::state::{self, State};
+use crate::state::{self, RenderState};
 
 /// `prpf export`.
 #[derive(Args)]
@@ -38,7 +38,7 @@ pub(super) fn run(options: &ExportOptions) -> Result<u8, Failure> {
     can_be_written(&options.outfile).map_err(Failure::Input)?;
     replaces_no_state(&options.outfile).map_err(Failure::Input)?;
     are_distinct([&*options.state], &[&options.outfile]).map_err(Failure::Input)?;
-    let state = State::read(&options.state).map_err(|error| Failure::Input(error.into()))?;
+    let state = RenderState::read(&options.state).map_err(|error| Failure::Input(error.into()))?;
     in_pool(None, || {
         let filtered = denoise::filtered(&state.memory, &state.settings).map_err(Failure::Input)?;
         // A writer that may seek, which archives need.

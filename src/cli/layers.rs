@@ -4,7 +4,7 @@ use crate::filter::{self, Filtered};
 use crate::image::Planes;
 use crate::image::exr_file::{Channel, Precision};
 use crate::progressive::ErrorEstimate;
-use crate::state::Frame;
+use crate::state::ImageMetadata;
 use crate::stats::{Block, Part, Store};
 
 /// A named layer: its channels' suffixes, one plane each.
@@ -38,7 +38,12 @@ const NAMES: [&str; 10] = [
 pub(super) struct Layers(Vec<Layer>);
 
 impl Layers {
-    pub fn of(filtered: &Filtered, store: &Store, estimate: Option<&ErrorEstimate>, frame: &Frame) -> Self {
+    pub fn of(
+        filtered: &Filtered,
+        store: &Store,
+        estimate: Option<&ErrorEstimate>,
+        metadata: &ImageMetadata,
+    ) -> Self {
         use Precision::{Float, Half};
         let layout = store.layout();
         let mut layers = Vec::new();
@@ -54,8 +59,8 @@ impl Layers {
         }
         if let Some(dims) = layout.block(Block::Position1) {
             let mut position = store.means(Part::Whole, dims);
-            for (plane, origin) in position.planes_mut().zip(frame.origin) {
-                plane.iter_mut().for_each(|v| *v = (f64::from(*v * frame.diameter) + origin) as f32);
+            for (plane, origin) in position.planes_mut().zip(metadata.origin) {
+                plane.iter_mut().for_each(|v| *v = (f64::from(*v * metadata.diameter) + origin) as f32);
             }
             add("P", XYZ, position, Float);
         }

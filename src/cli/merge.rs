@@ -8,7 +8,7 @@ use clap::Args;
 use super::Failure;
 use super::output::{are_distinct, can_be_written};
 use super::state::replaces_state;
-use crate::state::{Merge, State};
+use crate::state::{Merge, RenderState};
 
 /// `prpf merge`.
 #[derive(Args)]
@@ -51,8 +51,8 @@ pub(super) fn run(options: &MergeOptions) -> Result<u8, Failure> {
     Ok(0)
 }
 
-fn merge(paths: &[PathBuf]) -> anyhow::Result<State> {
-    let read = |path: &Path| State::read(path).map_err(anyhow::Error::from);
+fn merge(paths: &[PathBuf]) -> anyhow::Result<RenderState> {
+    let read = |path: &Path| RenderState::read(path).map_err(anyhow::Error::from);
     let (first, others) = paths.split_first().context("found no state; accepted are two or more")?;
     let mut merge = Merge::new(read(first)?);
     for path in others {

@@ -15,7 +15,7 @@ use crate::image::metrics::Pair;
 use crate::image::tone::to_srgb8;
 use crate::image::{self, Planes, png_file};
 use crate::progressive::{Batch, Denoiser, Settings};
-use crate::state::{self, Frame};
+use crate::state::{self, ImageMetadata};
 use crate::stats::Store;
 
 /// What can be known of an output before minutes of rendering.
@@ -34,7 +34,7 @@ pub(super) fn can_be_written(path: &Path) -> anyhow::Result<()> {
 
 /// Refuses to put something else in a state's place.
 pub(super) fn replaces_no_state(path: &Path) -> anyhow::Result<()> {
-    if path.is_file() && state::check_kind(path).is_ok() {
+    if path.is_file() && state::check_signature(path).is_ok() {
         anyhow::bail!("{}: found a render state; accepted is the name of another file", path.display());
     }
     Ok(())
@@ -86,7 +86,7 @@ pub(super) struct Written<'a> {
     pub store: &'a Store,
     pub image: &'a Planes,
     pub batches: &'a [Batch],
-    pub frame: &'a Frame,
+    pub metadata: &'a ImageMetadata,
     pub settings: &'a Settings,
     /// What has made the image: where the samples or the time did not suffice not what was asked for.
     pub filter: (Denoiser, Quality),
@@ -104,7 +104,7 @@ impl Written<'_> {
         match OutputFormat::of(path)? {
             OutputFormat::Png => png_file::write(path, self.image, 0.0),
             OutputFormat::Exr => {
-                let windows = Windows { data: self.frame.pixel_bounds, display: self.frame.film };
+                let windows = Windows { data: self.metadata.pixel_bounds, display: self.metadata.film };
                 exr_file::write(path, windows, &self.layers.channels(), &self.attributes())
             }
         }
@@ -132,8 +132,8 @@ impl Written<'_> {
             (own("seed"), Attribute::Text(self.settings.seed.to_string())),
             (own("version"), Attribute::Text(env!("CARGO_PKG_VERSION").to_owned())),
             (own("commandLine"), Attribute::Text(command_line())),
-            (own("scene"), Attribute::Text(self.frame.source.clone())),
-            (own("sceneHash"), Attribute::Text(format!("sha256:{}", self.frame.hash))),
+            (own("scene"), Attribute::Text(self.metadata.source.clone())),
+            (own("sceneHash"), Attribute::Text(format!("sha256:{}", self.metadata.hash))),
             (own("denoiser"), Attribute::Text(self.filter_name())),
             (own("samplesMin"), Attribute::Int(spread.min.try_into().unwrap_or(i32::MAX))),
             (own("samplesMean"), Attribute::Float(spread.mean as f32)),

@@ -26,7 +26,7 @@ use crate::progressive::{
 };
 use crate::render::Renderer;
 use crate::scene::{Scene, pbrt};
-use crate::state::Frame;
+use crate::state::ImageMetadata;
 use crate::stats::Store;
 
 /// Steps of the progress bar.
@@ -64,7 +64,7 @@ fn run_in_pool(
     let accel = Accel::build(scene);
     let stream = options.state.stream(options.seed);
     let renderer = Renderer::new(scene, &accel, options.seed).of_share(stream.share);
-    let frame = Frame::of(scene, &renderer);
+    let metadata = ImageMetadata::new(scene, &renderer);
     let build = start.elapsed().as_secs_f64() - load;
 
     let settings = settings(options, mode, scene).map_err(Failure::Input)?;
@@ -72,15 +72,15 @@ fn run_in_pool(
     has_room(renderer.layout(), &settings, renderer.resolution(), keeps)
         .map_err(|error| Failure::Input(error.into()))?;
     // From here on no other program replaces what is read.
-    let kept = options.state.keeper(&frame, stream, &renderer, &settings).map_err(Failure::Input)?;
-    let resumed = options.state.resumed(&frame, stream, &renderer, &settings).map_err(Failure::Input)?;
+    let kept = options.state.keeper(&metadata, stream, &renderer, &settings).map_err(Failure::Input)?;
+    let resumed = options.state.resumed(&metadata, stream, &renderer, &settings).map_err(Failure::Input)?;
     if let (Some(memory), Some(spp), false) = (&resumed, settings.budget.spp, options.quiet) {
         warn_of_more(memory, spp);
     }
     let interrupt = signals.begin();
     let bar = bar(options);
     let rehearse = |filtered: &Filtered, store: &Store| {
-        let layers = Layers::of(filtered, store, None, &frame);
+        let layers = Layers::of(filtered, store, None, &metadata);
         outfiles.par_iter().for_each(|path| encode(path, &layers, filtered));
         kept.iter().for_each(|kept| kept.rehearse(&settings, store));
     };
@@ -120,7 +120,7 @@ fn run_in_pool(
             start,
             interrupt,
             stays: mode == Mode::Preview,
-            save: Box::new(|picture| save(picture, &outfiles[0], &frame, start)),
+            save: Box::new(|picture| save(picture, &outfiles[0], &metadata, start)),
             listen: Box::new(listen),
         };
         Director::new(hub, stage).run()
@@ -145,14 +145,14 @@ fn run_in_pool(
     };
 
     let writing = Instant::now();
-    let images = write(&outcome, &inputs, &frame, start);
+    let images = write(&outcome, &inputs, &metadata, start);
     let kept = kept.map_or(Ok(()), Kept::finish);
     let (write, total) = (writing.elapsed().as_secs_f64(), start.elapsed().as_secs_f64());
     drop(display);
     let Seconds { render, filter, allocate } = outcome.seconds;
     let seconds = Times { load, build, render, filter, allocate, write, total };
     let report = options.report.as_ref().map_or(Ok(()), |path| {
-        let report = Report::of(&frame, &outcome, seconds);
+        let report = Report::of(&metadata, &outcome, seconds);
         write_report(path, &report).with_context(|| format!("writing {}", path.display()))
     });
     match (images, report) {
@@ -217,14 +217,14 @@ fn warn_of_more(resumed: &Memory, spp: u32) {
 }
 
 /// Writes the images of a finished render.
-fn write(outcome: &Outcome, inputs: &Inputs, frame: &Frame, start: Instant) -> anyhow::Result<()> {
+fn write(outcome: &Outcome, inputs: &Inputs, metadata: &ImageMetadata, start: Instant) -> anyhow::Result<()> {
     let Outcome { filtered, store, estimate, settings, .. } = outcome;
     let written = Written {
-        layers: &Layers::of(filtered, store, estimate.as_ref(), frame),
+        layers: &Layers::of(filtered, store, estimate.as_ref(), metadata),
         store,
         image: &filtered.image,
         batches: &outcome.batches,
-        frame,
+        metadata,
         settings,
         filter: outcome.last_filter,
         reference: inputs.reference.as_ref(),
@@ -320,15 +320,20 @@ fn show(bar: &ProgressBar, progress: Progress, stopping: bool) {
 }
 
 /// Writes the image of a render that goes on, as EXR and PNG.
-fn save(picture: &Picture, outfile: &Path, frame: &Frame, start: Instant) -> Result<Vec<PathBuf>, String> {
+fn save(
+    picture: &Picture,
+    outfile: &Path,
+    metadata: &ImageMetadata,
+    start: Instant,
+) -> Result<Vec<PathBuf>, String> {
     let names = preview::next_names(outfile).ok_or("all numbers are taken")?;
-    let layers = Layers::of(picture.filtered, picture.store, None, frame);
+    let layers = Layers::of(picture.filtered, picture.store, None, metadata);
     let written = Written {
         layers: &layers,
         store: picture.store,
         image: &picture.filtered.image,
         batches: &[],
-        frame,
+        metadata,
         settings: picture.settings,
         filter: picture.made_by,
         reference: None,

@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use crate::progressive::{Batch, Forecast, Hurried, Outcome, Settings, StoppedBy, memory_bytes};
-use crate::state::Frame;
+use crate::state::ImageMetadata;
 use crate::stats::{Layout, Part, Store};
 
 /// Where the time of the whole command went.
@@ -67,16 +67,16 @@ pub(super) struct Report<'a> {
 }
 
 impl<'a> Report<'a> {
-    pub fn of(frame: &'a Frame, outcome: &'a Outcome, seconds: Times) -> Self {
+    pub fn of(metadata: &'a ImageMetadata, outcome: &'a Outcome, seconds: Times) -> Self {
         let Outcome { store, settings, .. } = outcome;
         let spread = Spread::of(store);
         Self {
-            scene: &frame.source,
+            scene: &metadata.source,
             width: store.width(),
             height: store.height(),
             seed: settings.seed,
             threads: rayon::current_num_threads(),
-            effects: &frame.effects,
+            effects: &metadata.effects,
             dimensions: dimension_names(store.layout()),
             settings,
             stopped_by: outcome.stopped_by,

@@ -11,7 +11,7 @@ use super::Failure;
 use super::options::parse_duration;
 use crate::progressive::{Budget, Memory, Settings, reservoir_capacity};
 use crate::render::{Renderer, Share};
-use crate::state::{self, Frame, Keeper, State, Stream};
+use crate::state::{self, CheckpointWriter, ImageMetadata, RenderState, Stream};
 use crate::stats::{Layout, Store};
 
 #[derive(Args)]
@@ -80,7 +80,7 @@ impl StateOptions {
     /// What the file says, if it is to go on and there is one.
     pub fn resumed(
         &self,
-        frame: &Frame,
+        metadata: &ImageMetadata,
         stream: Stream,
         renderer: &Renderer,
         settings: &Settings,
@@ -88,8 +88,8 @@ impl StateOptions {
         let Some(path) = self.state.as_deref().filter(|path| self.resume && path.exists()) else {
             return Ok(None);
         };
-        let state = State::read(path)?;
-        fits(&state, frame, stream, renderer.layout(), settings)
+        let state = RenderState::read(path)?;
+        fits(&state, metadata, stream, renderer.layout(), settings)
             .with_context(|| path.display().to_string())?;
         Ok(Some(state.memory))
     }
@@ -97,21 +97,22 @@ impl StateOptions {
     /// Begins to keep states, if there is a file for them.
     pub fn keeper(
         &self,
-        frame: &Frame,
+        metadata: &ImageMetadata,
         stream: Stream,
         renderer: &Renderer,
         settings: &Settings,
     ) -> anyhow::Result<Option<Kept>> {
         let Some(path) = &self.state else { return Ok(None) };
         let (width, height) = renderer.resolution();
-        let size = state::size(renderer.layout(), reservoir_capacity(settings), width * height);
-        let keeper = Keeper::new(path, size.unwrap_or(usize::MAX)).with_context(|| unwritable(path))?;
+        let size = state::estimate_size(renderer.layout(), reservoir_capacity(settings), width * height);
+        let writer =
+            CheckpointWriter::new(path, size.unwrap_or(usize::MAX)).with_context(|| unwritable(path))?;
         Ok(Some(Kept {
             every: self.state_every,
             path: path.clone(),
-            keeper,
+            writer,
             failed: AtomicBool::new(false),
-            frame: frame.clone(),
+            metadata: metadata.clone(),
             stream,
         }))
     }
@@ -124,7 +125,7 @@ impl StateOptions {
 pub(super) fn replaces_state(path: &Path) -> anyhow::Result<bool> {
     let Ok(there) = std::fs::metadata(path) else { return Ok(false) };
     // Whoever makes a name for a temporary file makes an empty file.
-    Ok(there.is_file() && there.len() > 0 && state::check_kind(path).map(|()| true)?)
+    Ok(there.is_file() && there.len() > 0 && state::check_signature(path).map(|()| true)?)
 }
 
 fn unwritable(path: &Path) -> String {
@@ -133,13 +134,13 @@ fn unwritable(path: &Path) -> String {
 
 /// Whether a render can go on from a state.
 fn fits(
-    state: &State,
-    frame: &Frame,
+    state: &RenderState,
+    metadata: &ImageMetadata,
     stream: Stream,
     layout: &Layout,
     settings: &Settings,
 ) -> anyhow::Result<()> {
-    if let Some((field, found, accepted)) = frame.difference(&state.frame) {
+    if let Some((field, found, accepted)) = metadata.difference(&state.metadata) {
         bail!("{field}: found a state of {found}; accepted is one of this render, {accepted}");
     }
     if state.streams != [stream] {
@@ -167,22 +168,22 @@ pub(super) struct Kept {
     /// Seconds from one to the next.
     pub every: f64,
     path: PathBuf,
-    keeper: Keeper,
+    writer: CheckpointWriter,
     failed: AtomicBool,
-    frame: Frame,
+    metadata: ImageMetadata,
     stream: Stream,
 }
 
 impl Kept {
     /// The render goes on even if the disk is full: there is still an image to come, and room may be made.
     pub fn keep(&self, settings: &Settings, memory: Memory) {
-        let (frame, settings, streams) = (self.frame.clone(), settings.clone(), vec![self.stream]);
-        self.keeper.keep(&State { frame, settings, streams, memory });
+        let (metadata, settings, streams) = (self.metadata.clone(), settings.clone(), vec![self.stream]);
+        self.writer.write(&RenderState { metadata, settings, streams, memory });
     }
 
     /// What went wrong since this was last asked, once for as long as it goes on; said on the terminal as well.
     pub fn news(&self) -> Option<String> {
-        let news = self.keeper.news()?;
+        let news = self.writer.new_result()?;
         let is_new = !self.failed.swap(news.is_err(), Ordering::Relaxed);
         let problem = format!("{}: {}", unwritable(&self.path), news.err().filter(|_| is_new)?);
         super::complain(&format!("warning: {problem}; the render goes on"));
@@ -194,15 +195,18 @@ impl Kept {
     /// # Errors
     /// Why it is not.
     pub fn settle(&self) -> Result<(), String> {
-        self.keeper.settle().map_err(|error| format!("{}: {error}", unwritable(&self.path)))
+        self.writer.wait().map_err(|error| format!("{}: {error}", unwritable(&self.path)))
     }
 
     /// Does on a part of the image's rows what keeping does, to see how long it takes. What fails here
     /// will fail, and be said, at the end.
     pub fn rehearse(&self, settings: &Settings, rows: &Store) {
         let (width, height) = (rows.width(), rows.height());
-        let frame =
-            Frame { film: [width, height], pixel_bounds: [0, width, 0, height], ..self.frame.clone() };
+        let metadata = ImageMetadata {
+            film: [width, height],
+            pixel_bounds: [0, width, 0, height],
+            ..self.metadata.clone()
+        };
         let memory = Memory {
             store: Arc::new(rows.clone()),
             batches: Vec::new(),
@@ -211,13 +215,13 @@ impl Kept {
             under_way: None,
             recent: (0.0, 0.0),
         };
-        let state = State { frame, settings: settings.clone(), streams: vec![self.stream], memory };
-        let _ = state.rehearse(&self.path);
+        let state = RenderState { metadata, settings: settings.clone(), streams: vec![self.stream], memory };
+        let _ = state.write_and_discard(&self.path);
     }
 
     /// Waits until the last one is on the disk.
     pub fn finish(self) -> Result<(), Failure> {
-        self.keeper
+        self.writer
             .finish()
             .map_err(anyhow::Error::msg)
             .with_context(|| unwritable(&self.path))

@@ -1,36 +1,40 @@
-//! All that a state holds as named numpy arrays, for work in Python.
+//! Exports a render state as named numpy arrays, for work in Python.
 //!
-//! | name | type, shape | what |
+//! Takes a state and what the filter makes of it; writes an `.npz` archive. h and w are height and width in pixels, d is
+//! the number of dimensions of a sample vector, k the size of the reservoir.
+//!
+//! | name | type, shape | content |
 //! | --- | --- | --- |
-//! | `drawn`, `rejected` | u4, \[h, w\] | samples drawn per pixel, and those of them that were rejected |
-//! | `count`, `count_a`, `count_b` | u4, \[h, w\] | accepted samples: whole, and halves of even and odd index |
+//! | `drawn`, `rejected` | u4, \[h, w\] | samples taken per pixel, and those of them that were rejected (NaN, infinite) |
+//! | `count`, `count_a`, `count_b` | u4, \[h, w\] | valid samples: all, and those of even and odd index |
 //! | `mean`, `mean_a`, `mean_b` | f8, \[d, h, w\] | means of each dimension |
 //! | `m2`, `m2_a`, `m2_b` | f8, \[d, h, w\] | sums of squared deviations from them |
 //! | `reservoir` | f4, \[h, w, k, d\] | sample vectors; the first `reservoir_count` of each pixel |
 //! | `reservoir_count` | u4, \[h, w\] | |
-//! | `dimension_names`, `dimension_groups`, `dimension_units` | text, \[d\] | what d counts |
-//! | `image`, `variance` | f4, \[3, h, w\] | filtered, as the state's settings say; variance of that (the EXR's layer `Variance` is of the unfiltered mean) |
+//! | `dimension_names`, `dimension_groups`, `dimension_units` | text, \[d\] | of the sample vector |
+//! | `image`, `variance` | f4, \[3, h, w\] | the image that the state's settings filter, and its variance (the EXR's layer `Variance` is of the unfiltered mean) |
 //! | `residual`, `error` | f4, \[h, w\] | as in [`crate::filter::Filtered`] |
-//! | `interpolation_failure` | f4, \[h, w\] | if there is such a map |
-//! | `tile_error` | f4, \[⌈h/16⌉, ⌈w/16⌉\] | measured relMSE, if there was a batch to measure it with |
-//! | `feature_weights` | f4, \[pass, weight, h, w\] | those of `--quality paper`, if there are sample vectors |
+//! | `interpolation_failure` | f4, \[h, w\] | where the denoiser makes this map |
+//! | `tile_error` | f4, \[⌈h/16⌉, ⌈w/16⌉\] | measured relMSE per tile, if there was a batch to measure it with |
+//! | `feature_weights` | f4, \[pass, weight, h, w\] | those of `--quality paper`, if the state has sample vectors |
 //! | `feature_weight_names` | text, \[weight\] | β of a feature, α of a colour, randomness of the colour, sum of interpolation weights (infinite at nodes) |
 //! | `first_pass` | f4, \[3, h, w\] | the image after the first pass of `--quality paper`, what outliers lost not given back |
 //! | `header` | text, \[\] | JSON: scene, settings, streams, batches |
 
 use std::io::{self, Seek, Write};
 
-use super::State;
+use super::header::Header;
 use super::npz::Npz;
+use super::render_state::RenderState;
 use crate::filter::{Filtered, OutlierSettings, PrpfSettings, prpf};
 use crate::image::Planes;
 use crate::stats::{Dimension, Feature, Group, Moments, Part, Store};
 
-/// Writes an `.npz`. `filtered`: what the filter makes of the state.
+/// Writes an `.npz` archive. `filtered` is the result of filtering the state.
 ///
 /// # Errors
 /// Those of `out`.
-pub fn export(state: &State, filtered: &Filtered, out: impl Write + Seek) -> io::Result<()> {
+pub fn export(state: &RenderState, filtered: &Filtered, out: impl Write + Seek) -> io::Result<()> {
     let mut npz = Npz::new(out);
     statistics(&state.memory.store, &mut npz)?;
     reservoir(&state.memory.store, &mut npz)?;
@@ -38,12 +42,12 @@ pub fn export(state: &State, filtered: &Filtered, out: impl Write + Seek) -> io:
     if state.memory.store.capacity() > 0 {
         weights(state, &mut npz)?;
     }
-    let header = serde_json::to_string(&super::format::header(state)).map_err(io::Error::from)?;
+    let header = serde_json::to_string(&Header::new(state)).map_err(io::Error::from)?;
     npz.texts("header", &[], &[&header])?;
     npz.finish()
 }
 
-/// Which of a pixel's moments is written.
+/// Selects one of a dimension's moments.
 type Value = fn(Moments) -> f64;
 
 fn mean(moments: Moments) -> f64 {
@@ -104,15 +108,15 @@ fn unit(dimension: &Dimension) -> &'static str {
 fn reservoir<W: Write + Seek>(store: &Store, npz: &mut Npz<W>) -> io::Result<()> {
     let (width, height, dims) = (store.width(), store.height(), store.layout().len());
     let pixels = || store.rows().iter().flat_map(|row| (0..width).map(move |x| row.reservoir(x)));
-    let kept = |of_pixel: &[f32]| (of_pixel.len() / dims) as u32;
-    npz.array("reservoir_count", &[height, width], pixels().map(kept))?;
+    let count = |vectors: &[f32]| (vectors.len() / dims) as u32;
+    npz.array("reservoir_count", &[height, width], pixels().map(count))?;
     let size = store.capacity() * dims;
     let padded =
-        pixels().flat_map(|of_pixel| of_pixel.iter().copied().chain(std::iter::repeat(0.0)).take(size));
+        pixels().flat_map(|vectors| vectors.iter().copied().chain(std::iter::repeat(0.0)).take(size));
     npz.array("reservoir", &[height, width, store.capacity(), dims], padded)
 }
 
-fn maps<W: Write + Seek>(state: &State, filtered: &Filtered, npz: &mut Npz<W>) -> io::Result<()> {
+fn maps<W: Write + Seek>(state: &RenderState, filtered: &Filtered, npz: &mut Npz<W>) -> io::Result<()> {
     let mut planes = |name: &str, planes: &Planes| {
         let shape = [planes.count(), planes.height(), planes.width()];
         let shape = if planes.count() == 1 { &shape[1..] } else { &shape };
@@ -131,7 +135,7 @@ fn maps<W: Write + Seek>(state: &State, filtered: &Filtered, npz: &mut Npz<W>) -
     }
 }
 
-fn weights<W: Write + Seek>(state: &State, npz: &mut Npz<W>) -> io::Result<()> {
+fn weights<W: Write + Seek>(state: &RenderState, npz: &mut Npz<W>) -> io::Result<()> {
     let store = &state.memory.store;
     let (names, passes) = prpf::feature_weights(store, &PrpfSettings::paper(), state.settings.seed);
     let shape = [passes.len(), names.len(), store.height(), store.width()];
@@ -142,7 +146,7 @@ fn weights<W: Write + Seek>(state: &State, npz: &mut Npz<W>) -> io::Result<()> {
     npz.array("first_pass", &[first.count(), first.height(), first.width()], first.data().iter().copied())
 }
 
-/// What another implementation can be held against without running four passes.
+/// Filters with the first pass alone, so that another implementation can be compared without running all four.
 fn first_pass(store: &Store, seed: u64) -> Planes {
     let paper = PrpfSettings::paper();
     let outliers = OutlierSettings { spread_window: 0, ..paper.outliers };

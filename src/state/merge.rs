@@ -1,8 +1,11 @@
-//! Adds states of one picture that hold other samples.
+//! Merges render states of one image that hold different samples.
+//!
+//! Takes states of other seeds or shards, such as those of several machines; gives one state with all their samples.
 
 use std::sync::Arc;
 
-use super::{State, Stream};
+use super::render_state::RenderState;
+use super::stream::Stream;
 use crate::progressive::Memory;
 use crate::render::Share;
 use crate::stats::Layout;
@@ -18,30 +21,31 @@ pub enum MergeError {
     TooMany,
 }
 
-/// Several states on their way to become one.
+/// A state to which others are added.
 pub struct Merge {
-    state: State,
+    state: RenderState,
 }
 
 impl Merge {
-    pub fn new(mut first: State) -> Self {
-        first.streams = counted(&first);
+    /// Starts with one state, which the others have to match.
+    pub fn new(mut first: RenderState) -> Self {
+        first.streams = counted_streams(&first);
         Self { state: first }
     }
 
-    /// Adds a state's samples. What belongs to the loop is lost.
+    /// Adds the samples of a state. The render loop's data (batches, estimate, filter pass) is dropped.
     ///
     /// # Errors
-    /// Another picture, samples that are there already, or more than can be counted.
-    pub fn add(&mut self, other: &State) -> Result<(), MergeError> {
+    /// A state of another image, samples that are there already, or more than a pixel can count.
+    pub fn add(&mut self, other: &RenderState) -> Result<(), MergeError> {
         let state = &mut self.state;
-        if let Some((field, found, accepted)) = state.frame.difference(&other.frame) {
+        if let Some((field, found, accepted)) = state.metadata.difference(&other.metadata) {
             return Err(MergeError::Differ { field, found, accepted });
         }
         let (ours, theirs) = (&state.memory.store, &other.memory.store);
         let differ = |field, found, accepted| Err(MergeError::Differ { field, found, accepted });
         if ours.layout() != theirs.layout() {
-            return differ("layout", names(theirs.layout()), names(ours.layout()));
+            return differ("layout", dimension_names(theirs.layout()), dimension_names(ours.layout()));
         }
         if ours.capacity() != theirs.capacity() {
             return differ("reservoir", theirs.capacity().to_string(), ours.capacity().to_string());
@@ -50,56 +54,56 @@ impl Merge {
         if let Some((ours, theirs)) = pairs.find(|(a, b)| a.overlaps(*b)) {
             return Err(MergeError::Overlap(theirs, ours));
         }
-        if !can_be_added(&ours.next_indices(), &theirs.next_indices()) {
+        if !can_add(&ours.next_indices(), &theirs.next_indices()) {
             return Err(MergeError::TooMany);
         }
         Arc::make_mut(&mut state.memory.store).merge(theirs);
-        state.streams.extend(counted(other));
+        state.streams.extend(counted_streams(other));
         let Memory { batches, estimate, rerun, under_way, .. } = &mut state.memory;
         batches.clear();
         (*estimate, *rerun, *under_way) = (None, None, None);
         Ok(())
     }
 
-    /// The sum. Where it has all shares of one seed, each as long as in the whole, it is that whole, and
-    /// a render can go on from it.
-    pub fn finish(mut self) -> State {
-        if let Some(whole) = whole(&self.state) {
+    /// Returns the merged state. If it holds all shards of one seed, each with the samples that it has in the whole,
+    /// it becomes the whole stream, and a render can resume from it.
+    pub fn finish(mut self) -> RenderState {
+        if let Some(whole) = whole_stream(&self.state) {
             self.state.streams = vec![whole];
         }
         self.state
     }
 }
 
-/// A state's streams, each with its samples per pixel where that is one number.
-fn counted(state: &State) -> Vec<Stream> {
+/// Returns the streams of a state, each with its samples per pixel if that is one number.
+fn counted_streams(state: &RenderState) -> Vec<Stream> {
     match state.streams[..] {
-        [stream] => vec![Stream { drawn: even(state), ..stream }],
+        [stream] => vec![Stream { drawn: uniform_count(state), ..stream }],
         _ => state.streams.clone(),
     }
 }
 
-/// Samples drawn per pixel, if all pixels have as many.
-fn even(state: &State) -> Option<u32> {
+/// Returns the samples taken per pixel, if all pixels have the same number.
+fn uniform_count(state: &RenderState) -> Option<u32> {
     let drawn = state.memory.store.next_indices();
     drawn.first().copied().filter(|first| drawn.iter().all(|drawn| drawn == first))
 }
 
-/// The stream that a state's streams are together, if all shares are there and none is longer or shorter than in
-/// the whole.
-fn whole(state: &State) -> Option<Stream> {
+/// Returns the whole stream of a seed, if a state holds all its shards and each has as many samples as in the whole.
+fn whole_stream(state: &RenderState) -> Option<Stream> {
     let seed = state.streams.first()?.seed;
-    let total = even(state)?;
+    let total = uniform_count(state)?;
     let shares: Vec<Share> = state.streams.iter().map(|stream| stream.share).collect();
     let is_full = |stream: &Stream| stream.seed == seed && stream.drawn == Some(stream.share.of_first(total));
     (Share::are_whole(&shares) && state.streams.iter().all(is_full)).then(|| Stream::new(seed, Share::WHOLE))
 }
 
-fn can_be_added(ours: &[u32], theirs: &[u32]) -> bool {
+/// Tests whether no pixel's count overflows.
+fn can_add(ours: &[u32], theirs: &[u32]) -> bool {
     ours.iter().zip(theirs).all(|(a, b)| a.checked_add(*b).is_some())
 }
 
-fn names(layout: &Layout) -> String {
+fn dimension_names(layout: &Layout) -> String {
     layout.dimensions().iter().map(|d| d.name).collect::<Vec<_>>().join(" ")
 }
 
@@ -108,8 +112,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn samples_are_added_as_far_as_they_can_be_counted() {
-        assert!(can_be_added(&[u32::MAX - 1, 5], &[1, 7]));
-        assert!(!can_be_added(&[5, u32::MAX - 1], &[7, 2]));
+    fn counts_that_overflow_cannot_be_added() {
+        assert!(can_add(&[u32::MAX - 1, 5], &[1, 7]));
+        assert!(!can_add(&[5, u32::MAX - 1], &[7, 2]));
     }
 }

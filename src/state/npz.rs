@@ -1,13 +1,14 @@
-//! Named numpy arrays in one file: a zip archive of `.npy` files (numpy's format 1.0), not compressed,
-//! so that writing takes as long as the disk takes.
+//! Writes named numpy arrays to one file: a zip archive of `.npy` files (numpy's format 1.0).
+//!
+//! The archive is not compressed, so that writing takes only as long as the disk takes.
 
 use std::io::{self, Seek, SeekFrom, Write};
 
 use zip::write::{SimpleFileOptions, ZipWriter};
 
-/// What arrays are made of; little endian.
+/// A number that arrays can hold, little endian.
 pub(super) trait Element: Copy {
-    /// As numpy spells it.
+    /// Type string of numpy.
     const KIND: &'static str;
     type Bytes: AsRef<[u8]>;
     fn bytes(self) -> Self::Bytes;
@@ -29,15 +30,15 @@ element!(u32 = "<u4", f32 = "<f4", f64 = "<f8");
 /// An archive being written.
 pub(super) struct Npz<W: Write + Seek>(ZipWriter<UntilError<W>>);
 
-/// Says what went wrong once, and swallows all that comes after: an archive that is dropped tries to end itself and
+/// Returns the first error and pretends success afterwards: an archive that is dropped tries to finish itself and
 /// would print that it cannot.
 struct UntilError<W> {
     out: W,
     failed: bool,
 }
 
-/// A place behind all that was written.
-const FAR: u64 = 1 << 62;
+/// A position beyond all that was written.
+const BEYOND_END: u64 = 1 << 62;
 
 impl<W> UntilError<W> {
     fn attempt<T>(&mut self, swallowed: T, act: impl FnOnce(&mut W) -> io::Result<T>) -> io::Result<T> {
@@ -60,7 +61,7 @@ impl<W: Write> Write for UntilError<W> {
 
 impl<W: Seek> Seek for UntilError<W> {
     fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
-        let SeekFrom::Start(at) = to else { return self.attempt(FAR, |out| out.seek(to)) };
+        let SeekFrom::Start(at) = to else { return self.attempt(BEYOND_END, |out| out.seek(to)) };
         self.attempt(at, |out| out.seek(to))
     }
 }
@@ -70,7 +71,7 @@ impl<W: Write + Seek> Npz<W> {
         Self(ZipWriter::new(UntilError { out, failed: false }))
     }
 
-    /// Adds an array of this shape, its values in C order.
+    /// Adds an array. `values` come in C order, as many as `shape` calls for.
     pub fn array<T: Element>(
         &mut self,
         name: &str,
@@ -89,7 +90,7 @@ impl<W: Write + Seek> Npz<W> {
         self.0.write_all(&buffer)
     }
 
-    /// Adds an array of texts; without dimensions if `shape` has none.
+    /// Adds an array of texts; an empty `shape` makes it a scalar.
     pub fn texts(&mut self, name: &str, shape: &[usize], texts: &[&str]) -> io::Result<()> {
         let longest = texts.iter().map(|text| text.chars().count()).max().unwrap_or(0).max(1);
         self.begin(name, &format!("<U{longest}"), shape)?;
@@ -113,10 +114,10 @@ impl<W: Write + Seek> Npz<W> {
     }
 }
 
-/// Bytes handed to the archive at once.
+/// Size of the write buffer, in bytes.
 const BUFFER: usize = 1 << 20;
 
-/// Magic, version, and a Python dictionary, padded so that the values are aligned.
+/// Returns the head of an `.npy` file: magic, version, and a Python dictionary, padded so that the values are aligned.
 fn header(kind: &str, shape: &[usize]) -> Vec<u8> {
     const ALIGNMENT: usize = 64;
     const PREAMBLE: usize = 10;
@@ -135,7 +136,7 @@ fn header(kind: &str, shape: &[usize]) -> Vec<u8> {
 mod tests {
     use super::*;
 
-    /// Takes so many bytes.
+    /// A disk with room for so many bytes.
     struct Small(io::Cursor<Vec<u8>>, usize);
 
     impl Write for Small {

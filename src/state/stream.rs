@@ -1,26 +1,27 @@
-//! Which samples a state holds.
+//! Identifies the samples that a state holds: seed and shard of their random sequence.
 
 use serde::{Deserialize, Serialize};
 
 use crate::render::Share;
 
-/// Samples of one seed: all of its sequence from the beginning, or a share of it.
+/// The samples of one seed from the beginning of its sequence: all of them, or those of one shard.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Stream {
     pub seed: u64,
     pub share: Share,
-    /// In a sum of states, how many of these samples each pixel has, if all have as many: whether all shares
-    /// make up a whole could not be told otherwise.
+    /// In a merged state, how many of these samples each pixel has, if all have the same number. It decides whether
+    /// all shards together are the whole sequence.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub drawn: Option<u32>,
 }
 
 impl Stream {
+    /// Creates a stream of unknown length.
     pub fn new(seed: u64, share: Share) -> Self {
         Self { seed, share, drawn: None }
     }
 
-    /// Whether some samples are in both.
+    /// Tests whether some samples are in both.
     pub fn overlaps(self, other: Self) -> bool {
         self.seed == other.seed && self.share.overlaps(other.share)
     }

@@ -6,15 +6,15 @@ use super::*;
 use crate::adaptive::Allocation;
 use crate::filter::Quality;
 use crate::image::Planes;
-use crate::progressive::{Batch, Budget, ErrorEstimate, Grain, Rerun, Snapshot, UnderWay};
+use crate::progressive::{Batch, Budget, ErrorEstimate, Grain, Memory, Rerun, Settings, Snapshot, UnderWay};
 use crate::render::Share;
 use crate::stats::{Block, Layout, Part, Store};
 
 const WIDTH: usize = 19;
 const HEIGHT: usize = 5;
 
-fn frame() -> Frame {
-    Frame {
+fn metadata() -> ImageMetadata {
+    ImageMetadata {
         source: "scene.pbrt".into(),
         hash: "0123".into(),
         film: [30, 20],
@@ -38,7 +38,7 @@ fn settings() -> Settings {
 }
 
 /// A state with everything that a state may have.
-fn state(seed: u64, share: Share) -> State {
+fn state(seed: u64, share: Share) -> RenderState {
     let layout = Layout::with_blocks(|block| block == Block::Lens);
     let mut store = Store::new(WIDTH, HEIGHT, layout.clone(), 3, seed);
     let value = |i: usize, k: usize| ((i * 31 + k * 17) as u64 ^ seed) as f32 % 1.7 + 0.1;
@@ -73,8 +73,8 @@ fn state(seed: u64, share: Share) -> State {
     let mut tiles = Planes::new(2, 1, 1);
     tiles.data_mut().copy_from_slice(&[0.1, 0.3]);
     let batch = Batch { index: 1, seconds: 0.1 + 0.2, estimated_error: Some(1.0 / 3.0), ..Batch::default() };
-    State {
-        frame: frame(),
+    RenderState {
+        metadata: metadata(),
         settings: Settings { seed, ..settings() },
         streams: vec![Stream::new(seed, share)],
         memory: Memory {
@@ -93,28 +93,28 @@ fn state(seed: u64, share: Share) -> State {
     }
 }
 
-fn to_bytes(state: &State) -> Vec<u8> {
+fn encoded(state: &RenderState) -> Vec<u8> {
     let mut file = Vec::new();
-    bytes(state, &mut file);
+    encode(state, &mut file);
     file
 }
 
-static FILE: LazyLock<Vec<u8>> = LazyLock::new(|| to_bytes(&state(7, Share::WHOLE)));
+static FILE: LazyLock<Vec<u8>> = LazyLock::new(|| encoded(&state(7, Share::WHOLE)));
 
 #[test]
 fn what_is_read_is_what_was_written_to_the_last_bit() {
-    let (written, read) = (state(7, Share::WHOLE), read_bytes(&FILE).unwrap());
+    let (written, read) = (state(7, Share::WHOLE), decode(&FILE).unwrap());
     assert_eq!(read.memory.store.rows(), written.memory.store.rows());
     assert_eq!(read.memory.rerun, written.memory.rerun);
     assert_eq!(read.memory.under_way, written.memory.under_way);
     assert_eq!(read.memory.recent, written.memory.recent);
-    assert_eq!((&read.frame, &read.streams), (&written.frame, &written.streams));
+    assert_eq!((&read.metadata, &read.streams), (&written.metadata, &written.streams));
     let (a, b) = (read.memory.estimate.as_ref().unwrap(), written.memory.estimate.as_ref().unwrap());
     assert_eq!(
         (a.image, a.standard_error, a.samples, &a.tiles),
         (b.image, b.standard_error, b.samples, &b.tiles)
     );
-    assert_eq!(to_bytes(&read), *FILE, "batches and settings too");
+    assert_eq!(encoded(&read), *FILE, "batches and settings too");
 }
 
 #[test]
@@ -122,7 +122,7 @@ fn a_state_without_samples_is_one_too() {
     let mut state = state(7, Share::WHOLE);
     state.memory.store = Arc::new(Store::new(WIDTH, HEIGHT, state.memory.store.layout().clone(), 0, 7));
     (state.memory.rerun, state.memory.under_way, state.memory.estimate) = (None, None, None);
-    let read = read_bytes(&to_bytes(&state)).unwrap();
+    let read = decode(&encoded(&state)).unwrap();
     assert_eq!(read.memory.store.rows(), state.memory.store.rows());
     assert!(read.memory.rerun.is_none() && read.memory.under_way.is_none() && read.memory.estimate.is_none());
 }
@@ -144,18 +144,18 @@ proptest! {
     fn a_changed_byte_is_noticed(at in 0..FILE.len(), change in 1u8..) {
         let mut file = FILE.clone();
         file[at] ^= change;
-        prop_assert!(read_bytes(&file).is_err());
+        prop_assert!(decode(&file).is_err());
     }
 
     #[test]
     fn a_file_cut_off_anywhere_is_noticed(length in 0..FILE.len()) {
-        prop_assert!(read_bytes(&FILE[..length]).is_err());
+        prop_assert!(decode(&FILE[..length]).is_err());
     }
 
     #[test]
     fn bytes_after_the_end_are_noticed(more in prop::collection::vec(any::<u8>(), 1..100)) {
         let file = [FILE.as_slice(), &more].concat();
-        let noticed = matches!(read_bytes(&file), Err(Problem::Length { .. }));
+        let noticed = matches!(decode(&file), Err(StateErrorKind::Length { .. }));
         prop_assert!(noticed);
     }
 
@@ -164,26 +164,31 @@ proptest! {
     fn wrong_content_with_a_right_checksum_does_no_harm(at in 20..FILE.len() - 4, change in 1u8..) {
         let mut file = FILE.clone();
         file[at] ^= change;
-        let _ = read_bytes(&sealed(file));
+        let _ = decode(&sealed(file));
     }
 
     #[test]
     fn a_cut_with_a_right_checksum_is_noticed(length in 33..FILE.len() - 1) {
-        prop_assert!(read_bytes(&sealed(FILE[..length].to_vec())).is_err());
+        prop_assert!(decode(&sealed(FILE[..length].to_vec())).is_err());
     }
 }
 
 #[test]
 fn another_version_and_other_files_are_named() {
-    let mut file = FILE.clone();
-    file[8] = 2;
-    assert_eq!(
-        read_bytes(&file).unwrap_err().to_string(),
-        "found a render state of version 2; accepted is version 1"
-    );
-    assert!(matches!(read_bytes(b"\x76\x2f\x31\x01"), Err(Problem::Foreign)));
-    assert!(matches!(read_bytes(b""), Err(Problem::Foreign)));
-    assert!(matches!(read_bytes(b"prpfstat"), Err(Problem::Length { found: 8, .. })));
+    // Earlier and later ones.
+    for version in [VERSION - 1, VERSION + 1] {
+        let mut file = FILE.clone();
+        file[8..12].copy_from_slice(&version.to_le_bytes());
+        assert_eq!(
+            decode(&file).unwrap_err().to_string(),
+            format!(
+                "found a render state of format version {version}; accepted is version {VERSION}: render the scene again"
+            )
+        );
+    }
+    assert!(matches!(decode(b"\x76\x2f\x31\x01"), Err(StateErrorKind::Foreign)));
+    assert!(matches!(decode(b""), Err(StateErrorKind::Foreign)));
+    assert!(matches!(decode(b"prpfstat"), Err(StateErrorKind::Length { found: 8, .. })));
 }
 
 #[test]
@@ -192,7 +197,7 @@ fn counts_that_do_not_add_up_are_refused() {
     let header = u64::from_le_bytes(file[20..28].try_into().unwrap()) as usize;
     let mut file = file.to_vec();
     file[28 + header] ^= 1;
-    assert!(matches!(read_bytes(&sealed(file)), Err(Problem::Row(_))));
+    assert!(matches!(decode(&sealed(file)), Err(StateErrorKind::Row(_))));
 }
 
 #[test]
@@ -210,7 +215,7 @@ fn shares_that_make_a_whole_become_it_and_others_stay_apart() {
         state
     };
     let of = |k: u32, samples: u32| of_many(k, 2, samples);
-    let sum = |a: State, b: State| {
+    let sum = |a: RenderState, b: RenderState| {
         let mut merge = Merge::new(a);
         merge.add(&b).unwrap();
         merge.finish()
@@ -221,10 +226,10 @@ fn shares_that_make_a_whole_become_it_and_others_stay_apart() {
     assert!(whole.memory.rerun.is_none() && whole.memory.batches.is_empty());
     let gap = sum(of(1, 2), of(2, 4));
     assert_eq!(gap.streams.len(), 2, "indices 2 and 3 of the first share are missing");
-    assert_eq!(to_bytes(&read_bytes(&to_bytes(&gap)).unwrap()), to_bytes(&gap));
+    assert_eq!(encoded(&decode(&encoded(&gap)).unwrap()), encoded(&gap));
 
     // Step by step, by way of files, in any order and grouping: 8 samples are 4, 2 and 2.
-    let reread = |state: State| read_bytes(&to_bytes(&state)).unwrap();
+    let reread = |state: RenderState| decode(&encoded(&state)).unwrap();
     let [a, b, c] = [(1, 4), (2, 2), (3, 2)].map(|(k, samples)| move || of_many(k, 3, samples));
     for steps in [sum(reread(sum(c(), a())), b()), sum(b(), reread(sum(a(), c())))] {
         assert_eq!(steps.streams, [Stream::new(7, Share::WHOLE)]);
@@ -242,7 +247,7 @@ fn only_other_samples_of_the_same_picture_are_added() {
     let same = merge.add(&state(7, Share::new(2, 3).unwrap())).unwrap_err();
     assert!(matches!(same, MergeError::Overlap(..)));
     let mut other = state(8, Share::WHOLE);
-    other.frame.pixel_bounds[0] -= 1;
+    other.metadata.pixel_bounds[0] -= 1;
     let differs = merge.add(&other).unwrap_err().to_string();
     assert!(differs.starts_with("pixelbounds: found 2,22,2,7; accepted is"), "{differs}");
     merge.add(&state(8, Share::WHOLE)).unwrap();
@@ -250,32 +255,32 @@ fn only_other_samples_of_the_same_picture_are_added() {
 }
 
 #[test]
-fn a_keeper_leaves_the_latest_state_and_nothing_else() {
+fn the_writer_leaves_the_latest_state_and_nothing_else() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.state");
     std::fs::write(folder.path().join(".a.state.tmp"), b"left by a killed program").unwrap();
-    let keeper = Keeper::new(&path, 1000).unwrap();
+    let writer = CheckpointWriter::new(&path, 1000).unwrap();
     for seed in [1, 2, 3] {
-        keeper.keep(&state(seed, Share::WHOLE));
+        writer.write(&state(seed, Share::WHOLE));
     }
-    keeper.finish().unwrap();
-    assert_eq!(State::read(&path).unwrap().settings.seed, 3);
+    writer.finish().unwrap();
+    assert_eq!(RenderState::read(&path).unwrap().settings.seed, 3);
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
 }
 
 #[test]
-fn a_keeper_says_that_there_is_no_room_and_keeps_the_old_file() {
+fn a_disk_without_space_is_an_error_and_the_old_file_stays() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.state");
     state(1, Share::WHOLE).write(&path).unwrap();
     // More than any disk has; not every file system can tell.
-    if let Err(error) = Keeper::new(&path, 1 << 55) {
+    if let Err(error) = CheckpointWriter::new(&path, 1 << 55) {
         assert!(
             matches!(error.kind(), std::io::ErrorKind::StorageFull | std::io::ErrorKind::FileTooLarge),
             "{error}"
         );
     }
-    assert_eq!(State::read(&path).unwrap().settings.seed, 1);
+    assert_eq!(RenderState::read(&path).unwrap().settings.seed, 1);
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
 }
 
@@ -284,12 +289,12 @@ fn an_image_without_pixels_cannot_have_rows_without_end() {
     let header = u64::from_le_bytes(FILE[20..28].try_into().unwrap()) as usize;
     let mut said: serde_json::Value = serde_json::from_slice(&FILE[28..28 + header]).unwrap();
     let rows = 1u64 << 60;
-    said["frame"]["film"] = serde_json::json!([0, rows]);
-    said["frame"]["pixel_bounds"] = serde_json::json!([0, 0, 0, rows]);
+    said["metadata"]["film"] = serde_json::json!([0, rows]);
+    said["metadata"]["pixel_bounds"] = serde_json::json!([0, 0, 0, rows]);
     (said["rerun"], said["under_way"], said["estimate"]) = Default::default();
     let said = serde_json::to_vec(&said).unwrap();
     let mut file = [&FILE[..28], &said, &[0; 4]].concat();
     file[20..28].copy_from_slice(&(said.len() as u64).to_le_bytes());
-    let problem = read_bytes(&sealed(file)).unwrap_err().to_string();
+    let problem = decode(&sealed(file)).unwrap_err().to_string();
     assert!(problem.ends_with("an image without pixels"), "{problem}");
 }

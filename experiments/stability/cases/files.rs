@@ -11,7 +11,7 @@ use prpf::image::{Planes, exr_file};
 use prpf::progressive::Memory;
 use prpf::render::{Renderer, Share};
 use prpf::scene::pbrt;
-use prpf::state::{self, Frame, State, Stream};
+use prpf::state::{self, ImageMetadata, RenderState, Stream};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg32;
 
@@ -32,7 +32,7 @@ fn folder() -> tempfile::TempDir {
     tempfile::tempdir().expect("a temporary folder can be made")
 }
 
-fn state() -> State {
+fn state() -> RenderState {
     let scene = noisy();
     let accel = Accel::build(&scene);
     let renderer = Renderer::new(&scene, &accel, 1);
@@ -45,8 +45,8 @@ fn state() -> State {
         recent: (0.0, 0.0),
     };
     let streams = vec![Stream::new(1, Share::WHOLE)];
-    State {
-        frame: Frame::of(&scene, &renderer),
+    RenderState {
+        metadata: ImageMetadata::new(&scene, &renderer),
         settings: settings(4, Sampling::Uniform, 1),
         streams,
         memory,
@@ -89,7 +89,7 @@ fn damaged(flips: usize) -> Vec<Case> {
         path
     };
     let one_line = |said: String| said.lines().count() == 1;
-    let of_state = |bytes: &[u8]| state::read_bytes(bytes).map(drop).map_err(|error| error.to_string());
+    let of_state = |bytes: &[u8]| state::decode(bytes).map(drop).map_err(|error| error.to_string());
     let of_image = |bytes: &[u8]| {
         let path = written("image.exr", bytes);
         exr_file::read_layer(&path, None).map(drop).map_err(|error| error.to_string())
@@ -101,7 +101,7 @@ fn damaged(flips: usize) -> Vec<Case> {
     };
     type Reader<'a> = &'a dyn Fn(&[u8]) -> Result<(), String>;
     let mut state_file = Vec::new();
-    state::bytes(&state(), &mut state_file);
+    state::encode(&state(), &mut state_file);
     let files: [(&str, Vec<u8>, Reader); 3] =
         [("a state", state_file, &of_state), ("an image", image(), &of_image), ("a mesh", mesh(), &of_mesh)];
     let mut cases = Vec::new();
@@ -201,7 +201,7 @@ fn killed(kills: u32) -> Vec<Case> {
         std::thread::sleep(Duration::from_secs_f64(share * length));
         let ended = child.kill().and_then(|()| child.wait());
         let path = folder.join("a.state");
-        unreadable += usize::from(ended.is_err() || path.exists() && State::read(&path).is_err());
+        unreadable += usize::from(ended.is_err() || path.exists() && RenderState::read(&path).is_err());
         if ended.is_ok_and(|status| status.success()) {
             // It got to its end; the next starts from nothing.
             unreadable += usize::from(std::fs::remove_file(&path).is_err());

@@ -1,14 +1,15 @@
-//! Numbers in little endian, one after the other, in a space of known size.
+//! Arrays of a state file: little-endian numbers in a buffer of known size.
 
 use crate::image::Planes;
 
-/// Puts arrays into bytes.
-pub(super) struct Writer<'b>(pub &'b mut [u8]);
+/// Writes arrays to the front of a buffer, and shortens it by them.
+pub(super) struct ArrayWriter<'b>(pub &'b mut [u8]);
 
-/// Takes them out again. Who reads knows from the header how many bytes there are.
-pub(super) struct Reader<'b>(pub &'b [u8]);
+/// Reads arrays from the front of a buffer, and shortens it by them. The caller knows from the header how long it is.
+pub(super) struct ArrayReader<'b>(pub &'b [u8]);
 
-impl Writer<'_> {
+impl ArrayWriter<'_> {
+    /// Splits off the first `len` bytes.
     fn space(&mut self, len: usize) -> &mut [u8] {
         let (space, rest) = std::mem::take(&mut self.0).split_at_mut(len);
         self.0 = rest;
@@ -33,7 +34,9 @@ impl Writer<'_> {
     }
 }
 
-impl<'b> Reader<'b> {
+impl<'b> ArrayReader<'b> {
+    /// # Panics
+    /// If fewer bytes are left, as all methods.
     pub fn bytes(&mut self, len: usize) -> &'b [u8] {
         let (bytes, rest) = self.0.split_at(len);
         self.0 = rest;

@@ -1,0 +1,17 @@
+//! A render that can go on: the content of a state file.
+
+use super::image_metadata::ImageMetadata;
+use super::stream::Stream;
+use crate::progressive::{Memory, Settings};
+
+/// Everything that is needed to resume a render, to filter it again, or to merge it with others.
+///
+/// [`Self::read`] and [`Self::write`] load it from a file and store it.
+#[derive(Clone, Debug)]
+pub struct RenderState {
+    pub metadata: ImageMetadata,
+    pub settings: Settings,
+    /// Which samples the store holds: one stream, or several that were merged.
+    pub streams: Vec<Stream>,
+    pub memory: Memory,
+}
