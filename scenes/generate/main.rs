@@ -53,7 +53,7 @@ struct Arguments {
     #[arg(long)]
     check: bool,
     /// Folder of the scenes.
-    #[arg(long, default_value = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes"))]
+    #[arg(long, default_value_os_t = scenes())]
     scenes: PathBuf,
     /// Only this scene.
     #[arg(long)]
@@ -70,6 +70,11 @@ const GENERATORS: [Generator; 5] = [
     ("courtyard", courtyard::assets),
     ("ajar", ajar::assets),
 ];
+
+/// The folder of the scenes, which this package lies in.
+fn scenes() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the package is a folder of the scenes").into()
+}
 
 fn main() -> Result<ExitCode> {
     let arguments = Arguments::parse();
