@@ -31,6 +31,9 @@
 //! | [`state`] | a render as a file: to go on from, to filter again, to merge |
 //! | [`cli`] | arguments → settings → loop → report |
 //!
+//! [`preview`] and [`cli`] belong to the feature `app`, which is on by default. With
+//! `default-features = false` the crate is a library without their dependencies.
+//!
 //! # The filter without the renderer
 //!
 //! Any program can push its own sample vectors into a store and filter them:
@@ -62,11 +65,13 @@
 //! ```
 
 pub mod adaptive;
+#[cfg(feature = "app")]
 pub mod cli;
 pub mod files;
 pub mod filter;
 pub mod geometry;
 pub mod image;
+#[cfg(feature = "app")]
 pub mod preview;
 pub mod progressive;
 pub mod render;

@@ -67,7 +67,8 @@ pub struct Filtered {
 }
 
 /// How much effort the reconstruction makes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize, clap::ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[cfg_attr(feature = "app", derive(clap::ValueEnum))]
 #[serde(rename_all = "lowercase")]
 pub enum Quality {
     /// As standard, with smaller discs and without its linear fit: for reruns between batches.
