@@ -11,7 +11,7 @@ use prpf::adaptive::{self, Maps, PrioritySettings};
 use prpf::filter::{self, Filtered, Quality};
 use prpf::geometry::Accel;
 use prpf::image::Planes;
-use prpf::preview::{Message, Rig};
+use prpf::preview::{Message, OrbitCamera};
 use prpf::render::Renderer;
 use prpf::scene::texture::{self, Channels, Encoding, Wrap};
 use prpf::scene::{Camera, Integrator, Scene, Shape, pbrt};
@@ -137,7 +137,7 @@ pub fn message(bytes: &[u8]) {
     let mut rigs = CAMERAS.map(|camera| {
         let text = format!("{camera} WorldBegin");
         let scene = pbrt::read_str(&text, Path::new("")).expect("the scene is right");
-        Rig::new(&scene.camera, None, 5.0)
+        OrbitCamera::new(&scene.camera, None, 5.0)
     });
     for line in String::from_utf8_lossy(bytes).lines() {
         let Ok(Message::Camera(step)) = Message::parse(line) else { continue };

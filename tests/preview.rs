@@ -350,7 +350,7 @@ fn two_fingers_move_the_picture_or_the_camera() {
         page.key(tool);
         page.pinch(&[apart(50.0, 0.0)]);
     }
-    assert_eq!((sent(&mut page, "camera"), sent(&mut page, "favour")), (0, 0));
+    assert_eq!((sent(&mut page, "camera"), sent(&mut page, "priority-region")), (0, 0));
     assert_eq!(page.value("window.prpf.state.kept"), false);
     assert_eq!(page.value("document.getElementById('region').hidden"), true);
 
@@ -521,7 +521,7 @@ fn watch_to_the_end(socket: &mut Socket) -> u32 {
 #[test]
 fn a_viewer_that_never_reads_holds_up_neither_the_render_nor_another() {
     let (_render, address, _folder) = preview(&["--spp", "100", "--resolution", "512x512"]);
-    let look = r#"{"type":"look","views":["raw","samples","variance"]}"#;
+    let look = r#"{"type":"views","views":["raw","samples","variance"]}"#;
     let mut deaf: Vec<Socket> = (0..3).map(|_| viewer(&address)).collect();
     for socket in &mut deaf {
         say(socket, look);
@@ -538,7 +538,7 @@ fn a_viewer_that_never_reads_holds_up_neither_the_render_nor_another() {
 fn a_finished_render_leaves_the_processor_idle() {
     let (render, address, _folder) = preview(&["--spp", "4"]);
     let mut socket = viewer(&address);
-    say(&mut socket, r#"{"type":"look","views":["filtered","failure"]}"#);
+    say(&mut socket, r#"{"type":"views","views":["filtered","failure"]}"#);
     say(&mut socket, r#"{"type":"ready"}"#);
     watch_to_the_end(&mut socket);
     // Hundredths of a second of the processor, by user and system.

@@ -10,7 +10,7 @@ use clap::Args;
 use super::Failure;
 use super::options::RenderOptions;
 use super::render;
-use crate::preview::{Display, Hub, Server};
+use crate::preview::{Hub, Server, TevClient};
 use crate::scene::Scene;
 
 /// Images saved under one name are numbered up to this.
@@ -50,9 +50,9 @@ pub(super) fn display(
     address: Option<&str>,
     scene: &Scene,
     warn: impl FnMut(&str) + Send + 'static,
-) -> Result<Option<Display>, Failure> {
+) -> Result<Option<TevClient>, Failure> {
     let name = Path::new(&scene.source).file_name().unwrap_or_default().to_string_lossy().into_owned();
-    let start = |address: &str| Display::start(hub.clone(), address.to_owned(), name, warn);
+    let start = |address: &str| TevClient::start(hub.clone(), address.to_owned(), name, warn);
     address.map(start).transpose().map_err(|error| Failure::Run(error.into()))
 }
 

@@ -1,71 +1,73 @@
-//! Who may look and steer. A page anywhere on the web can make a browser connect to a local port, so
-//! every request is checked for whom it comes from, not only the port for whom it listens to.
+//! Decides which requests the server answers.
+//!
+//! Any page on the web can make a browser connect to a local port. Every request is therefore checked for its origin:
+//! by its `Host` and `Origin` headers, or by a token in its URL.
 
 use std::net::{IpAddr, SocketAddr};
 
-/// Bytes of a token: 128 bits cannot be guessed.
+/// Length of a token, in bytes: 128 bits cannot be guessed.
 const TOKEN_BYTES: usize = 16;
 
-/// What a request has to show.
+/// The condition that requests have to meet.
 #[derive(Clone, Debug)]
 pub struct Access {
     token: Option<String>,
 }
 
 impl Access {
-    /// For the default address, which only this machine reaches: no token.
+    /// Admits requests to this machine's own names, without a token.
     pub fn local() -> Self {
         Self { token: None }
     }
 
-    /// For an address that was given: a new token.
+    /// Admits requests with a token, which is created here.
     ///
     /// # Errors
-    /// The system has no random numbers.
+    /// The system provides no random numbers.
     pub fn with_token() -> std::io::Result<Self> {
         let mut bytes = [0; TOKEN_BYTES];
         getrandom::fill(&mut bytes).map_err(std::io::Error::other)?;
         Ok(Self { token: Some(bytes.iter().map(|byte| format!("{byte:02x}")).collect()) })
     }
 
-    /// The address to open.
-    pub fn address(&self, socket: SocketAddr) -> String {
+    /// Returns the URL to open.
+    pub fn url(&self, socket: SocketAddr) -> String {
         match &self.token {
             Some(token) => format!("http://{socket}/?token={token}"),
             None => format!("http://{socket}/"),
         }
     }
 
-    /// Whether a request may be answered, by its `Host` header and the query of its address.
+    /// Tests whether a request may be answered, by its `Host` header and the query of its URL.
     ///
-    /// Without a token the host has to be this machine: a name that somebody made resolve to it
-    /// (DNS rebinding) is refused.
+    /// Without a token the host has to be `localhost` or a loopback address: other names that resolve to it
+    /// (DNS rebinding) are refused.
     pub fn admits(&self, host: Option<&str>, query: Option<&str>) -> bool {
         match &self.token {
             Some(token) => query
                 .unwrap_or_default()
                 .split('&')
                 .filter_map(|pair| pair.strip_prefix("token="))
-                .any(|given| same(given, token)),
-            None => host.is_some_and(is_this_machine),
+                .any(|given| equals_token(given, token)),
+            None => host.is_some_and(is_loopback),
         }
     }
 
-    /// Whether a file that holds no secret may be fetched: the page's own scripts.
+    /// Tests whether a file without secrets may be fetched, such as the page's scripts.
     pub fn admits_files(&self, host: Option<&str>) -> bool {
         self.token.is_some() || self.admits(host, None)
     }
 
-    /// Whether a socket may be opened: only by a page that came from here, which a browser tells by
-    /// the `Origin` header.
+    /// Tests whether a WebSocket may be opened: only by a page of this server, according to the `Origin` header that
+    /// browsers send.
     pub fn admits_socket(&self, origin: Option<&str>, host: Option<&str>, query: Option<&str>) -> bool {
         let from = origin.and_then(|origin| origin.split_once("://")).map(|(_, authority)| authority);
         self.admits(host, query) && from.is_some() && from == host
     }
 }
 
-/// `localhost` or a loopback address, with or without a port.
-fn is_this_machine(host: &str) -> bool {
+/// Tests for `localhost` or a loopback address, with or without a port.
+fn is_loopback(host: &str) -> bool {
     if host == "localhost" || host.starts_with("localhost:") {
         return true;
     }
@@ -74,8 +76,8 @@ fn is_this_machine(host: &str) -> bool {
     address.is_ok_and(|address| address.is_loopback())
 }
 
-/// Compares in a time that does not tell how much of it was right.
-fn same(given: &str, token: &str) -> bool {
+/// Compares in constant time, so that the time does not tell how much of a guess was right.
+fn equals_token(given: &str, token: &str) -> bool {
     given.len() == token.len() && given.bytes().zip(token.bytes()).fold(0, |all, (a, b)| all | (a ^ b)) == 0
 }
 
@@ -111,7 +113,7 @@ mod tests {
     fn a_given_address_needs_its_token() {
         let access = Access::with_token().unwrap();
         let socket = "192.168.0.7:8080".parse().unwrap();
-        let address = access.address(socket);
+        let address = access.url(socket);
         let query = address.split_once('?').map(|(_, query)| query);
         assert!(access.admits(Some("workstation:8080"), query));
         assert!(query.unwrap().len() == "token=".len() + 32);

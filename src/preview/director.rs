@@ -12,15 +12,16 @@ use std::time::{Duration, Instant};
 
 use crossbeam::channel::{RecvTimeoutError, TryRecvError};
 
-use super::camera::Rig;
+use super::command::Command;
 use super::hub::Hub;
+use super::orbit_camera::OrbitCamera;
 use super::pass::{Given, Pass, Passes};
-use super::protocol::{Change, Command};
-use super::publish::COVERED_SPP;
+use super::pixel_values::describe_pixel;
+use super::publisher::COVERED_SPP;
 use super::reporter::{Reporter, Subject};
+use super::settings_change::SettingsChange;
 use super::stage::{Picture, Stage};
-use super::status::{Lens, Phase};
-use super::values;
+use super::status::{CameraStatus, Phase};
 use super::view::View;
 use super::wishes::Wishes;
 use crate::filter::Quality;
@@ -59,7 +60,7 @@ pub struct Director<'a> {
     hub: Arc<Hub>,
     passes: Passes,
     reporter: Reporter,
-    rig: Option<Rig>,
+    rig: Option<OrbitCamera>,
     wishes: Wishes,
     paused: bool,
     region: Option<[[f32; 2]; 2]>,
@@ -102,12 +103,12 @@ impl<'a> Director<'a> {
         let mut start = self.stage.start;
         loop {
             let scene = self.stage.scene;
-            let camera = self.rig.as_ref().map_or(&scene.camera, Rig::camera);
+            let camera = self.rig.as_ref().map_or(&scene.camera, OrbitCamera::camera);
             let renderer = self.stage.renderer.with_camera(camera);
             let rig = self.rig.take().unwrap_or_else(|| {
                 let (width, height) = renderer.resolution();
                 let seen = renderer.seen_at(width / 2, height / 2).map(|p| p.as_dvec3());
-                Rig::new(&scene.camera, seen, f64::from(renderer.diameter()) / 2.0)
+                OrbitCamera::new(&scene.camera, seen, f64::from(renderer.diameter()) / 2.0)
             });
             self.rig = Some(rig);
             let mut circle =
@@ -231,7 +232,7 @@ impl<'a> Director<'a> {
                 rig.apply(&step, seen.map(|p| p.as_dvec3()));
             }
             // Nothing is lost by a movement to where it is.
-            anew |= !rig.sees_as(&before);
+            anew |= !rig.is_equivalent(&before);
         }
         anew
     }
@@ -260,21 +261,21 @@ impl<'a> Director<'a> {
 
     /// Obeys what can be obeyed at once and remembers the rest.
     fn obey(&mut self, command: Command, store: &Arc<Store>) {
-        let steers = !matches!(command, Command::Look | Command::Save | Command::Inspect { .. });
+        let steers = !matches!(command, Command::Wake | Command::Save | Command::Inspect { .. });
         if steers && self.is_interrupted() {
             // Whoever interrupts a render wants what there is of it, and not the start of another.
             return;
         }
         match command {
-            Command::Look => {}
+            Command::Wake => {}
             Command::Pause(paused) => {
                 // There is nothing to pause when all is done.
                 self.paused = paused && self.reporter.phase() != Phase::Finished;
                 self.reporter.hasten();
             }
-            Command::Set(change) => self.set(change, store),
-            Command::Camera(step) => self.wishes.moves.push(step),
-            Command::Favour(region) => {
+            Command::ChangeSettings(change) => self.set(change, store),
+            Command::MoveCamera(step) => self.wishes.moves.push(step),
+            Command::SetRegion(region) => {
                 self.wishes.region |= region != self.region;
                 self.region = region;
             }
@@ -285,12 +286,12 @@ impl<'a> Director<'a> {
             }
             Command::Inspect { pixel, reply } => {
                 // A page that does not read its answers misses them.
-                let _ = reply.try_send(values::at(pixel, store, self.reporter.shown()));
+                let _ = reply.try_send(describe_pixel(pixel, store, self.reporter.shown()));
             }
         }
     }
 
-    fn set(&mut self, change: Change, store: &Store) {
+    fn set(&mut self, change: SettingsChange, store: &Store) {
         let mut settings = self.stage.settings.clone();
         let another_filter = change.apply(&mut settings);
         if settings == self.stage.settings {
@@ -347,7 +348,7 @@ impl<'a> Director<'a> {
     }
 
     fn tell(&mut self, store: &Store, at_once: bool) {
-        let camera = self.rig.as_ref().map_or(Lens::default(), |rig| Lens {
+        let camera = self.rig.as_ref().map_or(CameraStatus::default(), |rig| CameraStatus {
             aperture: rig.camera().lens_radius,
             focus: rig.camera().focal_distance,
             distance: rig.distance(),

@@ -1,4 +1,4 @@
-//! The page's files, part of the program: plain HTML, CSS and modules, served as they are.
+//! The files of the page, compiled into the program: plain HTML, CSS and JavaScript modules, served unchanged.
 
 macro_rules! files {
     ($($path:literal: $kind:literal = $name:literal),* $(,)?) => {
@@ -19,7 +19,7 @@ const FILES: &[(&str, &str, &[u8])] = files![
     "/icon.svg": "image/svg+xml" = "icon.svg",
 ];
 
-/// Content type and content of the file at a path.
+/// Returns content type and content of the file at a URL path.
 pub fn file(path: &str) -> Option<(&'static str, &'static [u8])> {
     FILES.iter().find(|(at, ..)| *at == path).map(|&(_, kind, body)| (kind, body))
 }
@@ -29,11 +29,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn nothing_is_fetched_from_elsewhere() {
+    fn no_other_host_is_named() {
         for (path, _, body) in FILES {
             let text = std::str::from_utf8(body).unwrap();
             let elsewhere = text.match_indices("://").filter(|(at, _)| {
-                // A namespace is a name; the socket's address is made from the page's own.
+                // XML namespaces are names only; the WebSocket's URL is built from the page's own.
                 !text[..*at].ends_with("http") || !text[*at..].starts_with("://www.w3.org/")
             });
             let own = elsewhere.filter(|(at, _)| !text[*at..].starts_with("://${location.host}"));

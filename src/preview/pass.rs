@@ -9,7 +9,7 @@ use std::time::Duration;
 use crossbeam::channel::{Receiver, RecvError, TryRecvError, bounded, select};
 use rayon::ThreadPool;
 
-use super::protocol::Command;
+use super::command::Command;
 use crate::progressive::{FilterJob, Shown};
 
 /// How often a pass is looked at when nobody says anything.

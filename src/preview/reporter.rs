@@ -6,8 +6,8 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use super::hub::Hub;
-use super::publish::Publisher;
-use super::status::{Lens, Notice, Phase, Statistics, Status};
+use super::publisher::Publisher;
+use super::status::{CameraStatus, Notice, Phase, Statistics, Status};
 use super::view::View;
 use crate::progressive::{
     Estimated, Forecast, Point, Progress, Settings, Shown, StoppedBy, forecast, memory_bytes,
@@ -25,7 +25,7 @@ const NOTICES: usize = 6;
 pub struct Subject<'a> {
     pub scene: &'a str,
     pub settings: &'a Settings,
-    pub camera: Lens,
+    pub camera: CameraStatus,
     pub region: Option<[[f32; 2]; 2]>,
 }
 
@@ -247,7 +247,7 @@ impl Reporter {
             notices: &self.notices,
         };
         // Numbers that JSON cannot hold do not occur: all are finite or absent.
-        self.hub.tell(serde_json::to_string(&status).unwrap_or_default());
+        self.hub.publish_status(serde_json::to_string(&status).unwrap_or_default());
     }
 
     fn statistics(&self, store: &Store) -> Statistics {
@@ -263,7 +263,7 @@ impl Reporter {
             min: counts.iter().copied().min().unwrap_or(0),
             max: counts.iter().copied().max().unwrap_or(0),
             samples_per_second: if self.phase == Phase::Rendering { rate } else { 0.0 },
-            filter_share: if seconds > 0.0 { (self.filter_seconds / seconds).min(1.0) } else { 0.0 },
+            filter_fraction: if seconds > 0.0 { (self.filter_seconds / seconds).min(1.0) } else { 0.0 },
             memory_bytes: memory_bytes("VmRSS"),
             estimate: self.estimate,
         }

@@ -1,13 +1,15 @@
-//! What everyone who looks is told: where the render stands, what it follows, what it costs.
+//! The status of a render, as the page shows it: phase, settings, statistics, error curve, notices.
 
 use std::collections::VecDeque;
 
 use serde::Serialize;
 
-use super::view::Scale;
+use super::colour_scale::ColourScale;
+use super::command::Rectangle;
+use super::view::View;
 use crate::progressive::{Estimated, Forecast, Point, Settings};
 
-/// Where the render is.
+/// What the render is doing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Phase {
@@ -17,66 +19,71 @@ pub enum Phase {
     Finished,
 }
 
-/// Sent as JSON whenever something of it changes, a few times a second at most.
+/// The message that all viewers get, as JSON, a few times a second at most.
 #[derive(Serialize)]
 pub struct Status<'a> {
-    /// Tells it from answers.
+    /// Tells the message from others.
     pub r#type: &'static str,
     pub scene: &'a str,
     pub width: usize,
     pub height: usize,
     pub generation: u32,
     pub phase: Phase,
-    /// What ended a finished render.
+    /// The limit that ended a finished render.
     pub stopped_by: Option<crate::progressive::StoppedBy>,
     pub settings: &'a Settings,
-    pub views: &'a [Described],
+    pub views: &'a [ViewInfo],
     pub statistics: Statistics,
-    /// Estimated error against time.
+    /// Estimated error over time.
     pub curve: &'a [Point],
     pub forecast: Option<Forecast>,
-    pub camera: Lens,
-    /// Shares of width and height that get samples first.
-    pub region: Option<[[f32; 2]; 2]>,
-    /// The latest ones, newest last.
+    pub camera: CameraStatus,
+    /// The region that is rendered first.
+    pub region: Option<Rectangle>,
+    /// The latest notices, newest last.
     pub notices: &'a VecDeque<Notice>,
 }
 
-/// A view that this render has.
+/// A view that this render has; maps have a colour scale.
 #[derive(Clone, Copy, Serialize)]
-pub struct Described {
-    pub view: super::view::View,
-    pub scale: Option<Scale>,
+pub struct ViewInfo {
+    pub view: View,
+    pub scale: Option<ColourScale>,
 }
 
+/// Statistics of the samples so far.
 #[derive(Clone, Copy, Debug, Default, Serialize)]
 pub struct Statistics {
     pub seconds: f64,
-    /// Share of the nearest budget that is spent.
+    /// Fraction of the budget that is nearest to its end.
     pub fraction: f64,
     pub samples: u64,
+    /// Samples per pixel.
     pub mean: f64,
     pub min: u32,
     pub max: u32,
     pub samples_per_second: f64,
-    pub filter_share: f64,
+    /// Fraction of the time that filter passes took.
+    pub filter_fraction: f64,
     pub memory_bytes: Option<u64>,
     pub estimate: Option<Estimated>,
 }
 
-/// What can be steered of the camera beside its place, in scene units.
+/// The camera's lens and its distance to the pivot, in scene units.
 #[derive(Clone, Copy, Debug, Default, Serialize)]
-pub struct Lens {
+pub struct CameraStatus {
+    /// Radius of the lens.
     pub aperture: f32,
+    /// Focal distance.
     pub focus: f32,
-    /// To the point looked at.
+    /// Distance to the pivot.
     pub distance: f64,
 }
 
-/// Something that a person should know, such as where an image was saved.
+/// A notice to the user, such as where an image was saved.
 #[derive(Clone, Debug, Serialize)]
 pub struct Notice {
-    /// Counts notices, from one.
+    /// Counts the notices, from 1.
     pub number: u32,
     pub text: String,
     pub is_problem: bool,

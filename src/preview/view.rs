@@ -1,14 +1,22 @@
-//! What can be looked at, where it comes from, and the scale it is shown on.
+//! The views of a render: the image, its maps and its feature buffers, each with its colour scale.
 
 use serde::{Deserialize, Serialize};
 
+use super::colour_scale::{ColourScale, Curve};
 use crate::filter;
 use crate::image::Planes;
 use crate::image::metrics::RELMSE_EPSILON;
 use crate::progressive::{Settings, Shown};
 use crate::stats::{Block, Layout, Part, Store};
 
-/// One of the page's images.
+/// Smallest budget for which the scale of sample counts is made, in samples per pixel.
+const SMALLEST_BUDGET: u32 = 16;
+/// Ratio of that scale's upper end to the budget: adaptive sampling gives some pixels that many times more.
+const SAMPLES_HEADROOM: u64 = 8;
+/// Lower end of the scales of relative errors; noise below it is invisible.
+const LOWEST_ERROR: f32 = 1e-5;
+
+/// An image that the page can show.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum View {
@@ -36,17 +44,17 @@ impl View {
         View::Normal,
     ];
 
-    /// Its place in [`Self::ALL`] and in frames' headers.
+    /// Returns the view's index in [`Self::ALL`] and in the headers of frames.
     pub fn index(self) -> usize {
         self as usize
     }
 
-    /// Whether it comes from a filter pass, else from the store alone.
+    /// Tests whether the view comes from a filter pass; the others come from the store alone.
     pub fn is_filtered(self) -> bool {
         matches!(self, View::Filtered | View::Error | View::Residual | View::Failure)
     }
 
-    /// Whether a render with this layout has it.
+    /// Tests whether a render with this layout has the view.
     pub fn exists(self, layout: &Layout) -> bool {
         match self {
             View::Albedo => layout.block(Block::Albedo).is_some(),
@@ -55,7 +63,7 @@ impl View {
         }
     }
 
-    /// The view's planes, 3 or 1; `None` if there is nothing to show yet.
+    /// Returns the view's planes (1 or 3); `None` before the first filter pass that makes them.
     pub fn planes(self, store: &Store, shown: Option<&Shown>) -> Option<Planes> {
         let means = |block| Some(store.means(Part::Whole, store.layout().block(block)?));
         let raw = || store.means(Part::Whole, store.layout().radiance());
@@ -72,69 +80,41 @@ impl View {
         }
     }
 
-    /// The scale of a map; `None` for what is shown as colours. It follows from the settings and not
-    /// from the image, so that colours mean the same from moment to moment.
-    pub fn scale(self, settings: &Settings) -> Option<Scale> {
-        let scale = |unit, curve, low, high| Some(Scale { unit, curve, low, high, mark: None });
+    /// Returns the colour scale of a map; `None` for a view that is a colour image. The scale follows from the settings
+    /// and not from the image, so that a colour keeps its meaning while the image converges.
+    pub fn scale(self, settings: &Settings) -> Option<ColourScale> {
+        let scale = |unit, curve, low, high| Some(ColourScale { unit, curve, low, high, mark: None });
         match self {
             View::Samples => {
-                let budget = u64::from(settings.budget.spp.unwrap_or(0).max(LEAST_BUDGET));
-                // Twice the budget's spp, at a power of two that the legend can name.
+                let budget = u64::from(settings.budget.spp.unwrap_or(0).max(SMALLEST_BUDGET));
+                // A power of two, which the legend can name.
                 let high = (budget * SAMPLES_HEADROOM).next_power_of_two() as f32;
                 let mark = settings.budget.spp.map(|spp| spp as f32);
-                Some(Scale { unit: "samples per pixel", curve: Curve::Log2, low: 1.0, high, mark })
+                Some(ColourScale { unit: "samples per pixel", curve: Curve::Log2, low: 1.0, high, mark })
             }
-            View::Error => Some(Scale {
-                unit: "relative squared error, as the target",
+            View::Error => Some(ColourScale {
+                unit: "relative squared error (relMSE)",
                 curve: Curve::Log10,
                 low: LOWEST_ERROR,
                 high: 1.0,
                 mark: settings.budget.target_error.map(|e| e as f32),
             }),
-            View::Variance => {
-                scale("variance of the mean, relative as the error", Curve::Log10, LOWEST_ERROR, 1.0)
-            }
-            View::Residual => Some(Scale {
-                unit: "change by the filter ÷ what noise explains",
+            View::Variance => scale("relative variance of the mean", Curve::Log10, LOWEST_ERROR, 1.0),
+            View::Residual => Some(ColourScale {
+                unit: "filter residual ÷ expected noise",
                 curve: Curve::Log2,
                 low: 1.0 / 16.0,
                 high: 16.0,
-                // Where the filter changes just what noise explains.
+                // The filter changes the pixel by just what noise explains.
                 mark: Some(1.0),
             }),
-            View::Failure => scale("share of the windows where it failed", Curve::Linear, 0.0, 1.0),
+            View::Failure => scale("fraction of windows where interpolation failed", Curve::Linear, 0.0, 1.0),
             View::Filtered | View::Raw | View::Albedo | View::Normal => None,
         }
     }
 }
 
-/// Budget that the scale of sample counts assumes at least, in samples per pixel.
-const LEAST_BUDGET: u32 = 16;
-/// How far that scale goes beyond the budget: adaptive sampling gives some pixels so many times more.
-const SAMPLES_HEADROOM: u64 = 8;
-/// Where the scales of relative errors begin: below, no noise can be seen.
-const LOWEST_ERROR: f32 = 1e-5;
-
-/// Which colour stands for which value.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Scale {
-    pub unit: &'static str,
-    pub curve: Curve,
-    pub low: f32,
-    pub high: f32,
-    /// A setting in the same unit: a budget or a target.
-    pub mark: Option<f32>,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Curve {
-    Linear,
-    Log2,
-    Log10,
-}
-
-/// Mean over channels of `squares` (1 or 3 planes), relative to `image` as in relMSE.
+/// Returns the mean over channels of squared errors (1 or 3 planes), relative to `image` as in relMSE.
 fn relative(squares: &Planes, image: &Planes) -> Planes {
     let mut map = Planes::new(image.width(), image.height(), 1);
     for channel in 0..3 {
@@ -152,7 +132,7 @@ mod tests {
     use crate::progressive::Budget;
 
     #[test]
-    fn views_stand_at_their_index() {
+    fn indices_are_those_of_the_list() {
         for (i, view) in View::ALL.into_iter().enumerate() {
             assert_eq!(view.index(), i);
         }

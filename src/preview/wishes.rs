@@ -1,12 +1,12 @@
 //! What people have asked for and has to wait for the end of a step, or of a filter pass.
 
-use super::protocol::Move;
+use super::camera_move::CameraMove;
 use crate::progressive::Settings;
 
 /// See the module.
 #[derive(Default)]
 pub struct Wishes {
-    pub moves: Vec<Move>,
+    pub moves: Vec<CameraMove>,
     pub restart: bool,
     pub settings: bool,
     pub region: bool,

@@ -5,7 +5,7 @@ use std::sync::atomic::AtomicBool;
 use super::*;
 use crate::adaptive::Sampling;
 use crate::geometry::Accel;
-use crate::preview::protocol::Move;
+use crate::preview::camera_move::CameraMove;
 use crate::preview::stage::Keeping;
 use crate::progressive::{Budget, Denoiser, Memory, Settings};
 use crate::scene::pbrt;
@@ -79,7 +79,7 @@ fn what_is_asked_for_during_the_last_pass_is_saved() {
         // The last memory is kept when all samples are there, and the last pass comes next.
         kept: &|_, memory, hub| {
             if memory.store.samples() == u64::from(SPP) * SIDE * SIDE {
-                assert!(hub.command(Command::Save));
+                assert!(hub.send(Command::Save));
             }
         },
         saved: &|picture| {
@@ -99,7 +99,7 @@ fn saved_of(quality: Quality, commands: &[Command], stays: bool) -> (u64, Vec<(u
         stepped: &|progress, hub, interrupt| {
             if progress.spp >= 16.0 && given.get() == 0 {
                 given.set(progress.samples);
-                commands.iter().for_each(|command| assert!(hub.command(command.clone())));
+                commands.iter().for_each(|command| assert!(hub.send(command.clone())));
                 interrupt.store(stays, Ordering::Relaxed);
             }
         },
@@ -117,9 +117,16 @@ fn saved_of(quality: Quality, commands: &[Command], stays: bool) -> (u64, Vec<(u
 fn what_is_saved_is_the_image_of_when_that_was_said() {
     const PAPER: Made = (Denoiser::Prpf, Quality::Paper);
     const STANDARD: Made = (Denoiser::Prpf, Quality::Standard);
-    let unfiltered = || Command::Set(Change { denoiser: Some(Denoiser::None), ..Change::default() });
-    let better = || Command::Set(Change { quality: Some(Quality::Paper), ..Change::default() });
-    let moved = || Command::Camera(Move { orbit: Some([0.3, 0.1]), ..Move::default() });
+    let unfiltered = || {
+        Command::ChangeSettings(SettingsChange {
+            denoiser: Some(Denoiser::None),
+            ..SettingsChange::default()
+        })
+    };
+    let better = || {
+        Command::ChangeSettings(SettingsChange { quality: Some(Quality::Paper), ..SettingsChange::default() })
+    };
+    let moved = || Command::MoveCamera(CameraMove { orbit: Some([0.3, 0.1]), ..CameraMove::default() });
     let of = |quality, commands: &[Command], stays| {
         let (before, saved) = saved_of(quality, commands, stays);
         let all_new = saved.iter().all(|(samples, _)| (SIDE * SIDE..before).contains(samples));
@@ -171,10 +178,11 @@ fn what_is_saved_of_a_finished_render_is_made_by_the_filter_that_is_chosen() {
                 && asked.get() == usize::from(settings.quality == Quality::Paper)
             {
                 asked.set(asked.get() + 1);
-                assert!(hub.command(Command::Save));
+                assert!(hub.send(Command::Save));
                 if asked.get() == 1 {
-                    let change = Change { quality: Some(Quality::Paper), ..Change::default() };
-                    assert!(hub.command(Command::Set(change)) && hub.command(Command::Save));
+                    let change =
+                        SettingsChange { quality: Some(Quality::Paper), ..SettingsChange::default() };
+                    assert!(hub.send(Command::ChangeSettings(change)) && hub.send(Command::Save));
                 }
             }
         },
@@ -193,7 +201,7 @@ fn a_state_that_could_not_be_kept_is_not_said_to_be() {
     let moments = Moments {
         stepped: &|progress, hub, _| {
             if progress.spp >= 2.0 && !restarted.replace(true) {
-                assert!(hub.command(Command::Restart));
+                assert!(hub.send(Command::Restart));
             }
         },
         kept: &|_, _, _| (),
@@ -216,7 +224,7 @@ fn begins_anew_and_keeps_no_more(command: impl Fn() -> Command) {
         stepped: &|progress, hub, _| {
             if progress.spp >= 2.0 && !given.replace(true) {
                 before.set(progress.samples);
-                assert!(hub.command(command()));
+                assert!(hub.send(command()));
             }
         },
         kept: &|_, memory, _| {
@@ -235,8 +243,8 @@ fn begins_anew_and_keeps_no_more(command: impl Fn() -> Command) {
 
 #[test]
 fn once_the_camera_is_moved_no_memory_is_kept_of_what_it_sees() {
-    let step = Move { orbit: Some([0.3, 0.1]), ..Move::default() };
-    begins_anew_and_keeps_no_more(|| Command::Camera(step.clone()));
+    let step = CameraMove { orbit: Some([0.3, 0.1]), ..CameraMove::default() };
+    begins_anew_and_keeps_no_more(|| Command::MoveCamera(step.clone()));
 }
 
 #[test]
@@ -247,8 +255,8 @@ fn a_filter_chosen_while_another_runs_makes_the_image() {
         kept: &|settings, memory, hub| {
             let all = memory.store.samples() == u64::from(SPP) * SIDE * SIDE;
             if all && settings.denoiser == Denoiser::Prpf {
-                let change = Change { denoiser: Some(Denoiser::None), ..Change::default() };
-                assert!(hub.command(Command::Set(change)));
+                let change = SettingsChange { denoiser: Some(Denoiser::None), ..SettingsChange::default() };
+                assert!(hub.send(Command::ChangeSettings(change)));
             }
         },
         saved: &|_| unreachable!("nobody asked for it"),
@@ -262,8 +270,8 @@ fn a_filter_chosen_while_another_runs_makes_the_image() {
 fn samples_that_were_kept_are_not_replaced_by_those_of_another_start() {
     begins_anew_and_keeps_no_more(|| Command::Restart);
     // It needs sample vectors, which so far none were kept of.
-    let paper = || Change { quality: Some(Quality::Paper), ..Change::default() };
-    begins_anew_and_keeps_no_more(|| Command::Set(paper()));
+    let paper = || SettingsChange { quality: Some(Quality::Paper), ..SettingsChange::default() };
+    begins_anew_and_keeps_no_more(|| Command::ChangeSettings(paper()));
 }
 
 #[test]
@@ -273,8 +281,12 @@ fn a_filter_that_needs_more_memory_than_there_is_is_refused_and_the_render_goes_
         stepped: &|_, hub, _| {
             if !asked.replace(true) {
                 // Without a budget of samples, random parameter filtering would keep any number of them.
-                let change = Change { denoiser: Some(Denoiser::Rpf), spp: Some(0), ..Change::default() };
-                assert!(hub.command(Command::Set(change)));
+                let change = SettingsChange {
+                    denoiser: Some(Denoiser::Rpf),
+                    spp: Some(0),
+                    ..SettingsChange::default()
+                };
+                assert!(hub.send(Command::ChangeSettings(change)));
             }
         },
         kept: &|_, _, _| (),
@@ -291,7 +303,10 @@ fn a_movement_after_an_interruption_does_not_throw_the_render_away() {
         stepped: &|progress, hub, interrupt| {
             if progress.spp >= f64::from(SPP) && !interrupt.swap(true, Ordering::Relaxed) {
                 had.set(progress.samples);
-                assert!(hub.command(Command::Camera(Move { orbit: Some([0.3, 0.1]), ..Move::default() })));
+                assert!(hub.send(Command::MoveCamera(CameraMove {
+                    orbit: Some([0.3, 0.1]),
+                    ..CameraMove::default()
+                })));
             }
         },
         kept: &|_, _, _| (),
@@ -307,7 +322,7 @@ fn a_pause_keeps_a_memory_and_costs_no_sample() {
     let outcome = directed(Moments {
         stepped: &|progress, hub, _| {
             if progress.spp >= 3.0 && !paused.replace(true) {
-                assert!(hub.command(Command::Pause(true)));
+                assert!(hub.send(Command::Pause(true)));
             }
         },
         kept: &|settings, memory, hub| {
@@ -315,11 +330,12 @@ fn a_pause_keeps_a_memory_and_costs_no_sample() {
             if during && at_rest.borrow().is_empty() {
                 at_rest.borrow_mut().push((settings.sampling, memory.store.samples()));
                 // Settings are followed at rest, an image is saved, and then it goes on.
-                let change = Change { sampling: Some(Sampling::Adaptive), ..Change::default() };
-                assert!(hub.command(Command::Set(change)) && hub.command(Command::Save));
+                let change =
+                    SettingsChange { sampling: Some(Sampling::Adaptive), ..SettingsChange::default() };
+                assert!(hub.send(Command::ChangeSettings(change)) && hub.send(Command::Save));
             } else if during && at_rest.borrow().len() == 1 {
                 at_rest.borrow_mut().push((settings.sampling, memory.store.samples()));
-                assert!(hub.command(Command::Pause(false)));
+                assert!(hub.send(Command::Pause(false)));
             }
         },
         saved: &|picture| assert_eq!(picture.store.samples(), at_rest.borrow()[0].1),
@@ -344,7 +360,7 @@ fn closing_while_an_image_is_saved_keeps_what_there_was() {
         stepped: &|progress, hub, interrupt| {
             if progress.spp >= 9.0 && !asked.replace(true) {
                 had.set(progress.samples);
-                assert!(hub.command(Command::Save));
+                assert!(hub.send(Command::Save));
                 let interrupt = interrupt.clone();
                 std::thread::spawn(move || {
                     std::thread::sleep(Duration::from_millis(20));
@@ -370,7 +386,7 @@ fn another_filter_chosen_at_a_pause_makes_an_image_and_forgets_the_error_of_the_
     let moments = Moments {
         stepped: &|progress, hub, _| {
             if progress.estimate.is_some() && !paused.replace(true) {
-                assert!(hub.command(Command::Pause(true)));
+                assert!(hub.send(Command::Pause(true)));
             }
         },
         kept: &|settings, memory, hub| {
@@ -380,12 +396,12 @@ fn another_filter_chosen_at_a_pause_makes_an_image_and_forgets_the_error_of_the_
             rested.set(rested.get() + 1);
             if rested.get() == 1 {
                 assert!(memory.estimate.is_some() && memory.rerun.is_some());
-                let change = Change { denoiser: Some(Denoiser::None), ..Change::default() };
-                assert!(hub.command(Command::Set(change)));
+                let change = SettingsChange { denoiser: Some(Denoiser::None), ..SettingsChange::default() };
+                assert!(hub.send(Command::ChangeSettings(change)));
             } else {
                 assert_eq!(settings.denoiser, Denoiser::None);
                 assert!(memory.estimate.is_none() && memory.rerun.is_none());
-                assert!(hub.command(Command::Pause(false)));
+                assert!(hub.send(Command::Pause(false)));
             }
         },
         saved: &|_| unreachable!("nobody asked for it"),

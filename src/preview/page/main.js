@@ -61,7 +61,7 @@ const hand = new Hand($("picture"), picture, {
     place();
     if (!done) return;
     state.region = null;
-    if (isArea) command("favour", { region });
+    if (isArea) command("priority-region", { region });
   },
   inspect: (pixel) => {
     if (state.kept) return;
@@ -130,7 +130,7 @@ function look() {
   const looks = [...wanted].join();
   if (looks === state.looks) return;
   state.looks = looks;
-  link.send("look", { views: [...wanted] });
+  link.send("views", { views: [...wanted] });
 }
 
 let asked = 0;
@@ -207,7 +207,7 @@ $("keys").onclick = help;
 $("fit").onclick = () => picture.fit();
 $("actual").onclick = actual;
 $("home").onclick = () => command("camera", { reset: true });
-$("everywhere").onclick = () => command("favour", { region: null });
+$("everywhere").onclick = () => command("priority-region", { region: null });
 $("wiping").onchange = ({ target }) => wiping(target.checked);
 $("exposure").oninput = ({ target }) => expose(Number(target.value));
 $("exposure").ondblclick = () => expose(0);
@@ -228,7 +228,7 @@ const KEYS = {
   0: () => picture.fit(), z: actual, "+": () => picture.zoomBy(1.25), "-": () => picture.zoomBy(0.8),
   q: () => use("look"), c: () => use("camera"), f: () => use("focus"), r: () => use("region"),
   " ": pause, s: save, R: () => command("restart", {}), Home: () => command("camera", { reset: true }),
-  Escape: () => $("help").hidden ? command("favour", { region: null }) : help(), "?": help,
+  Escape: () => $("help").hidden ? command("priority-region", { region: null }) : help(), "?": help,
 };
 
 const FIELD_KEYS = new Set([" ", "Enter", "Home", "End", "PageUp", "PageDown", "ArrowLeft", "ArrowRight", "ArrowUp", "ArrowDown"]);

@@ -37,10 +37,10 @@ export class Panel {
     this.look = look;
     this.names = "";
     for (const group of document.querySelectorAll("[data-setting]")) {
-      group.addEventListener("change", ({ target }) => send("set", { [group.dataset.setting]: target.value }));
+      group.addEventListener("change", ({ target }) => send("settings", { [group.dataset.setting]: target.value }));
     }
     for (const name of ["spp", "seconds", "target_error"]) {
-      this.number(name, (value) => send("set", { [name]: name === "spp" ? Math.round(value) : value }));
+      this.number(name, (value) => send("settings", { [name]: name === "spp" ? Math.round(value) : value }));
     }
     for (const name of ["aperture", "focus"]) this.number(name, (value) => send("camera", { [name]: value }));
     new ResizeObserver(() => this.status && this.curve()).observe($("curve"));
@@ -87,7 +87,7 @@ export class Panel {
       mean: statistics.mean.toFixed(statistics.mean < 10 ? 2 : 1),
       spread: `${statistics.min}, ${statistics.max}`,
       rate: statistics.samples_per_second > 0 ? count(statistics.samples_per_second) : "–",
-      filter: `${(100 * statistics.filter_share).toFixed(1)} %`,
+      filter: `${(100 * statistics.filter_fraction).toFixed(1)} %`,
       memory: statistics.memory_bytes === null ? "–" : `${(statistics.memory_bytes / 2 ** 20).toFixed(0)} MiB`,
       error: estimate ? (estimate.is_hidden ? "below " : "") + short(estimate.error) : "–",
       judged: estimate ? (estimate.samples / (status.width * status.height)).toFixed(1) : "–",

@@ -1,4 +1,4 @@
-//! The values at one pixel, exact, for the inspector.
+//! All values of one pixel, in full precision, for the page's inspector.
 
 use serde::Serialize;
 
@@ -7,26 +7,27 @@ use crate::progressive::Shown;
 use crate::stats::{Block, Part, Store};
 
 #[derive(Serialize)]
-struct Values {
+struct PixelValues {
+    /// Tells the message from others.
     r#type: &'static str,
     x: u32,
     y: u32,
     samples: u32,
-    /// Linear light.
+    /// Linear radiance: the mean of the samples, and the filtered pixel.
     raw: [f64; 3],
     filtered: Option<[f32; 3]>,
     albedo: Option<[f64; 3]>,
     normal: Option<[f64; 3]>,
-    /// Of the unfiltered mean, mean of channels, in squared linear light.
+    /// Variance of the unfiltered mean, averaged over the channels, in squared radiance.
     variance: f64,
-    /// Of the filtered pixel, likewise.
+    /// Estimated squared error of the filtered pixel, likewise.
     error: Option<f32>,
     residual: Option<f32>,
     failure: Option<f32>,
 }
 
-/// A message with all values at a pixel, or with nothing if it is outside the image.
-pub fn at([x, y]: [u32; 2], store: &Store, shown: Option<&Shown>) -> String {
+/// Returns a JSON message with all values at a pixel, without any if it is outside the image.
+pub fn describe_pixel([x, y]: [u32; 2], store: &Store, shown: Option<&Shown>) -> String {
     let (column, line) = (x as usize, y as usize);
     let Some(row) = store.rows().get(line).filter(|_| column < store.width()) else {
         return r#"{"type":"values"}"#.to_owned();
@@ -35,22 +36,22 @@ pub fn at([x, y]: [u32; 2], store: &Store, shown: Option<&Shown>) -> String {
     let means = |block: Block| store.layout().block(block).map(|dims| three(dims.start).map(|m| m.mean));
     let radiance = three(store.layout().radiance().start);
     let samples = row.count(column, Part::Whole);
-    let of = |planes: &Planes, plane| planes.at(plane, column, line);
+    let at = |planes: &Planes, plane| planes.at(plane, column, line);
     let filtered = shown.map(|shown| &shown.filtered);
     let failure = shown.and_then(Shown::any_failure);
-    let values = Values {
+    let values = PixelValues {
         r#type: "values",
         x,
         y,
         samples,
         raw: radiance.map(|m| m.mean),
-        filtered: filtered.map(|f| [0, 1, 2].map(|k| of(&f.image, k))),
+        filtered: filtered.map(|f| [0, 1, 2].map(|k| at(&f.image, k))),
         albedo: means(Block::Albedo),
         normal: means(Block::Normal1),
         variance: radiance.iter().map(|&m| m.variance()).sum::<f64>() / 3.0 / f64::from(samples.max(1)),
-        error: filtered.map(|f| of(&f.error, 0)),
-        residual: filtered.map(|f| of(&f.residual, 0)),
-        failure: failure.map(|map| of(map, 0)),
+        error: filtered.map(|f| at(&f.error, 0)),
+        residual: filtered.map(|f| at(&f.residual, 0)),
+        failure: failure.map(|map| at(map, 0)),
     };
     serde_json::to_string(&values).unwrap_or_default()
 }

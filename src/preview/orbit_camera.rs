@@ -1,32 +1,35 @@
-//! The camera in a person's hand: orbit, pan and dolly around a point, lens and focus.
+//! The preview's camera: orbit, pan and dolly around a pivot, aperture and focus.
+//!
+//! Takes the scene's camera and the moves of the page; gives the camera to render with.
 
 use glam::{DAffine3, DQuat, DVec3};
 
-use super::protocol::Move;
+use super::camera_move::CameraMove;
 use crate::scene::Camera;
 use crate::scene::camera::Projection;
 
-/// The nearest that the camera looks up or down, in radians from the vertical: beyond it would flip.
+/// Smallest angle between the view direction and the vertical, in radians; beyond it the camera would flip.
 const POLE_MARGIN: f64 = 0.05;
-/// The camera does not come nearer to the point than this share of its first distance.
+/// Smallest distance to the pivot, as a fraction of the first distance.
 const NEAREST: f64 = 1e-3;
-/// Focal distances are at least this share of the distance to the point looked at.
+/// Smallest focal distance, as a fraction of the first distance to the pivot.
 const NEAREST_FOCUS: f64 = 1e-3;
 
-/// The scene's camera, where a person has taken it.
+/// A camera that orbits a pivot.
 #[derive(Clone, Debug)]
-pub struct Rig {
+pub struct OrbitCamera {
+    /// The scene's own camera.
     original: Camera,
     camera: Camera,
-    /// The point looked at, in render space.
+    /// The point that the camera looks at and orbits, in render space.
     pivot: DVec3,
-    /// Distance from camera to pivot at first.
+    /// Distance from the scene's own camera to the pivot.
     first_distance: f64,
-    /// The axis that stands for up: the one nearest to the camera's.
+    /// The vertical axis of orbits: the coordinate axis nearest to the camera's up.
     up: DVec3,
 }
 
-/// Where the camera stands and how it looks.
+/// Position and axes of a camera, in render space.
 struct Pose {
     position: DVec3,
     right: DVec3,
@@ -34,13 +37,13 @@ struct Pose {
     forward: DVec3,
 }
 
-impl Rig {
-    /// `seen`: what the scene's camera sees in the middle of the image, if anything; `reach`: how far
-    /// away the point looked at is else.
+impl OrbitCamera {
+    /// Starts with the scene's camera. `seen` is the point that is visible in the middle of the image, if any;
+    /// `reach` is the distance to the pivot otherwise.
     pub fn new(camera: &Camera, seen: Option<DVec3>, reach: f64) -> Self {
-        let pose = Pose::of(camera);
+        let pose = Pose::new(camera);
         let ahead = seen.map(|seen| match camera.projection {
-            // The middle of its image is not ahead.
+            // The middle of a spherical image is not in the forward direction.
             Projection::Spherical(_) => (seen - pose.position).length(),
             Projection::Perspective { .. } | Projection::Orthographic => {
                 (seen - pose.position).dot(pose.forward)
@@ -56,32 +59,34 @@ impl Rig {
         }
     }
 
+    /// Returns the camera to render with.
     pub fn camera(&self) -> &Camera {
         &self.camera
     }
 
-    /// Distance to the point looked at, in scene units.
+    /// Returns the distance to the pivot, in scene units.
     pub fn distance(&self) -> f64 {
-        (self.pivot - Pose::of(&self.camera).position).length()
+        (self.pivot - Pose::new(&self.camera).position).length()
     }
 
-    /// Distance of a point along the view axis, in scene units.
+    /// Returns the distance of a point along the view axis, in scene units.
     pub fn depth_of(&self, point: DVec3) -> f64 {
         let camera_space = self.camera.to_render.at_f64(self.camera.shutter_open).inverse();
         camera_space.transform_point3(point).z
     }
 
-    /// Moves as asked, unless that leads beyond what the renderer's numbers can hold. `seen` is the point at
-    /// the pixel to focus on.
-    pub fn apply(&mut self, step: &Move, seen: Option<DVec3>) {
+    /// Applies a move, unless the resulting camera cannot be represented in the renderer's precision. `seen` is the
+    /// point at the pixel to focus on.
+    pub fn apply(&mut self, step: &CameraMove, seen: Option<DVec3>) {
         let before = self.clone();
-        self.go(step, seen);
-        if !self.is_sound() {
+        self.apply_unchecked(step, seen);
+        if !self.is_valid() {
             *self = before;
         }
     }
 
-    fn is_sound(&self) -> bool {
+    /// Tests whether all numbers are finite, the screen window is not empty and the focal distance is positive.
+    fn is_valid(&self) -> bool {
         let Camera { to_render, screen_window: [x0, x1, y0, y1], lens_radius, focal_distance, .. } =
             &self.camera;
         let window = [x0, x1, y0, y1, &(x1 - x0), &(y1 - y0)].into_iter().all(|v| v.is_finite());
@@ -96,9 +101,9 @@ impl Rig {
             && (f32::MIN_POSITIVE..=f32::MAX).contains(focal_distance)
     }
 
-    fn go(&mut self, step: &Move, seen: Option<DVec3>) {
+    fn apply_unchecked(&mut self, step: &CameraMove, seen: Option<DVec3>) {
         if step.reset {
-            *self = Self::reset(self);
+            *self = self.with_original_camera();
         }
         if let Some([right, up]) = step.orbit {
             self.orbit(f64::from(right), f64::from(up));
@@ -110,7 +115,7 @@ impl Rig {
             self.dolly(f64::from(amount));
         }
         if let Some(radius) = step.aperture {
-            // A pinhole's focal distance means nothing; a lens that is put on looks at the point.
+            // The focal distance of a pinhole camera is arbitrary: its first lens focuses on the pivot.
             if self.camera.lens_radius == 0.0 && self.original.lens_radius == 0.0 && step.focus.is_none() {
                 self.focus(self.depth_of(self.pivot));
             }
@@ -124,8 +129,8 @@ impl Rig {
         }
     }
 
-    fn reset(&self) -> Self {
-        let pose = Pose::of(&self.original);
+    fn with_original_camera(&self) -> Self {
+        let pose = Pose::new(&self.original);
         Self {
             camera: self.original.clone(),
             pivot: pose.position + self.first_distance * pose.forward,
@@ -133,8 +138,8 @@ impl Rig {
         }
     }
 
-    /// Whether it sees what that camera sees: a focus that no lens has changes nothing.
-    pub fn sees_as(&self, other: &Camera) -> bool {
+    /// Tests whether another camera renders the same image: without a lens the focal distance is irrelevant.
+    pub fn is_equivalent(&self, other: &Camera) -> bool {
         let is_pinhole = self.camera.lens_radius == 0.0 && other.lens_radius == 0.0;
         let focal_distance = if is_pinhole { other.focal_distance } else { self.camera.focal_distance };
         Camera { focal_distance, ..self.camera.clone() } == *other
@@ -144,21 +149,21 @@ impl Rig {
         self.camera.focal_distance = depth.max(NEAREST_FOCUS * self.first_distance) as f32;
     }
 
-    /// Turns around the pivot so that the picture follows the hand.
+    /// Rotates around the pivot so that the image follows the pointer.
     fn orbit(&mut self, right: f64, up: f64) {
-        let pose = Pose::of(&self.camera);
+        let pose = Pose::new(&self.camera);
         let away = pose.position - self.pivot;
-        // With a mirrored camera the picture's right lies the other way round.
-        let hand = -self.up.cross(away).dot(pose.right).signum();
-        let turn = DQuat::from_axis_angle(self.up, hand * right);
+        // A mirrored camera turns the other way round.
+        let handedness = -self.up.cross(away).dot(pose.right).signum();
+        let turn = DQuat::from_axis_angle(self.up, handedness * right);
         let pitch = {
             let elevation = (away.normalize_or_zero().dot(self.up)).clamp(-1.0, 1.0).asin();
             let limit = std::f64::consts::FRAC_PI_2 - POLE_MARGIN;
-            // A scene's own camera may stand beyond the limit; it can come back but not go on.
+            // A scene's own camera may be beyond the limit; it can move back but no farther.
             let wanted = elevation + up;
-            let kept =
+            let limited =
                 if up > 0.0 { wanted.min(limit.max(elevation)) } else { wanted.max((-limit).min(elevation)) };
-            kept - elevation
+            limited - elevation
         };
         let axis = pose.right.normalize_or_zero();
         let lifts = axis.cross(away).dot(self.up) > 0.0;
@@ -166,32 +171,32 @@ impl Rig {
         let rotation = DAffine3::from_quat(turn * tilt);
         let about =
             DAffine3::from_translation(self.pivot) * rotation * DAffine3::from_translation(-self.pivot);
-        self.moved(about);
+        self.transform(about);
     }
 
     fn pan(&mut self, right: f64, down: f64) {
-        let pose = Pose::of(&self.camera);
+        let pose = Pose::new(&self.camera);
         let [_, _, y_min, y_max] = self.camera.screen_window.map(f64::from);
         let spread = match self.camera.projection {
             Projection::Perspective { tan_half_fov } => f64::from(tan_half_fov) * self.distance(),
             Projection::Orthographic => 1.0,
-            // As a field of view of a right angle.
+            // As for a perspective camera whose field of view is a right angle.
             Projection::Spherical(_) => self.distance(),
         };
         let shift = (y_max - y_min) * spread * (down * pose.up - right * pose.right);
-        self.moved(DAffine3::from_translation(shift));
+        self.transform(DAffine3::from_translation(shift));
         self.pivot += shift;
     }
 
     fn dolly(&mut self, amount: f64) {
         match self.camera.projection {
             Projection::Perspective { .. } | Projection::Spherical(_) => {
-                let pose = Pose::of(&self.camera);
+                let pose = Pose::new(&self.camera);
                 let away = pose.position - self.pivot;
                 let factor = (-amount).exp().max(NEAREST * self.first_distance / away.length().max(1e-30));
-                self.moved(DAffine3::from_translation((factor - 1.0) * away));
+                self.transform(DAffine3::from_translation((factor - 1.0) * away));
             }
-            // Parallel rays see no distance: the window shrinks instead.
+            // An orthographic image does not depend on the distance: the screen window shrinks instead.
             Projection::Orthographic => {
                 let factor = (-amount).exp();
                 self.camera.screen_window = self.camera.screen_window.map(|v| v * factor as f32);
@@ -199,7 +204,7 @@ impl Rig {
         }
     }
 
-    fn moved(&mut self, by: DAffine3) {
+    fn transform(&mut self, by: DAffine3) {
         if by.is_finite() {
             self.camera.to_render = self.camera.to_render.clone().moved(by);
         }
@@ -207,7 +212,7 @@ impl Rig {
 }
 
 impl Pose {
-    fn of(camera: &Camera) -> Self {
+    fn new(camera: &Camera) -> Self {
         let to_render = camera.to_render.at_f64(camera.shutter_open);
         let axis = |v| to_render.transform_vector3(v).normalize_or_zero();
         Self {
@@ -219,6 +224,7 @@ impl Pose {
     }
 }
 
+/// Returns the coordinate axis nearest to a direction.
 fn nearest_axis(v: DVec3) -> DVec3 {
     let axes = [DVec3::X, DVec3::Y, DVec3::Z].into_iter().flat_map(|axis| [axis, -axis]);
     axes.max_by(|a, b| a.dot(v).total_cmp(&b.dot(v))).unwrap_or(DVec3::Y)
@@ -230,7 +236,7 @@ mod tests {
     use crate::scene::AnimatedTransform;
 
     /// Looks along z at a point 10 units away.
-    fn rig(mirror: f64) -> Rig {
+    fn orbit_camera(mirror: f64) -> OrbitCamera {
         let camera = Camera {
             to_render: AnimatedTransform::fixed(DAffine3::from_scale(DVec3::new(mirror, 1.0, 1.0))),
             projection: Projection::Perspective { tan_half_fov: 0.5 },
@@ -240,12 +246,12 @@ mod tests {
             shutter_open: 0.0,
             shutter_close: 1.0,
         };
-        Rig::new(&camera, Some(DVec3::new(0.0, 0.0, 10.0)), 1.0)
+        OrbitCamera::new(&camera, Some(DVec3::new(0.0, 0.0, 10.0)), 1.0)
     }
 
-    /// Where a point is on the film: right and up, in tangents.
-    fn on_film(rig: &Rig, point: DVec3) -> (f64, f64) {
-        let p = rig.camera.to_render.at_f64(0.0).inverse().transform_point3(point);
+    /// Projects a point to the film: right and up, in tangents.
+    fn on_film(orbit: &OrbitCamera, point: DVec3) -> (f64, f64) {
+        let p = orbit.camera.to_render.at_f64(0.0).inverse().transform_point3(point);
         (p.x / p.z, p.y / p.z)
     }
 
@@ -253,83 +259,86 @@ mod tests {
     const PIVOT: DVec3 = DVec3::new(0.0, 0.0, 10.0);
 
     #[test]
-    fn what_is_in_front_follows_the_hand_in_an_orbit() {
+    fn in_an_orbit_the_near_side_follows_the_pointer() {
         for mirror in [1.0, -1.0] {
-            let mut rig = rig(mirror);
-            rig.apply(&Move { orbit: Some([0.1, 0.0]), ..Move::default() }, None);
-            let (x, y) = on_film(&rig, NEAR_SIDE);
+            let mut orbit = orbit_camera(mirror);
+            orbit.apply(&CameraMove { orbit: Some([0.1, 0.0]), ..CameraMove::default() }, None);
+            let (x, y) = on_film(&orbit, NEAR_SIDE);
             assert!(x > 0.005 && y.abs() < 1e-9, "{mirror} {x} {y}");
-            assert!((rig.distance() - 10.0).abs() < 1e-9);
-            assert!(on_film(&rig, PIVOT).0.abs() < 1e-9);
-            rig.apply(&Move { orbit: Some([0.0, 0.1]), ..Move::default() }, None);
-            assert!(on_film(&rig, NEAR_SIDE).1 < -0.005, "seen from above it sinks");
+            assert!((orbit.distance() - 10.0).abs() < 1e-9);
+            assert!(on_film(&orbit, PIVOT).0.abs() < 1e-9);
+            orbit.apply(&CameraMove { orbit: Some([0.0, 0.1]), ..CameraMove::default() }, None);
+            assert!(on_film(&orbit, NEAR_SIDE).1 < -0.005, "seen from above it sinks");
         }
     }
 
     #[test]
     fn an_orbit_stops_short_of_the_pole() {
-        let mut rig = rig(1.0);
+        let mut orbit = orbit_camera(1.0);
         for _ in 0..10 {
-            rig.apply(&Move { orbit: Some([0.0, 1.0]), ..Move::default() }, None);
+            orbit.apply(&CameraMove { orbit: Some([0.0, 1.0]), ..CameraMove::default() }, None);
         }
-        let position = rig.camera.to_render.at_f64(0.0).translation;
+        let position = orbit.camera.to_render.at_f64(0.0).translation;
         let elevation = (position - PIVOT).normalize().y.asin();
         assert!((elevation - (std::f64::consts::FRAC_PI_2 - POLE_MARGIN)).abs() < 1e-6, "{elevation}");
     }
 
     #[test]
-    fn a_pan_by_the_images_height_shifts_the_picture_by_it() {
-        let mut rig = rig(1.0);
-        rig.apply(&Move { pan: Some([1.0, 0.5]), ..Move::default() }, None);
-        let (x, y) = on_film(&rig, PIVOT);
+    fn a_pan_by_the_images_height_shifts_the_image_by_it() {
+        let mut orbit = orbit_camera(1.0);
+        orbit.apply(&CameraMove { pan: Some([1.0, 0.5]), ..CameraMove::default() }, None);
+        let (x, y) = on_film(&orbit, PIVOT);
         // The image is 2 · 0.5 high at distance 1.
         assert!((x - 1.0).abs() < 1e-9 && (y + 0.5).abs() < 1e-9, "{x} {y}");
     }
 
     #[test]
-    fn a_pan_follows_the_hand_in_a_window_that_was_shrunk() {
-        let mut rig = rig(1.0);
-        rig.camera.projection = Projection::Orthographic;
-        rig.apply(&Move { dolly: Some(2f32.ln()), ..Move::default() }, None);
-        rig.apply(&Move { pan: Some([1.0, 0.0]), ..Move::default() }, None);
+    fn a_pan_follows_the_pointer_in_a_window_that_was_shrunk() {
+        let mut orbit = orbit_camera(1.0);
+        orbit.camera.projection = Projection::Orthographic;
+        orbit.apply(&CameraMove { dolly: Some(2f32.ln()), ..CameraMove::default() }, None);
+        orbit.apply(&CameraMove { pan: Some([1.0, 0.0]), ..CameraMove::default() }, None);
         // The window is 2 high, and half of that after the dolly.
-        assert!((rig.camera.to_render.at_f64(0.0).translation + DVec3::X).length() < 1e-6);
+        assert!((orbit.camera.to_render.at_f64(0.0).translation + DVec3::X).length() < 1e-6);
     }
 
     #[test]
     fn a_dolly_halves_the_distance_and_never_passes_the_point() {
-        let mut rig = rig(1.0);
-        rig.apply(&Move { dolly: Some(2f32.ln()), ..Move::default() }, None);
-        assert!((rig.distance() - 5.0).abs() < 1e-6);
+        let mut orbit = orbit_camera(1.0);
+        orbit.apply(&CameraMove { dolly: Some(2f32.ln()), ..CameraMove::default() }, None);
+        assert!((orbit.distance() - 5.0).abs() < 1e-6);
         for _ in 0..20 {
-            rig.apply(&Move { dolly: Some(4.0), ..Move::default() }, None);
+            orbit.apply(&CameraMove { dolly: Some(4.0), ..CameraMove::default() }, None);
         }
-        assert!(rig.distance() > 0.009);
+        assert!(orbit.distance() > 0.009);
     }
 
     #[test]
-    fn a_focus_that_no_lens_has_changes_nothing_that_is_seen() {
-        let mut rig = rig(1.0);
-        let scenes_own = rig.camera.clone();
-        rig.apply(&Move { focus: Some(3.0), ..Move::default() }, None);
-        assert!(rig.sees_as(&scenes_own) && rig.camera.focal_distance == 3.0);
-        rig.apply(&Move { aperture: Some(0.1), ..Move::default() }, None);
-        let with_lens = rig.camera.clone();
-        assert!(!rig.sees_as(&scenes_own) && rig.sees_as(&with_lens));
-        rig.apply(&Move { focus: Some(4.0), ..Move::default() }, None);
-        assert!(!rig.sees_as(&with_lens));
+    fn without_a_lens_the_focus_changes_nothing() {
+        let mut orbit = orbit_camera(1.0);
+        let scenes_own = orbit.camera.clone();
+        orbit.apply(&CameraMove { focus: Some(3.0), ..CameraMove::default() }, None);
+        assert!(orbit.is_equivalent(&scenes_own) && orbit.camera.focal_distance == 3.0);
+        orbit.apply(&CameraMove { aperture: Some(0.1), ..CameraMove::default() }, None);
+        let with_lens = orbit.camera.clone();
+        assert!(!orbit.is_equivalent(&scenes_own) && orbit.is_equivalent(&with_lens));
+        orbit.apply(&CameraMove { focus: Some(4.0), ..CameraMove::default() }, None);
+        assert!(!orbit.is_equivalent(&with_lens));
     }
 
     #[test]
     fn focus_is_along_the_axis_and_reset_undoes_everything() {
-        let mut rig = rig(1.0);
-        rig.apply(&Move { aperture: Some(0.2), ..Move::default() }, None);
-        assert_eq!((rig.camera.lens_radius, rig.camera.focal_distance), (0.2, 10.0));
-        rig.apply(&Move::default(), Some(DVec3::new(5.0, 0.0, 7.0)));
-        assert_eq!(rig.camera.focal_distance, 7.0);
-        rig.apply(&Move { orbit: Some([1.0, 0.3]), pan: Some([0.1, 0.2]), ..Move::default() }, None);
-        rig.apply(&Move { reset: true, ..Move::default() }, None);
-        assert_eq!(rig.camera, rig.original);
+        let mut orbit = orbit_camera(1.0);
+        orbit.apply(&CameraMove { aperture: Some(0.2), ..CameraMove::default() }, None);
+        assert_eq!((orbit.camera.lens_radius, orbit.camera.focal_distance), (0.2, 10.0));
+        orbit.apply(&CameraMove::default(), Some(DVec3::new(5.0, 0.0, 7.0)));
+        assert_eq!(orbit.camera.focal_distance, 7.0);
+        orbit.apply(
+            &CameraMove { orbit: Some([1.0, 0.3]), pan: Some([0.1, 0.2]), ..CameraMove::default() },
+            None,
+        );
+        orbit.apply(&CameraMove { reset: true, ..CameraMove::default() }, None);
+        assert_eq!(orbit.camera, orbit.original);
     }
 
     #[test]
@@ -339,11 +348,11 @@ mod tests {
         };
         for camera in ["Camera \"perspective\"", "Camera \"orthographic\""] {
             let scene = scene(camera);
-            let mut rig = Rig::new(&scene.camera, None, 5.0);
+            let mut orbit = OrbitCamera::new(&scene.camera, None, 5.0);
             for dolly in [-4.0, 4.0] {
-                let step = Move { dolly: Some(dolly), pan: Some([4.0, -4.0]), ..Move::default() };
-                (0..300).for_each(|_| rig.apply(&step, None));
-                assert!(rig.is_sound(), "{rig:?}");
+                let step = CameraMove { dolly: Some(dolly), pan: Some([4.0, -4.0]), ..CameraMove::default() };
+                (0..300).for_each(|_| orbit.apply(&step, None));
+                assert!(orbit.is_valid(), "{orbit:?}");
             }
         }
     }
