@@ -43,14 +43,17 @@ struct Listed {
 }
 
 impl Catalogue {
-    /// Reads the list; public scenes are looked for in a folder.
+    /// Reads the list. Paths of public scenes are relative to the folder `public`, those of the project's own
+    /// to the folder above that of the list.
     ///
     /// # Errors
     /// See [`settings::read`].
     pub fn read(list: &Path, public: Option<PathBuf>) -> anyhow::Result<Self> {
         let Listed { scene: mut scenes } = settings::read(list, false)?;
-        for scene in scenes.iter_mut().filter(|scene| scene.public) {
-            scene.file = public.clone().unwrap_or_default().join(&scene.file);
+        let public = public.unwrap_or_default();
+        let repository = list.parent().and_then(Path::parent).unwrap_or(Path::new(""));
+        for scene in &mut scenes {
+            scene.file = if scene.public { &public } else { repository }.join(&scene.file);
         }
         Ok(Self { scenes })
     }
@@ -97,8 +100,12 @@ impl SceneFile {
 mod tests {
     use super::*;
 
+    fn catalogue(public: Option<PathBuf>) -> Catalogue {
+        Catalogue::read(&settings::package_folder().join("scenes.toml"), public).unwrap()
+    }
+
     fn pool() -> SceneFile {
-        Catalogue::read(Path::new("experiments/scenes.toml"), None).unwrap().scene("pool").unwrap()
+        catalogue(None).scene("pool").unwrap()
     }
 
     #[test]
@@ -118,8 +125,7 @@ mod tests {
 
     #[test]
     fn public_scenes_are_in_their_folder() {
-        let catalogue =
-            Catalogue::read(Path::new("experiments/scenes.toml"), Some("somewhere".into())).unwrap();
+        let catalogue = catalogue(Some("somewhere".into()));
         let buddha = catalogue.scene("buddha").unwrap();
         assert_eq!(buddha.file, Path::new("somewhere/pbrt-v2/buddha.pbrt"));
         assert!(catalogue.scene("nothing").is_err());

@@ -39,6 +39,12 @@ fn overlay(table: &mut Table, variant: Table) {
     }
 }
 
+/// The package's folder: `cargo test` runs tests there, not in the repository's folder.
+#[cfg(test)]
+pub fn package_folder() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

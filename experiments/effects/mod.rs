@@ -156,7 +156,7 @@ fn times(scene: &Scene, spp: u32) -> (Values, Store) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::path::Path;
+    use crate::settings::{self, package_folder};
 
     #[test]
     fn a_full_sample_vector_has_all_pairs() {
@@ -168,12 +168,13 @@ mod tests {
 
     #[test]
     fn the_scene_calls_for_one_effect_after_another() {
-        let settings: Settings = crate::settings::read(Path::new("experiments/effects.toml"), false).unwrap();
-        let text = std::fs::read_to_string(&settings.file).unwrap();
+        let settings: Settings = settings::read(&package_folder().join("effects.toml"), false).unwrap();
+        let file = package_folder().parent().unwrap().join(&settings.file);
+        let text = std::fs::read_to_string(&file).unwrap();
         let variants = variants::variants(&text, &settings.effect).unwrap();
         let effects: Vec<_> = variants
             .iter()
-            .map(|v| pbrt::read_str(&v.text, settings.file.parent().unwrap()).unwrap().effects().names())
+            .map(|v| pbrt::read_str(&v.text, file.parent().unwrap()).unwrap().effects().names())
             .collect();
         assert!(effects[0].is_empty(), "{effects:?}");
         assert!(effects.windows(2).all(|pair| pair[1].len() > pair[0].len()), "{effects:?}");

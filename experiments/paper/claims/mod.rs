@@ -189,7 +189,7 @@ mod tests {
     }
 
     fn settings() -> Settings {
-        crate::settings::read(std::path::Path::new("experiments/paper.toml"), false).unwrap()
+        crate::settings::read(&crate::settings::package_folder().join("paper.toml"), false).unwrap()
     }
 
     #[test]
