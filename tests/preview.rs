@@ -1,6 +1,6 @@
-//! The live page in a real browser: it loads, shows the image as it converges, and steers the render.
+//! Tests the live page in a real browser: it loads, shows the image as it converges, and steers the render.
 //!
-//! Without a Chromium these tests say so and pass. `PRPF_SCREENSHOTS=FOLDER` keeps what was seen.
+//! Without Chromium these tests print so and pass. `PRPF_SCREENSHOTS=FOLDER` saves screenshots.
 
 mod browser;
 
@@ -29,7 +29,7 @@ Material "diffuse" "rgb reflectance" [ 0.5 0.5 0.5 ]
 Shape "trianglemesh" "point3 P" [ -9 -1 -9  9 -1 -9  9 -1 9  -9 -1 9 ] "integer indices" [ 0 1 2 0 2 3 ]
 "#;
 
-/// A preview in a folder of its own, and its address.
+/// Starts a preview in a folder of its own; returns its URL as well.
 fn preview(arguments: &[&str]) -> (Running, String, tempfile::TempDir) {
     let folder = tempfile::tempdir().expect("a temporary folder");
     std::fs::write(folder.path().join("scene.pbrt"), SCENE).expect("a file in it");
@@ -50,24 +50,24 @@ fn screenshots() -> Option<PathBuf> {
     std::env::var_os("PRPF_SCREENSHOTS").map(PathBuf::from)
 }
 
-fn keep(page: &mut Page, name: &str) {
+fn save_screenshot(page: &mut Page, name: &str) {
     if let Some(folder) = screenshots() {
         page.screenshot(&folder.join(name));
     }
 }
 
-/// Where the middle of the image is, shifted by shares of the image's size.
+/// Returns the page coordinates of the image's middle, shifted by fractions of the image's size.
 fn on_image(page: &mut Page, [x, y]: [f64; 2]) -> [f64; 2] {
     let place = page.value(&format!(
-        "(() => {{ const p = window.prpf.picture, b = p.canvas.getBoundingClientRect(); \
-         const at = p.placeOf(p.size[0] * (0.5 + {x}), p.size[1] * (0.5 + {y})); \
+        "(() => {{ const p = window.prpf.viewport, b = p.canvas.getBoundingClientRect(); \
+         const at = p.toCanvas(p.size[0] * (0.5 + {x}), p.size[1] * (0.5 + {y})); \
          return [b.x + at[0], b.y + at[1]]; }})()"
     ));
     [0, 1].map(|k| place[k].as_f64().expect("a number"))
 }
 
 fn brightness(page: &mut Page) -> f64 {
-    let sum = "window.prpf.picture.redraw().then(() => { const p = window.prpf.picture, gl = p.gl, w = gl.drawingBufferWidth, h = gl.drawingBufferHeight; \
+    let sum = "window.prpf.viewport.redraw().then(() => { const p = window.prpf.viewport, gl = p.gl, w = gl.drawingBufferWidth, h = gl.drawingBufferHeight; \
          const data = new Uint8Array(4 * w * h); gl.readPixels(0, 0, w, h, gl.RGBA, gl.UNSIGNED_BYTE, data); \
          return data.reduce((a, b, i) => i % 4 < 3 ? a + b : a, 0) / (w * h); })";
     page.value(sum).as_f64().expect("a number")
@@ -77,44 +77,44 @@ const SAMPLES: &str = "window.prpf.state.status.statistics.samples";
 const PHASE: &str = "window.prpf.state.status.phase";
 
 #[test]
-fn a_person_can_look_and_steer() {
+fn the_page_shows_and_steers_a_render() {
     let Some(program) = chromium() else { return };
     let (_render, address, folder) = preview(&["--spp", "0", "--max-spp", "100000"]);
     let mut page = Page::open(program, &address, [1600, 1000]);
 
     // The page loads, and an image is on it, raw first, then filtered.
-    page.wait("window.prpf && window.prpf.picture.frames.size > 0");
-    page.wait("window.prpf.picture.frames.has('filtered')");
-    page.wait("window.prpf.picture.shown.right === 'filtered'");
-    page.wait("window.prpf.picture.drawn > 0");
+    page.wait("window.prpf && window.prpf.viewport.frames.size > 0");
+    page.wait("window.prpf.viewport.frames.has('filtered')");
+    page.wait("window.prpf.viewport.shown.right === 'filtered'");
+    page.wait("window.prpf.viewport.drawn > 0");
     assert!(brightness(&mut page) > 1.0, "the graphics card shows something");
 
     // The image changes as samples come.
     page.key("2");
-    page.wait("window.prpf.picture.shown.right === 'raw' && window.prpf.picture.frames.has('raw')");
-    let before = page.value("window.prpf.picture.frames.get('raw').sequence");
+    page.wait("window.prpf.viewport.shown.right === 'raw' && window.prpf.viewport.frames.has('raw')");
+    let before = page.value("window.prpf.viewport.frames.get('raw').sequence");
     let samples = page.value(SAMPLES);
-    page.wait(&format!("window.prpf.picture.frames.get('raw').sequence > {before}"));
+    page.wait(&format!("window.prpf.viewport.frames.get('raw').sequence > {before}"));
     page.wait(&format!("{SAMPLES} > {samples}"));
 
     // Another view: sample counts, with a legend in their unit.
     page.click("input[value=samples]");
-    page.wait("window.prpf.picture.frames.has('samples')");
+    page.wait("window.prpf.viewport.frames.has('samples')");
     page.wait("!document.getElementById('legend').hidden");
     let unit = page.value("document.querySelector('#legend p').textContent");
     assert_eq!(unit, "samples per pixel");
 
     for view in ["error", "variance", "residual", "failure", "albedo", "normal"] {
         page.click(&format!("input[name=view][value={view}]"));
-        page.wait(&format!("window.prpf.picture.shown.right === '{view}'"));
-        page.wait(&format!("window.prpf.picture.frames.has('{view}')"));
+        page.wait(&format!("window.prpf.viewport.shown.right === '{view}'"));
+        page.wait(&format!("window.prpf.viewport.frames.has('{view}')"));
     }
     page.click("input[value=samples]");
-    page.wait("window.prpf.picture.shown.right === 'samples'");
+    page.wait("window.prpf.viewport.shown.right === 'samples'");
 
-    // What it tells: numbers, and what the next halving of the error will cost.
+    // Statistics, and the forecast of the error.
     page.wait("window.prpf.state.status.curve.length > 0 && window.prpf.state.status.forecast");
-    page.wait("document.getElementById('forecast').textContent.startsWith('Halving the error costs')");
+    page.wait("document.getElementById('forecast').textContent.startsWith('Halving the error takes')");
     page.wait("[...document.querySelectorAll('[data-value]')].every((dd) => dd.textContent !== '–')");
 
     // Values under the cursor.
@@ -127,7 +127,7 @@ fn a_person_can_look_and_steer() {
     page.key("2");
     page.key(" ");
     page.wait(&format!("{PHASE} === 'paused'"));
-    page.wait("window.prpf.picture.shown.right === 'raw'");
+    page.wait("window.prpf.viewport.shown.right === 'raw'");
     let dark = brightness(&mut page);
     page.key("e");
     assert!(brightness(&mut page) > dark * 1.02);
@@ -139,12 +139,12 @@ fn a_person_can_look_and_steer() {
     page.key(" ");
     page.wait(&format!("{SAMPLES} > {samples}"));
 
-    // The camera follows the hand, and shows a new image.
+    // The camera follows the pointer, and a new image appears.
     let generation = page.value("window.prpf.state.status.generation");
     page.key("c");
     let (from, to) = (on_image(&mut page, [0.0, 0.0]), on_image(&mut page, [0.2, 0.1]));
     page.drag(&[from, [(from[0] + to[0]) / 2.0, from[1]], to]);
-    page.wait(&format!("window.prpf.picture.frames.get('raw').generation > {generation}"));
+    page.wait(&format!("window.prpf.viewport.frames.get('raw').generation > {generation}"));
 
     // A click sets the focus: the sphere is nearer than the floor behind it.
     page.key("f");
@@ -159,7 +159,7 @@ fn a_person_can_look_and_steer() {
     page.drag(&[behind]);
     page.wait(&format!("window.prpf.state.status.camera.focus > {}", near + 0.5));
 
-    // A region gets the samples first.
+    // A priority region is rendered first.
     page.key("r");
     let (from, to) = (on_image(&mut page, [-0.2, -0.2]), on_image(&mut page, [0.0, 0.0]));
     page.drag(&[from, to]);
@@ -189,19 +189,19 @@ fn a_person_can_look_and_steer() {
     // A budget that is spent ends it.
     page.value("document.getElementById('spp').value = '4'; document.getElementById('spp').dispatchEvent(new Event('change'))");
     page.wait(&format!("{PHASE} === 'finished'"));
-    keep(&mut page, "wide.png");
+    save_screenshot(&mut page, "wide.png");
     page.resize([420, 900]);
-    page.wait("window.prpf.picture.canvas.clientWidth <= 420");
+    page.wait("window.prpf.viewport.canvas.clientWidth <= 420");
     let overflow = page.value("document.documentElement.scrollWidth");
     assert!(overflow.as_f64().unwrap() <= 420.0, "{overflow}");
-    keep(&mut page, "narrow.png");
+    save_screenshot(&mut page, "narrow.png");
 }
 
-/// A preview that goes on until it is stopped, in a page that has its first image and notes what it sends.
-fn noting_page(program: &str, size: [u32; 2]) -> (Page, Running, tempfile::TempDir) {
+/// Starts a preview without a budget, in a page that has its first image and records what it sends.
+fn recording_page(program: &str, size: [u32; 2]) -> (Page, Running, tempfile::TempDir) {
     let (render, address, folder) = preview(&["--spp", "0", "--max-spp", "100000"]);
     let mut page = Page::open(program, &address, size);
-    page.wait("window.prpf && window.prpf.state.status && window.prpf.picture.frames.size > 0");
+    page.wait("window.prpf && window.prpf.state.status && window.prpf.viewport.frames.size > 0");
     page.value(
         "window.sent = []; const send = WebSocket.prototype.send; WebSocket.prototype.send = \
          function (text) { window.sent.push(JSON.parse(text)); send.call(this, text); }; 0",
@@ -209,7 +209,7 @@ fn noting_page(program: &str, size: [u32; 2]) -> (Page, Running, tempfile::TempD
     (page, render, folder)
 }
 
-/// How often the page has sent a command of this kind.
+/// Returns how often the page has sent a message of a type.
 fn sent(page: &mut Page, kind: &str) -> u64 {
     let count = page.value(&format!("window.sent.filter(({{ type }}) => type === '{kind}').length"));
     count.as_u64().expect("a count")
@@ -217,30 +217,32 @@ fn sent(page: &mut Page, kind: &str) -> u64 {
 
 const GENERATION: &str = "window.prpf.state.status.generation";
 const STOPS: &str = "document.getElementById('stops').textContent";
-const TOOL: &str = "window.prpf.picture.canvas.dataset.tool";
+const TOOL: &str = "window.prpf.viewport.canvas.dataset.tool";
 
 #[test]
-fn the_map_of_the_grid_is_made_for_who_looks_whatever_the_denoiser() {
+fn the_interpolation_map_is_made_for_a_viewer_whatever_the_denoiser() {
     let Some(program) = chromium() else { return };
     let (_render, address, _folder) = preview(&["--spp", "8", "--denoiser", "none", "--sampling", "uniform"]);
     let mut page = Page::open(program, &address, [900, 600]);
     page.wait("window.prpf && window.prpf.state.status?.phase === 'finished'");
     page.click("input[name=view][value=residual]");
-    page.wait("window.prpf.picture.frames.has('residual') && window.prpf.picture.shown.right === 'residual'");
+    page.wait(
+        "window.prpf.viewport.frames.has('residual') && window.prpf.viewport.shown.right === 'residual'",
+    );
     page.click("input[name=view][value=failure]");
-    page.wait("window.prpf.picture.frames.has('failure') && window.prpf.picture.shown.right === 'failure'");
+    page.wait("window.prpf.viewport.frames.has('failure') && window.prpf.viewport.shown.right === 'failure'");
     page.wait("window.prpf.state.status.phase === 'finished'");
 }
 
 #[test]
-fn a_map_of_another_view_is_not_shown_after_a_movement() {
+fn a_map_of_the_old_camera_is_not_shown_after_a_movement() {
     let Some(program) = chromium() else { return };
     let (_render, address, _folder) = preview(&["--spp", "0", "--max-spp", "100000"]);
     let mut page = Page::open(program, &address, [900, 600]);
     page.wait("window.prpf && window.prpf.state.status");
     page.click("input[name=view][value=error]");
-    page.wait("window.prpf.picture.frames.has('error') && window.prpf.picture.shown.right === 'error'");
-    // Without a denoiser, and at rest, nothing makes such a map of the new view.
+    page.wait("window.prpf.viewport.frames.has('error') && window.prpf.viewport.shown.right === 'error'");
+    // While paused without a denoiser, nothing makes such a map of the new image.
     page.click("input[name=denoiser][value=none]");
     page.wait("window.prpf.state.status.settings.denoiser === 'none'");
     page.click("#pause");
@@ -250,13 +252,13 @@ fn a_map_of_another_view_is_not_shown_after_a_movement() {
     let (from, to) = (on_image(&mut page, [0.0, 0.0]), on_image(&mut page, [0.1, 0.0]));
     page.drag(&[from, to]);
     page.wait(&format!("{GENERATION} > {generation} && {PHASE} === 'paused'"));
-    page.wait("window.prpf.picture.shown.right === 'raw' && window.prpf.picture.frames.has('raw')");
+    page.wait("window.prpf.viewport.shown.right === 'raw' && window.prpf.viewport.frames.has('raw')");
 }
 
 #[test]
-fn keys_choose_what_is_seen_and_which_tool_is_used() {
+fn keys_select_views_and_tools() {
     let Some(program) = chromium() else { return };
-    let (mut page, _render, _folder) = noting_page(program, [1024, 768]);
+    let (mut page, _render, _folder) = recording_page(program, [1024, 768]);
 
     let views = page.value("window.prpf.state.status.views.map(({ view }) => view)");
     for (i, view) in views.as_array().expect("a list").iter().enumerate().rev() {
@@ -264,18 +266,18 @@ fn keys_choose_what_is_seen_and_which_tool_is_used() {
         assert_eq!(page.value("window.prpf.state.view"), *view);
         assert_eq!(page.value("document.querySelector('input[name=view]:checked').value"), *view);
     }
-    for (key, tool) in [("c", "camera"), ("f", "focus"), ("r", "region"), ("q", "look")] {
+    for (key, tool) in [("c", "camera"), ("f", "focus"), ("r", "region"), ("q", "inspect")] {
         page.key(key);
         assert_eq!(page.value(TOOL), tool);
         assert_eq!(page.value("document.querySelector('input[name=tool]:checked').value"), tool);
     }
 
     page.key("w");
-    page.wait("!document.getElementById('wipe').hidden && window.prpf.picture.shown.left === 'raw'");
+    page.wait("!document.getElementById('wipe').hidden && window.prpf.viewport.shown.left === 'raw'");
     page.key(".");
-    assert_eq!(page.value("window.prpf.picture.wipe.toFixed(2)"), "0.55");
+    assert_eq!(page.value("window.prpf.viewport.wipe.toFixed(2)"), "0.55");
     page.key("w");
-    page.wait("document.getElementById('wipe').hidden && window.prpf.picture.wipe === null");
+    page.wait("document.getElementById('wipe').hidden && window.prpf.viewport.wipe === null");
     page.key("e");
     assert_eq!(page.value(STOPS), "+0.3");
     page.shift_key("E");
@@ -295,7 +297,7 @@ fn keys_choose_what_is_seen_and_which_tool_is_used() {
 #[test]
 fn space_pauses_unless_a_button_has_the_focus() {
     let Some(program) = chromium() else { return };
-    let (mut page, _render, _folder) = noting_page(program, [1024, 768]);
+    let (mut page, _render, _folder) = recording_page(program, [1024, 768]);
     page.key(" ");
     page.wait(&format!("{PHASE} === 'paused'"));
     page.value("document.getElementById('pause').focus()");
@@ -308,9 +310,9 @@ fn space_pauses_unless_a_button_has_the_focus() {
 }
 
 #[test]
-fn the_home_key_brings_the_scenes_camera_back_except_in_a_field() {
+fn the_home_key_resets_the_camera_except_in_a_field() {
     let Some(program) = chromium() else { return };
-    let (mut page, _render, _folder) = noting_page(program, [1024, 768]);
+    let (mut page, _render, _folder) = recording_page(program, [1024, 768]);
     page.value(
         "const field = document.getElementById('aperture'); field.focus(); \
          field.value = '0.1'; field.dispatchEvent(new Event('change'))",
@@ -319,7 +321,7 @@ fn the_home_key_brings_the_scenes_camera_back_except_in_a_field() {
     page.key("Home");
     assert_eq!(sent(&mut page, "camera"), 1, "in a field it moves the caret");
     let generation = page.value(GENERATION);
-    page.value("window.prpf.picture.canvas.focus()");
+    page.value("window.prpf.viewport.canvas.focus()");
     page.key("Home");
     page.wait(&format!("{GENERATION} > {generation} && window.prpf.state.status.camera.aperture === 0"));
     // What does not move the camera loses no sample.
@@ -330,54 +332,54 @@ fn the_home_key_brings_the_scenes_camera_back_except_in_a_field() {
 }
 
 #[test]
-fn two_fingers_move_the_picture_or_the_camera() {
+fn two_fingers_move_the_image_or_the_camera() {
     let Some(program) = chromium() else { return };
-    let (mut page, _render, _folder) = noting_page(program, [812, 375]);
+    let (mut page, _render, _folder) = recording_page(program, [812, 375]);
     let [x, y] = on_image(&mut page, [0.0, 0.0]);
     let apart = |half: f64, down: f64| [[x - half, y + down], [x + half, y + down]];
     let double_and_lower = [apart(50.0, 0.0), apart(75.0, 10.0), apart(100.0, 30.0)];
 
     // The point between the fingers stays between them.
-    let zoom = page.value("window.prpf.picture.zoom").as_f64().expect("a number");
+    let zoom = page.value("window.prpf.viewport.zoom").as_f64().expect("a number");
     page.pinch(&double_and_lower);
-    let doubled = page.value("window.prpf.picture.zoom").as_f64().expect("a number");
+    let doubled = page.value("window.prpf.viewport.zoom").as_f64().expect("a number");
     assert!((doubled / zoom - 2.0).abs() < 1e-6, "{zoom} {doubled}");
     let [now_x, now_y] = on_image(&mut page, [0.0, 0.0]);
     assert!((now_x - x).abs() < 1e-6 && (now_y - y - 30.0).abs() < 1e-6, "{now_x} {now_y}");
 
-    // Fingers that only rest make neither a click nor a region.
+    // Fingers that do not move make neither a click nor a region.
     for tool in ["f", "r"] {
         page.key(tool);
         page.pinch(&[apart(50.0, 0.0)]);
     }
     assert_eq!((sent(&mut page, "camera"), sent(&mut page, "priority-region")), (0, 0));
-    assert_eq!(page.value("window.prpf.state.kept"), false);
+    assert_eq!(page.value("window.prpf.state.isPinned"), false);
     assert_eq!(page.value("document.getElementById('region').hidden"), true);
 
     page.key("0");
     page.key("c");
-    let (zoom, generation) = (page.value("window.prpf.picture.zoom"), page.value(GENERATION));
+    let (zoom, generation) = (page.value("window.prpf.viewport.zoom"), page.value(GENERATION));
     page.pinch(&double_and_lower);
     page.wait(&format!("{GENERATION} > {generation}"));
-    assert_eq!(page.value("window.prpf.picture.zoom"), zoom);
+    assert_eq!(page.value("window.prpf.viewport.zoom"), zoom);
     page.wait(
-        "(() => { const p = window.prpf.picture, sum = (f) => window.sent.reduce((a, m) => a + f(m), 0); \
+        "(() => { const p = window.prpf.viewport, sum = (f) => window.sent.reduce((a, m) => a + f(m), 0); \
          const down = sum((m) => m.pan?.[1] ?? 0) * p.size[1] * p.zoom; \
          return Math.abs(sum((m) => m.dolly ?? 0) - Math.LN2) < 1e-6 && Math.abs(down - 30) < 1e-6; })()",
     );
-    keep(&mut page, "low.png");
+    save_screenshot(&mut page, "low.png");
 }
 
 #[test]
-fn the_mouse_pans_and_dollies_the_camera_and_else_the_picture() {
+fn the_mouse_pans_and_dollies_the_camera_or_moves_the_image() {
     let Some(program) = chromium() else { return };
-    let (mut page, _render, _folder) = noting_page(program, [1024, 768]);
+    let (mut page, _render, _folder) = recording_page(program, [1024, 768]);
     let middle = on_image(&mut page, [0.0, 0.0]);
     let to = [middle[0] + 40.0, middle[1] - 30.0];
-    // In heights of the picture.
+    // In image heights.
     let sums = |page: &mut Page| {
         let sums = page.value(
-            "(() => { const p = window.prpf.picture, h = p.size[1] * p.zoom; \
+            "(() => { const p = window.prpf.viewport, h = p.size[1] * p.zoom; \
              const sum = (f) => window.sent.reduce((a, m) => a + f(m), 0); \
              return [sum((m) => m.pan?.[0] ?? 0) * h, sum((m) => m.pan?.[1] ?? 0) * h, \
                sum((m) => m.dolly ?? 0) * h, sum((m) => m.orbit ? 1 : 0)]; })()",
@@ -402,24 +404,24 @@ fn the_mouse_pans_and_dollies_the_camera_and_else_the_picture() {
     page.wait(&format!("{GENERATION} > {generation}"));
 
     page.key("q");
-    let zoom = page.value("window.prpf.picture.zoom").as_f64().expect("a number");
-    // What of the image is under the wheel before and after the page has dealt with it.
+    let zoom = page.value("window.prpf.viewport.zoom").as_f64().expect("a number");
+    // The point of the image under the pointer, before and after the page handles the event.
     page.value(
-        "(() => { window.under = []; const note = (e) => { const p = window.prpf.picture, \
+        "(() => { window.under = []; const note = (e) => { const p = window.prpf.viewport, \
          b = p.canvas.getBoundingClientRect(); window.under.push([(e.clientX - b.x - p.corner[0]) / p.zoom, \
          (e.clientY - b.y - p.corner[1]) / p.zoom]); }; \
          addEventListener('wheel', note, { capture: true }); addEventListener('wheel', note); return 0; })()",
     );
     page.wheel(middle, -100.0);
-    page.wait(&format!("window.prpf.picture.zoom > {zoom} && window.under.length === 2"));
+    page.wait(&format!("window.prpf.viewport.zoom > {zoom} && window.under.length === 2"));
     page.wait("[0, 1].every((k) => Math.abs(window.under[0][k] - window.under[1][k]) < 1e-6)");
     assert_eq!(page.value("window.sent.filter((m) => m.dolly).length"), 2);
 }
 
 #[test]
-fn the_image_stands_beside_the_controls_on_a_phone_that_lies() {
+fn on_a_phone_in_landscape_the_image_is_beside_the_controls() {
     let Some(program) = chromium() else { return };
-    let (mut page, _render, _folder) = noting_page(program, [812, 375]);
+    let (mut page, _render, _folder) = recording_page(program, [812, 375]);
     for size in [[812, 375], [667, 375]] {
         page.resize(size);
         page.wait(&format!(
@@ -428,20 +430,20 @@ fn the_image_stands_beside_the_controls_on_a_phone_that_lies() {
         ));
         let seen = page.value(
             "(() => { const box = (s) => document.querySelector(s).getBoundingClientRect(); \
-             const stage = box('#stage'), panel = box('aside'); \
-             return stage.height > 0.9 * innerHeight && stage.width > 0.55 * innerWidth \
-               && panel.left >= stage.right && panel.height > 0.7 * innerHeight; })()",
+             const image = box('#image-area'), panel = box('aside'); \
+             return image.height > 0.9 * innerHeight && image.width > 0.55 * innerWidth \
+               && panel.left >= image.right && panel.height > 0.7 * innerHeight; })()",
         );
         assert_eq!(seen, true, "{size:?}");
     }
 }
 
-/// A place that was aimed at is still there when the pointer arrives.
+/// The pointer hits the pixel that it was aimed at.
 #[test]
-fn the_image_does_not_move_when_the_pointer_comes() {
+fn the_image_does_not_move_when_the_pointer_arrives() {
     let Some(program) = chromium() else { return };
     for size in [[390, 844], [812, 375], [1024, 768], [1600, 1000]] {
-        let (mut page, _render, _folder) = noting_page(program, size);
+        let (mut page, _render, _folder) = recording_page(program, size);
         let middle = on_image(&mut page, [0.0, 0.0]);
         page.drag_with(0, &[middle, middle]);
         page.wait("document.getElementById('values').textContent.includes('albedo')");
@@ -449,7 +451,7 @@ fn the_image_does_not_move_when_the_pointer_comes() {
     }
 }
 
-/// The status of the answer to a request for the socket with these headers.
+/// Returns the status of the answer to a request for the WebSocket with these headers.
 fn socket_status(address: &str, path: &str, origin: Option<&str>, host: Option<&str>) -> u16 {
     use tungstenite::client::IntoClientRequest;
     let authority = address.trim_start_matches("http://").split('/').next().unwrap();
@@ -489,7 +491,7 @@ fn an_address_that_is_given_needs_the_printed_token() {
 
 type Socket = tungstenite::WebSocket<tungstenite::stream::MaybeTlsStream<std::net::TcpStream>>;
 
-/// A viewer without a browser.
+/// Connects a viewer without a browser.
 fn viewer(address: &str) -> Socket {
     use tungstenite::client::IntoClientRequest;
     let own = address.trim_end_matches('/');
@@ -499,18 +501,18 @@ fn viewer(address: &str) -> Socket {
     tungstenite::connect(request).expect("a socket").0
 }
 
-fn say(socket: &mut Socket, message: &str) {
+fn send(socket: &mut Socket, message: &str) {
     socket.send(Message::text(message)).expect("an open socket");
 }
 
-/// Reads until a report says that the render has ended, taking all images on the way: how many.
+/// Reads until the status says that the render has finished, and takes all images; returns their number.
 fn watch_to_the_end(socket: &mut Socket) -> u32 {
     let mut images = 0;
     loop {
         match socket.read().expect("an open socket") {
             Message::Binary(_) => {
                 images += 1;
-                say(socket, r#"{"type":"ready"}"#);
+                send(socket, r#"{"type":"ready"}"#);
             }
             Message::Text(text) if text.contains(r#""phase":"finished""#) => return images,
             _ => {}
@@ -519,17 +521,17 @@ fn watch_to_the_end(socket: &mut Socket) -> u32 {
 }
 
 #[test]
-fn a_viewer_that_never_reads_holds_up_neither_the_render_nor_another() {
+fn a_viewer_that_never_reads_delays_neither_the_render_nor_another() {
     let (_render, address, _folder) = preview(&["--spp", "100", "--resolution", "512x512"]);
     let look = r#"{"type":"views","views":["raw","samples","variance"]}"#;
     let mut deaf: Vec<Socket> = (0..3).map(|_| viewer(&address)).collect();
     for socket in &mut deaf {
-        say(socket, look);
-        (0..50).for_each(|_| say(socket, r#"{"type":"ready"}"#));
+        send(socket, look);
+        (0..50).for_each(|_| send(socket, r#"{"type":"ready"}"#));
     }
     let mut socket = viewer(&address);
-    say(&mut socket, look);
-    say(&mut socket, r#"{"type":"ready"}"#);
+    send(&mut socket, look);
+    send(&mut socket, r#"{"type":"ready"}"#);
     assert!(watch_to_the_end(&mut socket) > 2);
 }
 
@@ -538,8 +540,8 @@ fn a_viewer_that_never_reads_holds_up_neither_the_render_nor_another() {
 fn a_finished_render_leaves_the_processor_idle() {
     let (render, address, _folder) = preview(&["--spp", "4"]);
     let mut socket = viewer(&address);
-    say(&mut socket, r#"{"type":"views","views":["filtered","failure"]}"#);
-    say(&mut socket, r#"{"type":"ready"}"#);
+    send(&mut socket, r#"{"type":"views","views":["filtered","failure"]}"#);
+    send(&mut socket, r#"{"type":"ready"}"#);
     watch_to_the_end(&mut socket);
     // Hundredths of a second of the processor, by user and system.
     let ticks = || -> u64 {
@@ -547,7 +549,7 @@ fn a_finished_render_leaves_the_processor_idle() {
         let (_, after_name) = stat.rsplit_once(')').expect("its name");
         after_name.split_whitespace().skip(11).take(2).map(|n| n.parse::<u64>().expect("a number")).sum()
     };
-    // What the last image still asks for.
+    // After the last image has been sent.
     std::thread::sleep(std::time::Duration::from_millis(700));
     let before = ticks();
     std::thread::sleep(std::time::Duration::from_secs(2));
@@ -567,7 +569,7 @@ fn a_message_that_is_too_long_or_wrong_stops_neither_the_server_nor_the_render()
 }
 
 #[test]
-fn another_scene_can_be_looked_at() {
+fn screenshots_of_another_scene() {
     let (Some(program), Some(folder), Some(scene)) =
         (chromium(), screenshots(), std::env::var_os("PRPF_SCENE"))
     else {
@@ -583,9 +585,9 @@ fn another_scene_can_be_looked_at() {
         line.strip_prefix("preview at ").map(str::to_owned)
     });
     let mut page = Page::open(program, &address.unwrap(), [1600, 1000]);
-    page.wait("window.prpf && window.prpf.picture.frames.size > 0");
+    page.wait("window.prpf && window.prpf.viewport.frames.size > 0");
     page.screenshot(&Path::new(&folder).join("preview-wide-first.png"));
-    page.wait("window.prpf.picture.frames.has('filtered')");
+    page.wait("window.prpf.viewport.frames.has('filtered')");
     page.key("w");
     page.wait("window.prpf.state.status.curve.length > 0");
     let at = on_image(&mut page, [0.1, 0.1]);
@@ -595,11 +597,11 @@ fn another_scene_can_be_looked_at() {
     shot(&mut page, "preview-wide-wipe.png");
     page.key("w");
     page.key("3");
-    page.wait("window.prpf.picture.shown.right === 'samples' && window.prpf.picture.frames.has('samples')");
+    page.wait("window.prpf.viewport.shown.right === 'samples' && window.prpf.viewport.frames.has('samples')");
     std::thread::sleep(std::time::Duration::from_millis(500));
     shot(&mut page, "preview-wide-samples.png");
     page.key("4");
-    page.wait("window.prpf.picture.frames.has('error')");
+    page.wait("window.prpf.viewport.frames.has('error')");
     std::thread::sleep(std::time::Duration::from_millis(500));
     shot(&mut page, "preview-wide-error.png");
     page.resize([420, 900]);

@@ -79,7 +79,7 @@ def render(arguments, folder, watched):
     if watched:
         address = next(line for line in program.stdout if line.startswith("preview at ")).split()[2]
         began, viewer = time.monotonic(), Socket(address)
-        viewer.send({"type": "look", "views": arguments.views.split(",")})
+        viewer.send({"type": "views", "views": arguments.views.split(",")})
         viewer.send({"type": "ready"})
         try:
             while (message := viewer.receive()) is not None:
@@ -103,7 +103,7 @@ def turns(arguments, count=20):
     try:
         address = next(line for line in program.stdout if line.startswith("preview at ")).split()[2]
         viewer, newest, waits = Socket(address), 0, []
-        viewer.send({"type": "look", "views": ["raw", "filtered"]})
+        viewer.send({"type": "views", "views": ["raw", "filtered"]})
         viewer.send({"type": "ready"})
 
         def watch(until):

@@ -1,89 +1,98 @@
-// Puts the page together: what is looked at, and what follows from a key, a button or a report.
+// Connects the parts of the page: what is shown, and what follows from a key, a button or a status.
 
-import { Hand } from "./hand.js";
-import { Link } from "./link.js";
-import { Panel, showValues } from "./panel.js";
-import { Picture } from "./picture.js";
-import { drawLegend } from "./scale.js";
+import { drawLegend } from "./colour_scale.js";
+import { Connection } from "./connection.js";
+import { showValues } from "./inspector.js";
+import { Panel } from "./panel.js";
+import { PointerInput } from "./pointer_input.js";
+import { Viewport } from "./viewport.js";
 
 const $ = (id) => document.getElementById(id);
 const NOTICE_MILLISECONDS = 6000;
 const INSPECT_MILLISECONDS = 100;
+// Views that come from a filter pass.
 const FILTERED = ["filtered", "error", "residual", "failure"];
 
-const picture = new Picture($("picture"));
-const state = { view: "filtered", wiping: false, wipe: 0.5, status: null, pixel: null, values: null, kept: false, notice: null };
+const viewport = new Viewport($("viewport"));
+const state = {
+  view: "filtered",
+  isWiping: false, wipe: 0.5, // position of the wipe, as a fraction of the width
+  status: null,
+  pixel: null, values: null, isPinned: false, // the inspected pixel
+  region: null, // the rectangle being dragged
+  notice: null, // number of the newest notice
+};
 
-const link = new Link({
-  // It may be another program than before.
-  open: () => { picture.frames.clear(); state.looks = ""; look(); },
+const connection = new Connection({
+  // After a reconnection it may be another program.
+  open: () => { viewport.frames.clear(); state.requestedViews = ""; requestViews(); },
   lost: () => {
-    $("phase").textContent = "connection lost, trying again";
+    $("phase").textContent = "connection lost, reconnecting";
     $("phase").className = "lost";
   },
   frame: (frame) => {
-    if (frame.view) picture.take(frame.view, frame);
-    arrange();
+    if (frame.view) viewport.setFrame(frame.view, frame);
+    updateViews();
     inspect();
-    picture.redraw().then(() => link.ready());
+    viewport.redraw().then(() => connection.ready());
   },
   status: (status) => {
     state.status = status;
-    picture.scales = Object.fromEntries(status.views.map(({ view, scale }) => [view, scale]));
-    picture.measure(status.width, status.height);
-    panel.tell(status);
+    viewport.scales = Object.fromEntries(status.views.map(({ view, scale }) => [view, scale]));
+    viewport.setSize(status.width, status.height);
+    panel.show(status);
     if (!status.views.some(({ view }) => view === state.view)) state.view = "filtered";
-    panel.choose(state.view);
-    // What was said before somebody looked is no news.
+    panel.markView(state.view);
+    // Notices from before the page was opened are not shown.
     const newest = status.notices.at(-1)?.number ?? 0;
     if (state.notice !== null) {
-      status.notices.filter(({ number }) => number > state.notice).forEach((n) => tell(n.text, n.is_problem));
+      status.notices.filter(({ number }) => number > state.notice).forEach((n) => notify(n.text, n.is_problem));
     }
     state.notice = newest;
-    arrange();
-    place();
+    updateViews();
+    placeOverlays();
   },
   values: (values) => {
     state.values = values;
     inspect(false);
   },
-  refused: ({ reason }) => tell(`refused: ${reason}`, true),
+  refused: ({ reason }) => notify(`refused: ${reason}`, true),
 });
 
-const panel = new Panel((type, content) => command(type, content), choose);
+const panel = new Panel((type, content) => send(type, content), selectView);
 
-const hand = new Hand($("picture"), picture, {
-  camera: (move) => command("camera", move),
-  focus: (pixel) => command("camera", { focus_at: pixel }),
-  region: (region, done) => {
+const pointer = new PointerInput($("viewport"), viewport, {
+  camera: (move) => send("camera", move),
+  focus: (pixel) => send("camera", { focus_at: pixel }),
+  region: (region, isDone) => {
     const isArea = region.every(([a, b]) => b - a > 1e-4);
     state.region = isArea ? region : null;
-    place();
-    if (!done) return;
+    placeOverlays();
+    if (!isDone) return;
     state.region = null;
-    if (isArea) command("priority-region", { region });
+    if (isArea) send("priority-region", { region });
   },
-  inspect: (pixel) => {
-    if (state.kept) return;
-    state.pixel = picture.contains(pixel) ? pixel : null;
+  hover: (pixel) => {
+    if (state.isPinned) return;
+    state.pixel = viewport.contains(pixel) ? pixel : null;
     inspect();
   },
-  keep: (pixel) => {
-    // A second click on the same pixel lets go of it.
-    state.kept = !(state.kept && state.pixel?.join() === pixel.join());
+  pin: (pixel) => {
+    // A second click on the same pixel unpins it.
+    state.isPinned = !(state.isPinned && state.pixel?.join() === pixel.join());
     state.pixel = pixel;
     inspect();
-    place();
+    placeOverlays();
   },
 });
 
-function command(type, content) {
-  // The next images will be raw ones of another generation.
-  if (type === "camera" || type === "restart") { state.moved = state.status?.generation ?? 0; look(); }
-  link.send(type, content);
+function send(type, content) {
+  // A new generation begins with unfiltered images.
+  if (type === "camera" || type === "restart") { state.movedGeneration = state.status?.generation ?? 0; requestViews(); }
+  connection.send(type, content);
 }
 
-function tell(text, isProblem) {
+function notify(text, isProblem) {
   const line = document.createElement("p");
   line.textContent = text;
   line.classList.toggle("problem", isProblem);
@@ -91,144 +100,149 @@ function tell(text, isProblem) {
   setTimeout(() => line.remove(), NOTICE_MILLISECONDS);
 }
 
-function choose(view) {
+function selectView(view) {
   state.view = view;
-  panel.choose(view);
-  arrange();
+  panel.markView(view);
+  updateViews();
 }
 
-// The generation that is newest as far as the page knows.
-const generation = () => Math.max(state.status?.generation ?? 0, ...[...picture.frames.values()].map((f) => f.generation));
+// Returns the newest generation that the page knows of.
+const generation = () => Math.max(state.status?.generation ?? 0, ...[...viewport.frames.values()].map((f) => f.generation));
+// Returns the view if it has a frame of the newest generation, else null.
 const fresh = (view) => {
-  const frame = picture.frames.get(view);
+  const frame = viewport.frames.get(view);
   return frame && frame.generation === generation() ? view : null;
 };
 
-// Decides what stands left and right of the wipe: what a filter pass makes as soon as there is one, else raw.
-function arrange() {
-  const right = state.wiping && state.view === "raw" ? "filtered" : state.view;
-  const stands = fresh(right) ?? (FILTERED.includes(right) ? fresh("raw") ?? right : right);
-  picture.shown = { left: state.wiping ? "raw" : null, right: stands };
-  picture.wipe = state.wiping ? state.wipe : null;
+// Selects the views left and right of the wipe; the unfiltered image stands in for a filtered view that has no frame yet.
+function updateViews() {
+  const right = state.isWiping && state.view === "raw" ? "filtered" : state.view;
+  const shown = fresh(right) ?? (FILTERED.includes(right) ? fresh("raw") ?? right : right);
+  viewport.shown = { left: state.isWiping ? "raw" : null, right: shown };
+  viewport.wipe = state.isWiping ? state.wipe : null;
   const badge = $("badge");
-  const missing = !fresh(right) && state.status;
-  badge.hidden = !missing || right === "raw" || !picture.frames.size;
+  const isMissing = !fresh(right) && state.status;
+  badge.hidden = !isMissing || right === "raw" || !viewport.frames.size;
   badge.textContent = right === "filtered"
-    ? state.status?.settings.denoiser === "none" ? "denoiser off" : "unfiltered so far"
-    : "comes with the next filter pass";
-  drawLegend($("legend"), picture.scales[stands] ?? null);
-  look();
-  picture.redraw();
+    ? state.status?.settings.denoiser === "none" ? "denoiser is off" : "not filtered yet"
+    : "available after the next filter pass";
+  drawLegend($("legend"), viewport.scales[shown] ?? null);
+  requestViews();
+  viewport.redraw();
 }
 
 // Asks for the views that are needed, and only for those.
-function look() {
-  const wanted = new Set([state.wiping && state.view === "raw" ? "filtered" : state.view]);
-  if (state.wiping) wanted.add("raw");
-  const moving = state.moved !== undefined && state.moved >= generation();
-  if (FILTERED.some((view) => wanted.has(view) && (moving || !fresh(view)))) wanted.add("raw");
-  const looks = [...wanted].join();
-  if (looks === state.looks) return;
-  state.looks = looks;
-  link.send("views", { views: [...wanted] });
+function requestViews() {
+  const wanted = new Set([state.isWiping && state.view === "raw" ? "filtered" : state.view]);
+  if (state.isWiping) wanted.add("raw");
+  const isMoving = state.movedGeneration !== undefined && state.movedGeneration >= generation();
+  if (FILTERED.some((view) => wanted.has(view) && (isMoving || !fresh(view)))) wanted.add("raw");
+  const list = [...wanted].join();
+  if (list === state.requestedViews) return;
+  state.requestedViews = list;
+  connection.send("views", { views: [...wanted] });
 }
 
-let asked = 0;
-function inspect(ask = true) {
+let lastInspection = 0;
+// Shows the values of the inspected pixel, and requests all of them from the render.
+function inspect(requestsAll = true) {
   const { pixel } = state;
-  showValues(pixel, picture.shown.right, pixel && picture.read(picture.shown.right, ...pixel), state.values);
-  if (!ask || !pixel) return;
-  const wait = asked + INSPECT_MILLISECONDS - performance.now();
-  clearTimeout(state.asking);
-  state.asking = setTimeout(() => {
-    asked = performance.now();
-    link.send("inspect", { x: pixel[0], y: pixel[1] });
+  showValues(pixel, viewport.shown.right, pixel && viewport.read(viewport.shown.right, ...pixel), state.values);
+  if (!requestsAll || !pixel) return;
+  const wait = lastInspection + INSPECT_MILLISECONDS - performance.now();
+  clearTimeout(state.inspection);
+  state.inspection = setTimeout(() => {
+    lastInspection = performance.now();
+    connection.send("inspect", { x: pixel[0], y: pixel[1] });
   }, Math.max(0, wait));
 }
 
-// Puts what lies over the image where the image is.
-function place() {
-  const box = (element, [x0, y0], [x1, y1]) => {
+// Moves region, cursor and wipe to where the image is.
+function placeOverlays() {
+  const setBox = (element, [x0, y0], [x1, y1]) => {
     Object.assign(element.style, { left: `${x0}px`, top: `${y0}px`, width: `${x1 - x0}px`, height: `${y1 - y0}px` });
   };
   const region = state.region ?? state.status?.region;
   $("region").hidden = !region;
   if (region) {
-    const corner = (k) => picture.placeOf(region[0][k] * picture.size[0], region[1][k] * picture.size[1]);
-    box($("region"), corner(0), corner(1));
+    const corner = (k) => viewport.toCanvas(region[0][k] * viewport.size[0], region[1][k] * viewport.size[1]);
+    setBox($("region"), corner(0), corner(1));
   }
-  $("cursor").hidden = !state.kept;
-  if (state.kept) {
+  $("cursor").hidden = !state.isPinned;
+  if (state.isPinned) {
     const [x, y] = state.pixel;
-    box($("cursor"), picture.placeOf(x, y), picture.placeOf(x + 1, y + 1));
+    setBox($("cursor"), viewport.toCanvas(x, y), viewport.toCanvas(x + 1, y + 1));
   }
   const wipe = $("wipe");
-  wipe.hidden = !state.wiping;
-  wipe.style.left = `${picture.placeOf(state.wipe * picture.size[0], 0)[0]}px`;
+  wipe.hidden = !state.isWiping;
+  wipe.style.left = `${viewport.toCanvas(state.wipe * viewport.size[0], 0)[0]}px`;
   wipe.setAttribute("aria-valuenow", Math.round(100 * state.wipe));
-  $("factor").textContent = `${Math.round(100 * picture.zoom)} %`;
+  $("factor").textContent = `${Math.round(100 * viewport.zoom)} %`;
 }
-picture.onlayout = place;
+viewport.onlayout = placeOverlays;
 
-function wipeTo(share) {
-  state.wipe = Math.min(1, Math.max(0, share));
-  arrange();
-}
-
-function wiping(on) {
-  state.wiping = $("wiping").checked = on;
-  arrange();
+function setWipe(fraction) {
+  state.wipe = Math.min(1, Math.max(0, fraction));
+  updateViews();
 }
 
-function expose(stops) {
-  picture.exposure = Math.min(8, Math.max(-8, Math.round(stops * 100) / 100));
-  $("exposure").value = picture.exposure;
-  $("stops").textContent = (picture.exposure > 0 ? "+" : "") + picture.exposure.toFixed(1);
-  picture.redraw();
+function toggleWipe(isWiping) {
+  state.isWiping = $("wiping").checked = isWiping;
+  updateViews();
 }
 
-function use(tool) {
+function setExposure(stops) {
+  viewport.exposure = Math.min(8, Math.max(-8, Math.round(stops * 100) / 100));
+  $("exposure").value = viewport.exposure;
+  $("stops").textContent = (viewport.exposure > 0 ? "+" : "") + viewport.exposure.toFixed(1);
+  viewport.redraw();
+}
+
+function selectTool(tool) {
   document.querySelector(`input[name=tool][value=${tool}]`).checked = true;
-  hand.use(tool);
+  pointer.selectTool(tool);
 }
 
-const actual = () => picture.zoomBy(1 / picture.zoom);
-const pause = () => state.status && state.status.phase !== "finished" && command("pause", { paused: state.status.phase !== "paused" });
-const save = () => { tell("saving …", false); command("save", {}); };
-const help = () => {
+const actualSize = () => viewport.zoomBy(1 / viewport.zoom);
+const togglePause = () => state.status && state.status.phase !== "finished" && send("pause", { paused: state.status.phase !== "paused" });
+const restart = () => send("restart", {});
+const save = () => { notify("saving …", false); send("save", {}); };
+const resetCamera = () => send("camera", { reset: true });
+const clearRegion = () => send("priority-region", { region: null });
+const toggleHelp = () => {
   $("help").hidden = !$("help").hidden;
   $("keys").setAttribute("aria-expanded", String(!$("help").hidden));
 };
 
-$("pause").onclick = pause;
-$("restart").onclick = () => command("restart", {});
+$("pause").onclick = togglePause;
+$("restart").onclick = restart;
 $("save").onclick = save;
-$("keys").onclick = help;
-$("fit").onclick = () => picture.fit();
-$("actual").onclick = actual;
-$("home").onclick = () => command("camera", { reset: true });
-$("everywhere").onclick = () => command("priority-region", { region: null });
-$("wiping").onchange = ({ target }) => wiping(target.checked);
-$("exposure").oninput = ({ target }) => expose(Number(target.value));
-$("exposure").ondblclick = () => expose(0);
-$("tools").onchange = ({ target }) => use(target.value);
+$("keys").onclick = toggleHelp;
+$("fit").onclick = () => viewport.fit();
+$("actual").onclick = actualSize;
+$("reset-camera").onclick = resetCamera;
+$("clear-region").onclick = clearRegion;
+$("wiping").onchange = ({ target }) => toggleWipe(target.checked);
+$("exposure").oninput = ({ target }) => setExposure(Number(target.value));
+$("exposure").ondblclick = () => setExposure(0);
+$("tools").onchange = ({ target }) => selectTool(target.value);
 $("wipe").onpointerdown = (event) => $("wipe").setPointerCapture(event.pointerId);
 $("wipe").onpointermove = (event) => {
   if (!$("wipe").hasPointerCapture(event.pointerId)) return;
-  wipeTo((hand.at(event)[0] - picture.corner[0]) / (picture.zoom * picture.size[0]));
+  setWipe((pointer.position(event)[0] - viewport.corner[0]) / (viewport.zoom * viewport.size[0]));
 };
 $("wipe").onkeydown = (event) => {
   const step = { ArrowLeft: -0.02, ArrowRight: 0.02 }[event.key];
-  if (step) { wipeTo(state.wipe + step); event.preventDefault(); }
+  if (step) { setWipe(state.wipe + step); event.preventDefault(); }
 };
 
 const KEYS = {
-  w: () => wiping(!state.wiping), ",": () => wipeTo(state.wipe - 0.05), ".": () => wipeTo(state.wipe + 0.05),
-  e: () => expose(picture.exposure + 1 / 3), E: () => expose(picture.exposure - 1 / 3),
-  0: () => picture.fit(), z: actual, "+": () => picture.zoomBy(1.25), "-": () => picture.zoomBy(0.8),
-  q: () => use("look"), c: () => use("camera"), f: () => use("focus"), r: () => use("region"),
-  " ": pause, s: save, R: () => command("restart", {}), Home: () => command("camera", { reset: true }),
-  Escape: () => $("help").hidden ? command("priority-region", { region: null }) : help(), "?": help,
+  w: () => toggleWipe(!state.isWiping), ",": () => setWipe(state.wipe - 0.05), ".": () => setWipe(state.wipe + 0.05),
+  e: () => setExposure(viewport.exposure + 1 / 3), E: () => setExposure(viewport.exposure - 1 / 3),
+  0: () => viewport.fit(), z: actualSize, "+": () => viewport.zoomBy(1.25), "-": () => viewport.zoomBy(0.8),
+  q: () => selectTool("inspect"), c: () => selectTool("camera"), f: () => selectTool("focus"), r: () => selectTool("region"),
+  " ": togglePause, s: save, R: restart, Home: resetCamera,
+  Escape: () => $("help").hidden ? clearRegion() : toggleHelp(), "?": toggleHelp,
 };
 
 const FIELD_KEYS = new Set([" ", "Enter", "Home", "End", "PageUp", "PageDown", "ArrowLeft", "ArrowRight", "ArrowUp", "ArrowDown"]);
@@ -236,19 +250,19 @@ const FIELD_KEYS = new Set([" ", "Enter", "Home", "End", "PageUp", "PageDown", "
 document.addEventListener("keydown", (event) => {
   const field = event.target.closest("input:not([type=radio]), button, [role=slider]");
   if (event.ctrlKey || event.metaKey || event.altKey) return;
-  // Keys that fields have a use for are theirs.
+  // Fields keep the keys that they use themselves.
   if (field && (event.target.type === "number" || FIELD_KEYS.has(event.key))) return;
-  // The shift key decides, whatever the caps lock says.
+  // Shift decides the case, whatever Caps Lock is.
   const key = event.key.length > 1 ? event.key : event.shiftKey ? event.key.toUpperCase() : event.key.toLowerCase();
   const number = Number(key);
   const view = number >= 1 && number <= 9 ? state.status?.views[number - 1]?.view : null;
-  const act = view ? () => choose(view) : KEYS[key];
+  const act = view ? () => selectView(view) : KEYS[key];
   if (!act) return;
   act();
   event.preventDefault();
 });
 
-if (!picture.gl) tell("This browser has no WebGL 2, so there is no image; numbers and controls work.", true);
-use("look");
-// For tests and the curious: read only.
-window.prpf = { picture, state };
+if (!viewport.gl) notify("This browser does not support WebGL 2: the image cannot be shown; statistics and controls work.", true);
+selectTool("inspect");
+// For tests and the browser's console: read only.
+window.prpf = { viewport, state };

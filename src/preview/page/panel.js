@@ -1,28 +1,29 @@
-// The panel: what the render tells, and the settings that it follows.
+// The side panel: statistics of the render, and its settings.
 
-import { drawCurve, duration } from "./curve.js";
-import { short } from "./scale.js";
+import { short } from "./colour_scale.js";
+import { drawErrorCurve, duration } from "./error_curve.js";
 
 const $ = (id) => document.getElementById(id);
 
-export const NAMES = {
+export const VIEW_NAMES = {
   filtered: "Filtered", raw: "Unfiltered", samples: "Samples", error: "Error", variance: "Variance",
   residual: "Residual", failure: "Interpolation", albedo: "Albedo", normal: "Normal",
 };
-const TITLES = {
-  filtered: "The reconstructed image",
+const VIEW_TITLES = {
+  filtered: "The filtered image",
   raw: "The mean of the samples",
   samples: "Samples per pixel",
-  error: "Estimated squared error of the filtered pixel, relative",
-  variance: "Variance of the unfiltered pixel's mean, relative",
-  residual: "How far the filter moved the pixel, over what noise explains: above 1 it blurs",
-  failure: "Where interpolation of feature weights failed",
-  albedo: "Reflectance of the first hit",
+  error: "Estimated relative squared error of the filtered pixel",
+  variance: "Relative variance of the unfiltered pixel's mean",
+  residual: "Change by the filter, relative to the expected noise; above 1 the filter blurs",
+  failure: "Fraction of windows where the interpolation of feature weights failed",
+  albedo: "Albedo of the first hit",
   normal: "Shading normal of the first hit",
 };
 const PHASES = { rendering: "rendering", filtering: "filtering", paused: "paused", finished: "finished" };
-const ENDS = { spp: "samples spent", time: "time spent", "target-error": "target reached", interrupt: "stopped" };
+const STOP_REASONS = { spp: "sample budget reached", time: "time budget reached", "target-error": "target error reached", interrupt: "interrupted" };
 
+// Formats a large number with three digits and a unit prefix.
 function count(value) {
   for (const [size, letter] of [[1e9, "G"], [1e6, "M"], [1e3, "k"]]) {
     if (value >= size) return `${(value / size).toPrecision(3)} ${letter}`;
@@ -31,46 +32,51 @@ function count(value) {
 }
 
 export class Panel {
-  // `send(type, content)` gives a command, `look(view)` changes the view.
-  constructor(send, look) {
-    this.send = send;
-    this.look = look;
-    this.names = "";
+  // `send(type, content)` sends a message, `selectView(view)` changes the view.
+  constructor(send, selectView) {
+    this.selectView = selectView;
+    this.viewList = "";
     for (const group of document.querySelectorAll("[data-setting]")) {
       group.addEventListener("change", ({ target }) => send("settings", { [group.dataset.setting]: target.value }));
     }
     for (const name of ["spp", "seconds", "target_error"]) {
-      this.number(name, (value) => send("settings", { [name]: name === "spp" ? Math.round(value) : value }));
+      this.onNumber(name, (value) => send("settings", { [name]: name === "spp" ? Math.round(value) : value }));
     }
-    for (const name of ["aperture", "focus"]) this.number(name, (value) => send("camera", { [name]: value }));
-    new ResizeObserver(() => this.status && this.curve()).observe($("curve"));
+    for (const name of ["aperture", "focus"]) this.onNumber(name, (value) => send("camera", { [name]: value }));
+    new ResizeObserver(() => this.status && this.showCurve()).observe($("curve"));
   }
 
-  number(id, change) {
+  // Calls `change` with each valid number that is entered; an empty field is 0.
+  onNumber(id, change) {
     $(id).addEventListener("change", ({ target }) => {
       const value = target.value === "" ? 0 : Number(target.value);
       if (value >= 0 && value <= 1e9) change(value);
     });
   }
 
-  // Shows a report.
-  tell(status) {
+  // Shows a new status.
+  show(status) {
     this.status = status;
     const { settings, statistics, camera } = status;
     $("scene").textContent = status.scene.split("/").pop() || "scene";
     $("scene").title = status.scene;
     document.title = `${PHASES[status.phase]} · ${$("scene").textContent}`;
-    const end = status.stopped_by ? ` · ${ENDS[status.stopped_by]}` : "";
+    const end = status.stopped_by ? ` · ${STOP_REASONS[status.stopped_by]}` : "";
     $("phase").className = "";
     $("phase").textContent = `${PHASES[status.phase]}${end} · ${status.width}×${status.height}`;
     $("progress").firstElementChild.style.transform = `scaleX(${statistics.fraction})`;
     const paused = status.phase === "paused";
-    $("pause").textContent = paused ? "Go on" : "Pause";
+    $("pause").textContent = paused ? "Resume" : "Pause";
     $("pause").setAttribute("aria-pressed", String(paused));
     $("pause").disabled = status.phase === "finished";
-    $("everywhere").disabled = !status.region;
-    this.views(status.views);
+    $("clear-region").disabled = !status.region;
+    this.showViews(status.views);
+    this.showSettings(settings, camera);
+    this.showStatistics(status);
+    this.showCurve();
+  }
 
+  showSettings(settings, camera) {
     for (const name of ["sampling", "denoiser", "quality"]) {
       const input = document.querySelector(`input[name=${name}][value=${settings[name]}]`);
       if (input) input.checked = true;
@@ -80,7 +86,9 @@ export class Panel {
     this.fill("target_error", settings.budget.target_error);
     this.fill("aperture", camera.aperture);
     this.fill("focus", camera.aperture > 0 ? camera.focus : camera.focus >= 1e6 ? null : camera.focus);
+  }
 
+  showStatistics({ statistics, width, height }) {
     const { estimate } = statistics;
     const values = {
       seconds: duration(statistics.seconds),
@@ -90,15 +98,14 @@ export class Panel {
       filter: `${(100 * statistics.filter_fraction).toFixed(1)} %`,
       memory: statistics.memory_bytes === null ? "–" : `${(statistics.memory_bytes / 2 ** 20).toFixed(0)} MiB`,
       error: estimate ? (estimate.is_hidden ? "below " : "") + short(estimate.error) : "–",
-      judged: estimate ? (estimate.samples / (status.width * status.height)).toFixed(1) : "–",
+      estimated_at: estimate ? (estimate.samples / (width * height)).toFixed(1) : "–",
     };
     for (const [name, text] of Object.entries(values)) {
       document.querySelector(`[data-value=${name}]`).textContent = text;
     }
-    this.curve();
   }
 
-  // A field shows what is set, unless somebody is writing in it.
+  // Shows a value in a field, unless the user is editing it.
   fill(id, value) {
     const field = $(id);
     if (document.activeElement === field) return;
@@ -106,60 +113,38 @@ export class Panel {
     if (field.value !== text) field.value = text;
   }
 
-  views(views) {
-    const names = views.map(({ view }) => view).join();
-    if (names === this.names) return;
-    this.names = names;
+  // Builds one radio button per view.
+  showViews(views) {
+    const list = views.map(({ view }) => view).join();
+    if (list === this.viewList) return;
+    this.viewList = list;
     $("views").replaceChildren(...views.map(({ view }, i) => {
       const label = document.createElement("label");
       const input = Object.assign(document.createElement("input"), { type: "radio", name: "view", value: view });
-      input.addEventListener("change", () => this.look(view));
-      const text = Object.assign(document.createElement("span"), { textContent: NAMES[view] ?? view });
-      label.title = `${TITLES[view] ?? view} (${i + 1})`;
+      input.addEventListener("change", () => this.selectView(view));
+      const text = Object.assign(document.createElement("span"), { textContent: VIEW_NAMES[view] ?? view });
+      label.title = `${VIEW_TITLES[view] ?? view} (${i + 1})`;
       label.append(input, text);
       return label;
     }));
   }
 
-  choose(view) {
+  // Marks a view as the selected one.
+  markView(view) {
     const input = document.querySelector(`input[name=view][value=${view}]`);
     if (input) input.checked = true;
   }
 
-  curve() {
+  // Shows the error curve and its forecast.
+  showCurve() {
     const { curve, forecast, settings } = this.status;
-    drawCurve($("curve"), curve, forecast, settings.budget.target_error);
+    drawErrorCurve($("curve"), curve, forecast, settings.budget.target_error);
     const text = $("forecast");
     if (!forecast) {
-      text.textContent = "The error is measured from the second batch on.";
+      text.textContent = "The error is estimated from the second batch on.";
       return;
     }
-    const cost = Object.assign(document.createElement("b"), { textContent: duration(forecast.halving_seconds) });
-    text.replaceChildren("Halving the error costs ", cost, " more.");
+    const time = Object.assign(document.createElement("b"), { textContent: duration(forecast.halving_seconds) });
+    text.replaceChildren("Halving the error takes ", time, " more.");
   }
-}
-
-// The footer: values at a pixel. `own` are those of the view shown, at once; `all` come from the render.
-export function showValues(pixel, view, own, all) {
-  const foot = $("values");
-  if (!pixel) return;
-  const three = (v) => v.map((c) => (c === null ? "–" : Number(c).toPrecision(4))).join("  ");
-  const entries = [["pixel", pixel.join(", ")]];
-  const same = all && all.x === pixel[0] && all.y === pixel[1];
-  if (same) {
-    entries.push(["unfiltered", three(all.raw)]);
-    if (all.filtered) entries.push(["filtered", three(all.filtered)]);
-    entries.push(["samples", all.samples], ["variance", short(all.variance)]);
-    for (const name of ["error", "residual"]) if (all[name] !== null) entries.push([name, short(all[name])]);
-    if (all.failure !== null) entries.push(["interpolation failed", short(all.failure)]);
-    if (all.albedo) entries.push(["albedo", three(all.albedo)]);
-    if (all.normal) entries.push(["normal", all.normal.map((c) => c.toFixed(3)).join("  ")]);
-  } else if (own) {
-    entries.push([NAMES[view].toLowerCase(), own.length === 1 ? short(own[0]) : three(own)]);
-  }
-  foot.replaceChildren(...entries.map(([name, value]) => {
-    const item = document.createElement("span");
-    item.append(name, Object.assign(document.createElement("b"), { textContent: String(value) }));
-    return item;
-  }));
 }

@@ -1,18 +1,18 @@
-// The socket: frames and reports come in, commands go out. Takes up the thread again when it breaks.
+// The WebSocket to the render: frames, status and answers in, messages out. Reconnects when it breaks.
 
-export const HEADER = 24;
+export const HEADER = 24; // bytes
 const VERSION = 1;
-// Views by their code in a frame's header.
+// Views by their index in a frame's header.
 const VIEWS = ["filtered", "raw", "samples", "error", "variance", "residual", "failure", "albedo", "normal"];
 const RETRY_MILLISECONDS = 1000;
 
-export class Link {
-  // `on`: { open, frame, status, values, refused, lost }.
+export class Connection {
+  // `on`: callbacks { open, lost, frame, status, values, refused }.
   constructor(on) {
     this.on = on;
     this.connect();
-    // A hidden page takes no images, so that none are made for it.
-    document.addEventListener("visibilitychange", () => this.owes && this.ready());
+    // A hidden page asks for no frames, so that none are encoded for it.
+    document.addEventListener("visibilitychange", () => this.isReadyPending && this.ready());
   }
 
   connect() {
@@ -20,7 +20,7 @@ export class Link {
     this.socket = new WebSocket(`${scheme}://${location.host}/live${location.search}`);
     this.socket.binaryType = "arraybuffer";
     this.socket.onopen = () => { this.on.open(); this.ready(); };
-    this.socket.onmessage = ({ data }) => typeof data === "string" ? this.hear(JSON.parse(data)) : this.see(data);
+    this.socket.onmessage = ({ data }) => typeof data === "string" ? this.receiveMessage(JSON.parse(data)) : this.receiveFrame(data);
     this.socket.onclose = () => { this.on.lost(); setTimeout(() => this.connect(), RETRY_MILLISECONDS); };
   }
 
@@ -28,17 +28,17 @@ export class Link {
     if (this.socket.readyState === WebSocket.OPEN) this.socket.send(JSON.stringify({ type, ...content }));
   }
 
-  // Asks for the next image, now or when the page is seen again.
+  // Asks for the next frame, now or when the page becomes visible.
   ready() {
-    this.owes = document.hidden;
-    if (!this.owes) this.send("ready");
+    this.isReadyPending = document.hidden;
+    if (!this.isReadyPending) this.send("ready");
   }
 
-  hear(message) {
+  receiveMessage(message) {
     this.on[message.type]?.(message);
   }
 
-  see(data) {
+  receiveFrame(data) {
     const head = new DataView(data);
     if (head.byteLength < HEADER || head.getUint8(0) !== VERSION) return this.ready();
     this.on.frame({
@@ -53,14 +53,4 @@ export class Link {
       halves: new Uint16Array(data, HEADER),
     });
   }
-}
-
-// The number that a half float stands for.
-export function fromHalf(bits) {
-  const sign = bits & 0x8000 ? -1 : 1;
-  const exponent = (bits >> 10) & 31;
-  const fraction = bits & 1023;
-  if (exponent === 0) return sign * fraction * 2 ** -24;
-  if (exponent === 31) return fraction ? NaN : sign * Infinity;
-  return sign * (1 + fraction / 1024) * 2 ** (exponent - 15);
 }

@@ -1,10 +1,12 @@
-// The estimated error against time, both axes logarithmic, and how it is expected to go on.
+// The estimated error over time on logarithmic axes, and its forecast.
 
-const INK = { axis: "#4a4a4a", text: "#8e8e8e", line: "#e0e0e0", ahead: "#a0a0a0" };
+const COLOURS = { axis: "#4a4a4a", text: "#8e8e8e", line: "#e0e0e0", forecast: "#a0a0a0" };
 const MARGIN = { left: 46, right: 10, top: 8, bottom: 18 };
 
-const power = (v) => `10${[...String(v)].map((c) => "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"["-0123456789".indexOf(c)]).join("")}`;
+// Formats a power of ten.
+const powerOfTen = (v) => `10${[...String(v)].map((c) => "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"["-0123456789".indexOf(c)]).join("")}`;
 
+// Formats a duration.
 export function duration(seconds) {
   if (seconds < 10) return `${seconds.toFixed(1)} s`;
   if (seconds < 120) return `${Math.round(seconds)} s`;
@@ -12,8 +14,10 @@ export function duration(seconds) {
   return `${(seconds / 3600).toFixed(1)} h`;
 }
 
-// `points`: [{ seconds, error }]; `forecast`: { power, halving_seconds } or null; `target` or null.
-export function drawCurve(canvas, points, forecast, target) {
+// Draws the curve. `points`: [{ seconds, error }]; `forecast`: { power, halving_seconds } or null; `target`: an error or
+// null.
+export function drawErrorCurve(canvas, points, forecast, target) {
+  // Size the canvas in device pixels
   const ratio = window.devicePixelRatio || 1;
   const { clientWidth: width, clientHeight: height } = canvas;
   canvas.width = Math.round(width * ratio);
@@ -22,6 +26,7 @@ export function drawCurve(canvas, points, forecast, target) {
   c.scale(ratio, ratio);
   c.font = `11px ${getComputedStyle(document.body).fontFamily}`;
 
+  // Choose the ranges of both axes
   const known = points.filter((p) => p.error > 0 && p.seconds > 0);
   const last = known.at(-1);
   const halved = last && forecast
@@ -38,34 +43,37 @@ export function drawCurve(canvas, points, forecast, target) {
   const x = (seconds) => MARGIN.left + ((Math.log10(seconds) - xs[0]) / (xs[1] - xs[0])) * (width - MARGIN.left - MARGIN.right);
   const y = (error) => height - MARGIN.bottom - ((Math.log10(error) - ys[0]) / (ys[1] - ys[0])) * (height - MARGIN.top - MARGIN.bottom);
 
+  // Draw grid and labels
   c.lineWidth = 1;
   c.textBaseline = "middle";
   c.textAlign = "right";
-  for (const { factor, e, value } of marks(ys)) {
-    rule(c, MARGIN.left, y(value), width - MARGIN.right, y(value), INK.axis);
-    c.fillStyle = INK.text;
-    c.fillText((factor > 1 ? `${factor}·` : "") + power(e), MARGIN.left - 6, y(value));
+  for (const { factor, e, value } of gridValues(ys)) {
+    rule(c, MARGIN.left, y(value), width - MARGIN.right, y(value), COLOURS.axis);
+    c.fillStyle = COLOURS.text;
+    c.fillText((factor > 1 ? `${factor}·` : "") + powerOfTen(e), MARGIN.left - 6, y(value));
   }
   c.textAlign = "center";
-  for (const { value } of marks(xs)) {
-    rule(c, x(value), MARGIN.top, x(value), height - MARGIN.bottom, INK.axis);
-    c.fillStyle = INK.text;
+  for (const { value } of gridValues(xs)) {
+    rule(c, x(value), MARGIN.top, x(value), height - MARGIN.bottom, COLOURS.axis);
+    c.fillStyle = COLOURS.text;
     const label = `${Number(value.toPrecision(1))} s`;
     c.fillText(label, Math.min(x(value), width - c.measureText(label).width / 2), height - 7);
   }
   if (target) {
     c.setLineDash([2, 3]);
-    rule(c, MARGIN.left, y(target), width - MARGIN.right, y(target), INK.line);
+    rule(c, MARGIN.left, y(target), width - MARGIN.right, y(target), COLOURS.line);
     c.setLineDash([]);
   }
+
+  // Draw the curve and its forecast
   if (!last) return;
-  c.strokeStyle = c.fillStyle = INK.line;
+  c.strokeStyle = c.fillStyle = COLOURS.line;
   c.beginPath();
   known.forEach((p) => c.lineTo(x(p.seconds), y(p.error)));
   c.stroke();
   for (const p of known) dot(c, x(p.seconds), y(p.error), 2);
   if (halved) {
-    c.strokeStyle = INK.ahead;
+    c.strokeStyle = COLOURS.forecast;
     c.setLineDash([4, 3]);
     c.beginPath();
     c.moveTo(x(last.seconds), y(last.error));
@@ -78,8 +86,8 @@ export function drawCurve(canvas, points, forecast, target) {
   }
 }
 
-// Round values within a span of powers of ten: decades, and their 2nd and 5th where there are few.
-function marks([low, high]) {
+// Returns round values within a range of exponents: powers of ten, and 2 and 5 times these in a short range.
+function gridValues([low, high]) {
   const found = [];
   for (let e = Math.floor(low); e <= high; e++) {
     for (const factor of high - low > 2 ? [1] : [1, 2, 5]) {
@@ -90,6 +98,7 @@ function marks([low, high]) {
   return found;
 }
 
+// Draws a line, aligned to pixels.
 function rule(c, x0, y0, x1, y1, ink) {
   c.strokeStyle = ink;
   c.beginPath();

@@ -1,8 +1,8 @@
-// Draws the image: half floats go to the graphics card as they are; exposure, the sRGB curve and false
-// colours are applied there, so they answer at once.
+// Draws the image with WebGL 2. Half floats are uploaded unchanged; the fragment shader applies exposure, the sRGB curve
+// and the colour map, so that these react without a new frame.
 
-import { fromHalf } from "./link.js";
-import { COLOURS } from "./scale.js";
+import { COLOURS } from "./colour_scale.js";
+import { fromHalf } from "./half_float.js";
 
 const VERTEX = `#version 300 es
 void main() { gl_Position = vec4(vec2(gl_VertexID % 2, gl_VertexID / 2) * 4.0 - 1.0, 0.0, 1.0); }`;
@@ -11,9 +11,9 @@ const FRAGMENT = `#version 300 es
 precision highp float;
 uniform highp sampler2D left, right, colours;
 uniform vec2 size, canvas, origin;   // image in pixels; canvas and its image's corner in device pixels
-uniform float zoom, exposure, wipe;  // device pixels per pixel; factor; share of the image
-uniform ivec2 kinds;                 // 0 light, 1 reflectance, 2 direction, 3 map, -1 nothing
-uniform vec4 leftScale, rightScale;  // curve (0 linear, 1 logarithm), low, high
+uniform float zoom, exposure, wipe;  // device pixels per pixel; factor; fraction of the image
+uniform ivec2 kinds;                 // 0 radiance, 1 reflectance, 2 direction, 3 map, -1 nothing
+uniform vec4 leftScale, rightScale;  // curve (0 linear, 1 logarithmic), low, high
 out vec4 colour;
 
 vec3 encode(vec3 v) {
@@ -21,7 +21,7 @@ vec3 encode(vec3 v) {
   return mix(1.055 * pow(v, vec3(1.0 / 2.4)) - 0.055, 12.92 * v, lessThanEqual(v, vec3(0.0031308)));
 }
 
-vec3 show(vec3 v, int kind, vec4 scale) {
+vec3 toColour(vec3 v, int kind, vec4 scale) {
   if (kind == 0) return encode(v * exposure);
   if (kind == 1) return encode(v);
   if (kind == 2) return 0.5 + 0.5 * v;
@@ -39,33 +39,35 @@ void main() {
   int kind = isLeft ? kinds.x : kinds.y;
   if (kind < 0) { colour = vec4(0.0, 0.0, 0.0, 1.0); return; }
   vec3 v = isLeft ? texture(left, uv).rgb : texture(right, uv).rgb;
-  colour = vec4(show(v, kind, isLeft ? leftScale : rightScale), 1.0);
+  colour = vec4(toColour(v, kind, isLeft ? leftScale : rightScale), 1.0);
 }`;
 
+// How each view becomes a colour, as in the shader's `kinds`; all others are maps.
 const KINDS = { filtered: 0, raw: 0, albedo: 1, normal: 2 };
 const MAP = 3;
 
-export class Picture {
+export class Viewport {
   constructor(canvas) {
     this.canvas = canvas;
     this.frames = new Map(); // view → newest frame
     this.size = [1, 1];
     this.zoom = 1; // CSS pixels per pixel
     this.corner = [0, 0]; // of the image, in CSS pixels
-    this.fitted = true;
-    this.exposure = 0;
-    this.wipe = null; // share of the image, or null
+    this.isFitted = true;
+    this.exposure = 0; // stops
+    this.wipe = null; // fraction of the image's width, or null
     this.shown = { left: null, right: "filtered" };
     this.scales = {};
     this.drawn = 0;
     this.onlayout = () => {};
     const context = { alpha: true, antialias: false, depth: false, preserveDrawingBuffer: true };
     this.gl = canvas.getContext("webgl2", context);
-    if (this.gl) this.prepare();
+    if (this.gl) this.initialise();
     new ResizeObserver(() => this.resize()).observe(canvas);
   }
 
-  prepare() {
+  // Compiles the shaders and uploads the colour map.
+  initialise() {
     const gl = this.gl;
     const program = gl.createProgram();
     for (const [kind, source] of [[gl.VERTEX_SHADER, VERTEX], [gl.FRAGMENT_SHADER, FRAGMENT]]) {
@@ -77,16 +79,17 @@ export class Picture {
     gl.linkProgram(program);
     gl.useProgram(program);
     const names = ["left", "right", "colours", "size", "canvas", "origin", "zoom", "exposure", "wipe", "kinds", "leftScale", "rightScale"];
-    this.at = Object.fromEntries(names.map((name) => [name, gl.getUniformLocation(program, name)]));
+    this.uniforms = Object.fromEntries(names.map((name) => [name, gl.getUniformLocation(program, name)]));
     gl.pixelStorei(gl.UNPACK_ALIGNMENT, 1);
     this.textures = new Map();
     this.colours = gl.createTexture();
     gl.bindTexture(gl.TEXTURE_2D, this.colours);
     gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA, COLOURS.length / 4, 1, 0, gl.RGBA, gl.UNSIGNED_BYTE, COLOURS);
-    this.filter(gl.LINEAR, gl.LINEAR);
+    this.setFilter(gl.LINEAR, gl.LINEAR);
   }
 
-  filter(smaller, larger) {
+  // Sets how the bound texture is sampled.
+  setFilter(smaller, larger) {
     const gl = this.gl;
     gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, smaller);
     gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MAG_FILTER, larger);
@@ -94,18 +97,18 @@ export class Picture {
     gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_WRAP_T, gl.CLAMP_TO_EDGE);
   }
 
-  // Takes the image's size, which is known before the first frame comes.
-  measure(width, height) {
+  // Sets the size of the image, which is known before the first frame.
+  setSize(width, height) {
     if (this.size[0] === width && this.size[1] === height) return;
     this.size = [width, height];
-    if (this.fitted) this.fit();
+    if (this.isFitted) this.fit();
   }
 
-  // Takes a view's new frame.
-  take(view, frame) {
+  // Replaces the frame of a view and uploads it.
+  setFrame(view, frame) {
     this.frames.set(view, frame);
     const { width, height, channels } = frame;
-    this.measure(width, height);
+    this.setSize(width, height);
     const gl = this.gl;
     if (!gl) return;
     const [inside, format] = channels === 3 ? [gl.RGB16F, gl.RGB] : [gl.R16F, gl.RED];
@@ -119,13 +122,13 @@ export class Picture {
       const texture = gl.createTexture();
       gl.bindTexture(gl.TEXTURE_2D, texture);
       gl.texImage2D(gl.TEXTURE_2D, 0, inside, width, height, 0, format, gl.HALF_FLOAT, frame.halves);
-      this.filter(gl.LINEAR, gl.NEAREST);
+      this.setFilter(gl.LINEAR, gl.NEAREST);
       this.textures.set(view, { texture, width, height });
     }
     this.redraw();
   }
 
-  // The values of a view at a pixel, or null.
+  // Returns the values of a view at a pixel, or null.
   read(view, x, y) {
     const frame = this.frames.get(view);
     if (!frame || x < 0 || y < 0 || x >= frame.width || y >= frame.height) return null;
@@ -133,21 +136,23 @@ export class Picture {
     return Array.from(frame.halves.subarray(first, first + frame.channels), fromHalf);
   }
 
+  // Follows the size of the element.
   resize() {
     const ratio = window.devicePixelRatio || 1;
     this.canvas.width = Math.max(1, Math.round(this.canvas.clientWidth * ratio));
     this.canvas.height = Math.max(1, Math.round(this.canvas.clientHeight * ratio));
-    if (this.fitted) this.fit();
+    if (this.isFitted) this.fit();
     this.redraw();
   }
 
+  // Shows the whole image.
   fit() {
-    this.fitted = true;
+    this.isFitted = true;
     const { clientWidth: width, clientHeight: height } = this.canvas;
     const [w, h] = this.size;
     const margin = Math.min(width, height) > 500 ? 48 : 8;
     this.zoom = Math.max(0.01, Math.min((width - 2 * margin) / w, (height - 2 * margin) / h));
-    // Whole factors keep pixels of one size.
+    // Quarters keep the pixels of an enlarged image at nearly one size.
     if (this.zoom > 2) this.zoom = Math.floor(this.zoom * 4) / 4;
     this.corner = [(width - w * this.zoom) / 2, (height - h * this.zoom) / 2];
     this.redraw();
@@ -158,28 +163,31 @@ export class Picture {
     const zoom = Math.min(64, Math.max(0.05, this.zoom * factor));
     this.corner = [x, y].map((p, k) => p - ((p - this.corner[k]) * zoom) / this.zoom);
     this.zoom = zoom;
-    this.fitted = false;
+    this.isFitted = false;
     this.redraw();
   }
 
   pan(dx, dy) {
     this.corner = [this.corner[0] + dx, this.corner[1] + dy];
-    this.fitted = false;
+    this.isFitted = false;
     this.redraw();
   }
 
-  // The pixel under a point of the canvas, and the other way round.
+  // Returns the pixel under a point of the canvas.
   pixelAt(x, y) {
     return [Math.floor((x - this.corner[0]) / this.zoom), Math.floor((y - this.corner[1]) / this.zoom)];
   }
-  placeOf(x, y) {
+
+  // Returns the point of the canvas where pixel coordinates are.
+  toCanvas(x, y) {
     return [this.corner[0] + x * this.zoom, this.corner[1] + y * this.zoom];
   }
+
   contains([x, y]) {
     return x >= 0 && y >= 0 && x < this.size[0] && y < this.size[1];
   }
 
-  // Draws with the screen's next refresh; returns when it is done.
+  // Draws at the next screen refresh; the promise resolves when that is done.
   redraw() {
     this.pending ??= new Promise((done) => requestAnimationFrame(() => {
       this.pending = null;
@@ -202,17 +210,17 @@ export class Picture {
     bind(0, texture(left));
     bind(1, texture(right));
     bind(2, this.colours);
-    ["left", "right", "colours"].forEach((name, unit) => gl.uniform1i(this.at[name], unit));
-    gl.uniform2f(this.at.size, ...this.size);
-    gl.uniform2f(this.at.canvas, this.canvas.width, this.canvas.height);
-    gl.uniform2f(this.at.origin, ...this.corner.map((v) => Math.round(v * ratio)));
-    gl.uniform1f(this.at.zoom, this.zoom * ratio);
-    gl.uniform1f(this.at.exposure, 2 ** this.exposure);
-    gl.uniform1f(this.at.wipe, this.wipe ?? 0);
-    gl.uniform2i(this.at.kinds, kind(left), kind(right));
+    ["left", "right", "colours"].forEach((name, unit) => gl.uniform1i(this.uniforms[name], unit));
+    gl.uniform2f(this.uniforms.size, ...this.size);
+    gl.uniform2f(this.uniforms.canvas, this.canvas.width, this.canvas.height);
+    gl.uniform2f(this.uniforms.origin, ...this.corner.map((v) => Math.round(v * ratio)));
+    gl.uniform1f(this.uniforms.zoom, this.zoom * ratio);
+    gl.uniform1f(this.uniforms.exposure, 2 ** this.exposure);
+    gl.uniform1f(this.uniforms.wipe, this.wipe ?? 0);
+    gl.uniform2i(this.uniforms.kinds, kind(left), kind(right));
     for (const [name, view] of [["leftScale", left], ["rightScale", right]]) {
       const scale = this.scales[view] ?? { curve: "linear", low: 0, high: 1 };
-      gl.uniform4f(this.at[name], scale.curve === "linear" ? 0 : 1, scale.low, scale.high, 0);
+      gl.uniform4f(this.uniforms[name], scale.curve === "linear" ? 0 : 1, scale.low, scale.high, 0);
     }
     gl.drawArrays(gl.TRIANGLES, 0, 3);
     this.drawn++;

@@ -1,0 +1,182 @@
+// Mouse, touch and keyboard input on the image.
+
+const ORBIT_PER_PIXEL = 0.006; // radians
+const ORBIT_STEP = 0.05; // radians
+const PAN_STEP = 0.03; // image heights
+const DOLLY_PER_WHEEL = 0.0015;
+const DOLLY_STEP = 0.1;
+const LARGEST_DOLLY = 4; // of one message
+const CLICK_DISTANCE = 4; // CSS pixels that a click may move
+const NO_REGION = [[0, 0], [0, 0]];
+
+const clampToUnit = (v) => Math.min(1, Math.max(0, v));
+
+// `act`: callbacks { camera(move), focus(pixel), region(rectangle, isDone), hover(pixel), pin(pixel) }.
+export class PointerInput {
+  constructor(canvas, viewport, act) {
+    Object.assign(this, { canvas, viewport, act, tool: "inspect", pointers: new Map(), cursor: null });
+    canvas.addEventListener("pointerdown", (e) => this.down(e));
+    canvas.addEventListener("pointermove", (e) => this.move(e));
+    canvas.addEventListener("pointerup", (e) => this.up(e));
+    canvas.addEventListener("pointercancel", (e) => this.up(e));
+    canvas.addEventListener("wheel", (e) => this.wheel(e), { passive: false });
+    canvas.addEventListener("contextmenu", (e) => e.preventDefault());
+    canvas.addEventListener("keydown", (e) => this.key(e));
+    // The sum of all camera moves since the last message.
+    this.moves = { orbit: [0, 0], pan: [0, 0], dolly: 0 };
+  }
+
+  selectTool(tool) {
+    this.tool = tool;
+    this.canvas.dataset.tool = tool;
+  }
+
+  // Returns the position of an event on the canvas, in CSS pixels.
+  position(event) {
+    const box = this.canvas.getBoundingClientRect();
+    return [event.clientX - box.left, event.clientY - box.top];
+  }
+
+  down(event) {
+    this.canvas.focus({ preventScroll: true });
+    this.canvas.setPointerCapture(event.pointerId);
+    const at = this.position(event);
+    this.pointers.set(event.pointerId, { start: at, last: at, isDrag: false, marksRegion: false, isPinch: false });
+    if (this.pointers.size > 1) this.startPinch();
+    this.canvas.classList.add("held");
+  }
+
+  move(event) {
+    const pointer = this.pointers.get(event.pointerId);
+    const at = this.position(event);
+    if (!pointer) return this.act.hover(this.viewport.pixelAt(...at));
+    const delta = at.map((v, k) => v - pointer.last[k]);
+    pointer.isDrag ||= Math.hypot(at[0] - pointer.start[0], at[1] - pointer.start[1]) > CLICK_DISTANCE;
+    if (!pointer.isDrag) return;
+    if (this.pointers.size > 1) this.pinch(event.pointerId, at);
+    else if (this.tool === "camera") this.moveCamera(delta, event);
+    else if (this.tool === "region" && event.buttons === 1 && !pointer.isPinch) {
+      pointer.marksRegion = true;
+      this.act.region(this.rectangle(pointer.start, at), false);
+    } else this.viewport.pan(...delta);
+    pointer.last = at;
+  }
+
+  up(event) {
+    const pointer = this.pointers.get(event.pointerId);
+    this.pointers.delete(event.pointerId);
+    if (!this.pointers.size) this.canvas.classList.remove("held");
+    if (!pointer) return;
+    if (event.type === "pointercancel") return this.act.region(NO_REGION, true);
+    const at = this.position(event);
+    const pixel = this.viewport.pixelAt(...at);
+    if (pointer.isDrag) {
+      if (pointer.marksRegion) this.act.region(this.rectangle(pointer.start, at), true);
+    } else if (this.viewport.contains(pixel)) {
+      if (this.tool === "focus") this.act.focus(pixel);
+      this.pin(pixel);
+    }
+  }
+
+  // A second finger turns a click or a region into a pinch.
+  startPinch() {
+    for (const pointer of this.pointers.values()) Object.assign(pointer, { isDrag: true, marksRegion: false, isPinch: true });
+    this.act.region(NO_REGION, true);
+  }
+
+  pinch(id, at) {
+    const [a, b] = [...this.pointers].map(([other, p]) => ({ old: p.last, now: other === id ? at : p.last }));
+    const distance = (p, q) => Math.max(1, Math.hypot(p[0] - q[0], p[1] - q[1]));
+    const factor = distance(a.now, b.now) / distance(a.old, b.old);
+    const middle = [0, 1].map((k) => (a.now[k] + b.now[k]) / 2);
+    const delta = middle.map((v, k) => v - (a.old[k] + b.old[k]) / 2);
+    if (this.tool === "camera") {
+      this.pan(this.toHeights(delta));
+      this.moves.dolly += Math.log(factor);
+      this.sendMoves();
+    } else {
+      this.viewport.pan(...delta);
+      this.viewport.zoomBy(factor, middle);
+    }
+  }
+
+  // Converts a vector on the canvas to image heights.
+  toHeights(delta) {
+    return delta.map((v) => v / (this.viewport.size[1] * this.viewport.zoom));
+  }
+
+  pan(heights) {
+    this.moves.pan = this.moves.pan.map((v, k) => v + heights[k]);
+  }
+
+  moveCamera(delta, event) {
+    if (event.ctrlKey || event.buttons === 2) this.moves.dolly -= this.toHeights(delta)[1];
+    else if (event.shiftKey || event.buttons === 4) this.pan(this.toHeights(delta));
+    else this.moves.orbit = this.moves.orbit.map((v, k) => v + delta[k] * ORBIT_PER_PIXEL);
+    this.sendMoves();
+  }
+
+  // Sends all moves up to the next screen refresh as one message.
+  sendMoves() {
+    this.pending ??= requestAnimationFrame(() => {
+      this.pending = null;
+      const { orbit, pan, dolly } = this.moves;
+      this.moves = { orbit: [0, 0], pan: [0, 0], dolly: 0 };
+      const move = {};
+      if (orbit.some(Boolean)) move.orbit = orbit;
+      if (pan.some(Boolean)) move.pan = pan;
+      if (dolly) move.dolly = Math.max(-LARGEST_DOLLY, Math.min(LARGEST_DOLLY, dolly));
+      if (Object.keys(move).length) this.act.camera(move);
+    });
+  }
+
+  wheel(event) {
+    event.preventDefault();
+    if (this.tool === "camera") {
+      this.moves.dolly -= event.deltaY * DOLLY_PER_WHEEL;
+      this.sendMoves();
+    } else {
+      this.viewport.zoomBy(Math.exp(-event.deltaY * DOLLY_PER_WHEEL), this.position(event));
+    }
+  }
+
+  // Returns the rectangle between two points of the canvas, as fractions of the image: [[x0, x1], [y0, y1]].
+  rectangle(from, to) {
+    return [0, 1].map((k) => [from[k], to[k]]
+      .map((v) => (v - this.viewport.corner[k]) / (this.viewport.zoom * this.viewport.size[k]))
+      .map(clampToUnit)
+      .sort((a, b) => a - b));
+  }
+
+  // Pins the inspector to a pixel, which is also the cursor of the arrow keys.
+  pin(pixel) {
+    this.cursor = pixel.map((v, k) => Math.min(this.viewport.size[k] - 1, Math.max(0, v)));
+    this.act.pin(this.cursor);
+  }
+
+  key(event) {
+    const arrows = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
+    const arrow = arrows[event.key];
+    const cursor = () => this.cursor ?? this.viewport.size.map((v) => v >> 1);
+    if (arrow && this.tool === "camera") {
+      if (event.shiftKey) this.pan(arrow.map((v) => v * PAN_STEP));
+      else this.moves.orbit = this.moves.orbit.map((v, k) => v + arrow[k] * ORBIT_STEP);
+      this.sendMoves();
+    } else if (arrow) {
+      this.pin(cursor().map((v, k) => v + arrow[k] * (event.shiftKey ? 10 : 1)));
+    } else if (event.key === "PageUp" || event.key === "PageDown") {
+      this.moves.dolly += event.key === "PageUp" ? DOLLY_STEP : -DOLLY_STEP;
+      this.sendMoves();
+    } else if (event.key === "Enter" && this.tool === "focus") {
+      this.act.focus(cursor());
+    } else if (event.key === "Enter" && this.tool === "region") {
+      const around = cursor().map((v, k) => [v - this.viewport.size[k] / 8, v + this.viewport.size[k] / 8]);
+      const rectangle = around.map((range, k) => range.map((v) => clampToUnit(v / this.viewport.size[k])));
+      this.act.region(rectangle, true);
+    } else {
+      return;
+    }
+    event.preventDefault();
+    event.stopPropagation();
+  }
+}
