@@ -106,13 +106,13 @@ pub fn brdf(bytes: &[u8]) {
     with_file(name, content, &text);
 }
 
-/// A state's file as it is, and the same bytes as the header, up to a zero byte, and the arrays of a file
-/// whose lengths and checksum are right: no search gets past a checksum.
+/// Decodes the bytes as a state file, and again as the header (up to the first zero byte) and the arrays of a file whose
+/// lengths and checksum are right: no search gets past a checksum.
+///
+/// Whatever is decoded is encoded to the same bytes again and can be merged and filtered.
 pub fn state(bytes: &[u8]) {
     let _ = state::decode(bytes);
-    let header = bytes.iter().position(|&byte| byte == 0).unwrap_or(bytes.len());
-    let (header, arrays) = (&bytes[..header], bytes.get(header + 1..).unwrap_or_default());
-    let Ok(read) = state::decode(&sealed(header, arrays)) else { return };
+    let Ok(read) = state::decode(&state_file(bytes)) else { return };
     let written = |state| {
         let mut file = Vec::new();
         state::encode(state, &mut file);
@@ -276,10 +276,12 @@ fn render(mut scene: Scene) {
     assert_eq!(store.drawn(), u64::from(SAMPLES) * store.pixels() as u64);
 }
 
-/// A state's file with lengths and checksum that are right.
-fn sealed(header: &[u8], arrays: &[u8]) -> Vec<u8> {
+/// Returns a state file with right lengths and checksum, from a header that ends with a zero byte, and arrays.
+pub fn state_file(bytes: &[u8]) -> Vec<u8> {
     const PREAMBLE: usize = 28;
     const CHECKSUM: usize = 4;
+    let header = bytes.iter().position(|&byte| byte == 0).unwrap_or(bytes.len());
+    let (header, arrays) = (&bytes[..header], bytes.get(header + 1..).unwrap_or_default());
     let length = PREAMBLE + header.len() + arrays.len() + CHECKSUM;
     let mut file = b"prpfstat".to_vec();
     file.extend(state::VERSION.to_le_bytes());

@@ -73,3 +73,17 @@ fn the_corpora_and_mutations_of_them_break_no_promise() {
         println!("{name}: {} files, {count} mutations", corpus.len());
     }
 }
+
+/// A corpus of states that are all refused would search nothing behind the header.
+#[test]
+fn states_of_the_corpus_are_of_the_current_format() {
+    for (path, bytes) in corpus("state") {
+        let is_whole_file = bytes.starts_with(b"prpfstat");
+        let file = if is_whole_file { bytes } else { harness::state_file(&bytes) };
+        let decoded = prpf::state::decode(&file).map(drop).map_err(|error| error.to_string());
+        match path.file_name().and_then(std::ffi::OsStr::to_str) {
+            Some("bounds-outside-the-film") => assert!(decoded.is_err()),
+            _ => assert_eq!(decoded, Ok(()), "{}", path.display()),
+        }
+    }
+}

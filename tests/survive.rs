@@ -16,7 +16,7 @@ use prpf::filter::Quality;
 use prpf::geometry::Accel;
 use prpf::image::{Planes, exr_file};
 use prpf::progressive::{Budget, Loop, Memory, Settings, StoppedBy};
-use prpf::render::{Renderer, Share};
+use prpf::render::{Renderer, Shard};
 use prpf::scene::pbrt;
 use prpf::state::{self, ImageMetadata, RenderState, Stream};
 
@@ -61,7 +61,7 @@ fn a_render_resumed_from_any_step_ends_in_the_same_image() {
         let circle = || Loop::new(&renderer, &settings, Instant::now(), &never, None);
         let kept = RefCell::new(Vec::new());
         let keep = |_: &Settings, memory: Memory| {
-            let streams = vec![Stream::new(5, Share::WHOLE)];
+            let streams = vec![Stream::new(5, Shard::WHOLE)];
             let state =
                 RenderState { metadata: metadata.clone(), settings: settings.clone(), streams, memory };
             let mut file = Vec::new();

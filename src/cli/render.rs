@@ -63,7 +63,7 @@ fn run_in_pool(
 
     let accel = Accel::build(scene);
     let stream = options.state.stream(options.seed);
-    let renderer = Renderer::new(scene, &accel, options.seed).of_share(stream.share);
+    let renderer = Renderer::new(scene, &accel, options.seed).with_shard(stream.shard);
     let metadata = ImageMetadata::new(scene, &renderer);
     let build = start.elapsed().as_secs_f64() - load;
 

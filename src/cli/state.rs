@@ -10,7 +10,7 @@ use clap::Args;
 use super::Failure;
 use super::options::parse_duration;
 use crate::progressive::{Budget, Memory, Settings, reservoir_capacity};
-use crate::render::{Renderer, Share};
+use crate::render::{Renderer, Shard};
 use crate::state::{self, CheckpointWriter, ImageMetadata, RenderState, Stream};
 use crate::stats::{Layout, Store};
 
@@ -25,9 +25,9 @@ pub(super) struct StateOptions {
     /// Time from one state to the next
     #[arg(long, value_name = "DURATION", value_parser = parse_duration, default_value = "40s")]
     pub state_every: f64,
-    /// Render the K-th of N shares of the samples that --spp means; `prpf merge` adds their states
-    #[arg(long, value_name = "K/N", value_parser = parse_share, default_value = "1/1")]
-    pub shard: Share,
+    /// Render the K-th of N shards of the samples that --spp means; `prpf merge` adds their states
+    #[arg(long, value_name = "K/N", value_parser = parse_shard, default_value = "1/1")]
+    pub shard: Shard,
     /// Whole sample vectors to keep per pixel, for another --quality or an export later on; `paper` keeps 8
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = parse_reservoir)]
     pub reservoir: usize,
@@ -43,9 +43,9 @@ fn parse_reservoir(text: &str) -> Result<usize, String> {
     }
 }
 
-fn parse_share(text: &str) -> Result<Share, String> {
+fn parse_shard(text: &str) -> Result<Shard, String> {
     text.split_once('/')
-        .and_then(|(k, n)| Share::new(k.parse().ok()?, n.parse().ok()?))
+        .and_then(|(k, n)| Shard::new(k.parse().ok()?, n.parse().ok()?))
         .ok_or_else(|| format!("found `{text}`; accepted is K/N with 1 <= K <= N, e.g. 2/4"))
 }
 
@@ -63,16 +63,16 @@ impl StateOptions {
         self.state.as_deref().filter(|_| !self.resume).map_or(Ok(false), replaces_state)
     }
 
-    /// Turns a budget of all shares into that of this one.
+    /// Turns a budget of all shards into that of this one.
     pub fn budget(&self, budget: &mut Budget) -> anyhow::Result<()> {
         if let Some(spp) = &mut budget.spp {
             let (all, most) = (*spp, spp.div_ceil(2));
             ensure!(
-                self.shard.of() <= most,
-                "--shard {}: found shares without samples, of {all} per pixel; accepted are at most {most} shares",
+                self.shard.count() <= most,
+                "--shard {}: found shards without samples, of {all} per pixel; accepted are at most {most} shards",
                 self.shard,
             );
-            *spp = self.shard.of_first(all);
+            *spp = self.shard.samples_among(all);
         }
         Ok(())
     }

@@ -15,7 +15,7 @@ mod lights;
 mod pixel_filter;
 mod record;
 mod sampler;
-mod share;
+mod shard;
 mod sphere_map;
 
 use std::sync::Arc;
@@ -32,7 +32,7 @@ use crate::geometry::{Accel, LANES, Lanes, RayLanes, mask_of};
 use crate::scene::{Camera, Effects, SamplerKind, Scene};
 use crate::stats::{BLOCK, Layout, Row, Store};
 
-pub use share::Share;
+pub use shard::Shard;
 
 /// Samples that are traced together: enough for most packets to be full, few enough for what is known of
 /// them to stay in the first-level cache.
@@ -47,7 +47,7 @@ const _: () = assert!(LANES == BLOCK);
 /// Renders samples of one scene.
 pub struct Renderer<'s> {
     seed: u64,
-    share: Share,
+    shard: Shard,
     layout: Layout,
     sampler: SamplerKind,
     /// First column and row of the film that are rendered.
@@ -73,7 +73,7 @@ impl<'s> Renderer<'s> {
     /// it away.
     pub fn with_camera(&self, camera: &Camera) -> Self {
         let PathTracer { scene, accel, lights, .. } = &self.tracer;
-        Self::of(scene, accel, lights.clone(), camera, self.seed).of_share(self.share)
+        Self::of(scene, accel, lights.clone(), camera, self.seed).with_shard(self.shard)
     }
 
     fn of(
@@ -88,7 +88,7 @@ impl<'s> Renderer<'s> {
         let [x0, x1, y0, y1] = scene.film.pixel_bounds;
         Self {
             seed,
-            share: Share::WHOLE,
+            shard: Shard::WHOLE,
             sampler: scene.sampler,
             corner: [x0, y0],
             resolution: (x1 - x0, y1 - y0),
@@ -101,9 +101,9 @@ impl<'s> Renderer<'s> {
         }
     }
 
-    /// Renders only a share of every pixel's samples.
-    pub fn of_share(self, share: Share) -> Self {
-        Self { share, ..self }
+    /// Renders only a shard of every pixel's samples.
+    pub fn with_shard(self, shard: Shard) -> Self {
+        Self { shard, ..self }
     }
 
     /// The sample vector's layout: that of the stores to render into.
@@ -178,7 +178,7 @@ impl<'s> Renderer<'s> {
             for round in 0..(0..LANES).map(left).max().unwrap_or(0) {
                 let present = mask_of(|lane| round < left(lane));
                 for lane in 0..LANES {
-                    let index = self.share.in_sequence(indices[lane].saturating_add(round));
+                    let index = self.shard.sequence_index(indices[lane].saturating_add(round));
                     starts.samples.set(lane, sources[lane].address(index));
                 }
                 self.start::<S>(&starts, present, &mut batch.wave);

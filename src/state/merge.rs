@@ -7,7 +7,7 @@ use std::sync::Arc;
 use super::render_state::RenderState;
 use super::stream::Stream;
 use crate::progressive::Memory;
-use crate::render::Share;
+use crate::render::Shard;
 use crate::stats::Layout;
 
 /// Why two states cannot be added.
@@ -93,9 +93,11 @@ fn uniform_count(state: &RenderState) -> Option<u32> {
 fn whole_stream(state: &RenderState) -> Option<Stream> {
     let seed = state.streams.first()?.seed;
     let total = uniform_count(state)?;
-    let shares: Vec<Share> = state.streams.iter().map(|stream| stream.share).collect();
-    let is_full = |stream: &Stream| stream.seed == seed && stream.drawn == Some(stream.share.of_first(total));
-    (Share::are_whole(&shares) && state.streams.iter().all(is_full)).then(|| Stream::new(seed, Share::WHOLE))
+    let shards: Vec<Shard> = state.streams.iter().map(|stream| stream.shard).collect();
+    let is_full =
+        |stream: &Stream| stream.seed == seed && stream.drawn == Some(stream.shard.samples_among(total));
+    (Shard::are_complete(&shards) && state.streams.iter().all(is_full))
+        .then(|| Stream::new(seed, Shard::WHOLE))
 }
 
 /// Tests whether no pixel's count overflows.

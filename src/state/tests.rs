@@ -7,7 +7,7 @@ use crate::adaptive::Allocation;
 use crate::filter::Quality;
 use crate::image::Planes;
 use crate::progressive::{Batch, Budget, ErrorEstimate, Grain, Memory, Rerun, Settings, Snapshot, UnderWay};
-use crate::render::Share;
+use crate::render::Shard;
 use crate::stats::{Block, Layout, Part, Store};
 
 const WIDTH: usize = 19;
@@ -38,7 +38,7 @@ fn settings() -> Settings {
 }
 
 /// A state with everything that a state may have.
-fn state(seed: u64, share: Share) -> RenderState {
+fn state(seed: u64, shard: Shard) -> RenderState {
     let layout = Layout::with_blocks(|block| block == Block::Lens);
     let mut store = Store::new(WIDTH, HEIGHT, layout.clone(), 3, seed);
     let value = |i: usize, k: usize| ((i * 31 + k * 17) as u64 ^ seed) as f32 % 1.7 + 0.1;
@@ -76,7 +76,7 @@ fn state(seed: u64, share: Share) -> RenderState {
     RenderState {
         metadata: metadata(),
         settings: Settings { seed, ..settings() },
-        streams: vec![Stream::new(seed, share)],
+        streams: vec![Stream::new(seed, shard)],
         memory: Memory {
             store: Arc::new(store),
             batches: vec![Batch::default(), batch],
@@ -99,11 +99,11 @@ fn encoded(state: &RenderState) -> Vec<u8> {
     file
 }
 
-static FILE: LazyLock<Vec<u8>> = LazyLock::new(|| encoded(&state(7, Share::WHOLE)));
+static FILE: LazyLock<Vec<u8>> = LazyLock::new(|| encoded(&state(7, Shard::WHOLE)));
 
 #[test]
 fn what_is_read_is_what_was_written_to_the_last_bit() {
-    let (written, read) = (state(7, Share::WHOLE), decode(&FILE).unwrap());
+    let (written, read) = (state(7, Shard::WHOLE), decode(&FILE).unwrap());
     assert_eq!(read.memory.store.rows(), written.memory.store.rows());
     assert_eq!(read.memory.rerun, written.memory.rerun);
     assert_eq!(read.memory.under_way, written.memory.under_way);
@@ -119,7 +119,7 @@ fn what_is_read_is_what_was_written_to_the_last_bit() {
 
 #[test]
 fn a_state_without_samples_is_one_too() {
-    let mut state = state(7, Share::WHOLE);
+    let mut state = state(7, Shard::WHOLE);
     state.memory.store = Arc::new(Store::new(WIDTH, HEIGHT, state.memory.store.layout().clone(), 0, 7));
     (state.memory.rerun, state.memory.under_way, state.memory.estimate) = (None, None, None);
     let read = decode(&encoded(&state)).unwrap();
@@ -201,10 +201,10 @@ fn counts_that_do_not_add_up_are_refused() {
 }
 
 #[test]
-fn shares_that_make_a_whole_become_it_and_others_stay_apart() {
-    // Each pixel as often as it is due to the share.
+fn shards_that_make_a_whole_become_it_and_others_stay_apart() {
+    // Each pixel as often as it is due to the shard.
     let of_many = |k: u32, n: u32, samples: u32| {
-        let mut state = state(7, Share::new(k, n).unwrap());
+        let mut state = state(7, Shard::new(k, n).unwrap());
         let layout = state.memory.store.layout().clone();
         let mut store = Store::new(WIDTH, HEIGHT, layout.clone(), 3, 7);
         for i in 0..WIDTH * HEIGHT {
@@ -221,18 +221,18 @@ fn shares_that_make_a_whole_become_it_and_others_stay_apart() {
         merge.finish()
     };
     let whole = sum(of(2, 2), of(1, 4));
-    assert_eq!(whole.streams, [Stream::new(7, Share::WHOLE)]);
+    assert_eq!(whole.streams, [Stream::new(7, Shard::WHOLE)]);
     assert_eq!(whole.memory.store.drawn(), 6 * (WIDTH * HEIGHT) as u64);
     assert!(whole.memory.rerun.is_none() && whole.memory.batches.is_empty());
     let gap = sum(of(1, 2), of(2, 4));
-    assert_eq!(gap.streams.len(), 2, "indices 2 and 3 of the first share are missing");
+    assert_eq!(gap.streams.len(), 2, "indices 2 and 3 of the first shard are missing");
     assert_eq!(encoded(&decode(&encoded(&gap)).unwrap()), encoded(&gap));
 
     // Step by step, by way of files, in any order and grouping: 8 samples are 4, 2 and 2.
     let reread = |state: RenderState| decode(&encoded(&state)).unwrap();
     let [a, b, c] = [(1, 4), (2, 2), (3, 2)].map(|(k, samples)| move || of_many(k, 3, samples));
     for steps in [sum(reread(sum(c(), a())), b()), sum(b(), reread(sum(a(), c())))] {
-        assert_eq!(steps.streams, [Stream::new(7, Share::WHOLE)]);
+        assert_eq!(steps.streams, [Stream::new(7, Shard::WHOLE)]);
     }
     assert_eq!(
         sum(reread(sum(of_many(3, 3, 4), of_many(1, 3, 2))), b()).streams.len(),
@@ -243,14 +243,14 @@ fn shares_that_make_a_whole_become_it_and_others_stay_apart() {
 
 #[test]
 fn only_other_samples_of_the_same_picture_are_added() {
-    let mut merge = Merge::new(state(7, Share::WHOLE));
-    let same = merge.add(&state(7, Share::new(2, 3).unwrap())).unwrap_err();
+    let mut merge = Merge::new(state(7, Shard::WHOLE));
+    let same = merge.add(&state(7, Shard::new(2, 3).unwrap())).unwrap_err();
     assert!(matches!(same, MergeError::Overlap(..)));
-    let mut other = state(8, Share::WHOLE);
+    let mut other = state(8, Shard::WHOLE);
     other.metadata.pixel_bounds[0] -= 1;
     let differs = merge.add(&other).unwrap_err().to_string();
     assert!(differs.starts_with("pixelbounds: found 2,22,2,7; accepted is"), "{differs}");
-    merge.add(&state(8, Share::WHOLE)).unwrap();
+    merge.add(&state(8, Shard::WHOLE)).unwrap();
     assert_eq!(merge.finish().streams.len(), 2);
 }
 
@@ -261,7 +261,7 @@ fn the_writer_leaves_the_latest_state_and_nothing_else() {
     std::fs::write(folder.path().join(".a.state.tmp"), b"left by a killed program").unwrap();
     let writer = CheckpointWriter::new(&path, 1000).unwrap();
     for seed in [1, 2, 3] {
-        writer.write(&state(seed, Share::WHOLE));
+        writer.write(&state(seed, Shard::WHOLE));
     }
     writer.finish().unwrap();
     assert_eq!(RenderState::read(&path).unwrap().settings.seed, 3);
@@ -272,7 +272,7 @@ fn the_writer_leaves_the_latest_state_and_nothing_else() {
 fn a_disk_without_space_is_an_error_and_the_old_file_stays() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.state");
-    state(1, Share::WHOLE).write(&path).unwrap();
+    state(1, Shard::WHOLE).write(&path).unwrap();
     // More than any disk has; not every file system can tell.
     if let Err(error) = CheckpointWriter::new(&path, 1 << 55) {
         assert!(

@@ -9,7 +9,7 @@ use prpf::adaptive::Sampling;
 use prpf::geometry::Accel;
 use prpf::image::{Planes, exr_file};
 use prpf::progressive::Memory;
-use prpf::render::{Renderer, Share};
+use prpf::render::{Renderer, Shard};
 use prpf::scene::pbrt;
 use prpf::state::{self, ImageMetadata, RenderState, Stream};
 use rand::{RngExt, SeedableRng};
@@ -44,7 +44,7 @@ fn state() -> RenderState {
         under_way: None,
         recent: (0.0, 0.0),
     };
-    let streams = vec![Stream::new(1, Share::WHOLE)];
+    let streams = vec![Stream::new(1, Shard::WHOLE)];
     RenderState {
         metadata: ImageMetadata::new(&scene, &renderer),
         settings: settings(4, Sampling::Uniform, 1),
