@@ -1,8 +1,8 @@
-//! Every measurement of an experiment, in a CSV file that grows with each, so that a run that was
-//! stopped goes on where it was.
+//! Records every measurement of an experiment in a CSV file, so that a stopped run can be continued.
 //!
-//! One row holds one number: scene, seed, settings, quantity, value, cores, commit. A measurement is
-//! all rows of one [`Key`], and stands if it was taken at the same commit of what it measures.
+//! A row holds one number: scene, seed, settings, quantity, value, cores, commit. A measurement is all rows of
+//! one [`Key`]. A recorded one is reused if it was taken with as many cores and at the same commit of the
+//! [measured paths](MEASURED_PATHS).
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -11,18 +11,18 @@ use std::process::Command;
 use anyhow::Context;
 use serde::{Deserialize, Serialize};
 
-/// What results follow from; the reports that they end in are not among it.
-const MEASURED: [&str; 4] = ["src", "scenes", "Cargo.toml", "Cargo.lock"];
+/// The paths that results depend on: not those of experiments and reports.
+const MEASURED_PATHS: [&str; 4] = ["src", "scenes", "Cargo.toml", "Cargo.lock"];
 
-/// The numbers of one measurement, by quantity.
+/// The values of one measurement, by quantity.
 pub type Values = BTreeMap<String, f64>;
 
-/// What is measured: everything that the numbers depend on.
+/// Identifies a measurement: everything that its values depend on.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Key {
     pub scene: String,
     pub seed: u64,
-    /// All settings, as `name=value` and separated by blanks.
+    /// All settings, as `name=value`, separated by blanks.
     pub settings: String,
 }
 
@@ -32,18 +32,19 @@ impl Key {
     }
 }
 
-/// Where measurements are taken.
+/// The machine and the code that measurements are taken with.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Machine {
     pub cores: usize,
-    /// The latest commit of what is measured, with a `+` if it was changed since.
+    /// The latest commit of the measured paths; a `+` follows if they have uncommitted changes.
     pub commit: String,
 }
 
 impl Machine {
-    pub fn here() -> Self {
+    /// This machine, at the current commit.
+    pub fn current() -> Self {
         let git = |arguments: &[&str]| {
-            let output = Command::new("git").args(arguments).arg("--").args(MEASURED).output().ok()?;
+            let output = Command::new("git").args(arguments).arg("--").args(MEASURED_PATHS).output().ok()?;
             output.status.success().then(|| String::from_utf8_lossy(&output.stdout).trim().to_owned())
         };
         let changed = git(&["status", "--porcelain"]).is_some_and(|files| !files.is_empty());
@@ -71,73 +72,72 @@ struct Row {
 pub struct Ledger {
     path: PathBuf,
     pub machine: Machine,
-    known: BTreeMap<Key, Values>,
-    /// Keys that this run asked for, in this order.
-    asked: Vec<Key>,
+    recorded: BTreeMap<Key, Values>,
+    /// Keys that this run requested, in this order.
+    requested: Vec<Key>,
 }
 
 impl Ledger {
-    /// Opens a file, if there is one; `fresh` starts anew. Measurements of another machine or commit are
-    /// forgotten.
+    /// Reads the file if it exists, unless `fresh`. Discards measurements of another machine or commit.
     ///
     /// # Errors
-    /// A file that is no ledger, or cannot be written.
+    /// A file that cannot be read or written.
     pub fn open(path: &Path, machine: Machine, fresh: bool) -> anyhow::Result<Self> {
-        let mut known: BTreeMap<Key, Values> = BTreeMap::new();
+        let mut recorded: BTreeMap<Key, Values> = BTreeMap::new();
         if path.exists() && !fresh {
             let mut reader =
-                csv::Reader::from_path(path).with_context(|| format!("reading {}", path.display()))?;
+                csv::Reader::from_path(path).with_context(|| format!("cannot read {}", path.display()))?;
             for row in reader.deserialize::<Row>() {
-                // The last line of a run that was stopped while writing is no row.
+                // A run that was stopped while writing leaves an incomplete last line.
                 let Ok(row) = row else { break };
                 if row.cores == machine.cores && row.commit == machine.commit {
                     let key = Key { scene: row.scene, seed: row.seed, settings: row.settings };
-                    known.entry(key).or_default().insert(row.quantity, row.value);
+                    recorded.entry(key).or_default().insert(row.quantity, row.value);
                 }
             }
         }
-        let ledger = Self { path: path.to_owned(), machine, known, asked: Vec::new() };
-        ledger.write(ledger.known.keys())?;
+        let ledger = Self { path: path.to_owned(), machine, recorded, requested: Vec::new() };
+        ledger.write(ledger.recorded.keys())?;
         Ok(ledger)
     }
 
-    /// The numbers of a measurement: found, or else taken and kept. It is taken again where a file that it
-    /// leaves behind is missing.
+    /// Returns the recorded values of `key`, or calls `measure` and records what it returns. Measures again if
+    /// one of the `files` that the measurement writes is missing.
     ///
     /// # Errors
-    /// The measurement's own, or a file that cannot be written.
+    /// Those of `measure`, or a ledger that cannot be written.
     pub fn measure(
         &mut self,
         key: Key,
         files: &[PathBuf],
-        take: impl FnOnce() -> anyhow::Result<Values>,
+        measure: impl FnOnce() -> anyhow::Result<Values>,
     ) -> anyhow::Result<Values> {
-        let found = self.known.get(&key).filter(|_| files.iter().all(|file| file.is_file())).cloned();
+        let found = self.recorded.get(&key).filter(|_| files.iter().all(|file| file.is_file())).cloned();
         let values = match found {
             Some(values) => values,
             None => {
-                let values = take().with_context(|| format!("{}: {}", key.scene, key.settings))?;
-                self.known.insert(key.clone(), values.clone());
+                let values = measure().with_context(|| format!("{}: {}", key.scene, key.settings))?;
+                self.recorded.insert(key.clone(), values.clone());
                 self.append(&key)?;
                 values
             }
         };
-        if !self.asked.contains(&key) {
-            self.asked.push(key);
+        if !self.requested.contains(&key) {
+            self.requested.push(key);
         }
         Ok(values)
     }
 
-    /// Leaves in the file what this run asked for, in this order.
+    /// Rewrites the file with the measurements that this run requested, in this order.
     ///
     /// # Errors
     /// A file that cannot be written.
     pub fn finish(self) -> anyhow::Result<()> {
-        self.write(self.asked.iter())
+        self.write(self.requested.iter())
     }
 
     fn rows<'a>(&'a self, key: &'a Key) -> impl Iterator<Item = Row> + 'a {
-        self.known[key].iter().map(|(quantity, &value)| Row {
+        self.recorded[key].iter().map(|(quantity, &value)| Row {
             scene: key.scene.clone(),
             seed: key.seed,
             settings: key.settings.clone(),
@@ -148,14 +148,14 @@ impl Ledger {
         })
     }
 
-    /// In one piece, so that a run that is stopped leaves measurements whole.
+    /// Appends a measurement by a single write, so that a stopped run leaves no part of one.
     fn append(&self, key: &Key) -> anyhow::Result<()> {
         use std::io::Write;
         let empty = std::fs::metadata(&self.path).map_or(true, |data| data.len() == 0);
         let mut writer = csv::WriterBuilder::new().has_headers(empty).from_writer(Vec::new());
         self.rows(key).try_for_each(|row| writer.serialize(row))?;
         let mut file = std::fs::OpenOptions::new().create(true).append(true).open(&self.path)?;
-        file.write_all(&writer.into_inner()?).with_context(|| format!("writing {}", self.path.display()))
+        file.write_all(&writer.into_inner()?).with_context(|| format!("cannot write {}", self.path.display()))
     }
 
     fn write<'a>(&'a self, keys: impl Iterator<Item = &'a Key>) -> anyhow::Result<()> {
@@ -164,11 +164,11 @@ impl Ledger {
             self.rows(key).try_for_each(|row| writer.serialize(row))?;
         }
         std::fs::write(&self.path, writer.into_inner()?)
-            .with_context(|| format!("writing {}", self.path.display()))
+            .with_context(|| format!("cannot write {}", self.path.display()))
     }
 }
 
-/// Numbers by their names.
+/// Values by quantity.
 pub fn values<const N: usize>(values: [(&str, f64); N]) -> Values {
     values.into_iter().map(|(name, value)| (name.to_owned(), value)).collect()
 }
@@ -181,45 +181,45 @@ mod tests {
         Machine { cores: 2, commit: commit.to_owned() }
     }
 
-    /// Measures in a file and tells whether anything was taken.
-    fn takes(ledger: &mut Ledger, key: &Key, files: &[PathBuf]) -> bool {
-        let mut taken = false;
+    /// Whether a request of `key` calls the measurement.
+    fn measures(ledger: &mut Ledger, key: &Key, files: &[PathBuf]) -> bool {
+        let mut called = false;
         let found = ledger.measure(key.clone(), files, || {
-            taken = true;
+            called = true;
             Ok(values([("mse", 0.1 + 0.2), ("seconds", 2.0)]))
         });
         assert_eq!(found.unwrap()["mse"], 0.1 + 0.2, "to the last bit");
-        taken
+        called
     }
 
     #[test]
-    fn a_measurement_is_taken_once_and_again_for_another_key_or_commit() {
+    fn a_measurement_is_taken_once_for_each_key_and_commit() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("data.csv");
         let key = Key::new("pool", 1, "method=rpf spp=8");
         let mut first = Ledger::open(&path, machine("a"), false).unwrap();
-        assert!(takes(&mut first, &key, &[]));
-        assert!(!takes(&mut first, &key, &[]));
-        assert!(takes(&mut first, &Key { seed: 2, ..key.clone() }, &[]));
-        // Stopped here.
+        assert!(measures(&mut first, &key, &[]));
+        assert!(!measures(&mut first, &key, &[]));
+        assert!(measures(&mut first, &Key { seed: 2, ..key.clone() }, &[]));
+        // The first run ends without `finish`.
         let mut second = Ledger::open(&path, machine("a"), false).unwrap();
-        assert!(!takes(&mut second, &key, &[]));
-        assert!(takes(&mut second, &key, &[folder.path().join("picture.png")]));
+        assert!(!measures(&mut second, &key, &[]));
+        assert!(measures(&mut second, &key, &[folder.path().join("picture.png")]));
         let mut fresh = Ledger::open(&path, machine("a"), true).unwrap();
-        assert!(takes(&mut fresh, &key, &[]));
+        assert!(measures(&mut fresh, &key, &[]));
         let mut other = Ledger::open(&path, machine("b"), false).unwrap();
-        assert!(takes(&mut other, &key, &[]));
+        assert!(measures(&mut other, &key, &[]));
     }
 
     #[test]
-    fn what_was_not_asked_for_is_not_kept() {
+    fn measurements_that_were_not_requested_are_dropped() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("data.csv");
         let (old, new) = (Key::new("pool", 1, "spp=8"), Key::new("pool", 1, "spp=16"));
         let mut ledger = Ledger::open(&path, machine("a"), false).unwrap();
-        takes(&mut ledger, &old, &[]);
+        measures(&mut ledger, &old, &[]);
         let mut ledger = Ledger::open(&path, machine("a"), false).unwrap();
-        takes(&mut ledger, &new, &[]);
+        measures(&mut ledger, &new, &[]);
         ledger.finish().unwrap();
         let text = std::fs::read_to_string(&path).unwrap();
         assert!(text.starts_with("scene,seed,settings,quantity,value,cores,commit\n"), "{text}");

@@ -1,14 +1,15 @@
-//! `prpf-experiments`: asks the library questions and writes the answers down.
+//! `prpf-experiments`: measures the library and writes reports.
 //!
-//! An experiment is a module with a function that takes a [`Bench`], and a line in [`EXPERIMENTS`].
-//! What it runs stands in `experiments/NAME.toml`; it leaves a report, plots, pictures and every
-//! measurement in `experiments/results/NAME/`. It uses only the library's public face.
+//! An experiment is a module with a function that takes a [`Session`], and an entry of [`EXPERIMENTS`].
+//! `experiments/NAME.toml` holds its settings; `experiments/results/NAME/` receives its report, plots, pictures
+//! and measurements. Experiments use the library's public interface only.
 
 mod accuracy;
 mod allocation;
-mod bench;
+mod configuration;
 mod curves;
 mod effects;
+mod estimate_check;
 mod ledger;
 mod paper;
 mod picture;
@@ -17,9 +18,11 @@ mod reference;
 mod report;
 mod sampling;
 mod scenes;
+mod session;
 mod settings;
 mod stability;
 mod statistics;
+mod test_scene;
 mod trial;
 
 use std::path::PathBuf;
@@ -27,15 +30,15 @@ use std::process::ExitCode;
 
 use clap::Parser;
 
-use bench::Bench;
+use session::Session;
 
 #[global_allocator]
 static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
 
-/// What runs an experiment.
-type Run = fn(&mut Bench) -> anyhow::Result<()>;
+/// Runs an experiment.
+type Run = fn(&mut Session) -> anyhow::Result<()>;
 
-/// Every experiment by its name.
+/// All experiments, by name.
 const EXPERIMENTS: &[(&str, Run)] = &[
     ("paper", paper::run),
     ("allocation", allocation::run),
@@ -47,22 +50,22 @@ const EXPERIMENTS: &[(&str, Run)] = &[
 /// Runs an experiment and writes its report.
 #[derive(Parser)]
 #[command(after_help = "\
-What an experiment runs stands in experiments/NAME.toml. It can be stopped at any time: the next run goes
-on where it was. Call it in the repository's folder.")]
+experiments/NAME.toml holds an experiment's settings. A run can be stopped at any time: the next one continues
+it. Run it in the repository's folder.")]
 struct Arguments {
-    /// Which experiment
+    /// Name of the experiment
     #[arg(value_parser = clap::builder::PossibleValuesParser::new(EXPERIMENTS.iter().map(|(name, _)| *name)))]
     name: String,
-    /// A small variant, of minutes
+    /// Run a smaller variant, which takes minutes
     #[arg(long)]
     quick: bool,
     /// Folder of the results [default: experiments/results/NAME, with --quick NAME-quick]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Folder of public scenes; those that are not there are left out [default: $PRPF_SCENES]
+    /// Folder of the public scenes; missing ones are left out [default: $PRPF_SCENES]
     #[arg(long, value_name = "DIR")]
     scenes_dir: Option<PathBuf>,
-    /// Measure everything again
+    /// Discard earlier measurements
     #[arg(long)]
     fresh: bool,
 }
@@ -81,8 +84,8 @@ fn main() -> ExitCode {
 fn run(arguments: Arguments) -> anyhow::Result<()> {
     let Arguments { name, quick, out, scenes_dir, fresh } = arguments;
     let scenes_dir = scenes_dir.or_else(|| std::env::var_os("PRPF_SCENES").map(PathBuf::from));
-    let mut bench = Bench::new(&name, quick, out, scenes_dir, fresh)?;
+    let mut session = Session::new(&name, quick, out, scenes_dir, fresh)?;
     let (_, run) = EXPERIMENTS.iter().find(|(known, _)| *known == name).expect("the parser knows the names");
-    run(&mut bench)?;
-    bench.finish()
+    run(&mut session)?;
+    session.finish()
 }

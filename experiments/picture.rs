@@ -1,10 +1,10 @@
-//! Small pictures for reports: parts of images as a screen shows them, and maps in colours.
+//! Writes pictures for reports: crops of tone-mapped images, and maps in false colours.
 
 use std::path::Path;
 
 use prpf::image::{Planes, png_file, tone};
 
-/// Dark blue to yellow, of even steps to the eye: the colour map `viridis` at even distances.
+/// The colour map `viridis`, from dark blue to yellow, at equal distances.
 const COLOURS: [[u8; 3]; 9] = [
     [68, 1, 84],
     [71, 44, 122],
@@ -17,8 +17,8 @@ const COLOURS: [[u8; 3]; 9] = [
     [253, 231, 37],
 ];
 
-/// A part of an image: x0, x1, y0, y1, half open, inside the image.
-pub fn part(planes: &Planes, [x0, x1, y0, y1]: [usize; 4]) -> Planes {
+/// Crops an image to x0, x1, y0, y1, half open, inside the image.
+pub fn crop(planes: &Planes, [x0, x1, y0, y1]: [usize; 4]) -> Planes {
     let mut out = Planes::new(x1 - x0, y1 - y0, planes.count());
     for k in 0..planes.count() {
         let rows = out.plane_mut(k).chunks_mut(x1 - x0).zip(y0..y1);
@@ -27,7 +27,7 @@ pub fn part(planes: &Planes, [x0, x1, y0, y1]: [usize; 4]) -> Planes {
     out
 }
 
-/// Pictures of one height and of equal numbers of planes in a row, with a gap between them.
+/// Joins pictures of one height and plane count in a row, with gaps between them.
 pub fn in_a_row(pictures: &[Planes]) -> Planes {
     const GAP: usize = 4;
     let height = pictures.iter().map(Planes::height).min().unwrap_or(0);
@@ -54,34 +54,34 @@ pub fn write(path: &Path, planes: &Planes, exposure: f32) -> anyhow::Result<()> 
     Ok(png_file::write(path, planes, exposure)?)
 }
 
-/// Writes the first plane as PNG, in colours from 0 (dark) to `most` (yellow).
+/// Writes the first plane as PNG in false colours, from 0 (dark) to `max` (yellow).
 ///
 /// # Errors
 /// A file that cannot be written.
-pub fn write_map(path: &Path, planes: &Planes, most: f32) -> anyhow::Result<()> {
-    let bytes: Vec<u8> = planes.plane(0).iter().flat_map(|&value| colour(value / most)).collect();
+pub fn write_map(path: &Path, planes: &Planes, max: f32) -> anyhow::Result<()> {
+    let bytes: Vec<u8> = planes.plane(0).iter().flat_map(|&value| colour(value / max)).collect();
     Ok(png_file::write_srgb8(path, planes.width(), planes.height(), &bytes)?)
 }
 
-/// The first plane in the same colours, as an image: 3 planes of linear light.
-pub fn coloured(planes: &Planes, most: f32) -> Planes {
+/// Converts the first plane to an image in the same false colours: 3 planes of linear light.
+pub fn false_colour(planes: &Planes, max: f32) -> Planes {
     let mut image = Planes::new(planes.width(), planes.height(), 3);
     for (i, &value) in planes.plane(0).iter().enumerate() {
-        for (c, byte) in colour(value / most).into_iter().enumerate() {
+        for (c, byte) in colour(value / max).into_iter().enumerate() {
             image.plane_mut(c)[i] = tone::srgb_decode(f32::from(byte) / 255.0);
         }
     }
     image
 }
 
-/// The colour of a share of the map's range; grey where it is no number.
-fn colour(share: f32) -> [u8; 3] {
-    if share.is_nan() {
+/// The colour of a value in [0, 1]; grey for NaN.
+fn colour(value: f32) -> [u8; 3] {
+    if value.is_nan() {
         return [128; 3];
     }
-    let place = share.clamp(0.0, 1.0) * (COLOURS.len() - 1) as f32;
-    let i = (place as usize).min(COLOURS.len() - 2);
-    let t = place - i as f32;
+    let position = value.clamp(0.0, 1.0) * (COLOURS.len() - 1) as f32;
+    let i = (position as usize).min(COLOURS.len() - 2);
+    let t = position - i as f32;
     std::array::from_fn(|c| {
         let (a, b) = (f32::from(COLOURS[i][c]), f32::from(COLOURS[i + 1][c]));
         (a + t * (b - a)).round() as u8
@@ -99,19 +99,19 @@ mod tests {
     }
 
     #[test]
-    fn a_part_is_cut_out_at_its_place() {
-        assert_eq!(part(&numbered(4, 3), [1, 3, 1, 3]).data(), [5.0, 6.0, 9.0, 10.0]);
+    fn a_crop_has_the_pixels_of_its_bounds() {
+        assert_eq!(crop(&numbered(4, 3), [1, 3, 1, 3]).data(), [5.0, 6.0, 9.0, 10.0]);
     }
 
     #[test]
-    fn rows_of_pictures_have_all_of_them_beside_each_other() {
+    fn a_row_shows_pictures_side_by_side() {
         let row = in_a_row(&[numbered(2, 2), numbered(1, 2)]);
         assert_eq!((row.width(), row.height()), (7, 2));
         assert_eq!(row.row(0, 1), [2.0, 3.0, 1.0, 1.0, 1.0, 1.0, 1.0]);
     }
 
     #[test]
-    fn maps_run_through_the_colours_and_stay_at_their_ends() {
+    fn false_colours_are_clamped_to_the_map() {
         assert_eq!(colour(0.0), COLOURS[0]);
         assert_eq!(colour(0.5), COLOURS[4]);
         assert_eq!([colour(1.0), colour(7.0)], [COLOURS[8]; 2]);

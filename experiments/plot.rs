@@ -1,11 +1,13 @@
-//! Plots as SVG: lines over logarithmic axes, one panel for each scene.
+//! Draws plots as SVG: lines on logarithmic axes, in panels.
+//!
+//! Takes named series of points; writes a file with a legend above the panels.
 
 use std::path::Path;
 
 use anyhow::anyhow;
 use plotters::prelude::*;
 
-/// Colours that can be told apart, also by those who see few (Okabe and Ito 2008).
+/// Colours that colour-blind readers can tell apart (Okabe and Ito 2008).
 const COLOURS: [RGBColor; 7] = [
     RGBColor(0, 114, 178),
     RGBColor(213, 94, 0),
@@ -16,26 +18,34 @@ const COLOURS: [RGBColor; 7] = [
     RGBColor(0, 0, 0),
 ];
 
-/// Pixels of a panel.
+/// Width and height of a panel in pixels.
 const PANEL: (u32, u32) = (380, 300);
-/// Pixels at the top for the names of the lines, of a name's mark and the gaps around it, and of a letter.
-const NAMES: (u32, u32, u32) = (26, 36, 6);
-/// Share that axes go beyond the data, in decades.
-const ROOM: f64 = 0.08;
-/// Fewest decades that an axis shows, so that small differences look small.
-const FEWEST_DECADES: f64 = 0.8;
+/// Height of the legend above the panels, in pixels.
+const LEGEND_HEIGHT: u32 = 26;
+/// Width of a legend entry without its name, in pixels.
+const ENTRY_WIDTH: u32 = 36;
+/// Approximate width of a letter, in pixels.
+const LETTER_WIDTH: u32 = 6;
+/// Margin between the data and the ends of an axis, in decades.
+const MARGIN: f64 = 0.08;
+/// Shortest range of an axis in decades, so that small differences look small.
+const MIN_DECADES: f64 = 0.8;
 
-/// A line with a name. Colours follow from the order in which names appear in a plot; a series without
-/// points keeps a colour for its name.
+type Area<'a> = DrawingArea<SVGBackend<'a>, plotters::coord::Shift>;
+type DrawResult = Result<(), Box<dyn std::error::Error>>;
+
+/// A named line. The order in which names appear in a plot decides their colours; a series without points
+/// reserves the colour of its name.
 #[derive(Clone, Debug)]
 pub struct Series {
     pub name: String,
     pub points: Vec<(f64, f64)>,
-    /// Whether a line goes from each to the next.
+    /// Whether a line joins the points.
     joined: bool,
 }
 
 impl Series {
+    /// Points joined by a line.
     pub fn new(name: &str, points: impl IntoIterator<Item = (f64, f64)>) -> Self {
         Self { name: name.to_owned(), points: points.into_iter().collect(), joined: true }
     }
@@ -46,19 +56,19 @@ impl Series {
     }
 }
 
-/// One pair of axes, both logarithmic.
+/// A pair of logarithmic axes.
 #[derive(Clone, Debug)]
 pub struct Panel {
     pub title: String,
     pub series: Vec<Series>,
 }
 
-/// Panels with the same meaning.
+/// Panels with the same axes.
 pub struct Plot<'a> {
     pub x: &'a str,
     pub y: &'a str,
     pub panels: Vec<Panel>,
-    /// Draw lines of slope −1, of plain Monte Carlo's MSE over time or samples, behind the data.
+    /// Whether to draw lines of slope −1 behind the data: MSE of plain Monte Carlo against time or samples.
     pub slope: bool,
     pub columns: usize,
 }
@@ -71,90 +81,108 @@ impl Plot<'_> {
     pub fn write(&self, path: &Path) -> anyhow::Result<()> {
         let columns = self.columns.clamp(1, self.panels.len().max(1));
         let rows = self.panels.len().div_ceil(columns).max(1);
-        let size = (PANEL.0 * columns as u32, PANEL.1 * rows as u32 + NAMES.0);
+        let size = (PANEL.0 * columns as u32, PANEL.1 * rows as u32 + LEGEND_HEIGHT);
         let area = SVGBackend::new(path, size).into_drawing_area();
         self.draw(&area, (rows, columns)).map_err(|error| anyhow!("{}: {error}", path.display()))
     }
 
-    fn draw(
-        &self,
-        area: &DrawingArea<SVGBackend, plotters::coord::Shift>,
-        shape: (usize, usize),
-    ) -> Result<(), Box<dyn std::error::Error + '_>> {
+    /// Draws the legend above panels in `shape` rows and columns.
+    fn draw(&self, area: &Area, shape: (usize, usize)) -> DrawResult {
         area.fill(&WHITE)?;
+        let (legend, panels) = area.split_vertically(LEGEND_HEIGHT);
+        let names = self.names();
+        self.draw_legend(&legend, &names)?;
+        for (panel, area) in self.panels.iter().zip(panels.split_evenly(shape)) {
+            self.draw_panel(&area, panel, &names)?;
+        }
+        area.present()?;
+        Ok(())
+    }
+
+    /// Names of all series, in the order of their first appearance.
+    fn names(&self) -> Vec<&str> {
         let mut names: Vec<&str> = Vec::new();
         for series in self.panels.iter().flat_map(|panel| &panel.series) {
             if !names.contains(&series.name.as_str()) {
                 names.push(&series.name);
             }
         }
-        let (top, area) = area.split_vertically(NAMES.0);
+        names
+    }
+
+    fn draw_legend(&self, area: &Area, names: &[&str]) -> DrawResult {
         let has_points = |name: &str| {
             let mut series = self.panels.iter().flat_map(|panel| &panel.series);
             series.any(|series| series.name == name && !series.points.is_empty())
         };
-        let (mut x, y) = (12, NAMES.0 as i32 / 2);
+        let (mut x, y) = (12, LEGEND_HEIGHT as i32 / 2);
         for (i, &name) in names.iter().enumerate().filter(|(_, name)| has_points(name)) {
-            top.draw(&PathElement::new([(x, y), (x + 16, y)], colour(i).stroke_width(3)))?;
-            top.draw(&Text::new(name.to_owned(), (x + 20, y - 6), ("sans-serif", 12)))?;
-            x += (NAMES.1 + NAMES.2 * name.len() as u32) as i32;
+            area.draw(&PathElement::new([(x, y), (x + 16, y)], colour(i).stroke_width(3)))?;
+            area.draw(&Text::new(name.to_owned(), (x + 20, y - 6), ("sans-serif", 12)))?;
+            x += (ENTRY_WIDTH + LETTER_WIDTH * name.len() as u32) as i32;
         }
-        for (panel, area) in self.panels.iter().zip(area.split_evenly(shape)) {
-            let shown = |&(x, y): &(f64, f64)| x > 0.0 && y > 0.0 && x.is_finite() && y.is_finite();
-            let points = || panel.series.iter().flat_map(|series| &series.points).filter(|p| shown(p));
-            if points().next().is_none() {
-                continue;
-            }
-            let (xs, ys) = (limits(points().map(|p| p.0)), limits(points().map(|p| p.1)));
-            let mut chart = ChartBuilder::on(&area)
-                .caption(&panel.title, ("sans-serif", 15))
-                .margin(8)
-                .x_label_area_size(34)
-                .y_label_area_size(58)
-                .build_cartesian_2d((xs.0..xs.1).log_scale(), (ys.0..ys.1).log_scale())?;
-            chart
-                .configure_mesh()
-                .x_desc(self.x)
-                .y_desc(self.y)
-                .x_label_formatter(&|value| tick(*value))
-                .y_label_formatter(&|value| tick(*value))
-                .light_line_style(WHITE)
-                .draw()?;
-            if self.slope {
-                for line in slopes(xs, ys) {
-                    chart.draw_series(LineSeries::new(line, RGBColor(190, 190, 190)))?;
-                }
-            }
-            for series in &panel.series {
-                let place = names.iter().position(|name| *name == series.name).unwrap_or(0);
-                let colour = colour(place);
-                let points: Vec<_> = series.points.iter().copied().filter(shown).collect();
-                let line = if series.joined { points.clone() } else { Vec::new() };
-                chart.draw_series(LineSeries::new(line, colour.stroke_width(2)))?;
-                chart.draw_series(points.into_iter().map(|point| Circle::new(point, 3, colour.filled())))?;
+        Ok(())
+    }
+
+    /// Draws a panel; nothing if no point can be shown on logarithmic axes.
+    fn draw_panel(&self, area: &Area, panel: &Panel, names: &[&str]) -> DrawResult {
+        // Find the ranges of the axes
+        let shown = |&(x, y): &(f64, f64)| x > 0.0 && y > 0.0 && x.is_finite() && y.is_finite();
+        let points = || panel.series.iter().flat_map(|series| &series.points).filter(|p| shown(p));
+        if points().next().is_none() {
+            return Ok(());
+        }
+        let (xs, ys) = (limits(points().map(|p| p.0)), limits(points().map(|p| p.1)));
+
+        // Draw the axes
+        let mut chart = ChartBuilder::on(area)
+            .caption(&panel.title, ("sans-serif", 15))
+            .margin(8)
+            .x_label_area_size(34)
+            .y_label_area_size(58)
+            .build_cartesian_2d((xs.0..xs.1).log_scale(), (ys.0..ys.1).log_scale())?;
+        chart
+            .configure_mesh()
+            .x_desc(self.x)
+            .y_desc(self.y)
+            .x_label_formatter(&|value| tick(*value))
+            .y_label_formatter(&|value| tick(*value))
+            .light_line_style(WHITE)
+            .draw()?;
+
+        // Draw the lines of slope −1, then the data
+        if self.slope {
+            for line in slopes(xs, ys) {
+                chart.draw_series(LineSeries::new(line, RGBColor(190, 190, 190)))?;
             }
         }
-        area.present()?;
+        for series in &panel.series {
+            let colour = colour(names.iter().position(|name| *name == series.name).unwrap_or(0));
+            let points: Vec<_> = series.points.iter().copied().filter(shown).collect();
+            let line = if series.joined { points.clone() } else { Vec::new() };
+            chart.draw_series(LineSeries::new(line, colour.stroke_width(2)))?;
+            chart.draw_series(points.into_iter().map(|point| Circle::new(point, 3, colour.filled())))?;
+        }
         Ok(())
     }
 }
 
-/// The colour of a line with this place among all names.
-fn colour(place: usize) -> RGBColor {
-    COLOURS[place % COLOURS.len()]
+/// The colour of the series with this index among all names.
+fn colour(index: usize) -> RGBColor {
+    COLOURS[index % COLOURS.len()]
 }
 
-/// The range of an axis that shows all values.
+/// The range of an axis, from the smallest to the largest value and a margin.
 fn limits(values: impl Iterator<Item = f64>) -> (f64, f64) {
-    let (mut least, mut most) = (f64::INFINITY, f64::NEG_INFINITY);
+    let (mut min, mut max) = (f64::INFINITY, f64::NEG_INFINITY);
     for value in values.map(f64::log10) {
-        (least, most) = (least.min(value), most.max(value));
+        (min, max) = (min.min(value), max.max(value));
     }
-    let room = ROOM.max(0.5 * (FEWEST_DECADES - (most - least)));
-    (10_f64.powf(least - room), 10_f64.powf(most + room))
+    let margin = MARGIN.max(0.5 * (MIN_DECADES - (max - min)));
+    (10_f64.powf(min - margin), 10_f64.powf(max + margin))
 }
 
-/// Lines of slope −1 through a plot, a decade from each other, as their two ends.
+/// Lines of slope −1 through a plot, one decade apart, each as its two ends.
 fn slopes(xs: (f64, f64), ys: (f64, f64)) -> Vec<Vec<(f64, f64)>> {
     let products = ((xs.0 * ys.0).log10().floor() as i32)..=((xs.1 * ys.1).log10().ceil() as i32);
     products
@@ -167,7 +195,7 @@ fn slopes(xs: (f64, f64), ys: (f64, f64)) -> Vec<Vec<(f64, f64)>> {
         .collect()
 }
 
-/// A number at an axis.
+/// Formats a number at an axis.
 fn tick(value: f64) -> String {
     if (0.01..10_000.0).contains(&value) {
         let text = format!("{value:.3}");
@@ -206,7 +234,7 @@ mod tests {
     }
 
     #[test]
-    fn a_plot_without_points_is_a_file_all_the_same() {
+    fn a_plot_without_points_is_written_as_well() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.svg");
         let series = vec![Series::new("a", [(8.0, f64::NAN)]), Series::new("b", [])];

@@ -1,5 +1,7 @@
-//! Images to measure errors by: uniformly sampled, unfiltered, with seeds of their own, in two
-//! independent halves, whose difference tells the reference's own error.
+//! Renders reference images: uniformly sampled, unfiltered, in two independent halves.
+//!
+//! Takes a scene and a sample count; gives the mean of the halves and its own expected error, which follows from
+//! their difference. Halves are cached as EXR files.
 
 use std::path::Path;
 
@@ -15,26 +17,26 @@ use sha2::{Digest, Sha256};
 
 use crate::sampling;
 
-/// Seeds of the halves. Experiments count theirs from 0.
+/// Seeds of the halves. Those of experiments count from 0.
 const SEEDS: [u64; 2] = [1_000_001, 1_000_002];
-/// Samples per pixel from one sign of life to the next.
+/// Samples per pixel between two updates of the progress display.
 const STEP: u32 = 64;
 
-/// A reference, and how far off it is itself.
+/// A reference image and its own error.
 pub struct Reference {
     /// 3 planes.
     pub image: Planes,
     /// Samples per pixel.
     pub spp: u32,
-    /// Expected MSE of the image against the truth: ¼ ⟨(A − B)²⟩ of its halves.
+    /// Expected MSE of the image against the true one: ¼ ⟨(A − B)²⟩ for halves A and B.
     pub mse: f64,
-    /// Expected relMSE likewise.
+    /// Expected relMSE, likewise.
     pub relmse: f64,
 }
 
-/// The reference of `spp` samples per pixel (half of them in each half) for a scene as it is loaded: from
-/// the cache, or rendered, `doing` being told how far it is. It is found again by everything it follows
-/// from but the renderer itself; empty the cache when that converges to something else.
+/// Reads the reference of a scene with `spp` samples per pixel from the folder `cache`, or renders it and passes
+/// its progress to `show_status`. The cache does not depend on the renderer's code: delete it after a change of
+/// what the renderer converges to.
 ///
 /// # Errors
 /// A cache that cannot be read or written.
@@ -43,10 +45,11 @@ pub fn reference(
     name: &str,
     spp: u32,
     cache: &Path,
-    doing: impl Fn(String),
+    show_status: impl Fn(String),
 ) -> anyhow::Result<Reference> {
+    // Derive file names from everything that the halves depend on
     let film = &scene.film;
-    let follows_from = format!(
+    let cache_key = format!(
         "{} {} {}x{} {:?} {:?} {spp} {SEEDS:?}",
         env!("CARGO_PKG_VERSION"),
         scene.hash,
@@ -55,17 +58,22 @@ pub fn reference(
         film.pixel_bounds,
         scene.integrator
     );
-    let digest = Sha256::digest(follows_from);
+    let digest = Sha256::digest(cache_key);
     let digest: String = digest[..6].iter().map(|byte| format!("{byte:02x}")).collect();
     let paths = [0, 1].map(|half| cache.join(format!("{name}-{digest}-{half}.exr")));
+
+    // Read or render the halves
     let mut halves = Vec::new();
     for (path, seed) in paths.iter().zip(SEEDS) {
         if !path.is_file() {
-            let told = |done: u32| doing(format!("{name}: reference, {done} of {} spp", spp / 2));
-            write(path, &render(scene, spp / 2, seed, told))?;
+            let show_progress =
+                |done: u32| show_status(format!("{name}: reference, {done} of {} spp", spp / 2));
+            write(path, &render(scene, spp / 2, seed, show_progress))?;
         }
         halves.push(exr_file::read_layer(path, None).with_context(|| path.display().to_string())?);
     }
+
+    // Average the halves
     let mut image = halves[0].clone();
     image.data_mut().iter_mut().zip(halves[1].data()).for_each(|(a, b)| *a = 0.5 * (*a + b));
     let (mse, relmse) = {
@@ -76,12 +84,12 @@ pub fn reference(
     Ok(Reference { image, spp, mse, relmse })
 }
 
-fn render(scene: &Scene, spp: u32, seed: u64, told: impl Fn(u32)) -> Planes {
+fn render(scene: &Scene, spp: u32, seed: u64, show_progress: impl Fn(u32)) -> Planes {
     let accel = Accel::build(scene);
     let renderer = Renderer::new(scene, &accel, seed);
     let mut store = sampling::store(&renderer, 0, seed);
     for done in (0..spp).step_by(STEP as usize) {
-        told(done);
+        show_progress(done);
         sampling::add(&renderer, &mut store, STEP.min(spp - done));
     }
     store.means(Part::Whole, store.layout().radiance())

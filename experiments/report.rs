@@ -1,62 +1,63 @@
-//! A report in Markdown: a finding first, then tables and pictures, all of them written from
-//! measurements.
+//! Writes reports in Markdown: a finding, then tables and pictures, all computed from measurements.
 
 use std::fmt::Write;
 use std::path::Path;
 
 use anyhow::Context;
 
-use crate::bench::Bench;
+use crate::session::Session;
 
-/// Text that grows from the top.
+/// A report in progress.
 pub struct Report {
     text: String,
 }
 
 impl Report {
-    /// A title, and the finding in a sentence or two.
+    /// Starts a report with its title and its finding, a sentence or two.
     pub fn new(title: &str, finding: &str) -> Self {
         Self { text: format!("# {title}\n\n{finding}\n") }
     }
 
+    /// Adds a heading.
     pub fn section(&mut self, title: &str) {
         let _ = write!(self.text, "\n## {title}\n");
     }
 
+    /// Adds a paragraph.
     pub fn paragraph(&mut self, text: &str) {
         let _ = write!(self.text, "\n{text}\n");
     }
 
-    /// A table; rows shorter than its head are filled up.
+    /// Adds a table. Rows shorter than its head are padded with empty cells.
     pub fn table(&mut self, head: &[&str], rows: &[Vec<String>]) {
         let _ = write!(self.text, "\n{}", table(head, rows));
     }
 
-    /// A plot or picture, by its name in the results folder.
+    /// Adds a plot or picture by its name in the results folder.
     pub fn picture(&mut self, file: &str, caption: &str) {
         let _ = write!(self.text, "\n![{caption}]({file})\n\n{caption}\n");
     }
 
-    /// Ends the report with how it was made, and writes it.
+    /// Adds the command, commit, cores and seeds, and writes the report.
     ///
     /// # Errors
     /// A file that cannot be written.
-    pub fn write(mut self, bench: &Bench, seeds: &str) -> anyhow::Result<()> {
-        let machine = &bench.ledger.machine;
-        self.section("How this was made");
+    pub fn write(mut self, session: &Session, seeds: &str) -> anyhow::Result<()> {
+        let machine = &session.ledger.machine;
+        self.section("How this was measured");
         self.paragraph(&format!(
-            "`{}` at commit {} on {} cores; seeds {seeds}. Every measurement is in [data.csv](data.csv), and what was run \
-             in the experiment's `.toml`.",
-            bench.command(),
+            "`{}` at commit {} on {} cores; seeds {seeds}. [data.csv](data.csv) holds every measurement, the experiment's \
+             `.toml` file its settings.",
+            session.command(),
             machine.commit,
             machine.cores
         ));
-        write(&bench.out.join("report.md"), &self.text)
+        write(&session.out.join("report.md"), &self.text)
     }
 }
 
 fn write(path: &Path, text: &str) -> anyhow::Result<()> {
-    std::fs::write(path, text).with_context(|| format!("writing {}", path.display()))
+    std::fs::write(path, text).with_context(|| format!("cannot write {}", path.display()))
 }
 
 fn table(head: &[&str], rows: &[Vec<String>]) -> String {
@@ -74,8 +75,8 @@ fn table(head: &[&str], rows: &[Vec<String>]) -> String {
     text
 }
 
-/// A number with so many significant digits: `0.00123`, `12.3`, `1230`; in powers of ten where it is very
-/// small or large.
+/// Formats a number with `digits` significant digits: `0.00123`, `12.3`, `1230`. Very small and very large numbers
+/// get a power of ten.
 pub fn number(value: f64, digits: i32) -> String {
     if !value.is_finite() {
         return "–".to_owned();
@@ -90,16 +91,16 @@ pub fn number(value: f64, digits: i32) -> String {
     format!("{value:.*}", (digits - 1 - exponent).max(0) as usize)
 }
 
-/// The least and the largest of some numbers as `a to b`, or as one where they read the same.
+/// Formats the range of the finite values as `a to b`, or as one number if both read the same.
 pub fn range(values: impl IntoIterator<Item = f64>, digits: i32) -> String {
     let values: Vec<f64> = values.into_iter().filter(|v| v.is_finite()).collect();
-    let least = values.iter().copied().fold(f64::INFINITY, f64::min);
-    let most = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-    let [least, most] = [least, most].map(|value| number(value, digits));
-    if least == most { least } else { format!("{least} to {most}") }
+    let min = values.iter().copied().fold(f64::INFINITY, f64::min);
+    let max = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    let [min, max] = [min, max].map(|value| number(value, digits));
+    if min == max { min } else { format!("{min} to {max}") }
 }
 
-/// The middle of some numbers; of an even number of them the mean of both middles. NaN of none.
+/// Median of the finite values; of an even number, the mean of the middle two. NaN if there are none.
 pub fn median(values: impl IntoIterator<Item = f64>) -> f64 {
     let mut values: Vec<f64> = values.into_iter().filter(|v| v.is_finite()).collect();
     values.sort_by(f64::total_cmp);
@@ -122,13 +123,13 @@ mod tests {
     }
 
     #[test]
-    fn numbers_have_their_significant_digits() {
+    fn numbers_have_the_significant_digits_asked_for() {
         let numbers = [0.001_234, 12.34, 1234.0, 0.0, 1.5e-7, f64::NAN].map(|value| number(value, 3));
         assert_eq!(numbers, ["0.00123", "12.3", "1234", "0", "1.50e-7", "–"]);
     }
 
     #[test]
-    fn ranges_and_medians_are_of_what_is_finite() {
+    fn ranges_and_medians_leave_out_values_that_are_not_finite() {
         assert_eq!(range([3.0, f64::NAN, 1.0], 2), "1.0 to 3.0");
         assert_eq!(range([2.0], 2), "2.0");
         assert_eq!(range([], 2), "–");

@@ -1,4 +1,6 @@
-//! The scenes that experiments know (`scenes.toml`), and the part of a scene that is looked at.
+//! Looks up scenes by name in `scenes.toml` and loads them.
+//!
+//! Gives a [`Scene`] with the film resolution, crop and integrator that an experiment asks for.
 
 use std::path::{Path, PathBuf};
 
@@ -8,22 +10,22 @@ use serde::Deserialize;
 
 use crate::settings;
 
-/// A scene as a file.
+/// An entry of `scenes.toml`.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SceneFile {
     pub name: String,
     pub file: PathBuf,
-    /// Whether the file is in the folder of public scenes, not in this repository.
+    /// Whether the file belongs to the folder of public scenes, not to this repository.
     #[serde(default)]
     public: bool,
-    /// Width and height in pixels, in place of the file's.
+    /// Width and height in pixels. Overrides the file's.
     resolution: Option<[usize; 2]>,
-    /// Path tracing of this depth, in place of the file's integrator.
+    /// Maximum path depth of a path tracer. Overrides the file's integrator.
     path_depth: Option<u32>,
 }
 
-/// What is looked at of a scene. By default all of it.
+/// The resolution and the crop of a scene's film. The default is the whole film at the scene's resolution.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct View {
     /// Factor for the resolution.
@@ -32,7 +34,7 @@ pub struct View {
     pub crop: Option<[usize; 4]>,
 }
 
-/// All scenes that have a name.
+/// The scenes of `scenes.toml`.
 pub struct Catalogue {
     scenes: Vec<SceneFile>,
 }
@@ -58,19 +60,21 @@ impl Catalogue {
         Ok(Self { scenes })
     }
 
+    /// The scene of this name.
+    ///
     /// # Errors
-    /// A name that is not in the list.
+    /// A name that the list lacks.
     pub fn scene(&self, name: &str) -> anyhow::Result<SceneFile> {
         let found = self.scenes.iter().find(|scene| scene.name == name);
-        found.cloned().with_context(|| format!("{name}: found no scene of this name in scenes.toml"))
+        found.cloned().with_context(|| format!("scenes.toml has no scene named {name}"))
     }
 }
 
 impl SceneFile {
-    /// Reads the scene and takes the view's part of it.
+    /// Reads the scene and sets its film to the view.
     ///
     /// # Errors
-    /// What is wrong with the file, or a part outside the film.
+    /// A file that cannot be read, a crop outside the film, or a scene without lights.
     pub fn load(&self, view: View) -> anyhow::Result<Scene> {
         let mut scene = pbrt::read(&self.file).with_context(|| self.file.display().to_string())?;
         if let Some(max_depth) = self.path_depth {
@@ -84,7 +88,7 @@ impl SceneFile {
             let [x0, x1, y0, y1] = crop;
             ensure!(
                 x0 < x1 && y0 < y1 && x1 <= width && y1 <= height,
-                "{}: found a crop of {crop:?}; accepted are parts of its {width}x{height} pixels",
+                "{}: found a crop of {crop:?}; accepted are crops of its {width}x{height} pixels",
                 self.name
             );
             scene.film.pixel_bounds = crop;
@@ -109,7 +113,7 @@ mod tests {
     }
 
     #[test]
-    fn a_view_is_a_part_of_the_scaled_film() {
+    fn a_view_crops_the_scaled_film() {
         let view = View { scale: Some(0.25), crop: Some([10, 50, 20, 70]) };
         let film = pool().load(view).unwrap().film;
         assert_eq!((film.width, film.height, film.pixel_bounds), (128, 128, [10, 50, 20, 70]));

@@ -1,4 +1,6 @@
-//! An experiment's settings: a TOML file whose table `quick` replaces what a quick run does otherwise.
+//! Reads an experiment's settings from a TOML file.
+//!
+//! The table `quick` overrides values for quick runs.
 
 use std::path::Path;
 
@@ -6,15 +8,15 @@ use anyhow::Context;
 use serde::de::DeserializeOwned;
 use toml::{Table, Value};
 
-/// Name of the table with the quick run's settings.
+/// Name of the table of overrides for quick runs.
 const QUICK: &str = "quick";
 
-/// Reads a file; with `quick`, its quick variant.
+/// Reads a file, with its overrides if `quick`.
 ///
 /// # Errors
-/// No such file, no TOML, or not the settings that are expected.
+/// A file that is missing, malformed, or has other keys than `T`.
 pub fn read<T: DeserializeOwned>(path: &Path, quick: bool) -> anyhow::Result<T> {
-    let text = std::fs::read_to_string(path).with_context(|| format!("reading {}", path.display()))?;
+    let text = std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
     parse(&text, quick).with_context(|| path.display().to_string())
 }
 
@@ -27,7 +29,7 @@ fn parse<T: DeserializeOwned>(text: &str, quick: bool) -> anyhow::Result<T> {
     Ok(Value::Table(table).try_into()?)
 }
 
-/// Tables are merged, everything else is replaced.
+/// Replaces values of `table` by those of `variant`, and merges tables.
 fn overlay(table: &mut Table, variant: Table) {
     for (name, value) in variant {
         match (table.get_mut(&name), value) {
@@ -64,7 +66,7 @@ mod tests {
     const TEXT: &str = "spp = [8, 64]\n[inner]\na = 1\nb = 2\n[quick]\nspp = [8]\n[quick.inner]\nb = 3\n";
 
     #[test]
-    fn the_quick_variant_replaces_what_it_names_and_nothing_else() {
+    fn the_quick_variant_overrides_the_values_that_it_names() {
         let full: Example = parse(TEXT, false).unwrap();
         assert_eq!(full, Example { spp: vec![8, 64], inner: Inner { a: 1, b: 2 } });
         let quick: Example = parse(TEXT, true).unwrap();

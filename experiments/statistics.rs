@@ -1,12 +1,12 @@
-//! What measurements of several seeds and scenes say: means with their uncertainty, ranks, fronts, and
-//! where a curve passes a value.
+//! Statistics of measurements: means with confidence intervals, rank correlation, Pareto fronts, and curves on
+//! logarithmic axes.
 
 use statrs::distribution::{ContinuousCDF, StudentsT};
 
-/// Probability that an interval holds the mean.
+/// Probability that an interval contains the true mean.
 const CONFIDENCE: f64 = 0.95;
 
-/// A mean, and how far the true one may be from it.
+/// A mean and its confidence interval.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Interval {
     pub mean: f64,
@@ -14,7 +14,7 @@ pub struct Interval {
     pub high: f64,
 }
 
-/// Mean with its 95 % interval by Student's t; the interval of a single value is unknown (NaN).
+/// Mean and 95 % confidence interval by Student's t. The interval of a single value is NaN.
 pub fn mean(values: &[f64]) -> Interval {
     let n = values.len() as f64;
     let mean = values.iter().sum::<f64>() / n;
@@ -24,14 +24,14 @@ pub fn mean(values: &[f64]) -> Interval {
     Interval { mean, low: mean - half, high: mean + half }
 }
 
-/// The same of positive values on a logarithmic scale: for ratios.
+/// Geometric mean of positive values, such as ratios, and its 95 % confidence interval.
 pub fn geometric_mean(values: &[f64]) -> Interval {
     let logarithms: Vec<f64> = values.iter().map(|v| v.ln()).collect();
     let Interval { mean, low, high } = mean(&logarithms);
     Interval { mean: mean.exp(), low: low.exp(), high: high.exp() }
 }
 
-/// Spearman's rank correlation; NaN where one side does not vary.
+/// Spearman's rank correlation. NaN if one side is constant.
 pub fn rank_correlation(a: &[f64], b: &[f64]) -> f64 {
     let [a, b] = [a, b].map(ranks);
     let middle = (a.len() as f64 - 1.0) / 2.0;
@@ -40,7 +40,7 @@ pub fn rank_correlation(a: &[f64], b: &[f64]) -> f64 {
     covariance(&a, &b) / (covariance(&a, &a) * covariance(&b, &b)).sqrt()
 }
 
-/// From 0; equal values share the mean of their ranks.
+/// Ranks from 0. Equal values get the mean of their ranks.
 fn ranks(values: &[f64]) -> Vec<f64> {
     let mut order: Vec<usize> = (0..values.len()).collect();
     order.sort_by(|&i, &j| values[i].total_cmp(&values[j]));
@@ -54,16 +54,17 @@ fn ranks(values: &[f64]) -> Vec<f64> {
     ranks
 }
 
-/// Which points have no other that is at most as large in both coordinates and smaller in one.
+/// Whether each point is on the Pareto front: no other point is at most as large in both coordinates and smaller
+/// in one.
 pub fn pareto_front(points: &[(f64, f64)]) -> Vec<bool> {
-    let beats = |a: &(f64, f64), b: &(f64, f64)| a.0 <= b.0 && a.1 <= b.1 && a != b;
-    points.iter().map(|point| !points.iter().any(|other| beats(other, point))).collect()
+    let dominates = |a: &(f64, f64), b: &(f64, f64)| a.0 <= b.0 && a.1 <= b.1 && a != b;
+    points.iter().map(|point| !points.iter().any(|other| dominates(other, point))).collect()
 }
 
-/// A curve of positive numbers at `x`, straight between its points where both axes are logarithmic, and
-/// beyond them as its two nearest points say; a single point is the same everywhere. `points` in the order of x,
-/// at least one.
-pub fn on_curve(points: &[(f64, f64)], x: f64) -> f64 {
+/// Interpolates a curve of positive values at `x`, linearly in the logarithms of both coordinates. Extrapolates
+/// the first or last segment beyond the points; a single point is a constant. `points` are one or more, ascending
+/// in x.
+pub fn interpolate_log_log(points: &[(f64, f64)], x: f64) -> f64 {
     if let [(_, y)] = points {
         return *y;
     }
@@ -72,29 +73,30 @@ pub fn on_curve(points: &[(f64, f64)], x: f64) -> f64 {
     (y0 + (y1 - y0) * (x.ln() - x0) / (x1 - x0)).exp()
 }
 
-/// Where a falling curve passes a value.
+/// Where a falling curve crosses a value.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Passes {
-    /// Its first point is below already.
+pub enum Crossing {
+    /// Before the first point, which is below the value.
     Before(f64),
     At(f64),
-    /// Its last point is above still; the curve's last piece, drawn on, passes there.
+    /// Beyond the last point, which is above the value: where the extrapolated last segment crosses it.
     Beyond(f64),
 }
 
-/// `points` in the order of x; `None` of fewer than two, or where the last piece does not fall.
-pub fn passes(points: &[(f64, f64)], value: f64) -> Option<Passes> {
+/// Finds where a curve crosses `value`. `points` are ascending in x. `None` for fewer than two points, or if the
+/// last segment would have to be extrapolated and does not fall.
+pub fn crossing(points: &[(f64, f64)], value: f64) -> Option<Crossing> {
     let (first, last) = (points.first()?, points.last()?);
     if first.1 <= value {
-        return Some(Passes::Before(first.0));
+        return Some(Crossing::Before(first.0));
     }
-    let between = |[a, b]: [(f64, f64); 2]| on_curve(&[(b.1, b.0), (a.1, a.0)], value);
+    let between = |[a, b]: [(f64, f64); 2]| interpolate_log_log(&[(b.1, b.0), (a.1, a.0)], value);
     if last.1 > value {
         let [.., a, b] = points else { return None };
-        return (b.1 < a.1).then(|| Passes::Beyond(between([*a, *b])));
+        return (b.1 < a.1).then(|| Crossing::Beyond(between([*a, *b])));
     }
-    let piece = points.windows(2).find(|pair| pair[0].1 > value && pair[1].1 <= value)?;
-    Some(Passes::At(between([piece[0], piece[1]])))
+    let segment = points.windows(2).find(|pair| pair[0].1 > value && pair[1].1 <= value)?;
+    Some(Crossing::At(between([segment[0], segment[1]])))
 }
 
 #[cfg(test)]
@@ -129,34 +131,38 @@ mod tests {
     }
 
     #[test]
-    fn the_front_is_what_nothing_beats_in_both() {
+    fn the_front_holds_the_points_that_no_other_dominates() {
         let points = [(1.0, 5.0), (2.0, 3.0), (3.0, 3.0), (4.0, 1.0), (2.0, 6.0)];
         assert_eq!(pareto_front(&points), [true, true, false, true, false]);
-        assert_eq!(pareto_front(&[(1.0, 1.0), (1.0, 1.0)]), [true, true], "equals do not beat each other");
+        assert_eq!(
+            pareto_front(&[(1.0, 1.0), (1.0, 1.0)]),
+            [true, true],
+            "equal points do not dominate each other"
+        );
     }
 
     #[test]
-    fn curves_are_straight_between_logarithms() {
+    fn curves_are_interpolated_in_logarithms() {
         let curve = [(1.0, 1.0), (10.0, 0.1), (100.0, 0.05)];
-        assert!((on_curve(&curve, 10_f64.sqrt()) - 0.1_f64.sqrt()).abs() < 1e-12);
-        assert!((on_curve(&curve, 1000.0) - 0.025).abs() < 1e-12);
-        assert!((on_curve(&curve, 0.1) - 10.0).abs() < 1e-9);
-        assert_eq!(on_curve(&curve[..1], 7.0), 1.0);
+        assert!((interpolate_log_log(&curve, 10_f64.sqrt()) - 0.1_f64.sqrt()).abs() < 1e-12);
+        assert!((interpolate_log_log(&curve, 1000.0) - 0.025).abs() < 1e-12);
+        assert!((interpolate_log_log(&curve, 0.1) - 10.0).abs() < 1e-9);
+        assert_eq!(interpolate_log_log(&curve[..1], 7.0), 1.0);
     }
 
     #[test]
-    fn a_curve_passes_a_value_before_within_or_beyond_its_points() {
+    fn a_curve_crosses_a_value_before_within_or_beyond_its_points() {
         let curve = [(1.0, 1.0), (10.0, 0.1)];
-        let at = |value| match passes(&curve, value).unwrap() {
-            Passes::Before(x) => ("before", x),
-            Passes::At(x) => ("at", x),
-            Passes::Beyond(x) => ("beyond", x),
+        let at = |value| match crossing(&curve, value).unwrap() {
+            Crossing::Before(x) => ("before", x),
+            Crossing::At(x) => ("at", x),
+            Crossing::Beyond(x) => ("beyond", x),
         };
         for (value, place, x) in [(2.0, "before", 1.0), (0.2, "at", 5.0), (0.01, "beyond", 100.0)] {
             let found = at(value);
             assert_eq!(found.0, place);
             assert!((found.1 - x).abs() < 1e-9, "{found:?}");
         }
-        assert_eq!(passes(&[(1.0, 1.0), (2.0, 1.5)], 0.5), None);
+        assert_eq!(crossing(&[(1.0, 1.0), (2.0, 1.5)], 0.5), None);
     }
 }

@@ -1,60 +1,62 @@
-//! Whether the error that the program shows is the true one.
+//! Reports how well the loop's error estimates agree with the true error.
 
 use std::collections::BTreeSet;
 
-use super::Measured;
-use crate::curves::Checked;
+use super::SceneResults;
+use crate::estimate_check::EstimateCheck;
 use crate::report::{Report, median, number, range};
 
-/// What the loop said over what is true, of the images of one sample count on one scene.
+/// Agreement of the estimates with the true error for the images of one scene and sample count.
 #[derive(Clone, Copy)]
 struct Agreement {
+    /// Sum of the estimates over the sum of the true relMSEs.
     ratio: f64,
+    /// Mean over the images.
     rank_correlation: f64,
 }
 
-/// Both samplings' names, in the order of [`crate::curves::Curves::checks`].
+/// Names of the sampling strategies, in the order of [`crate::curves::Curves::checks`].
 const SAMPLINGS: [&str; 2] = ["uniform", "adaptive"];
 
-fn spp(check: &Checked) -> u32 {
+fn spp(check: &EstimateCheck) -> u32 {
     check.spp.round() as u32
 }
 
-/// Whether the truth is where the estimate's own standard error leads to expect it.
-fn holds(check: &Checked) -> bool {
+/// Whether the true error is within two standard errors of the estimate.
+fn is_within_interval(check: &EstimateCheck) -> bool {
     (check.estimate - check.truth).abs() <= 2.0 * check.standard_error
 }
 
-/// Sums over the seeds; `None` where nothing was said.
-fn agreement(checks: &[Checked], at: u32) -> Option<Agreement> {
-    let chosen: Vec<&Checked> = checks.iter().filter(|check| spp(check) == at).collect();
-    let sum = |of: fn(&Checked) -> f64| chosen.iter().map(|check| of(check)).sum::<f64>();
+/// Agreement over the seeds at a sample count; `None` without estimates.
+fn agreement(checks: &[EstimateCheck], at: u32) -> Option<Agreement> {
+    let chosen: Vec<&EstimateCheck> = checks.iter().filter(|check| spp(check) == at).collect();
+    let sum = |value: fn(&EstimateCheck) -> f64| chosen.iter().map(|check| value(check)).sum::<f64>();
     (!chosen.is_empty()).then(|| Agreement {
         ratio: sum(|check| check.estimate) / sum(|check| check.truth),
         rank_correlation: sum(|check| check.rank_correlation) / chosen.len() as f64,
     })
 }
 
-fn counts(all: &[Measured]) -> BTreeSet<u32> {
+fn counts(all: &[SceneResults]) -> BTreeSet<u32> {
     all.iter().flat_map(|m| m.curves.checks.iter().flatten()).map(spp).collect()
 }
 
-fn agreements(all: &[Measured]) -> Vec<Agreement> {
+fn agreements(all: &[SceneResults]) -> Vec<Agreement> {
     let counts = counts(all);
-    let of = |checks| counts.iter().filter_map(move |&at| agreement(checks, at));
-    all.iter().flat_map(|m| &m.curves.checks).flat_map(|checks| of(checks)).collect()
+    let by_count = |checks| counts.iter().filter_map(move |&at| agreement(checks, at));
+    all.iter().flat_map(|m| &m.curves.checks).flat_map(|checks| by_count(checks)).collect()
 }
 
-/// What it comes to, in a sentence.
-pub fn finding(all: &[Measured]) -> String {
+/// The finding, in a sentence.
+pub fn finding(all: &[SceneResults]) -> String {
     let found = agreements(all);
     let ratios = || found.iter().map(|a| a.ratio);
     let checks = || all.iter().flat_map(|m| m.curves.checks.iter().flatten());
-    let within = checks().filter(|check| holds(check)).count() as f64 / checks().count() as f64;
+    let within = checks().filter(|check| is_within_interval(check)).count() as f64 / checks().count() as f64;
     format!(
-        "The relMSE that the program shows is {} times the true one of the image that it speaks of (median; {} by scene, \
-         sampling and sample count; in {:.0} % of the images the truth is within two of the standard errors that it gives); by tiles \
-         of 16×16 pixels its ranks correlate with the truth by {} (median; {}).",
+        "The program's estimate of an image's relMSE is {} times the true one (median; {} by scene, sampling and sample \
+         count; in {:.0} % of the images the true error is within two of the estimate's standard errors). Over tiles of \
+         16×16 pixels the rank correlation of estimate and true error is {} (median; {}).",
         number(median(ratios()), 2),
         range(ratios(), 2),
         100.0 * within,
@@ -64,21 +66,22 @@ pub fn finding(all: &[Measured]) -> String {
 }
 
 /// Writes the section.
-pub fn write(report: &mut Report, all: &[Measured]) {
-    report.section("Is the error that the program shows the true one?");
+pub fn write(report: &mut Report, all: &[SceneResults]) {
+    report.section("Do the error estimates agree with the true error?");
     report.paragraph(
-        "The estimate that the loop made of an image, from the samples after it, over that image's true relMSE (both mean \
-         of the seeds), and Spearman's correlation of both over tiles of 16×16 pixels. Columns: samples per pixel of the \
-         image. The one before the last batch is filtered like the final image, those before it with `draft`.",
+        "Ratio of the loop's estimate for an image, which it makes from later samples, to that image's true relMSE \
+         (both means over the seeds) / Spearman's rank correlation of the two over tiles of 16×16 pixels. Columns: \
+         samples per pixel of the image. The image before the last batch is filtered like the final one, earlier ones \
+         with the preset `draft`.",
     );
     let counts = counts(all);
     let mut rows = Vec::new();
     for m in all {
         for (sampling, checks) in SAMPLINGS.iter().zip(&m.curves.checks) {
             let cell = |&at: &u32| {
-                let shown =
+                let format_cell =
                     |a: Agreement| format!("{} / {}", number(a.ratio, 2), number(a.rank_correlation, 2));
-                agreement(checks, at).map_or(String::new(), shown)
+                agreement(checks, at).map_or(String::new(), format_cell)
             };
             let cells = counts.iter().map(cell);
             rows.push([m.scene.clone(), (*sampling).to_owned()].into_iter().chain(cells).collect());
@@ -96,7 +99,7 @@ mod tests {
 
     #[test]
     fn estimates_are_compared_by_sums_over_seeds() {
-        let check = |spp, estimate, truth, rank_correlation| Checked {
+        let check = |spp, estimate, truth, rank_correlation| EstimateCheck {
             spp,
             estimate,
             standard_error: 0.1,
@@ -107,6 +110,6 @@ mod tests {
         let found = agreement(&checks, 8).unwrap();
         assert!((found.ratio - 2.0).abs() < 1e-12 && (found.rank_correlation - 0.6).abs() < 1e-12);
         assert!(agreement(&checks, 32).is_none());
-        assert_eq!(checks.map(|check| holds(&check)), [true, true, false]);
+        assert_eq!(checks.map(|check| is_within_interval(&check)), [true, true, false]);
     }
 }

@@ -1,22 +1,25 @@
-//! What does accuracy cost in time? Seconds to an error, the filters' settings, the reruns of the filter
-//! between batches, and whether the error that the loop shows is the true one.
+//! The experiment `accuracy`: what does accuracy cost in time?
+//!
+//! Measures the seconds to reach an error, cost and error of the filters' settings, the effect of fewer interim
+//! passes, and how well the loop's error estimates agree with the true error.
 
 mod agreement;
-mod filters;
-mod front;
+mod filter_costs;
+mod filter_variant;
+mod interim_passes;
+mod pareto_front;
 mod report;
-mod reruns;
 mod times;
 
 use anyhow::ensure;
 use prpf::geometry::Accel;
 use serde::Deserialize;
 
-use crate::bench::Bench;
 use crate::curves::{self, Curves, Point};
-use crate::trial::{Bed, Size};
+use crate::session::Session;
+use crate::test_scene::{Size, TestScene};
 
-use filters::Cost;
+use filter_costs::Cost;
 
 /// `accuracy.toml`.
 #[derive(Debug, Deserialize)]
@@ -26,8 +29,8 @@ struct Settings {
     size: Size,
     targets: Vec<f64>,
     curves: CurveSettings,
-    reruns: RerunSettings,
-    filters: filters::Settings,
+    interim_passes: InterimPassSettings,
+    filters: filter_costs::Settings,
 }
 
 #[derive(Clone, Debug, Deserialize)]
@@ -39,36 +42,37 @@ struct CurveSettings {
 
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct RerunSettings {
+struct InterimPassSettings {
     spp: u32,
     every: Vec<usize>,
     seeds: u64,
 }
 
-/// What was measured on a scene.
-struct Measured {
+/// The measurements on a scene.
+struct SceneResults {
     scene: String,
-    reference_error: f64,
+    reference_relmse: f64,
     curves: Curves,
-    /// Of each choice of [`filters::Settings::choices`].
+    /// By index of [`filter_costs::Settings::variants`].
     filters: Vec<Cost>,
-    /// Of each value of `reruns.every`.
-    reruns: Vec<Vec<Point>>,
+    /// By index of `interim_passes.every`.
+    interim_passes: Vec<Vec<Point>>,
 }
 
-pub fn run(bench: &mut Bench) -> anyhow::Result<()> {
-    let settings: Settings = bench.settings()?;
+/// Runs the experiment.
+pub fn run(session: &mut Session) -> anyhow::Result<()> {
+    let settings: Settings = session.settings()?;
     ensure!(settings.curves.spp.len() >= 2, "curves.spp: accepted are two values or more");
     let mut all = Vec::new();
-    for file in bench.scenes(&settings.scenes)? {
-        let bed = Bed::new(bench, &file, &settings.size)?;
-        let accel = Accel::build(&bed.scene);
-        let filters = filters::measure(bench, &bed, &accel, &settings.filters)?;
-        let reruns = reruns::measure(bench, &bed, &accel, &settings.reruns)?;
+    for file in session.scenes(&settings.scenes)? {
+        let test_scene = TestScene::new(session, &file, &settings.size)?;
+        let accel = Accel::build(&test_scene.scene);
+        let filters = filter_costs::measure(session, &test_scene, &accel, &settings.filters)?;
+        let interim_passes = interim_passes::measure(session, &test_scene, &accel, &settings.interim_passes)?;
         let CurveSettings { spp, seeds } = &settings.curves;
-        let curves = curves::measure(bench, &bed, &accel, (spp, *seeds), spp.last().copied())?;
-        let (scene, reference_error) = (bed.name, bed.reference.relmse);
-        all.push(Measured { scene, reference_error, curves, filters, reruns });
+        let curves = curves::measure(session, &test_scene, &accel, (spp, *seeds), spp.last().copied())?;
+        let (scene, reference_relmse) = (test_scene.name, test_scene.reference.relmse);
+        all.push(SceneResults { scene, reference_relmse, curves, filters, interim_passes });
     }
-    report::write(bench, &settings, &all)
+    report::write(session, &settings, &all)
 }

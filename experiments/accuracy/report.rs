@@ -1,25 +1,26 @@
-//! The report of `accuracy`: all of its words that say more or less follow from numbers.
+//! Writes the report of `accuracy` from its measurements.
 
-use super::front::Front;
-use super::{Measured, Settings, agreement, reruns, times};
-use crate::bench::Bench;
+use super::pareto_front::ParetoFront;
+use super::{SceneResults, Settings, agreement, interim_passes, times};
 use crate::report::{Report, number};
+use crate::session::Session;
 
-pub fn write(bench: &Bench, settings: &Settings, all: &[Measured]) -> anyhow::Result<()> {
-    let front = Front::new(settings, all);
+/// Writes `report.md` and its plots.
+pub fn write(session: &Session, settings: &Settings, all: &[SceneResults]) -> anyhow::Result<()> {
+    let front = ParetoFront::new(settings, all);
     let finding = [times::finding(settings, all), front.finding(), agreement::finding(all)].join("\n\n");
     let mut report = Report::new("What does accuracy cost in time?", &finding);
-    times::write(bench, &mut report, settings, all)?;
-    front.write(bench, &mut report)?;
-    reruns::write(&mut report, &settings.reruns, all);
+    times::write(session, &mut report, settings, all)?;
+    front.write(session, &mut report)?;
+    interim_passes::write(&mut report, &settings.interim_passes, all);
     agreement::write(&mut report, all);
     report.section("References");
     let references: Vec<String> =
-        all.iter().map(|m| format!("{} {}", m.scene, number(m.reference_error, 2))).collect();
+        all.iter().map(|m| format!("{} {}", m.scene, number(m.reference_relmse, 2))).collect();
     report.paragraph(&format!(
-        "Their own relMSE, measured from their halves and taken from every error: {}.",
+        "Expected relMSE of the references, from their halves; it is subtracted from every error: {}.",
         references.join(", ")
     ));
-    let seeds = settings.curves.seeds.max(settings.reruns.seeds).max(settings.filters.seeds);
-    report.write(bench, &format!("0 to {}", seeds - 1))
+    let seeds = settings.curves.seeds.max(settings.interim_passes.seeds).max(settings.filters.seeds);
+    report.write(session, &format!("0 to {}", seeds - 1))
 }

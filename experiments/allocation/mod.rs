@@ -1,19 +1,21 @@
-//! Is adaptive sampling better than uniform? Error against samples and against seconds, on several
-//! scenes, with several seeds; and which of the driving maps earns its place.
+//! The experiment `allocation`: is adaptive sampling better than uniform?
+//!
+//! Measures error against samples and seconds, on several scenes with several seeds, and what each priority map
+//! contributes.
 
-mod drives;
-mod pictures;
+mod ablation;
 mod report;
+mod sample_maps;
 
 use anyhow::ensure;
 use prpf::geometry::Accel;
 use serde::Deserialize;
 
-use crate::bench::Bench;
 use crate::curves::{self, Curves, Point};
-use crate::trial::{Bed, Size};
+use crate::session::Session;
+use crate::test_scene::{Size, TestScene};
 
-use drives::Drive;
+use ablation::Ablation;
 
 /// `allocation.toml`.
 #[derive(Debug, Deserialize)]
@@ -33,35 +35,37 @@ struct MapSettings {
     seeds: u64,
 }
 
-/// What was measured on a scene.
-struct Measured {
+/// The measurements on a scene.
+struct SceneResults {
     scene: String,
-    /// Relative MSE that the reference has itself.
-    reference_error: f64,
+    /// Expected relMSE of the reference.
+    reference_relmse: f64,
     curves: Curves,
-    /// Error over uniform's with the best allocation for unfiltered images.
-    ceiling: f64,
-    drives: Vec<(Drive, Vec<Point>)>,
+    /// Ratio of the unfiltered error with the optimal allocation to that of uniform sampling.
+    optimal_ratio: f64,
+    ablations: Vec<(Ablation, Vec<Point>)>,
+    /// File name of the picture of the sample map.
     picture: String,
 }
 
-pub fn run(bench: &mut Bench) -> anyhow::Result<()> {
-    let settings: Settings = bench.settings()?;
+/// Runs the experiment.
+pub fn run(session: &mut Session) -> anyhow::Result<()> {
+    let settings: Settings = session.settings()?;
     ensure!(
         settings.spp.len() >= 2
             && settings.spp.contains(&settings.maps.spp)
             && settings.maps.seeds <= settings.seeds,
-        "accepted are two values of spp or more, maps.spp among them, and maps.seeds up to seeds"
+        "allocation.toml: spp needs two values or more, maps.spp among them; maps.seeds is at most seeds"
     );
     let mut all = Vec::new();
-    for file in bench.scenes(&settings.scenes)? {
-        let bed = Bed::new(bench, &file, &settings.size)?;
-        let accel = Accel::build(&bed.scene);
-        let curves = curves::measure(bench, &bed, &accel, (&settings.spp, settings.seeds), None)?;
-        let drives = drives::measure(bench, &bed, &accel, settings.maps)?;
-        let (picture, ceiling) = pictures::take(bench, &bed, &accel, settings.maps.spp)?;
-        let (scene, reference_error) = (bed.name, bed.reference.relmse);
-        all.push(Measured { scene, reference_error, curves, ceiling, drives, picture });
+    for file in session.scenes(&settings.scenes)? {
+        let test_scene = TestScene::new(session, &file, &settings.size)?;
+        let accel = Accel::build(&test_scene.scene);
+        let curves = curves::measure(session, &test_scene, &accel, (&settings.spp, settings.seeds), None)?;
+        let ablations = ablation::measure(session, &test_scene, &accel, settings.maps)?;
+        let (picture, optimal_ratio) = sample_maps::write(session, &test_scene, &accel, settings.maps.spp)?;
+        let (scene, reference_relmse) = (test_scene.name, test_scene.reference.relmse);
+        all.push(SceneResults { scene, reference_relmse, curves, optimal_ratio, ablations, picture });
     }
-    report::write(bench, &settings, &all)
+    report::write(session, &settings, &all)
 }

@@ -1,143 +1,165 @@
-//! The report of `allocation`: all of its words that say more or less follow from numbers.
+//! Writes the report of `allocation` from its measurements.
 
-use super::drives::{DEFAULT, MAPS, ORACLE, names};
-use super::{Measured, Settings};
-use crate::bench::Bench;
-use crate::curves::{Equal, Point, WAYS, curve, ratios};
+use super::ablation::{DEFAULT, MAPS, ORACLE, names};
+use super::{SceneResults, Settings};
+use crate::configuration::CONFIGURATIONS;
+use crate::curves::{EqualCost, Point, curve, ratios};
 use crate::plot::{Panel, Plot, Series};
 use crate::report::{Report, number, range};
+use crate::session::Session;
 use crate::statistics::{Interval, geometric_mean, mean};
 
-/// Adaptive sampling that leaves more than this of uniform's error at equal time is worse.
-const WORSE: f64 = 1.05;
-/// Places of the ways in [`WAYS`].
+/// Adaptive sampling is reported as worse above this ratio of errors at equal time.
+const WORSE_RATIO: f64 = 1.05;
+/// Indices in [`CONFIGURATIONS`]: uniform, adaptive.
 const UNFILTERED: [usize; 2] = [0, 1];
 const FILTERED: [usize; 2] = [2, 3];
 
-pub fn write(bench: &Bench, settings: &Settings, all: &[Measured]) -> anyhow::Result<()> {
-    let most = settings.spp.last().copied().unwrap_or(0);
-    let mut report = Report::new("Is adaptive sampling better than uniform?", &finding(all, most));
-    report.section("Error over uniform's");
+/// Writes `report.md` and its plots.
+pub fn write(session: &Session, settings: &Settings, all: &[SceneResults]) -> anyhow::Result<()> {
+    let max_spp = settings.spp.last().copied().unwrap_or(0);
+    let mut report = Report::new("Is adaptive sampling better than uniform?", &finding(all, max_spp));
+    ratio_tables(&mut report, settings, all);
+    curves(session, &mut report, all)?;
+    errors(&mut report, all);
+    optimum(&mut report, settings, all);
+    maps(&mut report, settings, all);
+    sample_maps(&mut report, settings, all);
+    let seeds = format!("0 to {}", settings.seeds.max(settings.maps.seeds) - 1);
+    report.write(session, &seeds)
+}
+
+fn ratio_tables(report: &mut Report, settings: &Settings, all: &[SceneResults]) {
+    report.section("Ratio of errors");
     report.paragraph(
-        "Relative MSE of adaptive sampling over that of uniform sampling, geometric mean over the seeds (95 % interval). \
-         Below 1 adaptive is better. At equal seconds, the time of the filter, of its reruns between the batches and of \
-         allocation is counted on both sides; where a time lies between two measured ones, or beyond them, uniform's \
-         error is read off a line through its neighbours on logarithmic axes.",
+        "relMSE of adaptive sampling divided by that of uniform sampling, geometric mean over the seeds (95 % interval). \
+         Below 1 adaptive sampling is better. At equal seconds, both sides include the time of the filter, of its interim \
+         passes and of the allocation; between and beyond measured times, uniform sampling's error is interpolated \
+         on logarithmic axes.",
     );
-    for (title, ways, equal) in [
-        ("Filtered, at equal seconds", FILTERED, Equal::Seconds),
-        ("Filtered, at equal samples", FILTERED, Equal::Samples),
-        ("Unfiltered, at equal seconds", UNFILTERED, Equal::Seconds),
-        ("Unfiltered, at equal samples", UNFILTERED, Equal::Samples),
+    for (title, configurations, equal) in [
+        ("Filtered, at equal seconds", FILTERED, EqualCost::Seconds),
+        ("Filtered, at equal samples", FILTERED, EqualCost::Samples),
+        ("Unfiltered, at equal seconds", UNFILTERED, EqualCost::Seconds),
+        ("Unfiltered, at equal samples", UNFILTERED, EqualCost::Samples),
     ] {
         report.paragraph(&format!("**{title}**"));
         let head = settings.spp.iter().map(|spp| format!("{spp} spp"));
         let head: Vec<String> = std::iter::once("scene".to_owned()).chain(head).collect();
         let head: Vec<&str> = head.iter().map(String::as_str).collect();
-        report.table(&head, &ratio_rows(all, &settings.spp, ways, equal));
+        report.table(&head, &ratio_rows(all, &settings.spp, configurations, equal));
     }
+}
+
+fn curves(session: &Session, report: &mut Report, all: &[SceneResults]) -> anyhow::Result<()> {
     report.section("Error against samples and seconds");
-    for (file, x, of) in [
+    for (file, x, value) in [
         ("error-samples.svg", "samples per pixel", (|p| f64::from(p.spp)) as fn(&Point) -> f64),
         ("error-seconds.svg", "seconds", |p| p.seconds),
     ] {
-        plot(all, x, of).write(&bench.out.join(file))?;
+        plot(all, x, value).write(&session.out.join(file))?;
         report.picture(
             file,
             &format!("relMSE against {x}, mean of the seeds; grey: slope −1, plain Monte Carlo."),
         );
     }
-    errors(&mut report, all);
-    possible(&mut report, settings, all);
-    maps(&mut report, settings, all);
-    report.section("Where the samples went");
+    Ok(())
+}
+
+fn sample_maps(report: &mut Report, settings: &Settings, all: &[SceneResults]) {
+    report.section("Sample counts");
     for measured in all {
         report.picture(
             &measured.picture,
             &format!(
-                "{}: filtered image; samples of adaptive sampling; true error of adaptive, and of uniform sampling (one \
-                 scale), {} spp.",
+                "{}: filtered image; sample counts of adaptive sampling; true error of adaptive and of uniform sampling \
+                 (on one scale), {} spp.",
                 measured.scene, settings.maps.spp
             ),
         );
     }
-    let seeds = format!("0 to {}", settings.seeds.max(settings.maps.seeds) - 1);
-    report.write(bench, &seeds)
 }
 
-fn of_spp(points: &[Point], spp: u32) -> Vec<Point> {
+fn points_of_spp(points: &[Point], spp: u32) -> Vec<Point> {
     points.iter().filter(|point| point.spp == spp).copied().collect()
 }
 
-/// Adaptive's error over uniform's on a scene.
-fn ratio(measured: &Measured, spp: u32, [uniform, adaptive]: [usize; 2], equal: Equal) -> Interval {
+/// Ratio of the errors of adaptive and uniform sampling on a scene.
+fn ratio(measured: &SceneResults, spp: u32, [uniform, adaptive]: [usize; 2], equal: EqualCost) -> Interval {
     let points = &measured.curves.points;
-    geometric_mean(&ratios(&of_spp(&points[adaptive], spp), &points[uniform], equal))
+    geometric_mean(&ratios(&points_of_spp(&points[adaptive], spp), &points[uniform], equal))
 }
 
-fn over_scenes(all: &[Measured], spp: u32, ways: [usize; 2], equal: Equal) -> Interval {
-    geometric_mean(&all.iter().map(|m| ratio(m, spp, ways, equal).mean).collect::<Vec<_>>())
+fn over_scenes(all: &[SceneResults], spp: u32, configurations: [usize; 2], equal: EqualCost) -> Interval {
+    geometric_mean(&all.iter().map(|m| ratio(m, spp, configurations, equal).mean).collect::<Vec<_>>())
 }
 
-fn finding(all: &[Measured], spp: u32) -> String {
-    let gain = |ways| over_scenes(all, spp, ways, Equal::Seconds);
-    let ratio = |m: &Measured| ratio(m, spp, FILTERED, Equal::Seconds);
+fn finding(all: &[SceneResults], spp: u32) -> String {
+    let gain = |configurations| over_scenes(all, spp, configurations, EqualCost::Seconds);
+    let ratio = |m: &SceneResults| ratio(m, spp, FILTERED, EqualCost::Seconds);
     let list = |chosen: &dyn Fn(&Interval) -> bool| {
         let names: Vec<_> =
             all.iter().filter(|m| chosen(&ratio(m))).map(|m| format!("`{}`", m.scene)).collect();
         if names.is_empty() { "none".to_owned() } else { names.join(", ") }
     };
     format!(
-        "**At equal time adaptive sampling leaves {} of uniform's relMSE in filtered images ({} by scene) and {} in \
-         unfiltered ones, at {spp} samples per pixel and {} scenes.** In filtered images it pays, with 95 % confidence, \
-         on {}; it is worse than {WORSE} of uniform's on {}.",
+        "**At equal time the relMSE of adaptive sampling is {} times that of uniform sampling in filtered images ({} by \
+         scene) and {} times in unfiltered ones, at {spp} samples per pixel on {} scenes.** In filtered images adaptive \
+         sampling is better, with 95 % confidence, on {}; its error is more than {WORSE_RATIO} times as large on {}.",
         number(gain(FILTERED).mean, 2),
         range(all.iter().map(|m| ratio(m).mean), 2),
         number(gain(UNFILTERED).mean, 2),
         all.len(),
         list(&|interval| interval.high < 1.0),
-        list(&|interval| interval.mean > WORSE),
+        list(&|interval| interval.mean > WORSE_RATIO),
     )
 }
 
-/// `0.81 (0.77 to 0.85)`.
-fn shown(Interval { mean, low, high }: Interval) -> String {
+/// Formats an interval as `0.81 (0.77 to 0.85)`.
+fn format_interval(Interval { mean, low, high }: Interval) -> String {
     if low.is_finite() { format!("{mean:.2} ({low:.2} to {high:.2})") } else { format!("{mean:.2}") }
 }
 
-fn ratio_rows(all: &[Measured], spps: &[u32], ways: [usize; 2], equal: Equal) -> Vec<Vec<String>> {
-    let row = |name: &str, of: &dyn Fn(u32) -> Interval| {
-        std::iter::once(name.to_owned()).chain(spps.iter().map(|&spp| shown(of(spp)))).collect()
+fn ratio_rows(
+    all: &[SceneResults],
+    spps: &[u32],
+    configurations: [usize; 2],
+    equal: EqualCost,
+) -> Vec<Vec<String>> {
+    let row = |name: &str, interval: &dyn Fn(u32) -> Interval| {
+        std::iter::once(name.to_owned())
+            .chain(spps.iter().map(|&spp| format_interval(interval(spp))))
+            .collect()
     };
     let mut rows: Vec<Vec<String>> =
-        all.iter().map(|m| row(&m.scene, &|spp| ratio(m, spp, ways, equal))).collect();
-    rows.push(row("**mean over scenes**", &|spp| over_scenes(all, spp, ways, equal)));
+        all.iter().map(|m| row(&m.scene, &|spp| ratio(m, spp, configurations, equal))).collect();
+    rows.push(row("**mean over scenes**", &|spp| over_scenes(all, spp, configurations, equal)));
     rows
 }
 
-fn plot<'a>(all: &[Measured], x: &'a str, of: fn(&Point) -> f64) -> Plot<'a> {
-    let panel = |m: &Measured| Panel {
+fn plot<'a>(all: &[SceneResults], x: &'a str, value: fn(&Point) -> f64) -> Plot<'a> {
+    let panel = |m: &SceneResults| Panel {
         title: m.scene.clone(),
-        series: WAYS
+        series: CONFIGURATIONS
             .iter()
             .zip(&m.curves.points)
-            .map(|(way, points)| Series::new(way.name(), curve(points, None, of)))
+            .map(|(configuration, points)| Series::new(configuration.name(), curve(points, None, value)))
             .collect(),
     };
     Plot { x, y: "relMSE", panels: all.iter().map(panel).collect(), slope: true, columns: 3 }
 }
 
-fn errors(report: &mut Report, all: &[Measured]) {
+fn errors(report: &mut Report, all: &[SceneResults]) {
     report.paragraph("relMSE, mean of the seeds ± half of its 95 % interval, and median seconds:");
     let mut rows = Vec::new();
     for m in all {
-        for (way, points) in WAYS.iter().zip(&m.curves.points) {
+        for (configuration, points) in CONFIGURATIONS.iter().zip(&m.curves.points) {
             for (spp, _) in curve(points, None, |p| f64::from(p.spp)) {
-                let chosen = of_spp(points, spp as u32);
+                let chosen = points_of_spp(points, spp as u32);
                 let error = mean(&chosen.iter().map(|p| p.error).collect::<Vec<_>>());
                 rows.push(vec![
                     m.scene.clone(),
-                    way.name().to_owned(),
+                    configuration.name().to_owned(),
                     number(spp, 1),
                     format!("{} ± {}", number(error.mean, 3), number(error.high - error.mean, 1)),
                     number(chosen.first().map_or(f64::NAN, |p| p.seconds), 3),
@@ -145,100 +167,104 @@ fn errors(report: &mut Report, all: &[Measured]) {
             }
         }
     }
-    report.table(&["scene", "way", "spp", "relMSE", "seconds"], &rows);
+    report.table(&["scene", "configuration", "spp", "relMSE", "seconds"], &rows);
     let references: Vec<String> =
-        all.iter().map(|m| format!("{} {}", m.scene, number(m.reference_error, 2))).collect();
+        all.iter().map(|m| format!("{} {}", m.scene, number(m.reference_relmse, 2))).collect();
     report.paragraph(&format!(
-        "The references' own relMSE, measured from their halves and taken from every error: {}.",
+        "Expected relMSE of the references, from their halves; it is subtracted from every error: {}.",
         references.join(", ")
     ));
 }
 
-/// Error over uniform's at equal samples, by a choice of maps.
-fn by_drive(measured: &Measured, name: &str, equal: Equal) -> Vec<f64> {
-    let found = measured.drives.iter().find(|(drive, _)| drive.name == name);
+/// Ratios of the errors of a selection of maps and of uniform sampling, by seed.
+fn ablation_ratios(measured: &SceneResults, name: &str, equal: EqualCost) -> Vec<f64> {
+    let found = measured.ablations.iter().find(|(ablation, _)| ablation.name == name);
     found.map_or(Vec::new(), |(_, points)| ratios(points, &measured.curves.points[FILTERED[0]], equal))
 }
 
-fn possible(report: &mut Report, settings: &Settings, all: &[Measured]) {
-    report.section("What could be gained");
+fn optimum(report: &mut Report, settings: &Settings, all: &[SceneResults]) {
+    report.section("Possible gain");
     let spp = settings.maps.spp;
     report.paragraph(&format!(
-        "Filtered: the same loop at {spp} spp, driven by the true error of each rerun's image instead of its maps; no \
-         bound, but what perfect knowledge of the error gives this loop. Unfiltered: samples in proportion to the pixels' \
-         relative deviation (Neyman 1934), the least that any allocation of independent samples leaves, from the \
-         variances seen in {spp} samples per pixel. Error over uniform's at equal samples; the share is that of the \
-         possible gain which was reached."
+        "Filtered: the same loop at {spp} spp with the true error of each interim image in place of its maps; this is no \
+         bound, but what the loop gains from perfect knowledge of the error. Unfiltered: sample counts in proportion to \
+         the pixels' relative standard deviation (Neyman 1934), the optimal allocation of independent samples, from the \
+         variances in {spp} samples per pixel. Ratios to the error of uniform sampling at equal samples, and the fraction \
+         of the possible gain that adaptive sampling reaches."
     ));
-    /// A share of less than this is a share of noise.
-    const LEAST_GAIN: f64 = 0.05;
-    let share = |reached: f64, possible: f64| {
-        if 1.0 - possible < LEAST_GAIN {
+    /// Fractions of smaller gains are noise.
+    const MIN_GAIN: f64 = 0.05;
+    let fraction = |reached: f64, possible: f64| {
+        if 1.0 - possible < MIN_GAIN {
             return "–".to_owned();
         }
         format!("{:.0} %", 100.0 * (1.0 - reached) / (1.0 - possible))
     };
-    let row = |m: &Measured| {
+    let row = |m: &SceneResults| {
         let [default, oracle] =
-            [DEFAULT, ORACLE].map(|name| geometric_mean(&by_drive(m, name, Equal::Samples)));
-        let unfiltered = ratio(m, spp, UNFILTERED, Equal::Samples);
+            [DEFAULT, ORACLE].map(|name| geometric_mean(&ablation_ratios(m, name, EqualCost::Samples)));
+        let unfiltered = ratio(m, spp, UNFILTERED, EqualCost::Samples);
         vec![
             m.scene.clone(),
-            shown(default),
-            shown(oracle),
-            share(default.mean, oracle.mean),
-            shown(unfiltered),
-            number(m.ceiling, 2),
-            share(unfiltered.mean, m.ceiling),
+            format_interval(default),
+            format_interval(oracle),
+            fraction(default.mean, oracle.mean),
+            format_interval(unfiltered),
+            number(m.optimal_ratio, 2),
+            fraction(unfiltered.mean, m.optimal_ratio),
         ]
     };
-    let head = ["scene", "filtered", "by true error", "share", "unfiltered", "best possible", "share"];
+    let head = ["scene", "filtered", "with the true error", "fraction", "unfiltered", "optimum", "fraction"];
     report.table(&head, &all.iter().map(row).collect::<Vec<_>>());
 }
 
-fn maps(report: &mut Report, settings: &Settings, all: &[Measured]) {
-    report.section("Which maps earn their place");
-    let against_default = |name: &str, equal: Equal| {
-        let of = |m: &Measured| {
-            let [with, default] = [name, DEFAULT].map(|name| by_drive(m, name, equal));
+fn maps(report: &mut Report, settings: &Settings, all: &[SceneResults]) {
+    // Compare each map alone, and all maps without it, with the default
+    report.section("Contribution of each priority map");
+    let against_default = |name: &str, equal: EqualCost| {
+        let ratios = |m: &SceneResults| {
+            let [with, default] = [name, DEFAULT].map(|name| ablation_ratios(m, name, equal));
             with.iter().zip(default).map(|(with, default)| with / default).collect::<Vec<_>>()
         };
-        geometric_mean(&all.iter().map(|m| geometric_mean(&of(m)).mean).collect::<Vec<_>>())
+        geometric_mean(&all.iter().map(|m| geometric_mean(&ratios(m)).mean).collect::<Vec<_>>())
     };
     let verdict = |map: &str| {
-        let [alone, left_out] = names(map).map(|name| against_default(&name, Equal::Seconds));
-        let word = if left_out.low > 1.0 {
-            "earns its place"
+        let [alone, left_out] = names(map).map(|name| against_default(&name, EqualCost::Seconds));
+        let verdict = if left_out.low > 1.0 {
+            "reduces the error"
         } else if left_out.high < 1.0 {
-            "does harm"
+            "increases the error"
         } else {
-            "cannot be told from no effect"
+            "has no measurable effect"
         };
         format!(
-            "* {map}: without it the error is {} of the default's, with it alone {}: it {word}.",
-            shown(left_out),
-            shown(alone)
+            "* {map}: the error without it is {} times that of the default, with it alone {} times: the map {verdict}.",
+            format_interval(left_out),
+            format_interval(alone)
         )
     };
     let verdicts: Vec<String> = MAPS.iter().map(|(map, _)| verdict(map)).collect();
     report.paragraph(&format!(
-        "Filtered images at {} spp, at equal seconds, geometric mean over the scenes (95 % interval over them):\n\n{}",
+        "Filtered images at {} spp and equal seconds, geometric mean over the scenes (95 % interval):\n\n{}",
         settings.maps.spp,
         verdicts.join("\n")
     ));
+
+    // Tabulate the ratios by scene
     let scenes: Vec<&str> = all.iter().map(|m| m.scene.as_str()).collect();
-    let head = [&["driven by"], &scenes[..], &["mean", "mean at equal seconds"]].concat();
-    let name_of = |i: usize| all.first().and_then(|m| m.drives.get(i)).map(|(drive, _)| drive.name.clone());
+    let head = [&["maps"], &scenes[..], &["mean", "mean at equal seconds"]].concat();
+    let name_of =
+        |i: usize| all.first().and_then(|m| m.ablations.get(i)).map(|(ablation, _)| ablation.name.clone());
     let rows = (0..).map_while(name_of).map(|name| {
-        let of = |m: &Measured, equal| geometric_mean(&by_drive(m, &name, equal)).mean;
-        let overall = |equal| geometric_mean(&all.iter().map(|m| of(m, equal)).collect::<Vec<_>>()).mean;
+        let ratio = |m: &SceneResults, equal| geometric_mean(&ablation_ratios(m, &name, equal)).mean;
+        let overall = |equal| geometric_mean(&all.iter().map(|m| ratio(m, equal)).collect::<Vec<_>>()).mean;
         let numbers = all
             .iter()
-            .map(|m| of(m, Equal::Samples))
-            .chain([overall(Equal::Samples), overall(Equal::Seconds)])
+            .map(|m| ratio(m, EqualCost::Samples))
+            .chain([overall(EqualCost::Samples), overall(EqualCost::Seconds)])
             .map(|ratio| format!("{ratio:.2}"));
         std::iter::once(name.clone()).chain(numbers).collect()
     });
-    report.paragraph("Error over uniform's at equal samples:");
+    report.paragraph("Ratios to the error of uniform sampling at equal samples:");
     report.table(&head, &rows.collect::<Vec<_>>());
 }

@@ -1,5 +1,7 @@
-//! Does a scene pay only for what it uses? One scene, its effects switched on one after another:
-//! dimensions of the sample vector, pairs of mutual information, times, memory.
+//! The experiment `effects`: does a scene pay only for the effects that it uses?
+//!
+//! Switches on the effects of one scene one after another; measures the dimensions of the sample vector, the pairs
+//! of mutual information, times and memory.
 
 mod report;
 mod variants;
@@ -15,9 +17,9 @@ use prpf::scene::{Scene, pbrt};
 use prpf::stats::{Group, Layout, Store};
 use serde::Deserialize;
 
-use crate::bench::Bench;
 use crate::ledger::{Key, Values, values};
 use crate::report::median;
+use crate::session::Session;
 use crate::{picture, sampling};
 
 use variants::{Effect, Variant};
@@ -33,11 +35,11 @@ struct Settings {
     effect: Vec<Effect>,
 }
 
-/// What was measured of a variant.
-struct Measured {
+/// The measurements of a variant of the scene.
+struct VariantResults {
     variant: Variant,
-    /// The effects that the scene calls for, as the library names them.
-    called_for: Vec<&'static str>,
+    /// The library's names of the effects that the variant calls for.
+    effects: Vec<&'static str>,
     values: Values,
 }
 
@@ -47,21 +49,22 @@ mod quantity {
     pub const RANDOM: &str = "random dimensions";
     pub const PAIRS: &str = "pairs";
     pub const RENDER: &str = "render seconds";
-    pub const STANDARD: &str = "standard filter seconds";
-    pub const PAPER: &str = "paper filter seconds";
+    pub const NLM: &str = "nlm seconds";
+    pub const PRPF: &str = "prpf seconds";
     pub const STATISTICS: &str = "bytes per pixel of statistics";
-    pub const SAMPLES: &str = "bytes per pixel of samples kept";
+    pub const RESERVOIR: &str = "bytes per pixel of the reservoir";
 }
 
 /// Seed of the samples.
 const SEED: u64 = 0;
-/// Picture of the scene with everything on.
+/// File name of the picture of the scene with all effects.
 const PICTURE: &str = "all.png";
 
-pub fn run(bench: &mut Bench) -> anyhow::Result<()> {
-    let settings: Settings = bench.settings()?;
+/// Runs the experiment.
+pub fn run(session: &mut Session) -> anyhow::Result<()> {
+    let settings: Settings = session.settings()?;
     let text = std::fs::read_to_string(&settings.file)
-        .with_context(|| format!("reading {}", settings.file.display()))?;
+        .with_context(|| format!("cannot read {}", settings.file.display()))?;
     let folder = settings.file.parent().context("a file is in a folder")?;
     let mut scenes = Vec::new();
     for variant in variants::variants(&text, &settings.effect)? {
@@ -70,17 +73,17 @@ pub fn run(bench: &mut Bench) -> anyhow::Result<()> {
         scale(&mut scene, settings.pixels);
         scenes.push((variant, scene));
     }
-    let times = measure_times(bench, &settings, &scenes)?;
-    let all: Vec<Measured> = scenes
+    let times = measure_times(session, &settings, &scenes)?;
+    let all: Vec<VariantResults> = scenes
         .into_iter()
         .zip(times)
         .map(|((variant, scene), mut values)| {
             let effects = scene.effects();
             values.extend(counts(&Layout::for_effects(&effects)));
-            Measured { variant, called_for: effects.names(), values }
+            VariantResults { variant, effects: effects.names(), values }
         })
         .collect();
-    report::write(bench, &settings, &all)
+    report::write(session, &settings, &all)
 }
 
 fn scale(scene: &mut Scene, pixels: f64) {
@@ -89,44 +92,44 @@ fn scale(scene: &mut Scene, pixels: f64) {
     scene.resize_film((width * scale).round() as usize, (height * scale).round() as usize);
 }
 
-/// What follows from the layout alone.
+/// The quantities that follow from the layout alone.
 fn counts(layout: &Layout) -> Values {
-    let of =
+    let count =
         |chosen: fn(Group) -> bool| layout.dimensions().iter().filter(|d| chosen(d.group)).count() as f64;
-    let random = of(|group| group == Group::Random);
-    let positions = of(|group| group == Group::Position);
-    let features = of(|group| matches!(group, Group::Feature(_)));
-    let colours = of(|group| group == Group::Colour);
+    let random = count(|group| group == Group::Random);
+    let positions = count(|group| group == Group::Position);
+    let features = count(|group| matches!(group, Group::Feature(_)));
+    let colours = count(|group| group == Group::Colour);
     let statistics = Store::bytes_per_pixel(layout, 0);
     values([
         (quantity::DIMENSIONS, random + positions + features + colours),
         (quantity::RANDOM, random),
-        // Of colours with all others, and of features with positions and random parameters.
+        // Colours with all others, and features with positions and random parameters
         (quantity::PAIRS, colours * (random + positions + features) + features * (random + positions)),
         (quantity::STATISTICS, statistics as f64),
-        (quantity::SAMPLES, (Store::bytes_per_pixel(layout, RESERVOIR) - statistics) as f64),
+        (quantity::RESERVOIR, (Store::bytes_per_pixel(layout, RESERVOIR) - statistics) as f64),
     ])
 }
 
-/// Medians of the times of each scene. Scenes take turns, so that what else runs on the machine meets all of
+/// Measures the median times of each scene. Scenes take turns, so that other load of the machine affects all of
 /// them alike.
 fn measure_times(
-    bench: &mut Bench,
+    session: &mut Session,
     settings: &Settings,
     scenes: &[(Variant, Scene)],
 ) -> anyhow::Result<Vec<Values>> {
-    let mut found = vec![Vec::new(); scenes.len()];
-    let picture = bench.out.join(PICTURE);
+    let mut measured = vec![Vec::new(); scenes.len()];
+    let picture = session.out.join(PICTURE);
     for turn in 0..settings.repeats {
-        for (i, ((variant, scene), found)) in scenes.iter().zip(&mut found).enumerate() {
-            bench.doing(format!("{}, {} of {}", variant.name, turn + 1, settings.repeats));
+        for (i, ((variant, scene), measured)) in scenes.iter().zip(&mut measured).enumerate() {
+            session.show_status(format!("{}, {} of {}", variant.name, turn + 1, settings.repeats));
             let (width, height) = (scene.film.width, scene.film.height);
-            let what = format!("{} spp={} size={width}x{height} turn={turn}", variant.name, settings.spp);
-            let shows = turn == 0 && i + 1 == scenes.len();
-            let files: &[PathBuf] = if shows { std::slice::from_ref(&picture) } else { &[] };
-            found.push(bench.ledger.measure(Key::new("effects", SEED, what), files, || {
+            let key = format!("{} spp={} size={width}x{height} turn={turn}", variant.name, settings.spp);
+            let is_shown = turn == 0 && i + 1 == scenes.len();
+            let files: &[PathBuf] = if is_shown { std::slice::from_ref(&picture) } else { &[] };
+            measured.push(session.ledger.measure(Key::new("effects", SEED, key), files, || {
                 let (values, store) = times(scene, settings.spp);
-                if shows {
+                if is_shown {
                     let image = filter::filter(&store, Quality::Standard, SEED).image;
                     picture::write(&picture, &image, 0.0)?;
                 }
@@ -134,22 +137,22 @@ fn measure_times(
             })?);
         }
     }
-    let medians = |found: &Vec<Values>| -> Values {
-        let names = [quantity::RENDER, quantity::STANDARD, quantity::PAPER];
-        values(names.map(|name| (name, median(found.iter().map(|values| values[name])))))
+    let medians = |measured: &Vec<Values>| -> Values {
+        let names = [quantity::RENDER, quantity::NLM, quantity::PRPF];
+        values(names.map(|name| (name, median(measured.iter().map(|values| values[name])))))
     };
-    Ok(found.iter().map(medians).collect())
+    Ok(measured.iter().map(medians).collect())
 }
 
+/// Renders the scene and filters the store once with each filter.
 fn times(scene: &Scene, spp: u32) -> (Values, Store) {
     let accel = Accel::build(scene);
     let renderer = Renderer::new(scene, &accel, SEED);
     let mut store = sampling::store(&renderer, RESERVOIR, SEED);
     let render = sampling::add(&renderer, &mut store, spp);
     let filter = |quality| sampling::timed(|| filter::filter(&store, quality, SEED)).1;
-    let (standard, paper) = (filter(Quality::Standard), filter(Quality::Paper));
-    let values =
-        values([(quantity::RENDER, render), (quantity::STANDARD, standard), (quantity::PAPER, paper)]);
+    let (nlm, prpf) = (filter(Quality::Standard), filter(Quality::Paper));
+    let values = values([(quantity::RENDER, render), (quantity::NLM, nlm), (quantity::PRPF, prpf)]);
     (values, store)
 }
 
@@ -167,7 +170,7 @@ mod tests {
     }
 
     #[test]
-    fn the_scene_calls_for_one_effect_after_another() {
+    fn each_variant_calls_for_more_effects() {
         let settings: Settings = settings::read(&package_folder().join("effects.toml"), false).unwrap();
         let file = package_folder().parent().unwrap().join(&settings.file);
         let text = std::fs::read_to_string(&file).unwrap();

@@ -1,40 +1,40 @@
-//! A scene's text with only the first few of its effects on.
+//! Switches off effects of a scene by replacing parts of its text.
 
 use anyhow::ensure;
 use serde::Deserialize;
 
-/// An effect, and how it is switched off.
+/// An effect, and the replacements that switch it off.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Effect {
     pub name: String,
-    /// Parts of the text, each with what stands in its place.
+    /// Parts of the text, each with its replacement.
     off: Vec<[String; 2]>,
 }
 
-/// The scene with some effects on.
+/// The scene with the first few of its effects.
 #[derive(Clone, Debug)]
 pub struct Variant {
-    /// `nothing`, then `+ …` for each effect that comes on.
+    /// `none`, then `+ …` with the effect that is added.
     pub name: String,
     pub text: String,
 }
 
-/// From no effect to all of them, in their order.
+/// Makes the variants without effects, with the first, the first two, and so on, up to all effects.
 ///
 /// # Errors
-/// A part that the text does not have exactly once.
+/// A part that does not occur exactly once in the text.
 pub fn variants(text: &str, effects: &[Effect]) -> anyhow::Result<Vec<Variant>> {
     let mut variants = Vec::new();
     for on in 0..=effects.len() {
         let mut text = text.to_owned();
-        for [part, instead] in effects[on..].iter().flat_map(|effect| &effect.off) {
+        for [part, replacement] in effects[on..].iter().flat_map(|effect| &effect.off) {
             let found = text.matches(part.as_str()).count();
-            ensure!(found == 1, "{part:?}: found it {found} times in the scene; accepted is once");
-            text = text.replace(part.as_str(), instead);
+            ensure!(found == 1, "{part:?} occurs {found} times in the scene; it has to occur once");
+            text = text.replace(part.as_str(), replacement);
         }
         let name = match on.checked_sub(1) {
-            None => "nothing".to_owned(),
+            None => "none".to_owned(),
             Some(last) => format!("+ {}", effects[last].name),
         };
         variants.push(Variant { name, text });
@@ -46,12 +46,12 @@ pub fn variants(text: &str, effects: &[Effect]) -> anyhow::Result<Vec<Variant>> 
 mod tests {
     use super::*;
 
-    fn effect(name: &str, part: &str, instead: &str) -> Effect {
-        Effect { name: name.to_owned(), off: vec![[part.to_owned(), instead.to_owned()]] }
+    fn effect(name: &str, part: &str, replacement: &str) -> Effect {
+        Effect { name: name.to_owned(), off: vec![[part.to_owned(), replacement.to_owned()]] }
     }
 
     #[test]
-    fn effects_come_on_one_after_another() {
+    fn variants_add_one_effect_after_another() {
         let effects = [effect("lens", "lens 1", "lens 0"), effect("motion", "move", "stay")];
         let variants = variants("lens 1 move", &effects).unwrap();
         let texts: Vec<&str> = variants.iter().map(|v| v.text.as_str()).collect();
@@ -60,7 +60,7 @@ mod tests {
     }
 
     #[test]
-    fn a_part_that_is_not_there_once_is_refused() {
+    fn a_part_that_does_not_occur_once_is_refused() {
         assert!(variants("a a", &[effect("x", "a", "b")]).is_err());
         assert!(variants("", &[effect("x", "a", "b")]).is_err());
     }

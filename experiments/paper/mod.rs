@@ -1,30 +1,35 @@
-//! Do the paper's claims hold here? Its figures beside ours, each measured in the same run: RPF and
-//! P-RPF on the same samples, over the paper's scenes as far as they are public and over our own.
+//! The experiment `paper`: do the paper's claims hold here?
+//!
+//! Compares the paper's figures with ours. RPF and P-RPF filter the same samples, on the paper's scenes as far as
+//! they are public and on our own.
 
 mod claims;
-mod clock;
-mod data;
+mod crop;
+mod crop_measurement;
+mod interpretations;
 mod measure;
-mod methods;
-mod part;
+mod method;
 mod report;
+mod scene_results;
 mod settings;
-mod weight_pictures;
+mod stage_timer;
+mod weight_maps;
 
-use crate::bench::Bench;
+use crate::session::Session;
 use settings::Settings;
 
-pub fn run(bench: &mut Bench) -> anyhow::Result<()> {
-    let settings: Settings = bench.settings()?;
+/// Runs the experiment.
+pub fn run(session: &mut Session) -> anyhow::Result<()> {
+    let settings: Settings = session.settings()?;
     let names: Vec<String> = settings.scenes.iter().map(|scene| scene.name.clone()).collect();
-    let files = bench.scenes(&names)?;
+    let files = session.scenes(&names)?;
     let mut measured = Vec::new();
-    for of_scene in &settings.scenes {
-        if let Some(file) = files.iter().find(|file| file.name == of_scene.name) {
-            measured.push(measure::measure(bench, &settings, of_scene, file)?);
+    for scene_settings in &settings.scenes {
+        if let Some(file) = files.iter().find(|file| file.name == scene_settings.name) {
+            measured.push(measure::measure(session, &settings, scene_settings, file)?);
         }
     }
     let missing: Vec<String> =
         names.into_iter().filter(|name| files.iter().all(|file| file.name != *name)).collect();
-    report::write(bench, &settings, &measured, &missing)
+    report::write(session, &settings, &measured, &missing)
 }

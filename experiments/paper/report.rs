@@ -1,140 +1,142 @@
-//! The report: the claims first, then plots, pictures and tables.
+//! Writes the report of `paper`: the claims, then plots, pictures and tables.
 
 use prpf::filter::PrpfSettings;
 
 use super::claims::{claims, finding};
-use super::data::{EQUAL, Measured, PRPF, READING, REFERENCE, RPF, STANDARD, UNFILTERED, UPSAMPLING, WHOLE};
-use super::measure::PICTURES;
-use super::methods::{STAGES, readings};
+use super::crop_measurement::PICTURES;
+use super::interpretations::interpretations;
+use super::scene_results::{
+    EQUAL_TIME, INTERPRETATION, NLM, PRPF, REFERENCE, RPF, SceneResults, UNFILTERED, UPSAMPLING, WHOLE,
+};
 use super::settings::Settings;
-use super::weight_pictures::{SHOWN, WAYS};
-use crate::bench::Bench;
+use super::stage_timer::STAGES;
+use super::weight_maps::{COMPUTATIONS, GROUPS};
 use crate::plot::{Panel, Plot, Series};
 use crate::report::{Report, number, range};
+use crate::session::Session;
 
-/// Methods as they are called in plots and tables.
-const CALLED: [(&str, &str); 4] =
-    [(UNFILTERED, "unfiltered"), (RPF, "RPF"), (PRPF, "P-RPF"), (STANDARD, "standard")];
+/// The methods, with their names in plots and tables.
+const METHODS: [(&str, &str); 4] = [(UNFILTERED, "unfiltered"), (RPF, "RPF"), (PRPF, "P-RPF"), (NLM, "nlm")];
+/// Panels beside each other in a plot.
 const COLUMNS: usize = 3;
 
-/// Writes report and plots.
+/// Writes `report.md` and its plots.
 ///
 /// # Errors
 /// Files that cannot be written.
 pub fn write(
-    bench: &Bench,
+    session: &Session,
     settings: &Settings,
-    scenes: &[Measured],
+    scenes: &[SceneResults],
     missing: &[String],
 ) -> anyhow::Result<()> {
     let claims = claims(scenes, settings);
     let mut report = Report::new("Do the paper's claims hold here?", &finding(&claims, scenes, settings));
-    let head = [
-        "claim",
-        "paper",
-        "here, its scenes",
-        "here, our scenes",
-        "`standard`",
-        "holds",
-        "why not, or why more",
-    ];
+    let head = ["claim", "paper", "here, its scenes", "here, our scenes", "`nlm`", "holds", "explanation"];
     let rows = claims.iter().map(|claim| {
         let [theirs, ours] = claim.ours.clone();
         let cells = [claim.claim, claim.paper].map(str::to_owned).into_iter();
-        cells.chain([theirs, ours, claim.standard.clone(), claim.verdict(), claim.why.clone()]).collect()
+        cells.chain([theirs, ours, claim.nlm.clone(), claim.verdict(), claim.explanation.clone()]).collect()
     });
     report.table(&head, &rows.collect::<Vec<Vec<String>>>());
     report.paragraph(&conditions(settings, scenes, missing));
-    plots(bench, settings, scenes, &mut report)?;
+    plots(session, settings, scenes, &mut report)?;
     equal_time(settings, scenes, &mut report);
     weights(settings, scenes, &mut report);
-    other_readings(settings, scenes, &mut report);
+    other_interpretations(settings, scenes, &mut report);
     tables(settings, scenes, &mut report);
-    report.write(bench, &format!("{} (references: two others)", settings.seed))
+    report.write(session, &format!("{} (references: two other seeds)", settings.seed))
 }
 
-/// What has to be known to read the table.
-fn conditions(settings: &Settings, scenes: &[Measured], missing: &[String]) -> String {
-    let own: Vec<f64> = scenes
+/// Describes the conditions of the measurements.
+fn conditions(settings: &Settings, scenes: &[SceneResults], missing: &[String]) -> String {
+    let reference_mse: Vec<f64> = scenes
         .iter()
         .map(|scene| scene.get(REFERENCE, "mse") / scene.at(RPF, settings.base_spp, "mse"))
         .collect();
     let left_out = if missing.is_empty() {
         String::new()
     } else {
-        format!(" Not here, and so left out: {}.", missing.join(", "))
+        format!(" Left out, because their files are missing: {}.", missing.join(", "))
     };
-    // By the time for a pixel of the crop.
+    // Extrapolate the time of RPF from the crops to the images
     let minutes = |spp: u32| {
         range(
             scenes.iter().map(|scene| {
-                let parts =
-                    scene.get(REFERENCE, "pixels of the image") / scene.get(REFERENCE, "pixels of the part");
-                scene.at(RPF, spp, "seconds") * parts / 60.0
+                let crops =
+                    scene.get(REFERENCE, "pixels of the image") / scene.get(REFERENCE, "pixels of the crop");
+                scene.at(RPF, spp, "seconds") * crops / 60.0
             }),
             2,
         )
     };
-    let reaches = PrpfSettings::paper().windows.iter().all(|window| window / 2 <= settings.margin);
-    let most =
+
+    // Compare the margin with the largest window
+    let margin_suffices = PrpfSettings::paper().windows.iter().all(|window| window / 2 <= settings.margin);
+    let max_spp =
         scenes.iter().flat_map(|scene| scene.rpf_spp.iter().copied()).max().unwrap_or(settings.base_spp);
     format!(
-        "RPF would take {} minutes for these images at {} samples per pixel and {} at {most}, so both methods run on the \
-         same crop of each scene with {} pixels of margin ({} as the largest window reaches), and errors are those of the \
-         crop without it; only what is said to be of whole images is. Times are of the filter alone, but at equal time, \
-         where they include sampling. Ranges are over scenes; a claim that names a figure holds from nine tenths of it. \
-         References are sampled uniformly with {} samples per pixel, other seeds, and unfiltered; their own MSE is {} of \
-         RPF's at {} samples per pixel.{left_out}",
+        "RPF would take {} minutes for these images at {} samples per pixel and {} at {max_spp}. Both methods therefore run \
+         on the same crop of each scene with a margin of {} pixels ({} as the largest window reaches); errors are those of \
+         the crop without its margin, unless whole images are mentioned. Times are those of the filter alone, except at \
+         equal time, where they include sampling. Ranges are over scenes; a claim that names a figure holds from nine \
+         tenths of it. References are sampled uniformly with {} samples per pixel and other seeds, and unfiltered; their \
+         expected MSE is {} of RPF's at {} samples per pixel.{left_out}",
         minutes(settings.base_spp),
         settings.base_spp,
-        minutes(most),
+        minutes(max_spp),
         settings.margin,
-        if reaches { "as far" } else { "not as far" },
+        if margin_suffices { "as far" } else { "not as far" },
         settings.reference_spp,
-        percent_range(&own),
+        percent_range(&reference_mse),
         settings.base_spp,
     )
 }
 
-fn percent_range(shares: &[f64]) -> String {
-    format!("{} %", range(shares.iter().map(|share| 100.0 * share), 2))
+fn percent_range(fractions: &[f64]) -> String {
+    format!("{} %", range(fractions.iter().map(|fraction| 100.0 * fraction), 2))
 }
 
-/// The paper's Figs. 3 and 9.
-fn plots(bench: &Bench, settings: &Settings, scenes: &[Measured], report: &mut Report) -> anyhow::Result<()> {
+/// Plots time and error (the paper's Figs. 3 and 9).
+fn plots(
+    session: &Session,
+    settings: &Settings,
+    scenes: &[SceneResults],
+    report: &mut Report,
+) -> anyhow::Result<()> {
     let panels = |methods: &[&str], quantity: &str| -> Vec<Panel> {
-        let series = |scene: &Measured| {
-            let line = |&(method, called): &(&str, &str)| {
+        let series = |scene: &SceneResults| {
+            let line = |&(method, name): &(&str, &str)| {
                 let point = |&spp: &u32| (f64::from(spp), scene.at(method, spp, quantity));
                 let shown = settings.spp.iter().filter(|_| methods.contains(&method));
-                Series::new(called, shown.map(point))
+                Series::new(name, shown.map(point))
             };
-            CALLED.iter().map(line).collect()
+            METHODS.iter().map(line).collect()
         };
         scenes.iter().map(|scene| Panel { title: scene.name.clone(), series: series(scene) }).collect()
     };
     let x = "samples per pixel";
     report.picture("time.svg", "Filter time against samples per pixel (the paper's Fig. 3).");
-    let times = panels(&[RPF, PRPF, STANDARD], "seconds");
+    let times = panels(&[RPF, PRPF, NLM], "seconds");
     Plot { x, y: "seconds in the filter", panels: times, slope: false, columns: COLUMNS }
-        .write(&bench.out.join("time.svg"))?;
+        .write(&session.out.join("time.svg"))?;
     report.picture(
         "mse.svg",
-        "MSE against samples per pixel (its Fig. 9); grey: slope −1, as plain Monte Carlo has it.",
+        "MSE against samples per pixel (the paper's Fig. 9); grey: slope −1, plain Monte Carlo.",
     );
-    let errors = panels(&[UNFILTERED, RPF, PRPF, STANDARD], "mse");
-    Plot { x, y: "MSE", panels: errors, slope: true, columns: COLUMNS }.write(&bench.out.join("mse.svg"))
+    let errors = panels(&[UNFILTERED, RPF, PRPF, NLM], "mse");
+    Plot { x, y: "MSE", panels: errors, slope: true, columns: COLUMNS }.write(&session.out.join("mse.svg"))
 }
 
-/// Insets with their errors, as the paper's Figs. 1, 2, 7 and 8.
-fn equal_time(settings: &Settings, scenes: &[Measured], report: &mut Report) {
-    report.section("At the time of RPF");
+/// Shows crops with their errors (the paper's Figs. 1, 2, 7 and 8).
+fn equal_time(settings: &Settings, scenes: &[SceneResults], report: &mut Report) {
+    report.section("Equal time");
     report.paragraph(&format!(
-        "What each method makes of the time, sampling included, that RPF takes with {} samples per pixel (at most {} \
-         samples per pixel): samples per pixel, relMSE, FLIP.",
-        settings.base_spp, settings.most_equal_time_spp
+        "Each method in the time, sampling included, that RPF takes with {} samples per pixel, and with at most {} \
+         samples per pixel: samples per pixel, relMSE, FLIP.",
+        settings.base_spp, settings.max_equal_time_spp
     ));
-    let shown = [UNFILTERED, RPF, PRPF, STANDARD];
+    let shown = [UNFILTERED, RPF, PRPF, NLM];
     let mut rows = Vec::new();
     for scene in scenes.iter().filter(|scene| scene.at(RPF, settings.base_spp, "mse").is_finite()) {
         let image = |name: &str| format!("<img src=\"{PICTURES}/{}-{name}.png\" width=\"192\">", scene.name);
@@ -147,7 +149,7 @@ fn equal_time(settings: &Settings, scenes: &[Measured], report: &mut Report) {
             let run = if method == RPF {
                 format!("{RPF} {}", settings.base_spp)
             } else {
-                format!("{EQUAL} {method}")
+                format!("{EQUAL_TIME} {method}")
             };
             let [spp, relmse, flip] = ["spp", "relmse", "flip"].map(|quantity| scene.get(&run, quantity));
             format!("{spp} spp, {}, {}", number(relmse, 2), number(flip, 2))
@@ -159,16 +161,19 @@ fn equal_time(settings: &Settings, scenes: &[Measured], report: &mut Report) {
         ));
         rows.push(errors);
     }
-    let head = ["", "unfiltered", "RPF", "P-RPF", "`standard`", "reference (its own relMSE)"];
+    let head = ["", "unfiltered", "RPF", "P-RPF", "`nlm`", "reference (its expected relMSE)"];
     report.table(&head, &rows);
 }
 
-/// The paper's Figs. 5 and 6.
-fn weights(settings: &Settings, scenes: &[Measured], report: &mut Report) {
-    let shown: Vec<&Measured> = scenes
+/// Shows feature weights (the paper's Figs. 5 and 6).
+fn weights(settings: &Settings, scenes: &[SceneResults], report: &mut Report) {
+    let shown: Vec<&SceneResults> = scenes
         .iter()
         .filter(|scene| {
-            settings.scenes.iter().any(|of_scene| of_scene.name == scene.name && of_scene.weight_pictures)
+            settings
+                .scenes
+                .iter()
+                .any(|scene_settings| scene_settings.name == scene.name && scene_settings.weight_maps)
         })
         .collect();
     if shown.is_empty() {
@@ -176,62 +181,75 @@ fn weights(settings: &Settings, scenes: &[Measured], report: &mut Report) {
     }
     report.section("Feature weights");
     report.paragraph(&format!(
-        "Weights of the first pass at {} samples per pixel, from left to right {}; dark is 0, yellow the brightest of those by \
-         pixels. Interpolated beside computed at every pixel is the paper's Fig. 6, from neighbourhoods of pixels beside \
-         those of samples (RPF's) its Fig. 5.",
+        "Weights of the first pass at {} samples per pixel, from left to right {}; dark is 0, yellow the maximum of those by \
+         pixels. The paper's Fig. 6 compares interpolated weights with weights computed at every pixel, its Fig. 5 \
+         neighbourhoods of pixels with those of samples (RPF's).",
         settings.base_spp,
-        SHOWN.map(|(name, _)| name).join(", ")
+        GROUPS.map(|(name, _)| name).join(", ")
     ));
     let rows: Vec<Vec<String>> = shown
         .iter()
         .map(|scene| {
-            let image = |way: &str| {
+            let image = |computation: &str| {
                 format!(
                     "<img src=\"{PICTURES}/{}-weights-{}.png\" width=\"420\">",
                     scene.name,
-                    way.replace(' ', "-")
+                    computation.replace(' ', "-")
                 )
             };
-            std::iter::once(scene.name.clone()).chain(WAYS.map(image)).collect()
+            std::iter::once(scene.name.clone()).chain(COMPUTATIONS.map(image)).collect()
         })
         .collect();
-    report.table(&["", WAYS[0], WAYS[1], WAYS[2]], &rows);
+    report.table(&["", COMPUTATIONS[0], COMPUTATIONS[1], COMPUTATIONS[2]], &rows);
 }
 
-fn other_readings(settings: &Settings, scenes: &[Measured], report: &mut Report) {
-    report.section("Other readings of the papers");
+fn other_interpretations(settings: &Settings, scenes: &[SceneResults], report: &mut Report) {
+    report.section("Other interpretations of the papers");
     report.paragraph(&format!(
-        "What the papers leave open, read otherwise: MSE as a multiple of that of the same method as published here, at {} \
-         samples per pixel. Below 1 the other reading is better.",
+        "Other interpretations of what the papers leave open: ratio of MSE to that of the method as published, at {} \
+         samples per pixel. Below 1 the other interpretation is better.",
         settings.base_spp
     ));
-    let mut head = vec!["reading"];
+    let mut head = vec!["interpretation"];
     head.extend(scenes.iter().map(|scene| scene.name.as_str()));
-    let rows: Vec<Vec<String>> = readings(settings.scenes.first().map_or(0.0, |scene| scene.sigma8_squared))
-        .into_iter()
-        .map(|(name, _)| {
-            let base = if name.starts_with("P-RPF") { PRPF } else { RPF };
-            let ratio = |scene: &Measured| {
-                scene.get(&format!("{READING} {name}"), "mse") / scene.at(base, settings.base_spp, "mse")
-            };
-            std::iter::once(name.to_owned()).chain(scenes.iter().map(|s| number(ratio(s), 3))).collect()
-        })
-        .collect();
+    let rows: Vec<Vec<String>> =
+        interpretations(settings.scenes.first().map_or(0.0, |scene| scene.sigma8_squared))
+            .into_iter()
+            .map(|(name, _)| {
+                let base = if name.starts_with("P-RPF") { PRPF } else { RPF };
+                let ratio = |scene: &SceneResults| {
+                    scene.get(&format!("{INTERPRETATION} {name}"), "mse")
+                        / scene.at(base, settings.base_spp, "mse")
+                };
+                std::iter::once(name.to_owned()).chain(scenes.iter().map(|s| number(ratio(s), 3))).collect()
+            })
+            .collect();
     report.table(&head, &rows);
 }
 
-/// All numbers that the claims are made from.
-fn tables(settings: &Settings, scenes: &[Measured], report: &mut Report) {
+/// Tabulates the values that the claims are tested on.
+fn tables(settings: &Settings, scenes: &[SceneResults], report: &mut Report) {
     report.section("Time and error by scene");
+    time_and_error(settings, scenes, report);
+    report.section("Whole images, and upsampling");
+    report.paragraph(&format!(
+        "P-RPF and `nlm` on whole images at {} samples per pixel, the fractions of P-RPF's time in neighbourhoods, weights \
+         and filter, and the gain of upsampling on the crops.",
+        settings.whole_spp
+    ));
+    upsampling(scenes, report);
+}
+
+fn time_and_error(settings: &Settings, scenes: &[SceneResults], report: &mut Report) {
     let mut rows = Vec::new();
     for scene in scenes {
         for &spp in &settings.spp {
             let mut row = vec![scene.name.clone(), spp.to_string()];
-            for (method, _) in &CALLED[1..] {
+            for (method, _) in &METHODS[1..] {
                 row.push(number(scene.at(method, spp, "seconds"), 3));
             }
             row.push(number(scene.speed_up(spp), 3));
-            for (method, _) in &CALLED {
+            for (method, _) in &METHODS {
                 row.push(number(scene.at(method, spp, "mse"), 3));
             }
             rows.push(row);
@@ -242,52 +260,45 @@ fn tables(settings: &Settings, scenes: &[Measured], report: &mut Report) {
         "spp",
         "RPF, s",
         "P-RPF, s",
-        "`standard`, s",
+        "`nlm`, s",
         "RPF ∕ P-RPF",
         "MSE unfiltered",
         "RPF",
         "P-RPF",
-        "`standard`",
+        "`nlm`",
     ];
     report.table(&head, &rows);
+}
 
-    report.section("Whole images, and upsampling");
-    report.paragraph(&format!(
-        "P-RPF on whole images at {} samples per pixel, its time in neighbourhoods, weights and filter; and on the crops, what \
-         upsampling of weights gains.",
-        settings.whole_spp
-    ));
-    let rows: Vec<Vec<String>> = scenes
-        .iter()
-        .map(|scene| {
-            let whole = |quantity: &str| scene.get(WHOLE, quantity);
-            let gain = |what: &str| {
-                scene.get(UPSAMPLING, &format!("{what} without"))
-                    / scene.get(UPSAMPLING, &format!("{what} with"))
-            };
-            vec![
-                scene.name.clone(),
-                number(whole("seconds"), 3),
-                number(whole("standard seconds"), 3),
-                STAGES.map(|stage| number(10.0 * whole(stage), 2)).join(" : "),
-                format!("{} %", number(100.0 * whole("interpolated"), 3)),
-                number(gain("weight seconds"), 2),
-                number(gain("seconds"), 2),
-                number(scene.get(UPSAMPLING, "weights mse"), 2),
-                number(scene.get(UPSAMPLING, "mse with") - scene.get(UPSAMPLING, "mse without"), 2),
-            ]
-        })
-        .collect();
+fn upsampling(scenes: &[SceneResults], report: &mut Report) {
+    let row = |scene: &SceneResults| {
+        let whole = |quantity: &str| scene.get(WHOLE, quantity);
+        let gain = |quantity: &str| {
+            scene.get(UPSAMPLING, &format!("{quantity} without"))
+                / scene.get(UPSAMPLING, &format!("{quantity} with"))
+        };
+        vec![
+            scene.name.clone(),
+            number(whole("seconds"), 3),
+            number(whole("nlm seconds"), 3),
+            STAGES.map(|stage| number(10.0 * whole(stage), 2)).join(" : "),
+            format!("{} %", number(100.0 * whole("interpolated"), 3)),
+            number(gain("weight seconds"), 2),
+            number(gain("seconds"), 2),
+            number(scene.get(UPSAMPLING, "weights mse"), 2),
+            number(scene.get(UPSAMPLING, "mse with") - scene.get(UPSAMPLING, "mse without"), 2),
+        ]
+    };
     let head = [
         "scene",
         "P-RPF, s",
-        "`standard`, s",
+        "`nlm`, s",
         "stages",
         "interpolated",
-        "weights faster",
-        "all faster",
+        "speed-up of weights",
+        "speed-up of the filter",
         "MSE of weights",
-        "added MSE of image",
+        "added MSE of the image",
     ];
-    report.table(&head, &rows);
+    report.table(&head, &scenes.iter().map(row).collect::<Vec<_>>());
 }

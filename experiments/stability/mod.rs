@@ -6,8 +6,8 @@ mod report;
 use anyhow::ensure;
 use serde::Deserialize;
 
-use crate::bench::Bench;
 use crate::ledger::{Key, values};
+use crate::session::Session;
 use cases::{Effort, SECTIONS};
 
 #[derive(Deserialize)]
@@ -16,21 +16,21 @@ struct Settings {
     effort: Effort,
 }
 
-pub fn run(bench: &mut Bench) -> anyhow::Result<()> {
-    let Settings { effort } = bench.settings()?;
+pub fn run(session: &mut Session) -> anyhow::Result<()> {
+    let Settings { effort } = session.settings()?;
     let program = cases::program();
     ensure!(program.is_file(), "found no {}; `cargo build --release` makes it", program.display());
     let mut measured = Vec::new();
     for section in &SECTIONS {
-        bench.doing(section.name);
+        session.show_status(section.name);
         let cases = (section.cases)(effort);
         for (index, case) in cases.iter().enumerate() {
             let key = Key::new(section.name, 0, format!("{index}: {}: {}", case.name, case.figure));
-            bench.ledger.measure(key, &[], || {
+            session.ledger.measure(key, &[], || {
                 Ok(values([("measured", case.measured), ("passed", f64::from(case.passed()))]))
             })?;
         }
         measured.push((section.name, cases));
     }
-    report::write(bench, &measured)
+    report::write(session, &measured)
 }

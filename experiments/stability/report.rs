@@ -1,11 +1,11 @@
 //! The report on the hard cases.
 
 use super::cases::{Case, number};
-use crate::bench::Bench;
 use crate::report::Report;
+use crate::session::Session;
 
 /// Sections with their cases.
-pub fn write(bench: &Bench, sections: &[(&str, Vec<Case>)]) -> anyhow::Result<()> {
+pub fn write(session: &Session, sections: &[(&str, Vec<Case>)]) -> anyhow::Result<()> {
     let all = || sections.iter().flat_map(|(_, cases)| cases);
     let holding = all().filter(|case| case.passed()).count();
     let finding = format!(
@@ -33,7 +33,7 @@ pub fn write(bench: &Bench, sections: &[(&str, Vec<Case>)]) -> anyhow::Result<()
             .collect();
         report.table(&["case", "why, and what holds"], &rows);
     }
-    report.write(bench, "fixed in the cases")
+    report.write(session, "fixed in the cases")
 }
 
 fn failing<'a>(cases: impl Iterator<Item = &'a Case>) -> String {

@@ -1,91 +1,113 @@
-//! Where the time goes, and what choosing neighbours by pixels lets in.
+//! Claims on the time of each stage, and on the samples that a selection by pixels lets in.
 
 use prpf::filter::PrpfSettings;
 
-use super::{About, Claim, Said, Test, over, percent, stages};
-use crate::paper::data::{Measured, OUTSIDE, PRPF, READING, RPF};
-use crate::paper::methods::{ALL_PIXELS, RELEASE, STAGES};
+use super::claim::{Claim, ClaimTest, Explain, Scope, format_percent, format_range, stage_fractions};
+use crate::paper::interpretations::{ALL_PIXELS, RELEASE};
+use crate::paper::scene_results::{INTERPRETATION, OUTSIDE, PRPF, RPF, SceneResults};
 use crate::paper::settings::Settings;
+use crate::paper::stage_timer::STAGES;
 use crate::report::{median, number};
 
-/// Shares of P-RPF's stages.
-const BY_PIXELS: [f64; 3] = [0.6, 0.3, 0.1];
+/// Fractions of P-RPF's time that the paper gives for its stages.
+const PRPF_FRACTIONS: [f64; 3] = [0.6, 0.3, 0.1];
+/// Those of RPF.
+const RPF_FRACTIONS: [f64; 3] = [0.2, 0.4, 0.4];
 
-/// Whether shares are these, to the tenth that the paper gives.
-fn is_about(share: &dyn Fn(usize) -> f64, expected: [f64; 3]) -> bool {
-    (0..3).all(|k| (share(k) - expected[k]).abs() <= 0.1)
+/// All claims on stages and on the selection of samples.
+pub fn claims(scenes: &[SceneResults], settings: &Settings) -> Vec<Claim> {
+    let base = settings.base_spp;
+    let explain_rpf = |failing: &[&SceneResults]| {
+        let release = stage_fractions(failing, &format!("{INTERPRETATION} {RELEASE}"));
+        let own = stage_fractions(failing, &format!("{RPF} {base}"));
+        format!("{own}; with the settings of the authors' code: {release}")
+    };
+    vec![
+        samples_outside(scenes),
+        stages(
+            ("P-RPF's time in neighbourhoods : weights : filter", "6 : 3 : 1", PRPF),
+            PRPF_FRACTIONS,
+            &explain_prpf_stages,
+            scenes,
+            base,
+        ),
+        stages(("RPF's likewise", "2 : 4 : 4", RPF), RPF_FRACTIONS, &explain_rpf, scenes, base),
+    ]
 }
 
-pub fn claims(scenes: &[Measured], settings: &Settings) -> Vec<Claim> {
-    let base = settings.base_spp;
-    let outside = |scene: &Measured| {
-        let shares = scene.runs.get(OUTSIDE).into_iter().flat_map(|values| values.values().copied());
-        let shares: Vec<f64> = shares.collect();
-        shares.iter().sum::<f64>() / shares.len() as f64
+/// Whether all fractions are as expected, to the tenth that the paper gives.
+fn are_similar(fraction: &dyn Fn(usize) -> f64, expected: [f64; 3]) -> bool {
+    (0..3).all(|k| (fraction(k) - expected[k]).abs() <= 0.1)
+}
+
+fn explain_prpf_stages(failing: &[&SceneResults]) -> String {
+    let side = PrpfSettings::paper().statistics_side;
+    let run = format!("{INTERPRETATION} {ALL_PIXELS}");
+    let holds = |scene: &&&SceneResults| are_similar(&|k| scene.get(&run, STAGES[k]), PRPF_FRACTIONS);
+    format!(
+        "statistics come from {side}×{side} pixels of a window here; from all of them it holds on {} of these {}: {}",
+        failing.iter().filter(holds).count(),
+        failing.len(),
+        stage_fractions(failing, &run)
+    )
+}
+
+fn samples_outside(scenes: &[SceneResults]) -> Claim {
+    let outside = |scene: &SceneResults| {
+        let fractions = scene.runs.get(OUTSIDE).into_iter().flat_map(|values| values.values().copied());
+        let fractions: Vec<f64> = fractions.collect();
+        fractions.iter().sum::<f64>() / fractions.len() as f64
     };
-    let published = PrpfSettings::paper();
-    let largest = published.windows.iter().copied().max().unwrap_or(0);
-    let smallest = published.windows.iter().copied().min().unwrap_or(0);
-    let by_window = |failing: &[&Measured]| {
-        let share =
-            |window: usize| over(failing, |scene| scene.get(OUTSIDE, &format!("window {window}")), &percent);
-        format!("{} in the largest window, {} in the smallest", share(largest), share(smallest))
-    };
-    let with_all_pixels = |failing: &[&Measured]| {
-        let side = published.statistics_side;
-        let run = format!("{READING} {ALL_PIXELS}");
-        let mended =
-            failing.iter().filter(|scene| is_about(&|k| scene.get(&run, STAGES[k]), BY_PIXELS)).count();
-        let all = stages(failing, &run);
-        format!(
-            "statistics come from {side}×{side} pixels of a window here; from all of them it holds on {mended} of \
-             these {}: {all}",
-            failing.len()
-        )
-    };
-    let rpf_stages = |failing: &[&Measured]| {
-        let release = stages(failing, &format!("{READING} {RELEASE}"));
-        format!(
-            "{}; with the settings of the authors' code: {release}",
-            stages(failing, &format!("{RPF} {base}"))
-        )
-    };
-    let by_pixels = Test {
-        claim: "Samples outside the tolerance when chosen by pixels (mean of the windows)",
+    let windows = PrpfSettings::paper().windows;
+    let largest = windows.iter().copied().max().unwrap_or(0);
+    let smallest = windows.iter().copied().min().unwrap_or(0);
+    ClaimTest {
+        claim: "Samples beyond the similarity threshold in a selection by pixels (mean of the windows)",
         paper: "5 to 10 %",
-        about: About::All,
-        number: &outside,
+        scope: Scope::All,
+        value: &outside,
         holds: &|scene| outside(scene) <= 0.105,
-        shown: &percent,
-        standard: None,
-        why: &by_window,
+        format: &format_percent,
+        nlm: None,
+        explain: &|failing| {
+            let fraction = |window: usize| {
+                let quantity = format!("window {window}");
+                format_range(failing, |scene| scene.get(OUTSIDE, &quantity), &format_percent)
+            };
+            format!("{} in the largest window, {} in the smallest", fraction(largest), fraction(smallest))
+        },
         remark: None,
-    };
-    let mut claims = vec![by_pixels.on(scenes)];
-    let rows: [(&str, &str, &str, [f64; 3], Said); 2] = [
-        ("P-RPF's time in neighbourhoods : weights : filter", "6 : 3 : 1", PRPF, BY_PIXELS, &with_all_pixels),
-        ("RPF's likewise", "2 : 4 : 4", RPF, [0.2, 0.4, 0.4], &rpf_stages),
-    ];
-    for (claim, paper, method, expected, why) in rows {
-        let share = |scene: &Measured, k: usize| scene.at(method, base, STAGES[k]);
-        let mut of_all = Test {
-            claim,
-            paper,
-            about: About::All,
-            number: &|scene| share(scene, 0),
-            holds: &|scene| is_about(&|k| share(scene, k), expected),
-            shown: &percent,
-            standard: None,
-            why,
-            remark: None,
-        }
-        .on(scenes);
-        for (place, of_paper) in [true, false].into_iter().enumerate() {
-            let group = || scenes.iter().filter(move |scene| scene.of_paper == of_paper);
-            let middle = |k| 10.0 * median(group().map(|scene| share(scene, k)));
-            of_all.ours[place] = [0, 1, 2].map(|k| number(middle(k), 2)).join(" : ");
-        }
-        claims.push(of_all);
     }
-    claims
+    .evaluate(scenes)
+}
+
+/// A claim on the fractions of a method's time in its stages.
+fn stages(
+    (claim, paper, method): (&'static str, &'static str, &'static str),
+    expected: [f64; 3],
+    explain: Explain,
+    scenes: &[SceneResults],
+    base: u32,
+) -> Claim {
+    let fraction = |scene: &SceneResults, k: usize| scene.at(method, base, STAGES[k]);
+    let mut claim = ClaimTest {
+        claim,
+        paper,
+        scope: Scope::All,
+        value: &|scene| fraction(scene, 0),
+        holds: &|scene| are_similar(&|k| fraction(scene, k), expected),
+        format: &format_percent,
+        nlm: None,
+        explain,
+        remark: None,
+    }
+    .evaluate(scenes);
+
+    // Show all stages, not the first alone
+    for (i, from_paper) in [true, false].into_iter().enumerate() {
+        let group = || scenes.iter().filter(move |scene| scene.from_paper == from_paper);
+        let tenths = |k| 10.0 * median(group().map(|scene| fraction(scene, k)));
+        claim.ours[i] = [0, 1, 2].map(|k| number(tenths(k), 2)).join(" : ");
+    }
+    claim
 }

@@ -1,102 +1,125 @@
-//! How fast both methods are, and how their time grows.
+//! Claims on the speed of both methods, and on its growth with the sample count.
 
-use super::{About, Claim, Test, over, stages, times};
-use crate::paper::data::{Measured, PRPF, READING, RPF, STANDARD};
-use crate::paper::methods::ALL_PIXELS;
+use super::claim::{Claim, ClaimTest, Scope, format_range, format_times, stage_fractions};
+use crate::paper::interpretations::ALL_PIXELS;
+use crate::paper::scene_results::{INTERPRETATION, NLM, PRPF, RPF, SceneResults};
 use crate::paper::settings::Settings;
 
-pub fn claims(scenes: &[Measured], settings: &Settings) -> Vec<Claim> {
+/// All claims on speed.
+pub fn claims(scenes: &[SceneResults], settings: &Settings) -> Vec<Claim> {
+    let mut claims = vec![rpf_growth(scenes, settings), prpf_growth(scenes, settings)];
+    claims.extend(speed_ups(scenes, settings));
+    claims.push(prpf_at_32_against_rpf_at_8(scenes, settings));
+    claims
+}
+
+/// Ratio of a method's filter times at `spp` and at the base sample count; NaN at the base count itself.
+fn growth(scene: &SceneResults, method: &str, spp: u32, base: u32) -> f64 {
+    let ratio = scene.at(method, spp, "seconds") / scene.at(method, base, "seconds");
+    if spp > base { ratio } else { f64::NAN }
+}
+
+/// States how P-RPF's time at the largest sample count splits into stages.
+fn prpf_stages(failing: &[&SceneResults], settings: &Settings) -> String {
+    let max_spp = settings.spp.iter().copied().max().unwrap_or(settings.base_spp);
+    format!("P-RPF's time there: {}", stage_fractions(failing, &format!("{PRPF} {max_spp}")))
+}
+
+fn rpf_growth(scenes: &[SceneResults], settings: &Settings) -> Claim {
     let base = settings.base_spp;
-    let most = |scene: &Measured| scene.rpf_spp.iter().copied().max().unwrap_or(base);
-    // Nothing grows from a count to itself.
-    let growth_to = |scene: &Measured, method: &str, spp: u32| {
-        let grown = scene.at(method, spp, "seconds") / scene.at(method, base, "seconds");
-        if spp > base { grown } else { f64::NAN }
-    };
-    let growth = |scene: &Measured, method: &str| growth_to(scene, method, most(scene));
-    let factor = |scene: &Measured| f64::from(most(scene)) / f64::from(base);
-    let largest = settings.spp.iter().copied().max().unwrap_or(base);
-    let slow_stages = |failing: &[&Measured]| {
-        format!("P-RPF's time there: {}", stages(failing, &format!("{PRPF} {largest}")))
-    };
-    let mut claims = vec![
-        Test {
-            claim: "RPF's filter time grows with the sample count (largest count over smallest)",
-            paper: "in proportion, or more",
-            about: About::All,
-            number: &|scene| growth(scene, RPF),
-            holds: &|scene| growth(scene, RPF) >= 0.8 * factor(scene),
-            shown: &times,
-            standard: None,
-            why: &|failing| {
-                let grown = over(failing, |scene| growth(scene, RPF), &times);
-                format!("takes {grown} for {} the samples", over(failing, factor, &times))
-            },
-            remark: None,
-        }
-        .on(scenes),
-        Test {
-            claim: "P-RPF's filter time hardly does",
-            paper: "nearly flat",
-            about: About::All,
-            number: &|scene| growth_to(scene, PRPF, largest),
-            holds: &|scene| growth_to(scene, PRPF, largest) <= 1.25,
-            shown: &times,
-            standard: Some(&|scene| growth_to(scene, STANDARD, largest)),
-            why: &slow_stages,
-            remark: None,
-        }
-        .on(scenes),
-    ];
-    let without_economies = |known: &[&Measured]| {
-        let slower = |scene: &Measured| {
-            scene.at(RPF, base, "seconds") / scene.get(&format!("{READING} {ALL_PIXELS}"), "seconds")
+    let max_spp = |scene: &SceneResults| scene.rpf_spp.iter().copied().max().unwrap_or(base);
+    let time_ratio = |scene: &SceneResults| growth(scene, RPF, max_spp(scene), base);
+    let sample_ratio = |scene: &SceneResults| f64::from(max_spp(scene)) / f64::from(base);
+    ClaimTest {
+        claim: "RPF's filter time grows with the sample count (largest count over smallest)",
+        paper: "in proportion, or more",
+        scope: Scope::All,
+        value: &time_ratio,
+        holds: &|scene| time_ratio(scene) >= 0.8 * sample_ratio(scene),
+        format: &format_times,
+        nlm: None,
+        explain: &|failing| {
+            let times = format_range(failing, time_ratio, &format_times);
+            let samples = format_range(failing, sample_ratio, &format_times);
+            format!("takes {times} the time for {samples} the samples")
+        },
+        remark: None,
+    }
+    .evaluate(scenes)
+}
+
+fn prpf_growth(scenes: &[SceneResults], settings: &Settings) -> Claim {
+    let base = settings.base_spp;
+    let max_spp = settings.spp.iter().copied().max().unwrap_or(base);
+    ClaimTest {
+        claim: "P-RPF's filter time hardly grows",
+        paper: "nearly flat",
+        scope: Scope::All,
+        value: &|scene| growth(scene, PRPF, max_spp, base),
+        holds: &|scene| growth(scene, PRPF, max_spp, base) <= 1.25,
+        format: &format_times,
+        nlm: Some(&|scene| growth(scene, NLM, max_spp, base)),
+        explain: &|failing| prpf_stages(failing, settings),
+        remark: None,
+    }
+    .evaluate(scenes)
+}
+
+/// Speed-ups of P-RPF over RPF at each sample count that the paper gives.
+fn speed_ups(scenes: &[SceneResults], settings: &Settings) -> Vec<Claim> {
+    let base = settings.base_spp;
+    let with_all_pixels = |known: &[&SceneResults]| {
+        let speed_up = |scene: &SceneResults| {
+            scene.at(RPF, base, "seconds") / scene.get(&format!("{INTERPRETATION} {ALL_PIXELS}"), "seconds")
         };
-        let times = over(known, slower, &times);
+        let times = format_range(known, speed_up, &format_times);
         format!(
-            "P-RPF's statistics come from part of a window's pixels here; from all of them it is {times} faster"
+            "P-RPF's statistics come from some pixels of a window here; from all of them it is {times} faster"
         )
     };
-    let by_count = [
+    let claim = |(claim, paper, spp, expected): (&'static str, &'static str, u32, f64)| {
+        ClaimTest {
+            claim,
+            paper,
+            scope: Scope::All,
+            value: &|scene| scene.speed_up(spp),
+            // As the paper rounds.
+            holds: &|scene| scene.speed_up(spp) >= 0.9 * expected,
+            format: &format_times,
+            nlm: Some(&|scene| scene.at(RPF, spp, "seconds") / scene.at(NLM, spp, "seconds")),
+            explain: &|failing| prpf_stages(failing, settings),
+            remark: (spp == base).then_some(&with_all_pixels),
+        }
+        .evaluate(scenes)
+    };
+    [
         ("P-RPF filters faster than RPF at 8 samples per pixel", "4 to 6 times", 8, 4.0),
         ("… at 16", "4 to 6 times", 16, 4.0),
         ("… at 32", "more than 10 times", 32, 10.0),
         ("… at 64", "about 30 times", 64, 30.0),
-    ];
-    for (claim, paper, spp, least) in by_count.into_iter().filter(|by| settings.spp.contains(&by.2)) {
-        claims.push(
-            Test {
-                claim,
-                paper,
-                about: About::All,
-                number: &|scene| scene.speed_up(spp),
-                // As the paper rounds.
-                holds: &|scene| scene.speed_up(spp) >= 0.9 * least,
-                shown: &times,
-                standard: Some(&|scene| scene.at(RPF, spp, "seconds") / scene.at(STANDARD, spp, "seconds")),
-                why: &slow_stages,
-                remark: (spp == base).then_some(&without_economies),
-            }
-            .on(scenes),
-        );
-    }
-    let largest = settings.spp.iter().copied().filter(|&spp| spp <= 32).max().unwrap_or(base);
-    let against = |scene: &Measured, method: &str| {
-        scene.at(method, largest, "seconds") / scene.at(RPF, base, "seconds")
+    ]
+    .into_iter()
+    .filter(|(_, _, spp, _)| settings.spp.contains(spp))
+    .map(claim)
+    .collect()
+}
+
+fn prpf_at_32_against_rpf_at_8(scenes: &[SceneResults], settings: &Settings) -> Claim {
+    let base = settings.base_spp;
+    let spp = settings.spp.iter().copied().filter(|&spp| spp <= 32).max().unwrap_or(base);
+    let ratio = |scene: &SceneResults, method: &str| {
+        scene.at(method, spp, "seconds") / scene.at(RPF, base, "seconds")
     };
-    claims.push(
-        Test {
-            claim: "P-RPF at 32 samples takes no longer than RPF at 8 (time over time)",
-            paper: "1× or less",
-            about: About::All,
-            number: &|scene| against(scene, PRPF),
-            holds: &|scene| against(scene, PRPF) <= 1.0,
-            shown: &times,
-            standard: Some(&|scene| against(scene, STANDARD)),
-            why: &slow_stages,
-            remark: None,
-        }
-        .on(scenes),
-    );
-    claims
+    ClaimTest {
+        claim: "P-RPF at 32 samples takes no longer than RPF at 8 (ratio of times)",
+        paper: "1× or less",
+        scope: Scope::All,
+        value: &|scene| ratio(scene, PRPF),
+        holds: &|scene| ratio(scene, PRPF) <= 1.0,
+        format: &format_times,
+        nlm: Some(&|scene| ratio(scene, NLM)),
+        explain: &|failing| prpf_stages(failing, settings),
+        remark: None,
+    }
+    .evaluate(scenes)
 }

@@ -1,101 +1,129 @@
-//! What interpolating the weights gains and costs.
+//! Claims on what the interpolation of feature weights gains and costs.
 
-use super::{About, Claim, Test, over, percent, plain, times};
-use crate::paper::data::{Measured, PRPF, READING, UPSAMPLING, WHOLE};
-use crate::paper::methods::ALL_PIXELS;
+use super::claim::{Claim, ClaimTest, Scope, format_number, format_percent, format_range, format_times};
+use crate::paper::interpretations::ALL_PIXELS;
+use crate::paper::scene_results::{INTERPRETATION, PRPF, SceneResults, UPSAMPLING, WHOLE};
 use crate::paper::settings::Settings;
 
-pub fn claims(scenes: &[Measured], settings: &Settings) -> Vec<Claim> {
-    let (base, most) = (settings.base_spp, settings.spp.iter().copied().max().unwrap_or(settings.base_spp));
-    let interpolated = |scene: &Measured| scene.get(WHOLE, "interpolated");
-    let faster = |scene: &Measured, what: &str| {
-        scene.get(UPSAMPLING, &format!("{what} without")) / scene.get(UPSAMPLING, &format!("{what} with"))
-    };
-    let cost = |scene: &Measured| scene.get(UPSAMPLING, "mse with") - scene.get(UPSAMPLING, "mse without");
-    let bound_by_failures = |failing: &[&Measured]| {
-        let direct = over(failing, |scene| 1.0 - scene.get(UPSAMPLING, "interpolated"), &percent);
-        format!("weights are computed directly at {direct} of the pixels between nodes")
-    };
-    let interpolated_elsewhere = |failing: &[&Measured]| {
-        let at = |spp| over(failing, |scene| scene.at(PRPF, spp, "interpolated"), &percent);
-        let all =
-            over(failing, |scene| scene.get(&format!("{READING} {ALL_PIXELS}"), "interpolated"), &percent);
-        format!(
-            "on the crops {} with {base} samples, {} with {most}, {all} with statistics of all pixels of a window",
-            at(base),
-            at(most)
-        )
-    };
-    let share_of_weights = |failing: &[&Measured]| {
-        let share = |scene: &Measured| {
-            scene.get(UPSAMPLING, "weight seconds without") / scene.get(UPSAMPLING, "seconds without")
-        };
-        format!("without it weights take {} of the time", over(failing, share, &percent))
-    };
-    let against_mse = |failing: &[&Measured]| {
-        let share = |scene: &Measured| cost(scene) / scene.get(UPSAMPLING, "mse without");
-        format!("{} of the MSE", over(failing, share, &percent))
-    };
+/// All claims on upsampling.
+pub fn claims(scenes: &[SceneResults], settings: &Settings) -> Vec<Claim> {
     vec![
-        Test {
-            claim: "Pixels whose weights are interpolated (whole images)",
-            paper: "85 to 94 %",
-            about: About::All,
-            number: &interpolated,
-            holds: &|scene| interpolated(scene) >= 0.845,
-            shown: &percent,
-            standard: None,
-            why: &interpolated_elsewhere,
-            remark: None,
-        }
-        .on(scenes),
-        Test {
-            claim: "Weights are computed faster by upsampling",
-            paper: "8 to 10 times",
-            about: About::All,
-            number: &|scene| faster(scene, "weight seconds"),
-            holds: &|scene| faster(scene, "weight seconds") >= 7.5,
-            shown: &times,
-            standard: None,
-            why: &bound_by_failures,
-            remark: None,
-        }
-        .on(scenes),
-        Test {
-            claim: "The whole filter is faster by it",
-            paper: "about 3 times",
-            about: About::All,
-            number: &|scene| faster(scene, "seconds"),
-            holds: &|scene| faster(scene, "seconds") >= 2.5,
-            shown: &times,
-            standard: None,
-            why: &share_of_weights,
-            remark: None,
-        }
-        .on(scenes),
-        Test {
-            claim: "MSE of interpolated weights",
-            paper: "0.001 to 0.002",
-            about: About::All,
-            number: &|scene| scene.get(UPSAMPLING, "weights mse"),
-            holds: &|scene| scene.get(UPSAMPLING, "weights mse") <= 0.0025,
-            shown: &plain,
-            standard: None,
-            why: &bound_by_failures,
-            remark: None,
-        }
-        .on(scenes),
-        Test {
-            claim: "What upsampling adds to the image's MSE",
-            paper: "less than 0.00001",
-            about: About::All,
-            number: &cost,
-            holds: &|scene| cost(scene) < 1e-5,
-            shown: &plain,
-            standard: None,
-            why: &against_mse,
-            remark: None,
-        }
-        .on(scenes),
+        interpolated_pixels(scenes, settings),
+        speed_up_of_weights(scenes),
+        speed_up_of_filter(scenes),
+        mse_of_weights(scenes),
+        added_mse(scenes),
     ]
+}
+
+/// Ratio of the times without and with upsampling; `quantity` names the time.
+fn speed_up(scene: &SceneResults, quantity: &str) -> f64 {
+    scene.get(UPSAMPLING, &format!("{quantity} without")) / scene.get(UPSAMPLING, &format!("{quantity} with"))
+}
+
+fn directly_computed(failing: &[&SceneResults]) -> String {
+    let fraction = |scene: &SceneResults| 1.0 - scene.get(UPSAMPLING, "interpolated");
+    let fractions = format_range(failing, fraction, &format_percent);
+    format!("weights are computed directly at {fractions} of the pixels between nodes")
+}
+
+fn interpolated_pixels(scenes: &[SceneResults], settings: &Settings) -> Claim {
+    let base = settings.base_spp;
+    let max_spp = settings.spp.iter().copied().max().unwrap_or(base);
+    let interpolated = |scene: &SceneResults| scene.get(WHOLE, "interpolated");
+    ClaimTest {
+        claim: "Pixels whose weights are interpolated (whole images)",
+        paper: "85 to 94 %",
+        scope: Scope::All,
+        value: &interpolated,
+        holds: &|scene| interpolated(scene) >= 0.845,
+        format: &format_percent,
+        nlm: None,
+        explain: &|failing| {
+            let at = |spp| format_range(failing, |scene| scene.at(PRPF, spp, "interpolated"), &format_percent);
+            let run = format!("{INTERPRETATION} {ALL_PIXELS}");
+            let all = format_range(failing, |scene| scene.get(&run, "interpolated"), &format_percent);
+            format!(
+                "on the crops {} with {base} samples, {} with {max_spp}, {all} with statistics of all pixels of a window",
+                at(base),
+                at(max_spp)
+            )
+        },
+        remark: None,
+    }
+    .evaluate(scenes)
+}
+
+fn speed_up_of_weights(scenes: &[SceneResults]) -> Claim {
+    let speed_up = |scene: &SceneResults| speed_up(scene, "weight seconds");
+    ClaimTest {
+        claim: "Upsampling speeds up the computation of weights",
+        paper: "8 to 10 times",
+        scope: Scope::All,
+        value: &speed_up,
+        holds: &|scene| speed_up(scene) >= 7.5,
+        format: &format_times,
+        nlm: None,
+        explain: &directly_computed,
+        remark: None,
+    }
+    .evaluate(scenes)
+}
+
+fn speed_up_of_filter(scenes: &[SceneResults]) -> Claim {
+    let speed_up = |scene: &SceneResults| speed_up(scene, "seconds");
+    ClaimTest {
+        claim: "Upsampling speeds up the whole filter",
+        paper: "about 3 times",
+        scope: Scope::All,
+        value: &speed_up,
+        holds: &|scene| speed_up(scene) >= 2.5,
+        format: &format_times,
+        nlm: None,
+        explain: &|failing| {
+            let fraction = |scene: &SceneResults| {
+                scene.get(UPSAMPLING, "weight seconds without") / scene.get(UPSAMPLING, "seconds without")
+            };
+            let fractions = format_range(failing, fraction, &format_percent);
+            format!("without upsampling, weights take {fractions} of the time")
+        },
+        remark: None,
+    }
+    .evaluate(scenes)
+}
+
+fn mse_of_weights(scenes: &[SceneResults]) -> Claim {
+    let mse = |scene: &SceneResults| scene.get(UPSAMPLING, "weights mse");
+    ClaimTest {
+        claim: "MSE of interpolated weights",
+        paper: "0.001 to 0.002",
+        scope: Scope::All,
+        value: &mse,
+        holds: &|scene| mse(scene) <= 0.0025,
+        format: &format_number,
+        nlm: None,
+        explain: &directly_computed,
+        remark: None,
+    }
+    .evaluate(scenes)
+}
+
+fn added_mse(scenes: &[SceneResults]) -> Claim {
+    let added =
+        |scene: &SceneResults| scene.get(UPSAMPLING, "mse with") - scene.get(UPSAMPLING, "mse without");
+    ClaimTest {
+        claim: "MSE that upsampling adds to the image",
+        paper: "less than 0.00001",
+        scope: Scope::All,
+        value: &added,
+        holds: &|scene| added(scene) < 1e-5,
+        format: &format_number,
+        nlm: None,
+        explain: &|failing| {
+            let fraction = |scene: &SceneResults| added(scene) / scene.get(UPSAMPLING, "mse without");
+            format!("{} of the MSE", format_range(failing, fraction, &format_percent))
+        },
+        remark: None,
+    }
+    .evaluate(scenes)
 }

@@ -1,4 +1,6 @@
-//! What every experiment works with: its settings, its folders, its measurements, its progress.
+//! One run of an experiment: its settings, folders, measurements and progress display.
+//!
+//! Takes the experiment's name and the command line's options; gives what the experiment's module works with.
 
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -11,24 +13,24 @@ use crate::ledger::{Ledger, Machine};
 use crate::scenes::{Catalogue, SceneFile};
 use crate::settings;
 
-/// Where experiments live, from the repository's folder.
+/// Folder of the experiments, relative to the repository.
 const HOME: &str = "experiments";
 
-/// The place where one experiment is run.
-pub struct Bench {
+/// A running experiment.
+pub struct Session {
     name: String,
     pub quick: bool,
     /// Folder of the results.
     pub out: PathBuf,
-    /// Folder of what is expensive and can be made again.
+    /// Folder of expensive intermediate files, which can be deleted.
     pub cache: PathBuf,
     pub ledger: Ledger,
     catalogue: Catalogue,
     bar: ProgressBar,
 }
 
-impl Bench {
-    /// `fresh` forgets earlier measurements.
+impl Session {
+    /// Opens the experiment `name`. `fresh` discards earlier measurements.
     ///
     /// # Errors
     /// Folders that cannot be made, files that cannot be read.
@@ -44,16 +46,17 @@ impl Bench {
         let out = out.unwrap_or_else(|| home.join("results").join(folder));
         let cache = home.join("cache");
         for folder in [&out, &cache] {
-            std::fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))?;
+            std::fs::create_dir_all(folder)
+                .with_context(|| format!("cannot make the folder {}", folder.display()))?;
         }
-        let ledger = Ledger::open(&out.join("data.csv"), Machine::here(), fresh)?;
+        let ledger = Ledger::open(&out.join("data.csv"), Machine::current(), fresh)?;
         let catalogue = Catalogue::read(&home.join("scenes.toml"), scenes_dir)?;
         let bar = ProgressBar::new_spinner();
         bar.enable_steady_tick(Duration::from_millis(200));
         Ok(Self { name: name.to_owned(), quick, out, cache, ledger, catalogue, bar })
     }
 
-    /// The settings of the experiment.
+    /// Reads the experiment's settings.
     ///
     /// # Errors
     /// See [`settings::read`].
@@ -61,10 +64,10 @@ impl Bench {
         settings::read(&Path::new(HOME).join(format!("{}.toml", self.name)), self.quick)
     }
 
-    /// Those of the named scenes that are here; of the others it says that they are left out.
+    /// Looks up scenes by name. Prints the names of those whose files are missing, and leaves them out.
     ///
     /// # Errors
-    /// A name that `scenes.toml` does not have.
+    /// A name that `scenes.toml` lacks.
     pub fn scenes(&self, names: &[String]) -> anyhow::Result<Vec<SceneFile>> {
         let mut found = Vec::new();
         for name in names {
@@ -72,29 +75,29 @@ impl Bench {
             if scene.file.is_file() {
                 found.push(scene);
             } else {
-                self.say(&format!("{name}: left out, there is no {}", scene.file.display()));
+                self.print(&format!("{name}: left out, the file {} is missing", scene.file.display()));
             }
         }
         Ok(found)
     }
 
-    /// Says what is being done.
-    pub fn doing(&self, what: impl Into<String>) {
-        self.bar.set_message(what.into());
+    /// Shows the current activity beside the spinner.
+    pub fn show_status(&self, activity: impl Into<String>) {
+        self.bar.set_message(activity.into());
     }
 
-    /// Prints a line above the progress.
-    pub fn say(&self, line: &str) {
+    /// Prints a line above the spinner.
+    pub fn print(&self, line: &str) {
         self.bar.suspend(|| println!("{line}"));
     }
 
-    /// The command that runs this experiment, for its report.
+    /// The command that repeats this run, for the report.
     pub fn command(&self) -> String {
         let quick = if self.quick { " --quick" } else { "" };
         format!("cargo run --release --bin prpf-experiments -- {}{quick}", self.name)
     }
 
-    /// Puts the measurements in order.
+    /// Writes the ledger and prints the report's path.
     ///
     /// # Errors
     /// A file that cannot be written.

@@ -1,0 +1,69 @@
+//! Runs a method on a store and measures its time.
+
+use prpf::filter::{self, Filtered, PrpfSettings, Quality, RpfSettings, prpf as pixelwise, rpf};
+use prpf::image::Planes;
+use prpf::stats::Store;
+
+use super::stage_timer::{STAGES, StageTimer};
+use crate::ledger::Values;
+use crate::report::median;
+use crate::sampling::timed;
+
+/// A method that makes an image from samples.
+#[derive(Clone, Debug)]
+pub enum Method {
+    Unfiltered,
+    /// Pixel-based random parameter filtering.
+    Prpf(PrpfSettings),
+    /// Cross-filtered non-local means, the program's default.
+    Nlm,
+    /// Random parameter filtering.
+    Rpf(RpfSettings),
+}
+
+impl Method {
+    /// Reservoir capacity that the method needs for `spp` samples per pixel.
+    pub fn capacity(&self, spp: u32) -> usize {
+        match self {
+            Method::Unfiltered | Method::Nlm => 0,
+            Method::Prpf(_) => prpf::progressive::RESERVOIR,
+            Method::Rpf(_) => spp as usize,
+        }
+    }
+
+    /// Filters a store. Returns the image, the median seconds of `repeats` runs (RPF runs once), the fraction of
+    /// interpolated pixels and, for methods with the paper's stages, the fractions of their time.
+    pub fn run(&self, store: &Store, seed: u64, repeats: usize) -> (Planes, Values) {
+        let mut seconds = Vec::new();
+        let timer = StageTimer::default();
+        let mut filtered = None;
+        let repeats = if matches!(self, Method::Rpf(_)) { 1 } else { repeats.max(1) };
+        for _ in 0..repeats {
+            let (result, time) = timed(|| self.filter(store, seed, &timer));
+            seconds.push(time);
+            filtered = Some(result);
+        }
+        let Filtered { image, interpolation_success, .. } = filtered.expect("at least one run");
+        let mut values = Values::from([("seconds".to_owned(), median(seconds))]);
+        if let Some(fraction) = interpolation_success {
+            values.insert("interpolated".to_owned(), f64::from(fraction));
+        }
+        if matches!(self, Method::Prpf(_) | Method::Rpf(_)) {
+            for (name, fraction) in STAGES.iter().zip(timer.fractions()) {
+                values.insert((*name).to_owned(), fraction);
+            }
+            values.insert("weight seconds".to_owned(), timer.weight_seconds() / repeats as f64);
+        }
+        (image, values)
+    }
+
+    fn filter(&self, store: &Store, seed: u64, timer: &StageTimer) -> Filtered {
+        let observe = |stage| timer.start(stage);
+        match self {
+            Method::Unfiltered => filter::unfiltered(store),
+            Method::Nlm => filter::filter(store, Quality::Standard, seed),
+            Method::Prpf(settings) => pixelwise::filter_observed(store, settings, seed, &observe),
+            Method::Rpf(settings) => rpf::filter_observed(store, settings, seed, &observe),
+        }
+    }
+}

@@ -1,0 +1,55 @@
+//! Loads a scene at the resolution of an experiment, with its reference image.
+
+use std::collections::BTreeMap;
+
+use prpf::image::Planes;
+use prpf::image::metrics::Pair;
+use prpf::scene::Scene;
+use serde::Deserialize;
+
+use crate::reference::{self, Reference};
+use crate::scenes::{SceneFile, View};
+use crate::session::Session;
+
+/// Film size and reference quality: the table `size` of an experiment's settings.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Size {
+    /// Approximate number of pixels of a film.
+    pixels: f64,
+    /// Samples per pixel of a reference.
+    reference_spp: u32,
+    /// Samples per pixel of the references of noisier scenes, by scene.
+    harder: BTreeMap<String, u32>,
+}
+
+/// A scene with its reference image.
+pub struct TestScene {
+    pub name: String,
+    pub scene: Scene,
+    pub reference: Reference,
+}
+
+impl TestScene {
+    /// Loads the scene and scales its film down to `size.pixels`.
+    ///
+    /// # Errors
+    /// A scene file or a cached reference that cannot be read.
+    pub fn new(session: &Session, file: &SceneFile, size: &Size) -> anyhow::Result<Self> {
+        session.show_status(format!("{}: reading", file.name));
+        let mut scene = file.load(View::default())?;
+        let (width, height) = (scene.film.width as f64, scene.film.height as f64);
+        let scale = (size.pixels / (width * height)).sqrt().min(1.0);
+        scene.resize_film((width * scale).round() as usize, (height * scale).round() as usize);
+        let spp = size.harder.get(&file.name).copied().unwrap_or(size.reference_spp);
+        let show = |status| session.show_status(status);
+        let reference = reference::reference(&scene, &file.name, spp, &session.cache, show)?;
+        Ok(Self { name: file.name.clone(), scene, reference })
+    }
+
+    /// relMSE of an image against the reference, less the reference's own expected relMSE.
+    pub fn relmse(&self, image: &Planes) -> f64 {
+        let pair = Pair::new(image, &self.reference.image).expect("a render of the reference's size");
+        (pair.relmse() - self.reference.relmse).max(f64::MIN_POSITIVE)
+    }
+}
