@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use super::SceneResults;
+use super::scene_results::SceneResults;
 use crate::estimate_check::EstimateCheck;
 use crate::report::{Report, median, number, range};
 

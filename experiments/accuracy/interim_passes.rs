@@ -4,7 +4,8 @@ use prpf::adaptive::Sampling;
 use prpf::geometry::Accel;
 use prpf::progressive::Denoiser;
 
-use super::{InterimPassSettings, SceneResults};
+use super::scene_results::SceneResults;
+use super::settings::InterimPassSettings;
 use crate::curves::{self, EqualCost, Point, ratios};
 use crate::report::{Report, number};
 use crate::session::Session;

@@ -9,60 +9,23 @@ mod filter_variant;
 mod interim_passes;
 mod pareto_front;
 mod report;
+mod scene_results;
+mod settings;
 mod times;
 
 use anyhow::ensure;
 use prpf::geometry::Accel;
-use serde::Deserialize;
 
-use crate::curves::{self, Curves, Point};
+use crate::curves;
 use crate::session::Session;
-use crate::test_scene::{Size, TestScene};
-
-use filter_costs::Cost;
-
-/// `accuracy.toml`.
-#[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Settings {
-    scenes: Vec<String>,
-    size: Size,
-    targets: Vec<f64>,
-    curves: CurveSettings,
-    interim_passes: InterimPassSettings,
-    filters: filter_costs::Settings,
-}
-
-#[derive(Clone, Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct CurveSettings {
-    spp: Vec<u32>,
-    seeds: u64,
-}
-
-#[derive(Clone, Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct InterimPassSettings {
-    spp: u32,
-    every: Vec<usize>,
-    seeds: u64,
-}
-
-/// The measurements on a scene.
-struct SceneResults {
-    scene: String,
-    reference_relmse: f64,
-    curves: Curves,
-    /// By index of [`filter_costs::Settings::variants`].
-    filters: Vec<Cost>,
-    /// By index of `interim_passes.every`.
-    interim_passes: Vec<Vec<Point>>,
-}
+use crate::test_scene::TestScene;
+use scene_results::SceneResults;
+use settings::{CurveSettings, Settings};
 
 /// Runs the experiment.
 pub fn run(session: &mut Session) -> anyhow::Result<()> {
     let settings: Settings = session.settings()?;
-    ensure!(settings.curves.spp.len() >= 2, "curves.spp: accepted are two values or more");
+    ensure!(settings.curves.spp.len() >= 2, "accuracy.toml: curves.spp needs two values or more");
     let mut all = Vec::new();
     for file in session.scenes(&settings.scenes)? {
         let test_scene = TestScene::new(session, &file, &settings.size)?;

@@ -4,7 +4,8 @@
 
 use super::filter_costs::Cost;
 use super::filter_variant::{FilterVariant, Method, PRESETS};
-use super::{SceneResults, Settings};
+use super::scene_results::SceneResults;
+use super::settings::Settings;
 use crate::plot::{Panel, Plot, Series};
 use crate::report::{Report, number};
 use crate::session::Session;

@@ -1,7 +1,9 @@
 //! Writes the report of `accuracy` from its measurements.
 
 use super::pareto_front::ParetoFront;
-use super::{SceneResults, Settings, agreement, interim_passes, times};
+use super::scene_results::SceneResults;
+use super::settings::Settings;
+use super::{agreement, interim_passes, times};
 use crate::report::{Report, number};
 use crate::session::Session;
 

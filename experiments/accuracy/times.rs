@@ -1,6 +1,7 @@
 //! Reports the seconds to reach an error, and the speed-up over plain path tracing.
 
-use super::{SceneResults, Settings};
+use super::scene_results::SceneResults;
+use super::settings::Settings;
 use crate::configuration::CONFIGURATIONS;
 use crate::curves::curve;
 use crate::plot::{Panel, Plot, Series};

@@ -7,7 +7,7 @@ use prpf::adaptive::{PrioritySettings, Sampling};
 use prpf::geometry::Accel;
 use prpf::progressive::Denoiser;
 
-use super::MapSettings;
+use super::settings::MapSettings;
 use crate::curves::{self, Point};
 use crate::session::Session;
 use crate::test_scene::TestScene;

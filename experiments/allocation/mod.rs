@@ -6,47 +6,17 @@
 mod ablation;
 mod report;
 mod sample_maps;
+mod scene_results;
+mod settings;
 
 use anyhow::ensure;
 use prpf::geometry::Accel;
-use serde::Deserialize;
 
-use crate::curves::{self, Curves, Point};
+use crate::curves;
 use crate::session::Session;
-use crate::test_scene::{Size, TestScene};
-
-use ablation::Ablation;
-
-/// `allocation.toml`.
-#[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Settings {
-    scenes: Vec<String>,
-    size: Size,
-    spp: Vec<u32>,
-    seeds: u64,
-    maps: MapSettings,
-}
-
-#[derive(Clone, Copy, Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct MapSettings {
-    spp: u32,
-    seeds: u64,
-}
-
-/// The measurements on a scene.
-struct SceneResults {
-    scene: String,
-    /// Expected relMSE of the reference.
-    reference_relmse: f64,
-    curves: Curves,
-    /// Ratio of the unfiltered error with the optimal allocation to that of uniform sampling.
-    optimal_ratio: f64,
-    ablations: Vec<(Ablation, Vec<Point>)>,
-    /// File name of the picture of the sample map.
-    picture: String,
-}
+use crate::test_scene::TestScene;
+use scene_results::SceneResults;
+use settings::Settings;
 
 /// Runs the experiment.
 pub fn run(session: &mut Session) -> anyhow::Result<()> {

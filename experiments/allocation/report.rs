@@ -1,7 +1,8 @@
 //! Writes the report of `allocation` from its measurements.
 
 use super::ablation::{DEFAULT, MAPS, ORACLE, names};
-use super::{SceneResults, Settings};
+use super::scene_results::SceneResults;
+use super::settings::Settings;
 use crate::configuration::CONFIGURATIONS;
 use crate::curves::{EqualCost, Point, curve, ratios};
 use crate::plot::{Panel, Plot, Series};

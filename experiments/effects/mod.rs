@@ -4,6 +4,8 @@
 //! of mutual information, times and memory.
 
 mod report;
+mod settings;
+mod variant_results;
 mod variants;
 
 use std::path::PathBuf;
@@ -15,50 +17,15 @@ use prpf::progressive::RESERVOIR;
 use prpf::render::Renderer;
 use prpf::scene::{Scene, pbrt};
 use prpf::stats::{Group, Layout, Store};
-use serde::Deserialize;
 
 use crate::ledger::{Key, Values, values};
 use crate::report::median;
 use crate::session::Session;
 use crate::{picture, sampling};
 
-use variants::{Effect, Variant};
-
-/// `effects.toml`.
-#[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Settings {
-    file: PathBuf,
-    pixels: f64,
-    spp: u32,
-    repeats: usize,
-    effect: Vec<Effect>,
-}
-
-/// The measurements of a variant of the scene.
-struct VariantResults {
-    variant: Variant,
-    /// The library's names of the effects that the variant calls for.
-    effects: Vec<&'static str>,
-    values: Values,
-}
-
-/// Names of measured quantities.
-mod quantity {
-    pub const DIMENSIONS: &str = "dimensions";
-    pub const RANDOM: &str = "random dimensions";
-    pub const PAIRS: &str = "pairs";
-    pub const RENDER: &str = "render seconds";
-    pub const NLM: &str = "nlm seconds";
-    pub const PRPF: &str = "prpf seconds";
-    pub const STATISTICS: &str = "bytes per pixel of statistics";
-    pub const RESERVOIR: &str = "bytes per pixel of the reservoir";
-}
-
-/// Seed of the samples.
-const SEED: u64 = 0;
-/// File name of the picture of the scene with all effects.
-const PICTURE: &str = "all.png";
+use settings::Settings;
+use variant_results::{PICTURE, SEED, VariantResults, quantity};
+use variants::Variant;
 
 /// Runs the experiment.
 pub fn run(session: &mut Session) -> anyhow::Result<()> {
@@ -159,7 +126,7 @@ fn times(scene: &Scene, spp: u32) -> (Values, Store) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::settings::{self, package_folder};
+    use crate::settings::{package_folder, read};
 
     #[test]
     fn a_full_sample_vector_has_all_pairs() {
@@ -171,7 +138,7 @@ mod tests {
 
     #[test]
     fn each_variant_calls_for_more_effects() {
-        let settings: Settings = settings::read(&package_folder().join("effects.toml"), false).unwrap();
+        let settings: Settings = read(&package_folder().join("effects.toml"), false).unwrap();
         let file = package_folder().parent().unwrap().join(&settings.file);
         let text = std::fs::read_to_string(&file).unwrap();
         let variants = variants::variants(&text, &settings.effect).unwrap();

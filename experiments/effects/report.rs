@@ -1,6 +1,7 @@
 //! Writes the report of `effects` from its measurements.
 
-use super::{PICTURE, Settings, VariantResults, quantity};
+use super::settings::Settings;
+use super::variant_results::{PICTURE, SEED, VariantResults, quantity};
 use crate::report::{Report, number};
 use crate::session::Session;
 
@@ -33,7 +34,7 @@ pub fn write(session: &Session, settings: &Settings, all: &[VariantResults]) -> 
     let effects = |m: &VariantResults| vec![m.variant.name.clone(), m.effects.join(", ")];
     report.table(&["effects", "names in `prpf info`"], &all.iter().map(effects).collect::<Vec<_>>());
     report.picture(PICTURE, "The scene with all effects, filtered.");
-    report.write(session, &super::SEED.to_string())
+    report.write(session, &SEED.to_string())
 }
 
 fn finding(all: &[VariantResults]) -> String {

@@ -1,0 +1,16 @@
+//! Holds the measurements of the experiment `accuracy` on a scene.
+
+use super::filter_costs::Cost;
+use crate::curves::{Curves, Point};
+
+/// The measurements on a scene.
+pub struct SceneResults {
+    pub scene: String,
+    /// Expected relMSE of the reference.
+    pub reference_relmse: f64,
+    pub curves: Curves,
+    /// By index of [`filter_costs::Settings::variants`](super::filter_costs::Settings::variants).
+    pub filters: Vec<Cost>,
+    /// By index of `interim_passes.every`.
+    pub interim_passes: Vec<Vec<Point>>,
+}

@@ -1,0 +1,25 @@
+//! The settings of the experiment `allocation`, from `allocation.toml`.
+
+use serde::Deserialize;
+
+use crate::test_scene::Size;
+
+/// The settings of the experiment.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Settings {
+    pub scenes: Vec<String>,
+    pub size: Size,
+    /// Samples per pixel of the curves, ascending.
+    pub spp: Vec<u32>,
+    pub seeds: u64,
+    pub maps: MapSettings,
+}
+
+/// The ablation of priority maps.
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MapSettings {
+    pub spp: u32,
+    pub seeds: u64,
+}
