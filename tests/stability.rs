@@ -3,7 +3,9 @@
 #[path = "../experiments/stability/cases/mod.rs"]
 mod cases;
 
-use cases::{Case, Effort, SECTIONS};
+use cases::SECTIONS;
+use cases::case::Case;
+use cases::effort::Effort;
 
 /// Runs a section; `PRPF_FULL=1` runs it at full length.
 fn section_holds(name: &str) {
@@ -31,7 +33,7 @@ sections! {
     radiance_holds: "Radiance",
     features_hold: "Features",
     images_hold: "Images",
-    odd_stores_hold: "Odd stores",
+    unusual_stores_hold: "Unusual stores",
     scenes_hold: "Scenes",
     light_and_surfaces_hold: "Light and surfaces",
     the_loop_holds: "The loop",

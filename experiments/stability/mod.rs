@@ -1,4 +1,6 @@
-//! Do hard cases stay stable? Every case's measured figure beside its bound.
+//! The experiment `stability`: do hard cases stay stable?
+//!
+//! Runs the cases of `tests/stability.rs` at full length and reports each measured figure with its bound.
 
 mod cases;
 mod report;
@@ -8,18 +10,21 @@ use serde::Deserialize;
 
 use crate::ledger::{Key, values};
 use crate::session::Session;
-use cases::{Effort, SECTIONS};
+use cases::SECTIONS;
+use cases::effort::Effort;
 
+/// The settings, from `stability.toml`.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Settings {
     effort: Effort,
 }
 
+/// Runs the experiment.
 pub fn run(session: &mut Session) -> anyhow::Result<()> {
     let Settings { effort } = session.settings()?;
-    let program = cases::program();
-    ensure!(program.is_file(), "found no {}; `cargo build --release` makes it", program.display());
+    let program = cases::program::program();
+    ensure!(program.is_file(), "{} is missing; `cargo build --release` builds it", program.display());
     let mut measured = Vec::new();
     for section in &SECTIONS {
         session.show_status(section.name);

@@ -1,4 +1,4 @@
-//! Files that are damaged, cannot be written, or are being written when the program is killed.
+//! Cases on files: damaged and unwritable ones, a program killed while it writes, and too large an image.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -15,15 +15,17 @@ use prpf::state::{self, ImageMetadata, RenderState, Stream};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg32;
 
-use super::Bound::Exactly;
-use super::circle::settings;
-use super::pictures::{NOISY, noisy, render};
-use super::{Case, Effort, program};
+use super::case::Bound::Exactly;
+use super::case::Case;
+use super::effort::Effort;
+use super::program::program;
+use super::render_loop::settings;
+use super::renders::{NOISY, noisy, render};
 
 pub fn cases(effort: Effort) -> Vec<Case> {
-    let mut cases = damaged(effort.of(300, 20_000));
+    let mut cases = damaged(effort.select(300, 20_000));
     cases.extend(unwritable());
-    cases.extend(killed(effort.of(6, 100)));
+    cases.extend(killed(effort.select(6, 100)));
     cases.push(too_large());
     cases
 }
@@ -64,7 +66,7 @@ fn image() -> Vec<u8> {
     exr_file::encode(exr_file::Windows::whole(40, 30), &channels, &[]).expect("an image in memory")
 }
 
-/// The corners of a square, in binary.
+/// A binary PLY file of a square.
 fn mesh() -> Vec<u8> {
     let mut file =
         b"ply\nformat binary_little_endian 1.0\nelement vertex 4\nproperty float x\nproperty float y\n\
@@ -80,21 +82,22 @@ fn mesh() -> Vec<u8> {
     file
 }
 
-/// Files cut anywhere, and files with one bit changed.
+/// Truncated files, and files with one changed bit.
 fn damaged(flips: usize) -> Vec<Case> {
+    // Make the files and their readers
     let folder = folder();
     let written = |name: &str, bytes: &[u8]| {
         let path = folder.path().join(name);
         std::fs::write(&path, bytes).expect("it can be written to");
         path
     };
-    let one_line = |said: String| said.lines().count() == 1;
-    let of_state = |bytes: &[u8]| state::decode(bytes).map(drop).map_err(|error| error.to_string());
-    let of_image = |bytes: &[u8]| {
+    let is_one_line = |message: String| message.lines().count() == 1;
+    let read_state = |bytes: &[u8]| state::decode(bytes).map(drop).map_err(|error| error.to_string());
+    let read_image = |bytes: &[u8]| {
         let path = written("image.exr", bytes);
         exr_file::read_layer(&path, None).map(drop).map_err(|error| error.to_string())
     };
-    let of_mesh = |bytes: &[u8]| {
+    let read_mesh = |bytes: &[u8]| {
         written("mesh.ply", bytes);
         let text = "WorldBegin Shape \"plymesh\" \"string filename\" \"mesh.ply\"";
         pbrt::read_str(text, folder.path()).map(drop).map_err(|error| error.to_string())
@@ -102,39 +105,50 @@ fn damaged(flips: usize) -> Vec<Case> {
     type Reader<'a> = &'a dyn Fn(&[u8]) -> Result<(), String>;
     let mut state_file = Vec::new();
     state::encode(&state(), &mut state_file);
-    let files: [(&str, Vec<u8>, Reader); 3] =
-        [("a state", state_file, &of_state), ("an image", image(), &of_image), ("a mesh", mesh(), &of_mesh)];
+    let files: [(&str, Vec<u8>, Reader); 3] = [
+        ("a state", state_file, &read_state),
+        ("an image", image(), &read_image),
+        ("a mesh", mesh(), &read_mesh),
+    ];
+
+    // Read damaged copies of each
     let mut cases = Vec::new();
     for (name, file, read) in files {
-        let mut numbers = Pcg32::seed_from_u64(19);
-        let cuts = (0..flips).map(|_| numbers.random_range(0..file.len()));
-        let accepted = cuts.filter(|&length| !read(&file[..length]).is_err_and(one_line)).count();
+        let mut rng = Pcg32::seed_from_u64(19);
+        let cuts = (0..flips).map(|_| rng.random_range(0..file.len()));
+        let accepted = cuts.filter(|&length| !read(&file[..length]).is_err_and(is_one_line)).count();
         cases.push(Case::new(
-            format!("{name} cut in {flips} places"),
+            format!("{name} truncated at {flips} lengths"),
             "not refused in one line",
             Exactly(0.0),
             accepted as f64,
         ));
-        let (mut taken, mut wordy) = (0, 0);
+        let (mut accepted, mut long_messages) = (0, 0);
         for _ in 0..flips {
             let mut damaged = file.clone();
-            damaged[numbers.random_range(0..file.len())] ^= 1 << numbers.random_range(0..8);
+            damaged[rng.random_range(0..file.len())] ^= 1 << rng.random_range(0..8);
             match read(&damaged) {
-                Ok(()) => taken += 1,
-                Err(said) => wordy += usize::from(!one_line(said)),
+                Ok(()) => accepted += 1,
+                Err(message) => long_messages += usize::from(!is_one_line(message)),
             }
         }
         let case = format!("{name} with one bit changed, {flips} times");
         cases.push(if name == "a state" {
-            Case::new(case, "not refused in one line", Exactly(0.0), f64::from(taken as u32) + wordy as f64)
+            Case::new(
+                case,
+                "not refused in one line",
+                Exactly(0.0),
+                f64::from(accepted as u32) + long_messages as f64,
+            )
         } else {
-            Case::new(case, "neither read nor refused in one line", Exactly(0.0), wordy as f64)
-                .instead("the format has no checksum, so another number is a number as well")
+            Case::new(case, "neither read nor refused in one line", Exactly(0.0), long_messages as f64)
+                .with_limitation("the format has no checksum, so a changed number cannot be detected")
         });
     }
     cases
 }
 
+/// Outputs to paths that cannot be written.
 fn unwritable() -> Vec<Case> {
     let folder = folder();
     let old = folder.path().join("old");
@@ -159,7 +173,7 @@ fn unwritable() -> Vec<Case> {
     let kept = std::fs::read(&old).is_ok_and(|content| content == b"what was there");
     vec![
         Case::new(
-            "a state to a full device, a folder, nowhere, a file's inside",
+            "a state to a full device, a folder, a missing folder, a path inside a file",
             "refused in one line, of 4",
             Exactly(4.0),
             states as f64,
@@ -178,8 +192,9 @@ fn run(folder: &Path, arguments: &[&str]) -> Option<Output> {
     Command::new(program()).current_dir(folder).args(arguments).stdout(Stdio::null()).output().ok()
 }
 
-/// A render that is killed again and again, at moments spread over its length.
+/// A render that is killed repeatedly, at times spread over its length, and resumed.
 fn killed(kills: u32) -> Vec<Case> {
+    // Render without interruption
     let folder = folder();
     let folder = folder.path();
     std::fs::File::create(folder.join("scene.pbrt"))
@@ -189,25 +204,29 @@ fn killed(kills: u32) -> Vec<Case> {
     let started = Instant::now();
     let whole = run(folder, &[&render[..], &["-o", "whole.exr"]].concat());
     let length = started.elapsed().as_secs_f64();
-    let surviving =
+
+    // Kill and resume
+    let resumable =
         [&render[..], &["-o", "out.exr", "--state", "a.state", "--resume", "--state-every", "10ms"]].concat();
     let mut unreadable = 0;
     for kill in 0..kills {
-        // The golden ratio spreads the moments evenly, however many there are.
-        let share = (0.5 + f64::from(kill) * 0.618_034).fract();
+        // The golden ratio spreads any number of times evenly.
+        let fraction = (0.5 + f64::from(kill) * 0.618_034).fract();
         let child =
-            Command::new(program()).current_dir(folder).args(&surviving).stdout(Stdio::null()).spawn();
+            Command::new(program()).current_dir(folder).args(&resumable).stdout(Stdio::null()).spawn();
         let Ok(mut child) = child else { continue };
-        std::thread::sleep(Duration::from_secs_f64(share * length));
+        std::thread::sleep(Duration::from_secs_f64(fraction * length));
         let ended = child.kill().and_then(|()| child.wait());
         let path = folder.join("a.state");
         unreadable += usize::from(ended.is_err() || path.exists() && RenderState::read(&path).is_err());
         if ended.is_ok_and(|status| status.success()) {
-            // It got to its end; the next starts from nothing.
+            // The render finished; the next one starts anew.
             unreadable += usize::from(std::fs::remove_file(&path).is_err());
         }
     }
-    let last = run(folder, &surviving);
+
+    // Finish, and compare the images
+    let last = run(folder, &resumable);
     let succeeded = [whole, last].iter().flatten().filter(|output| output.status.success()).count();
     let read = |name: &str| exr_file::read_channels(&folder.join(name), &["R", "G", "B", "SampleCount.X"]);
     let differing = match (read("whole.exr"), read("out.exr")) {
@@ -225,14 +244,14 @@ fn killed(kills: u32) -> Vec<Case> {
         ),
         Case::new(
             "the same, then resumed",
-            "values that differ from a render left alone",
+            "values that differ from an uninterrupted render",
             Exactly(0.0),
             differing,
         ),
     ]
 }
 
-/// More pixels than any memory holds: refused before the store is made, with what would fit.
+/// An image that exceeds the memory: refused before the store is allocated, with a size that would fit.
 fn too_large() -> Case {
     let folder = folder();
     std::fs::write(folder.path().join("scene.pbrt"), NOISY).expect("it can be written to");
@@ -247,13 +266,14 @@ fn too_large() -> Case {
         "-o",
         "out.exr",
     ];
-    let said = run(folder.path(), &arguments).filter(|output| output.status.code() == Some(2));
-    let said = said.map(|output| String::from_utf8_lossy(&output.stderr).into_owned()).unwrap_or_default();
-    let right = said.lines().count() == 1 && said.contains("pixels would fit");
+    let output = run(folder.path(), &arguments).filter(|output| output.status.code() == Some(2));
+    let message =
+        output.map(|output| String::from_utf8_lossy(&output.stderr).into_owned()).unwrap_or_default();
+    let is_right = message.lines().count() == 1 && message.contains("pixels would fit");
     Case::new(
-        "more memory than there is",
-        "refused in one line that says what would fit",
+        "an image that exceeds the memory",
+        "refused in one line that states what would fit",
         Exactly(1.0),
-        f64::from(right),
+        f64::from(is_right),
     )
 }

@@ -1,4 +1,4 @@
-//! No light leaks through edges and vertices that triangles share.
+//! Cases on watertightness: no ray passes through edges and vertices that triangles share.
 
 use glam::Vec3;
 use prpf::geometry::{Accel, Ray};
@@ -6,23 +6,24 @@ use prpf::scene::Shape;
 use rand::{Rng, RngExt, SeedableRng};
 use rand_pcg::Pcg32;
 
-use super::Bound::{AtLeast, Exactly};
-use super::pictures::scene;
-use super::{Case, Effort};
+use super::case::Bound::{AtLeast, Exactly};
+use super::case::Case;
+use super::effort::Effort;
+use super::renders::scene;
 
 const STILL: &str = "Translate 50 -20 30 Scale 3 3 3";
 const MOVING: &str =
     "ActiveTransform EndTime Translate 3 -2 1 Rotate 130 1 2 2 Scale 1.5 0.5 1 ActiveTransform All";
 
 pub fn cases(effort: Effort) -> Vec<Case> {
-    let rays = effort.of(20_000, 2_000_000);
+    let rays = effort.select(20_000, 2_000_000);
     let ball = Ball::new(17, 29);
     let open = Ball { gap: 1, ..Ball::new(17, 29) };
     let name = |what: &str| format!("{rays} rays at edges and vertices of {what}");
-    let figure = "escaped, of three ways to ask";
+    let figure = "rays that escape, by three queries";
     vec![
         Case::new(name("a closed mesh"), figure, Exactly(0.0), ball.escaped(STILL, rays)),
-        Case::new(name("a closed mesh that moves"), figure, Exactly(0.0), ball.escaped(MOVING, rays)),
+        Case::new(name("a moving closed mesh"), figure, Exactly(0.0), ball.escaped(MOVING, rays)),
         Case::new(
             "planted: a mesh without one of its triangles",
             figure,
@@ -32,11 +33,11 @@ pub fn cases(effort: Effort) -> Vec<Case> {
     ]
 }
 
-/// A ball of triangles.
+/// A sphere of triangles.
 struct Ball {
     positions: Vec<Vec3>,
     triangles: Vec<[u32; 3]>,
-    /// Triangles that the scene lacks.
+    /// Number of triangles that are left out.
     gap: usize,
 }
 
@@ -63,51 +64,52 @@ impl Ball {
         Self { positions, triangles, gap: 0 }
     }
 
-    /// Rays from inside that pass, asked one by one for a hit, and in arrays for hits and occlusion.
-    fn escaped(&self, placed: &str, rays: usize) -> f64 {
-        let list = |numbers: Vec<String>| numbers.join(" ");
+    /// Counts the rays from inside that escape, by scalar queries and by batches of hit and occlusion queries.
+    /// `transform` places the sphere.
+    fn escaped(&self, transform: &str, rays: usize) -> f64 {
+        let list = |values: Vec<String>| values.join(" ");
         let scene = scene(&format!(
-            r#"TransformTimes 0 1 Camera "perspective" "float shutterclose" 1 WorldBegin {placed}
+            r#"TransformTimes 0 1 Camera "perspective" "float shutterclose" 1 WorldBegin {transform}
             Shape "trianglemesh" "point3 P" [ {} ] "integer indices" [ {} ]"#,
             list(self.positions.iter().map(|p| format!("{} {} {}", p.x, p.y, p.z)).collect()),
             list(self.triangles[self.gap..].iter().map(|[a, b, c]| format!("{a} {b} {c}")).collect()),
         ));
         let accel = Accel::build(&scene);
-        // Vertices as they are kept: where they stand still, or in the space of what moves.
-        let kept = scene.primitives.iter().find_map(|primitive| match &primitive.shape {
+        // The mesh's vertices: in render space, or in object space if it moves
+        let vertices = scene.primitives.iter().find_map(|primitive| match &primitive.shape {
             Shape::Mesh(mesh) => Some(&mesh.positions),
             _ => None,
         });
-        let kept = kept.expect("the scene has a mesh");
-        let place = |p: Vec3, time: f32| {
+        let vertices = vertices.expect("the scene has a mesh");
+        let to_render = |p: Vec3, time: f32| {
             let motion = scene.instances.first().map(|instance| instance.transform.at_f64(time));
-            motion.map_or(p, |to_render| to_render.transform_point3(p.as_dvec3()).as_vec3())
+            motion.map_or(p, |motion| motion.transform_point3(p.as_dvec3()).as_vec3())
         };
-        let centre = kept.iter().sum::<Vec3>() / kept.len() as f32;
-        let mut numbers = Pcg32::seed_from_u64(4);
-        let aimed: Vec<Ray> = (0..rays)
+        let centre = vertices.iter().sum::<Vec3>() / vertices.len() as f32;
+        let mut rng = Pcg32::seed_from_u64(4);
+        let rays: Vec<Ray> = (0..rays)
             .map(|i| {
-                let corners = self.triangles[i % self.triangles.len()].map(|index| kept[index as usize]);
-                let target = on_edge(corners, &mut numbers);
-                // Near the middle, on the way to any vertex.
-                let towards = kept[numbers.random_range(0..kept.len())];
-                let time = numbers.random();
-                let origin = place(centre.lerp(towards, 0.5 * numbers.random::<f32>()), time);
-                Ray { origin, direction: place(target, time) - origin, t_max: f32::INFINITY, time }
+                let corners = self.triangles[i % self.triangles.len()].map(|index| vertices[index as usize]);
+                let target = on_edge(corners, &mut rng);
+                // Start near the centre, on the way to any vertex
+                let towards = vertices[rng.random_range(0..vertices.len())];
+                let time = rng.random();
+                let origin = to_render(centre.lerp(towards, 0.5 * rng.random::<f32>()), time);
+                Ray { origin, direction: to_render(target, time) - origin, t_max: f32::INFINITY, time }
             })
             .collect();
-        let mut escaped = aimed.iter().filter(|ray| accel.intersect(ray).is_none()).count();
-        accel.intersect_all(aimed.iter().copied(), |hit| escaped += usize::from(hit.is_none()));
-        accel.occluded_all(aimed.iter().copied(), |occluded| escaped += usize::from(!occluded));
+        let mut escaped = rays.iter().filter(|ray| accel.intersect(ray).is_none()).count();
+        accel.intersect_all(rays.iter().copied(), |hit| escaped += usize::from(hit.is_none()));
+        accel.occluded_all(rays.iter().copied(), |occluded| escaped += usize::from(!occluded));
         escaped as f64
     }
 }
 
-/// A vertex, the middle of an edge, or a point that rounding may put to either side of it.
-fn on_edge([a, b, c]: [Vec3; 3], numbers: &mut impl Rng) -> Vec3 {
-    match numbers.random_range(0..4) {
+/// A vertex, the midpoint of an edge, or a point of an edge that rounding may put on either side.
+fn on_edge([a, b, c]: [Vec3; 3], rng: &mut impl Rng) -> Vec3 {
+    match rng.random_range(0..4) {
         0 => a,
         1 => a.midpoint(b),
-        _ => b.lerp(c, numbers.random()),
+        _ => b.lerp(c, rng.random()),
     }
 }

@@ -1,85 +1,83 @@
-//! Samples that are no radiance, that are far too bright, and images of any exposure.
+//! Cases on radiance: invalid samples, holes, fireflies, exposures, and constant images.
 
 use prpf::stats::{Block, Layout, Part, Store};
 use rand::RngExt;
 
-use super::Bound::{AtMost, Exactly};
-use super::stores::{QUALITIES, filtered, noisy_wall, not_finite, store};
-use super::{Case, Effort, largest, relative};
+use super::case::Bound::{AtMost, Exactly};
+use super::case::{Case, largest, relative};
+use super::effort::Effort;
+use super::stores::{FILTERS, filtered, noisy_wall, not_finite, store};
 
 pub fn cases(_: Effort) -> Vec<Case> {
-    [bad_samples(), holes(), bright_sample(), exposures(), flat_images()].concat()
+    [invalid_samples(), holes(), firefly(), exposures(), constant_images()].concat()
 }
 
-fn bad_samples() -> Vec<Case> {
-    const BAD: [f32; 6] = [f32::NAN, -f32::NAN, f32::INFINITY, f32::NEG_INFINITY, -f32::MIN_POSITIVE, -1e30];
+/// Samples with invalid radiance are counted and change no statistic.
+fn invalid_samples() -> Vec<Case> {
+    const INVALID: [f32; 6] =
+        [f32::NAN, -f32::NAN, f32::INFINITY, f32::NEG_INFINITY, -f32::MIN_POSITIVE, -1e30];
     let layout = Layout::with_blocks(|block| block == Block::Radiance);
-    let good = vec![0.5; layout.len()];
+    let valid = vec![0.5; layout.len()];
     let mut store = Store::new(1, 1, layout.clone(), 4, 0);
-    store.push(0, 0, &good);
-    for bad in BAD {
+    store.push(0, 0, &valid);
+    for invalid in INVALID {
         for dim in layout.colour().chain(layout.radiance()) {
-            let mut sample = good.clone();
-            sample[dim] = bad;
+            let mut sample = valid.clone();
+            sample[dim] = invalid;
             store.push(0, 0, &sample);
         }
     }
     let means = store.means(Part::Whole, 0..layout.len());
     let off = largest(means.data().iter().map(|&v| f64::from((v - 0.5).abs())));
-    let kept = store.rows()[0].reservoir(0).len() / layout.len();
+    let in_reservoir = store.rows()[0].reservoir(0).len() / layout.len();
     vec![
         Case::new("NaN, ±∞ and negative radiance", "rejected of 36", Exactly(36.0), store.rejected() as f64),
         Case::new("the same", "change of a mean", Exactly(0.0), off),
-        Case::new("the same", "samples in the reservoir", Exactly(1.0), kept as f64),
+        Case::new("the same", "samples in the reservoir", Exactly(1.0), in_reservoir as f64),
     ]
 }
 
-/// Pixels all of whose samples were rejected, alone and in a patch.
+/// Pixels whose samples were all rejected are filled: a single one, and a block.
 fn holes() -> Vec<Case> {
-    let bad = |x: usize, y: usize| (x, y) == (4, 20) || ((10..13).contains(&x) && (9..12).contains(&y));
+    let is_hole = |x: usize, y: usize| (x, y) == (4, 20) || ((10..13).contains(&x) && (9..12).contains(&y));
     let store = store(
         (32, 32),
         |_, _| 8,
         |x, y, _, _, sample| {
-            if bad(x, y) {
+            if is_hole(x, y) {
                 sample.lit([f32::NAN; 3]);
             }
         },
     );
-    let of_quality = |(quality, name)| {
+    let case = |(quality, name)| {
         let image = filtered(&store, quality).image;
         let off = largest(image.data().iter().map(|&v| relative(v.into(), 0.5)));
-        Case::new(
-            format!("pixels of rejected samples are filled, {name}"),
-            "relative error",
-            AtMost(1e-4),
-            off,
-        )
+        Case::new(format!("hole filling, {name}"), "relative error", AtMost(1e-4), off)
     };
-    QUALITIES.map(of_quality).to_vec()
+    FILTERS.map(case).to_vec()
 }
 
 /// One sample of 10⁸ in noise of mean 0.5.
-fn bright_sample() -> Vec<Case> {
+fn firefly() -> Vec<Case> {
     const AT: (usize, usize) = (32, 32);
-    let field = |spike: bool| {
+    let image = |has_firefly: bool| {
         store(
             (64, 64),
             |_, _| 8,
-            |x, y, index, numbers, sample| {
-                let value = numbers.random::<f32>();
-                sample.lit([if spike && (x, y, index) == (AT.0, AT.1, 3) { 1e8 } else { value }; 3]);
+            |x, y, index, rng, sample| {
+                let value = rng.random::<f32>();
+                sample.lit([if has_firefly && (x, y, index) == (AT.0, AT.1, 3) { 1e8 } else { value }; 3]);
             },
         )
     };
-    let (with, without) = (field(true), field(false));
-    let of_quality = |(quality, name)| {
+    let (with, without) = (image(true), image(false));
+    let case = |(quality, name)| {
         let (with, without) = (filtered(&with, quality).image, filtered(&without, quality).image);
         let change = |(x, y): (usize, usize)| relative(with.at(0, x, y).into(), without.at(0, x, y).into());
         let others = (0..64 * 64).map(|i| (i % 64, i / 64)).filter(|&pixel| pixel != AT);
         [
             Case::new(
-                format!("one sample of 10⁸ in a field of 0.5, {name}"),
+                format!("one sample of 10⁸ in an image of 0.5, {name}"),
                 "relative change of other pixels",
                 AtMost(0.05),
                 largest(others.map(change)),
@@ -92,13 +90,14 @@ fn bright_sample() -> Vec<Case> {
             ),
         ]
     };
-    QUALITIES.map(of_quality).concat()
+    FILTERS.map(case).concat()
 }
 
+/// The filter's result scales with the radiance.
 fn exposures() -> Vec<Case> {
     let wall = |scale: f32| noisy_wall((40, 40), 8, |x, y| scale * (0.1 + 0.01 * (x + y) as f32));
     let (dark, plain, bright) = (wall(1e-6), wall(1.0), wall(1e6));
-    let of_quality = |(quality, name)| {
+    let case = |(quality, name)| {
         let reference = filtered(&plain, quality).image;
         let off = [(&dark, 1e6), (&bright, 1e-6)].map(|(store, back)| {
             let image = filtered(store, quality).image;
@@ -108,14 +107,15 @@ fn exposures() -> Vec<Case> {
         let name = format!("scaled by 10⁻⁶ and 10⁶, {name}");
         Case::new(name, "relative difference", AtMost(1e-3), largest(off))
     };
-    QUALITIES.map(of_quality).to_vec()
+    FILTERS.map(case).to_vec()
 }
 
-fn flat_images() -> Vec<Case> {
-    let flat = |value: f32| store((37, 29), |_, _| 8, |_, _, _, _, sample| sample.lit([value; 3]));
-    let (black, values) = (flat(0.0), [0.123, 1e-6, 7.7e5]);
-    let stores = values.map(flat);
-    let of_quality = |(quality, name)| {
+/// Constant images stay constant.
+fn constant_images() -> Vec<Case> {
+    let constant = |value: f32| store((37, 29), |_, _| 8, |_, _, _, _, sample| sample.lit([value; 3]));
+    let (black, values) = (constant(0.0), [0.123, 1e-6, 7.7e5]);
+    let stores = values.map(constant);
+    let case = |(quality, name)| {
         let off = stores.iter().zip(values).map(|(store, value)| {
             largest(filtered(store, quality).image.data().iter().map(|&v| relative(v.into(), value.into())))
         });
@@ -128,9 +128,9 @@ fn flat_images() -> Vec<Case> {
                 Exactly(0.0),
                 brightest + not_finite(&dark) as f64,
             ),
-            // Eight steps of f32.
+            // The bound is eight steps of f32.
             Case::new(format!("all one colour, {name}"), "relative error", AtMost(1e-6), largest(off)),
         ]
     };
-    QUALITIES.map(of_quality).concat()
+    FILTERS.map(case).concat()
 }

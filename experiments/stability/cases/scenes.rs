@@ -1,18 +1,19 @@
-//! Scenes that are degenerate, enclosed or far away.
+//! Cases on scenes: degenerate meshes, empty and dark scenes, enclosed cameras, moved and scaled scenes.
 
 use prpf::scene::{Scene, pbrt};
 use prpf::stats::{Part, Store};
 
-use super::Bound::{AtMost, Exactly};
-use super::pictures::{NOISY, green, noisy, render, scene};
-use super::stores::{QUALITIES, filtered, not_finite};
-use super::{Case, Effort, largest, relative};
+use super::case::Bound::{AtMost, Exactly};
+use super::case::{Case, largest, relative};
+use super::effort::Effort;
+use super::renders::{NOISY, green, noisy, render, scene};
+use super::stores::{FILTERS, filtered, not_finite};
 
 pub fn cases(_: Effort) -> Vec<Case> {
     let mut cases = vec![degenerate_triangles(), broken_mesh()];
-    cases.extend(nothing_to_see());
+    cases.extend(dark_scenes());
     cases.extend(enclosed());
-    cases.extend(anywhere());
+    cases.extend(transformed());
     cases
 }
 
@@ -32,17 +33,19 @@ fn brightest(store: &Store) -> f64 {
     largest(green(store, Part::Whole))
 }
 
+/// Triangles without area change no pixel.
 fn degenerate_triangles() -> Case {
-    // A point, a line, and one whose area is below what f32 resolves.
+    // A point, a line, and a triangle whose area f32 does not resolve
     let slivers = r#"
         Shape "trianglemesh" "integer indices" [ 0 0 0  0 1 2  3 4 5 ] "point3 P"
           [ 0 0 0  1 1 0  2 2 0  -0.5 1 -1  -0.5 1 -1  -0.5 1.0000001 -1 ]"#;
     let images = [NOISY.to_owned(), [NOISY, slivers].concat()]
         .map(|text| green(&render(&scene(&text), 8, 1), Part::Whole));
     let changed = images[0].iter().zip(&images[1]).filter(|(a, b)| a != b).count();
-    Case::new("triangles without area", "pixels that they change", Exactly(0.0), changed as f64)
+    Case::new("triangles without area", "changed pixels", Exactly(0.0), changed as f64)
 }
 
+/// Mesh files with coordinates that are not finite are refused.
 fn broken_mesh() -> Case {
     let vertex = |value: f32| {
         let mut file =
@@ -68,22 +71,23 @@ fn broken_mesh() -> Case {
     });
     let refused = refused.count() + usize::from(reads(0.5).is_ok());
     Case::new(
-        "NaN and ±∞ in a mesh file, and none",
-        "files answered rightly of 4",
+        "NaN and ±∞ in a mesh file, and a valid file",
+        "files handled correctly, of 4",
         Exactly(4.0),
         refused as f64,
     )
 }
 
-fn nothing_to_see() -> Vec<Case> {
-    let box_of_nothing = r#"Shape "sphere" "float radius" 1 "#;
+/// Scenes that have to render black.
+fn dark_scenes() -> Vec<Case> {
+    let unlit_sphere = r#"Shape "sphere" "float radius" 1 "#;
     let scenes = [
         ("an empty scene", String::new()),
-        ("a scene without lights", box_of_nothing.to_owned()),
+        ("a scene without lights", unlit_sphere.to_owned()),
         (
             "lights without area",
             format!(
-                r#"{box_of_nothing} AreaLightSource "diffuse" "rgb L" [ 9 9 9 ]
+                r#"{unlit_sphere} AreaLightSource "diffuse" "rgb L" [ 9 9 9 ]
                 Shape "trianglemesh" "integer indices" [ 0 1 2  0 0 2  0 1 3 ]
                 "point3 P" [ 0 0 -2  0 0 -2  1 1 -2  0.5 0.5 -2 ]"#
             ),
@@ -98,18 +102,19 @@ fn nothing_to_see() -> Vec<Case> {
                 .to_owned(),
         ),
     ];
-    let of_scene = |(name, world): (&str, String)| {
+    let case = |(name, world): (&str, String)| {
         let store = render(&with_head(&world), 16, 1);
-        let filtered = QUALITIES.map(|(quality, _)| filtered(&store, quality));
+        let filtered = FILTERS.map(|(quality, _)| filtered(&store, quality));
         let wrong = filtered.iter().map(not_finite).sum::<usize>() as f64;
         let light = filtered.iter().flat_map(|filtered| filtered.image.data()).map(|&v| f64::from(v));
         let dark = largest(light.chain([brightest(&store)]));
         let bad = store.rejected() as f64 + wrong;
-        Case::new(name, "brightest pixel, samples rejected, numbers not finite", Exactly(0.0), dark + bad)
+        Case::new(name, "brightest pixel, samples rejected, values not finite", Exactly(0.0), dark + bad)
     };
-    scenes.map(of_scene).to_vec()
+    scenes.map(case).to_vec()
 }
 
+/// Cameras inside a lamp and inside glass.
 fn enclosed() -> Vec<Case> {
     let inside = |world: &str, samples: u32| {
         let text = HEAD.replace("0 0 -4  0 0 0", "0.2 0 0  1 0 0.3");
@@ -121,15 +126,14 @@ fn enclosed() -> Vec<Case> {
     let glass = r#"LightSource "infinite" "rgb L" [ 1 1 1 ]
         Material "dielectric" Shape "sphere" "float radius" 1"#;
     let store = inside(glass, 256);
-    let (mean, _) = super::pictures::mean(&green(&store, Part::Whole));
-    // At a fifth of the radius no ray meets the glass steeply enough to be totally reflected: what is reflected
-    // meets it again at the same angle until, but for 0.04⁵ of it, all has gone. Light that enters glass is as
-    // radiant as outside times the squared index.
+    let (mean, _) = super::renders::mean(&green(&store, Part::Whole));
+    // From a fifth of the radius, no ray is totally reflected. Reflected light meets the surface again at the same
+    // angle, until all but 0.04⁵ of it has left. Radiance inside glass is that outside times the squared index.
     const SQUARED_INDEX: f64 = 2.25;
     vec![
         Case::new("a camera inside a lamp", "relative error", AtMost(1e-6), glowing),
         Case::new(
-            "a camera inside a ball of glass",
+            "a camera inside a glass sphere",
             "samples rejected",
             Exactly(0.0),
             store.rejected() as f64,
@@ -143,11 +147,13 @@ fn enclosed() -> Vec<Case> {
     ]
 }
 
-/// The scene moved and scaled.
-fn anywhere() -> Vec<Case> {
-    let image = |scale: f64, shift: f64| {
-        let place = |p: [f64; 3]| p.map(|v| (v * scale + shift).to_string()).join(" ");
-        let camera = format!("LookAt {} {} 0 1 0", place([0.0, 1.0, -3.4]), place([0.0, 0.9, 0.0]));
+/// The noisy scene, moved and scaled.
+fn transformed() -> Vec<Case> {
+    // Render the scene in another place or size
+    let render_transformed = |scale: f64, shift: f64| {
+        let transformed = |p: [f64; 3]| p.map(|v| (v * scale + shift).to_string()).join(" ");
+        let camera =
+            format!("LookAt {} {} 0 1 0", transformed([0.0, 1.0, -3.4]), transformed([0.0, 0.9, 0.0]));
         let lens = format!("\"float lensradius\" {} \"float focaldistance\" {}", 0.05 * scale, 3.2 * scale);
         let text = NOISY
             .replace("LookAt 0 1 -3.4  0 0.9 0  0 1 0", &camera)
@@ -158,23 +164,25 @@ fn anywhere() -> Vec<Case> {
             );
         render(&scene(&text), 16, 1)
     };
+
+    // Compare it with the original, unfiltered and filtered
     let reference = render(&noisy(), 16, 1);
     let mut cases = Vec::new();
     for (what, store) in [
-        ("moved by 10⁶", image(1.0, 1e6)),
-        ("scaled by 10⁻³", image(1e-3, 0.0)),
-        ("scaled by 10³", image(1e3, 0.0)),
+        ("moved by 10⁶", render_transformed(1.0, 1e6)),
+        ("scaled by 10⁻³", render_transformed(1e-3, 0.0)),
+        ("scaled by 10³", render_transformed(1e3, 0.0)),
     ] {
         let (a, b) = (green(&store, Part::Whole), green(&reference, Part::Whole));
-        // Rounding decides at outlines which surface is hit, and whether a path goes on.
+        // At outlines, rounding decides which surface is hit, and whether a path continues.
         let differing = a.iter().zip(&b).filter(|(a, b)| relative(**a, **b) > 1e-3).count();
         cases.push(Case::new(
             format!("a scene {what}"),
-            "share of pixels that differ by over 0.1 %",
+            "fraction of pixels that differ by over 0.1 %",
             AtMost(0.02),
             differing as f64 / b.len() as f64,
         ));
-        for (quality, name) in QUALITIES {
+        for (quality, name) in FILTERS {
             let [a, b] = [&store, &reference].map(|store| filtered(store, quality).image);
             let squares = a.data().iter().zip(b.data()).map(|(&a, &b)| relative(a.into(), b.into()).powi(2));
             let rms = (squares.sum::<f64>() / b.data().len() as f64).sqrt();

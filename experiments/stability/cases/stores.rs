@@ -1,4 +1,4 @@
-//! Stores of invented samples.
+//! Makes stores of synthetic samples and filters them.
 
 use prpf::filter::{self, Filtered, Quality};
 use prpf::stats::{Block, Layout, Store};
@@ -6,29 +6,30 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg32;
 use rayon::prelude::*;
 
-pub const QUALITIES: [(Quality, &str); 3] =
-    [(Quality::Draft, "draft"), (Quality::Standard, "standard"), (Quality::Paper, "paper")];
+/// The filters, by name.
+pub const FILTERS: [(Quality, &str); 3] =
+    [(Quality::Draft, "nlm, draft"), (Quality::Standard, "nlm"), (Quality::Paper, "prpf")];
 
-/// What `--quality paper` keeps of a pixel.
+/// Reservoir capacity that P-RPF needs.
 const RESERVOIR: usize = 8;
 
-/// Numbers that belong to one sample of one pixel, wherever the image's corner is.
-pub fn numbers(x: usize, y: usize, index: u32) -> Pcg32 {
+/// The random numbers of one sample of a pixel.
+pub fn rng(x: usize, y: usize, index: u32) -> Pcg32 {
     Pcg32::seed_from_u64((y as u64) << 40 ^ (x as u64) << 20 ^ u64::from(index))
 }
 
-/// [`store_of`] all dimensions.
+/// Makes a store with all dimensions; see [`store_with_layout`].
 pub fn store(
     size: (usize, usize),
     count: impl Fn(usize, usize) -> u32 + Sync,
     sample: impl Fn(usize, usize, u32, &mut Pcg32, &mut Sample) + Sync,
 ) -> Store {
-    store_of(Layout::with_blocks(|_| true), size, count, sample)
+    store_with_layout(Layout::with_blocks(|_| true), size, count, sample)
 }
 
-/// A store with `count(x, y)` samples in a pixel, each changed by `sample(x, y, index, numbers,
-/// vector)` from that of a white wall under light of radiance 0.5.
-pub fn store_of(
+/// Makes a store with `count(x, y)` samples in a pixel. Each starts as a sample of a white wall under light of
+/// radiance 0.5, and `sample(x, y, index, rng, vector)` changes it.
+pub fn store_with_layout(
     layout: Layout,
     (width, height): (usize, usize),
     count: impl Fn(usize, usize) -> u32 + Sync,
@@ -39,9 +40,9 @@ pub fn store_of(
         let mut vector = Sample { layout: layout.clone(), values: vec![0.0; layout.len()] };
         for x in 0..width {
             for index in 0..count(x, y) {
-                let mut numbers = numbers(x, y, index);
-                vector.white_wall(x, y, &mut numbers);
-                sample(x, y, index, &mut numbers, &mut vector);
+                let mut rng = rng(x, y, index);
+                vector.white_wall(x, y, &mut rng);
+                sample(x, y, index, &mut rng, &mut vector);
                 row.push(x, &vector.values);
             }
         }
@@ -49,24 +50,25 @@ pub fn store_of(
     store
 }
 
-/// A sample vector in the making.
+/// A sample vector and its layout.
 pub struct Sample {
     layout: Layout,
     values: Vec<f32>,
 }
 
 impl Sample {
+    /// Sets the dimensions of a block.
     pub fn write(&mut self, block: Block, values: &[f32]) {
         self.layout.write(&mut self.values, block, values);
     }
 
-    /// All of the light, none of it seen directly.
+    /// Sets the reflected radiance.
     pub fn lit(&mut self, colour: [f32; 3]) {
         self.write(Block::Colour, &colour);
         self.write(Block::Radiance, &colour);
     }
 
-    /// A ray that leaves the scene and sees this.
+    /// Makes it the sample of a ray that leaves the scene.
     pub fn sky(&mut self, colour: [f32; 3]) {
         self.lit(colour);
         self.write(Block::Colour, &[0.0; 3]);
@@ -78,16 +80,17 @@ impl Sample {
         self.write(Block::Hit, &[0.0]);
     }
 
+    /// The n-th random parameter.
     pub fn random(&self, nth: usize) -> f32 {
         self.values[self.layout.randoms()[nth]]
     }
 
-    /// Positions advance by a thousandth from pixel to pixel.
-    pub fn white_wall(&mut self, x: usize, y: usize, numbers: &mut Pcg32) {
+    /// Makes it a sample of a white wall, whose positions advance by 0.001 from pixel to pixel.
+    pub fn white_wall(&mut self, x: usize, y: usize, rng: &mut Pcg32) {
         for dim in self.layout.randoms() {
-            self.values[dim] = numbers.random();
+            self.values[dim] = rng.random();
         }
-        let film = [x as f32 + numbers.random::<f32>(), y as f32 + numbers.random::<f32>()];
+        let film = [x as f32 + rng.random::<f32>(), y as f32 + rng.random::<f32>()];
         self.write(Block::Film, &film);
         self.lit([0.5; 3]);
         self.write(Block::Position1, &[film[0] * 1e-3, film[1] * 1e-3, 0.5]);
@@ -100,22 +103,23 @@ impl Sample {
     }
 }
 
-/// A wall under noisy light of this mean, from zero to twice of it.
+/// Makes the store of a wall under noisy light, uniform from zero to twice the mean `light`.
 pub fn noisy_wall(size: (usize, usize), samples: u32, light: impl Fn(usize, usize) -> f32 + Sync) -> Store {
     store(
         size,
         |_, _| samples,
-        |x, y, _, numbers, sample| {
-            sample.lit([light(x, y) * 2.0 * numbers.random::<f32>(); 3]);
+        |x, y, _, rng, sample| {
+            sample.lit([light(x, y) * 2.0 * rng.random::<f32>(); 3]);
         },
     )
 }
 
+/// Filters a store.
 pub fn filtered(store: &Store, quality: Quality) -> Filtered {
     filter::filter(store, quality, 1)
 }
 
-/// Numbers of a filter's result that are not finite.
+/// Number of values of a filter's result that are not finite.
 pub fn not_finite(filtered: &Filtered) -> usize {
     let Filtered { image, halves: [a, b], residual, variance, error, .. } = filtered;
     let planes = [image, a, b, residual, variance, error];

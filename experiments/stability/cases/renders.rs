@@ -1,4 +1,4 @@
-//! Scenes in pbrt's language, rendered.
+//! Reads scenes in pbrt's format and renders them.
 
 use std::path::Path;
 
@@ -7,18 +7,20 @@ use prpf::render::Renderer;
 use prpf::scene::{Scene, pbrt};
 use prpf::stats::{Part, Store};
 
-/// A box with a lens, a lamp that is seen, a glossy and a rough ball: noise of several kinds.
+/// A box seen through a lens, with a visible lamp, a glossy and a rough sphere: several kinds of noise.
 pub const NOISY: &str = include_str!("noisy.pbrt");
 
+/// Parses a scene.
 pub fn scene(text: &str) -> Scene {
     pbrt::read_str(text, Path::new(".")).expect("the scenes of the hard cases can be read")
 }
 
+/// Parses [`NOISY`].
 pub fn noisy() -> Scene {
     scene(NOISY)
 }
 
-/// Uniform samples, unfiltered.
+/// Renders uniformly sampled statistics, without a reservoir.
 pub fn render(scene: &Scene, samples: u32, seed: u64) -> Store {
     let accel = Accel::build(scene);
     let renderer = Renderer::new(scene, &accel, seed);
@@ -28,13 +30,13 @@ pub fn render(scene: &Scene, samples: u32, seed: u64) -> Store {
     store
 }
 
-/// Green radiance of every pixel.
+/// Mean green radiance of every pixel.
 pub fn green(store: &Store, part: Part) -> Vec<f64> {
     let means = store.means(part, store.layout().radiance());
     means.plane(1).iter().map(|&v| v.into()).collect()
 }
 
-/// Mean, and standard error of it.
+/// Mean and its standard error.
 pub fn mean(values: &[f64]) -> (f64, f64) {
     let n = values.len() as f64;
     let mean = values.iter().sum::<f64>() / n;
