@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
-"""Embree on the rays that `PRPF_RAYS=FOLDER cargo bench --bench rays` wrote: millions a second.
+"""Measures Embree's ray throughput on the rays that `PRPF_RAYS=FOLDER cargo bench --bench rays` wrote.
 
     embree_rays.py FOLDER [PROCESSES]
 
-Each of PROCESSES (1 unless given) traces an equal share of the rays, one ray at a time, in the same tree: `embreex`
-holds Python's lock while it traces, so processes that share their memory stand for threads. Best of several runs.
-`pip install embreex numpy`; see docs/performance.md.
+Each of PROCESSES (default 1) traces an equal part of the rays, one ray at a time, in the same BVH. `embreex` holds
+Python's lock while it traces, so processes with shared memory take the place of threads. Prints millions of rays per
+second, the best of several runs. Needs `pip install embreex numpy`; see docs/performance.md.
 """
 import multiprocessing
 import sys
@@ -21,21 +21,21 @@ KINDS = ["primary", "shadow", "bounce", "incoherent"]
 
 
 def trace(scene, rays, kind):
-    """Which of the rays hit."""
+    """Returns which of the rays hit."""
     origins, directions = rays
     if kind == "shadow":
         return scene.run(origins, directions, dists=np.ones(len(origins), np.float32), query="OCCLUDED") >= 0
     return scene.run(origins, directions, query="INTERSECT") >= 0
 
 
-def one_process(scene, shares, number, together, results):
-    """Traces its shares; for each kind, when each run began and ended, and how many rays hit."""
+def run_process(scene, parts, number, barrier, results):
+    """Traces the process's parts; puts the start and end of each run and the number of hits, by kind."""
     spans, hits = {}, {}
     for kind in KINDS:
-        rays = shares[kind][number]
+        rays = parts[kind][number]
         spans[kind] = []
         for _ in range(RUNS):
-            together.wait()
+            barrier.wait()
             start = time.monotonic()
             hit = trace(scene, rays, kind)
             spans[kind].append((start, time.monotonic()))
@@ -46,23 +46,23 @@ def one_process(scene, shares, number, together, results):
 def main(folder, processes=1):
     folders = sorted(path.parent for path in Path(folder).glob("*/positions"))
     if not folders:
-        sys.exit(f"{folder}: no rays in its folders; PRPF_RAYS=FOLDER cargo bench --bench rays writes them")
+        sys.exit(f"{folder}: its folders hold no rays; `PRPF_RAYS=FOLDER cargo bench --bench rays` writes them")
     fork = multiprocessing.get_context("fork")
     for folder in folders:
         positions = np.fromfile(folder / "positions", np.float32).reshape(-1, 3)
         indices = np.fromfile(folder / "indices", np.uint32).reshape(-1, 3).astype(np.int32)
         scene = rtcore_scene.EmbreeScene()
         mesh = TriangleMesh(scene, positions, indices)
-        shares, counts = {}, {}
+        parts, counts = {}, {}
         for kind in KINDS:
             rays = np.fromfile(folder / kind, np.float32).reshape(-1, 6)
             counts[kind] = len(rays)
-            parts = np.array_split(rays, processes)
-            shares[kind] = [(part[:, :3].copy(), part[:, 3:].copy()) for part in parts]
-        trace(scene, [side[:1] for side in shares["primary"][0]], "primary")  # builds the tree
-        together, results = fork.Barrier(processes), fork.SimpleQueue()
-        arguments = (together, results)
-        workers = [fork.Process(target=one_process, args=(scene, shares, n, *arguments)) for n in range(processes)]
+            split = np.array_split(rays, processes)
+            parts[kind] = [(part[:, :3].copy(), part[:, 3:].copy()) for part in split]
+        trace(scene, [side[:1] for side in parts["primary"][0]], "primary")  # builds the BVH
+        barrier, results = fork.Barrier(processes), fork.SimpleQueue()
+        arguments = (barrier, results)
+        workers = [fork.Process(target=run_process, args=(scene, parts, n, *arguments)) for n in range(processes)]
         for worker in workers:
             worker.start()
         done = [results.get() for _ in workers]
@@ -71,7 +71,7 @@ def main(folder, processes=1):
         for kind in KINDS:
             runs = zip(*(spans[kind] for spans, _ in done))
             best = min(max(end for _, end in run) - min(start for start, _ in run) for run in runs)
-            # The share of rays that hit: the bench prints the same.
+            # The fraction of rays that hit, which the bench prints as well.
             hit = sum(hits[kind] for _, hits in done) / counts[kind]
             print(f"{folder.name}/{kind}: {counts[kind] / best / 1e6:.2f} M rays/s, {hit:.4f} hit", flush=True)
 

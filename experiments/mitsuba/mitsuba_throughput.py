@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
-"""Samples a second of Mitsuba 3 (llvm_ad_rgb) on the scenes of benches/throughput.
+"""Measures the sample throughput of Mitsuba 3 (llvm_ad_rgb) on the scenes of benches/throughput.
 
-Prints millions of samples per second of wall time and of CPU time, best of three. Needs
-`pip install mitsuba` and a libLLVM of version 16 or later (DRJIT_LIBLLVM_PATH names it).
+Prints millions of samples per second of wall time and of CPU time, best of three runs. Needs `pip install mitsuba`
+and a libLLVM of version 16 or later (DRJIT_LIBLLVM_PATH names it).
 """
 
 import os
@@ -16,7 +16,7 @@ import drjit as dr
 from mitsuba import ScalarTransform4f as T
 
 SIDE, SPP, RUNS = 512, 64, 3
-# A depth of 7 counts emission, which pbrt's 6 does not.
+# Mitsuba's depth counts emission: its 7 is pbrt's 6.
 INTEGRATOR = {"type": "path", "max_depth": 7}
 
 
@@ -109,7 +109,7 @@ def glossy():
 
 
 def seconds(scene, seed):
-    """Wall and CPU seconds of one render."""
+    """Returns the wall and CPU seconds of a render."""
     start, used = time.perf_counter(), os.times()
     dr.eval(mi.render(scene, spp=SPP, seed=seed))
     dr.sync_thread()

@@ -1,13 +1,13 @@
 #!/usr/bin/env python3
-"""Our denoiser beside Intel Open Image Denoise, on the same noisy samples.
+"""Compares our denoiser with Intel Open Image Denoise (OIDN) on the same samples.
 
-Each pair is SCENE.exr:REFERENCE.exr. SCENE.exr is what `prpf render` writes: the filtered image in
-R, G, B, the unfiltered mean in the layer Noisy, guides in Albedo and Ns. OIDN gets the noisy colour
-with the noisy albedo and normal and its default settings (RT filter, HDR, high quality, guides taken
-for noisy). Prints a markdown table; a ratio below 1 means that ours is closer to the reference.
+Each pair is SCENE.exr:REFERENCE.exr. `prpf render` writes SCENE.exr: the filtered image in R, G, B, the unfiltered mean
+in the layer Noisy, guides in Albedo and Ns. OIDN gets the unfiltered colour, albedo and normal, and its default
+settings (RT filter, HDR, high quality, noisy guides). Prints a Markdown table; a ratio below 1 means that our image is
+closer to the reference.
 
 relMSE is the mean over pixels and channels of (x - r)^2 / (r^2 + 0.01), linear light, as in
-`prpf compare`. Pixels that are NaN or infinite in any of the images compared are left out of all.
+`prpf compare`. Pixels that are NaN or infinite in one of the images are left out of all.
 """
 
 import argparse
@@ -23,15 +23,15 @@ RELMSE_EPSILON = 0.01
 
 
 class InputError(Exception):
-    """An image that cannot be used, said in one line."""
+    """An image that cannot be used. Its message is one line."""
 
 
 def read_exr(path):
-    """All channels of the first part as {name: float32 array of height x width}, and its header."""
+    """Returns all channels of the first part as {name: float32 array of height x width}, and its header."""
     if not Path(path).is_file():
-        raise InputError(f"{path}: no such file")
+        raise InputError(f"{path}: the file does not exist")
     try:
-        # Without this the library hands R, G, B out as one array.
+        # Otherwise the library returns R, G, B as one array.
         part = OpenEXR.File(str(path), separate_channels=True).parts[0]
     except Exception as error:
         raise InputError(f"{path}: {error}") from error
@@ -40,15 +40,15 @@ def read_exr(path):
 
 
 def layer(path, channels, names):
-    """Three channels as one array of height x width x 3."""
+    """Returns three channels as one array of height x width x 3."""
     missing = [name for name in names if name not in channels]
     if missing:
-        raise InputError(f"{path}: no channels {', '.join(missing)}; the file has {', '.join(sorted(channels))}")
+        raise InputError(f"{path}: channels {', '.join(missing)} are missing; the file has {', '.join(sorted(channels))}")
     return np.ascontiguousarray(np.stack([channels[name] for name in names], axis=-1))
 
 
 def finite(image):
-    """NaN and infinity as 0: OIDN would spread them."""
+    """Replaces NaN and infinity, which OIDN would spread, by 0."""
     return np.nan_to_num(image, nan=0.0, posinf=0.0, neginf=0.0)
 
 
@@ -58,9 +58,9 @@ def relmse(image, reference, mask):
 
 
 def denoise(colour, albedo, normal):
-    """OIDN's result and the seconds it took."""
+    """Returns OIDN's result and the elapsed seconds."""
     start = time.perf_counter()
-    # Colour is radiance and has no negative values; albedo is a share of light, normals are unit vectors.
+    # Radiance is not negative, albedo is in [0, 1], normals are unit vectors.
     result = pyoidn.denoise(
         np.maximum(finite(colour), 0.0),
         albedo=np.clip(finite(albedo), 0.0, 1.0),
@@ -73,7 +73,7 @@ def denoise(colour, albedo, normal):
 
 
 def compare(scene_path, reference_path):
-    """One row of the table."""
+    """Returns the entries of one row of the table."""
     channels, header = read_exr(scene_path)
     ours = layer(scene_path, channels, ["R", "G", "B"])
     noisy = layer(scene_path, channels, ["Noisy.R", "Noisy.G", "Noisy.B"])
@@ -104,7 +104,7 @@ def main():
     parser.add_argument("pairs", nargs="+", metavar="SCENE.exr:REFERENCE.exr")
     pairs = [pair.rpartition(":") for pair in parser.parse_args().pairs]
 
-    # The first call builds OIDN's network; that is not part of a denoising time.
+    # The first call builds OIDN's network, which is no part of the denoising time.
     blank = np.zeros((64, 64, 3), np.float32)
     denoise(blank, blank, blank)
 

@@ -1,13 +1,13 @@
-"""What a viewer of the live page costs, and how often it sees something new.
+"""Measures what a viewer of the live page costs, and how often it gets a new image.
 
     python3 experiments/preview/preview_cost.py PRPF SCENE [--time SECONDS] [--runs N] [--views raw,filtered]
 
-Renders the scene with the same budget of time, alternately without a live page and with one viewer that
-takes every frame as fast as it comes (no browser: what a browser draws with is not the renderer's).
-Prints, as medians of the runs: samples with a viewer over samples without, seconds from the address being
-printed to the first frame, updates of the unfiltered image per second, and the longest wait for one. Then, in a
-preview, how long after a turn of the camera the first image of the new view comes, at moments spread over the render,
-filter passes included. Standard library only.
+Renders the scene with the same time budget, alternately without a live page and with one viewer, which receives
+every frame as soon as it is sent. The viewer is no browser, whose drawing would cost time of its own. Prints medians
+over the runs: ratio of the samples with and without a viewer, seconds from the printed address to the first frame,
+updates of the unfiltered image per second, and the longest wait for one. Then measures, in a preview, the seconds from
+a camera turn to the first image of the new view, at times spread over the render and its filter passes. Needs the
+standard library only.
 """
 
 import argparse
@@ -22,12 +22,12 @@ import tempfile
 import time
 import urllib.parse
 
-# Where a frame's header has its view, and the unfiltered image there: the view that changes with every step.
+# Offset of the view in a frame's header, and its value for the unfiltered image, which changes with every batch.
 VIEW_BYTE, RAW = 1, 1
 
 
 class Socket:
-    """As much of a WebSocket (RFC 6455) as a viewer needs."""
+    """The part of a WebSocket (RFC 6455) that a viewer needs."""
 
     def __init__(self, address):
         url = urllib.parse.urlsplit(address)
@@ -42,7 +42,7 @@ class Socket:
         self.file = self.stream.makefile("rb")
         status = self.file.readline().decode().strip()
         if " 101 " not in status:
-            raise RuntimeError(f"the server said {status}; accepted is 101")
+            raise RuntimeError(f"{url.netloc}: the server answered {status}; expected status 101")
         while self.file.readline() not in (b"\r\n", b""):
             pass
 
@@ -52,7 +52,7 @@ class Socket:
         self.stream.sendall(b"\x81" + length + mask + bytes(b ^ mask[i % 4] for i, b in enumerate(data)))
 
     def receive(self):
-        """A message's kind (1 text, 2 binary) and bytes; None at the end."""
+        """Returns a message's kind (1 text, 2 binary) and bytes, or None when the connection closes."""
         kind, data = 0, b""
         while True:
             head = self.file.read(2)
@@ -69,61 +69,61 @@ class Socket:
                 return kind, data
 
 
-def render(arguments, folder, watched):
-    """Samples of a render, and when frames came, counted from the address being printed."""
+def render(arguments, folder, has_viewer):
+    """Returns the number of samples of a render, and the times of its frames since the address was printed."""
     report = os.path.join(folder, "report.json")
     command = [arguments.prpf, "render", arguments.scene, "--time", f"{arguments.time}s", "--report", report]
-    command += ["-o", os.path.join(folder, "image.png")] + (["--preview"] if watched else [])
+    command += ["-o", os.path.join(folder, "image.png")] + (["--preview"] if has_viewer else [])
     program = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
     frames = []
-    if watched:
+    if has_viewer:
         address = next(line for line in program.stdout if line.startswith("preview at ")).split()[2]
-        began, viewer = time.monotonic(), Socket(address)
+        start, viewer = time.monotonic(), Socket(address)
         viewer.send({"type": "views", "views": arguments.views.split(",")})
         viewer.send({"type": "ready"})
         try:
             while (message := viewer.receive()) is not None:
                 if message[0] == 2:
                     if message[1][VIEW_BYTE] == RAW:
-                        frames.append(time.monotonic() - began)
+                        frames.append(time.monotonic() - start)
                     viewer.send({"type": "ready"})
         except OSError:
             pass  # The render is over.
     program.stdout.read()
     if program.wait() != 0:
-        raise RuntimeError(f"{' '.join(command)}: ended with {program.returncode}")
+        raise RuntimeError(f"{' '.join(command)}: exit status {program.returncode}")
     with open(report) as file:
         return json.load(file)["samples_total"], frames
 
 
-def turns(arguments, count=20):
-    """Seconds from each of some turns of the camera to the first image of the new view."""
+def turn_latencies(arguments, count=20):
+    """Returns the seconds from each of some camera turns to the first image of the new view."""
     command = [arguments.prpf, "preview", arguments.scene, "--quality", arguments.quality, "--quiet"]
     program = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
     try:
         address = next(line for line in program.stdout if line.startswith("preview at ")).split()[2]
-        viewer, newest, waits = Socket(address), 0, []
+        viewer, generation, latencies = Socket(address), 0, []
         viewer.send({"type": "views", "views": ["raw", "filtered"]})
         viewer.send({"type": "ready"})
 
-        def watch(until):
-            """Takes what comes until a time, or until an image of a new generation; the newest generation."""
-            seen = newest
-            while time.monotonic() < until and seen == newest:
+        def receive(until):
+            """Receives frames until a time or a new generation; returns the newest generation."""
+            newest = generation
+            while time.monotonic() < until and newest == generation:
                 kind, data = viewer.receive()
                 if kind == 2:
-                    seen = max(seen, *struct.unpack("<I", data[8:12]))
+                    newest = max(newest, *struct.unpack("<I", data[8:12]))
                     viewer.send({"type": "ready"})
-            return seen
+            return newest
 
-        newest = watch(time.monotonic() + 60)
+        generation = receive(time.monotonic() + 60)
         for turn in range(count):
-            watch(time.monotonic() + 0.3 + 3 * (turn * 0.618 % 1))
-            began = time.monotonic()
+            receive(time.monotonic() + 0.3 + 3 * (turn * 0.618 % 1))
+            start = time.monotonic()
             viewer.send({"type": "camera", "orbit": [0.05, 0.0]})
-            newest = watch(began + 60)
-            waits.append(time.monotonic() - began)
-        return waits
+            generation = receive(start + 60)
+            latencies.append(time.monotonic() - start)
+        return latencies
     finally:
         program.kill()
         program.wait()
@@ -136,23 +136,24 @@ def main():
     parser.add_argument("--time", type=int, default=15)
     parser.add_argument("--runs", type=int, default=5)
     parser.add_argument("--views", default="raw,filtered")
-    parser.add_argument("--quality", default="standard", help="of the filter while the camera turns")
+    parser.add_argument("--quality", default="standard", help="preset of the denoiser while the camera turns")
     arguments = parser.parse_args()
     ratios, firsts, rates, waits = [], [], [], []
     with tempfile.TemporaryDirectory() as folder:
         for _ in range(arguments.runs):
-            alone, _ = render(arguments, folder, False)
-            watched, frames = render(arguments, folder, True)
-            ratios.append(watched / alone)
+            without, _ = render(arguments, folder, False)
+            with_viewer, frames = render(arguments, folder, True)
+            ratios.append(with_viewer / without)
             firsts.append(frames[0])
             rates.append((len(frames) - 1) / (frames[-1] - frames[0]))
             waits.append(max(b - a for a, b in zip(frames, frames[1:])))
     median = statistics.median
-    print(f"samples with a viewer over without: {median(ratios):.3f} ({min(ratios):.3f} to {max(ratios):.3f})")
-    print(f"first frame after {median(firsts):.3f} s, {median(rates):.1f} updates a second, "
+    print(f"ratio of samples with and without a viewer: {median(ratios):.3f} ({min(ratios):.3f} to {max(ratios):.3f})")
+    print(f"first frame after {median(firsts):.3f} s, {median(rates):.1f} updates per second, "
           f"longest wait {median(waits):.2f} s")
-    waits = turns(arguments)
-    print(f"a turned camera's first image after {median(waits):.3f} s, at most {max(waits):.3f} s ({len(waits)} turns)")
+    latencies = turn_latencies(arguments)
+    print(f"first image after a camera turn: {median(latencies):.3f} s, at most {max(latencies):.3f} s "
+          f"({len(latencies)} turns)")
 
 
 if __name__ == "__main__":
