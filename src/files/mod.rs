@@ -9,9 +9,11 @@
 //! | `direct` | writes that bypass the page cache; reserving disk space |
 //! | [`links`] | the target of symbolic links |
 //! | [`regular`] | opening regular files only |
+//! | `error_message` | [`error_message()`]: errors of the file system in plain words |
 
 pub mod atomic;
 mod direct;
+mod error_message;
 pub mod exclusive;
 pub mod links;
 mod lock;
@@ -19,6 +21,7 @@ pub mod regular;
 mod temporary;
 
 pub use atomic::{can_replace, replace_file};
+pub use error_message::error_message;
 pub use exclusive::ExclusiveFile;
 pub use links::resolve_links;
 pub use regular::open_regular;

@@ -4,6 +4,8 @@
 use std::io;
 use std::path::{Path, PathBuf};
 
+use crate::files::error_message;
+
 /// Largest width or height that is read from a file.
 pub const MAX_SIDE: usize = 1 << 16;
 
@@ -23,7 +25,7 @@ pub struct ImageError {
 
 #[derive(Debug, thiserror::Error)]
 pub enum Problem {
-    #[error("{}", describe(.0))]
+    #[error("{}", error_message(.0))]
     Io(#[from] io::Error),
     #[error("not a readable image, or damaged: {0}")]
     Malformed(String),
@@ -72,18 +74,5 @@ impl From<image::ImageError> for Problem {
             image::ImageError::Unsupported(error) => Self::Unsupported(error.to_string()),
             error => Self::Malformed(error.to_string()),
         }
-    }
-}
-
-/// The usual causes by name; the operating system's words for the rest.
-fn describe(error: &io::Error) -> String {
-    match error.kind() {
-        io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded => "disk full".into(),
-        io::ErrorKind::PermissionDenied => "permission denied".into(),
-        io::ErrorKind::ReadOnlyFilesystem => "the disk is read-only".into(),
-        io::ErrorKind::NotFound => "no such file or folder".into(),
-        io::ErrorKind::NotADirectory => "its folder is not a folder".into(),
-        io::ErrorKind::IsADirectory => "is a folder".into(),
-        _ => error.to_string(),
     }
 }

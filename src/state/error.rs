@@ -4,6 +4,7 @@ use std::io;
 use std::path::PathBuf;
 
 use super::format::VERSION;
+use crate::files::error_message;
 use crate::stats::RowError;
 
 /// A state file that cannot be read or written.
@@ -17,7 +18,7 @@ pub struct StateError {
 /// What is wrong with the bytes of a state, or with the file.
 #[derive(Debug, thiserror::Error)]
 pub enum StateErrorKind {
-    #[error("{}", without_number(.0))]
+    #[error("{}", error_message(.0))]
     File(#[from] io::Error),
     #[error("found no render state; accepted is what `prpf render --state` writes")]
     Foreign,
@@ -33,12 +34,4 @@ pub enum StateErrorKind {
     Header(String),
     #[error("the render state's store is wrong: {0}")]
     Row(#[from] RowError),
-}
-
-/// Formats an error of the system without its number.
-fn without_number(error: &io::Error) -> String {
-    match error.kind() {
-        io::ErrorKind::NotFound => "no such file or folder".to_owned(),
-        _ => error.to_string(),
-    }
 }
