@@ -2,8 +2,8 @@
 //! noisy colours, features of the second hit that follow the BSDF numbers.
 
 use criterion::{Criterion, criterion_group, criterion_main};
-use prpf::filter::prpf::{filter, interpolation_failure};
-use prpf::filter::{PrpfSettings, Quality};
+use prpf::filter::prpf::{FAILURE_WINDOW, PRPF, filter, interpolation};
+use prpf::filter::{Denoiser, PrpfSettings, nlm};
 use prpf::stats::{Block, Layout, Store};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg32;
@@ -52,24 +52,24 @@ fn make(layout: &Layout, size: usize, x: usize, y: usize, rng: &mut Pcg32, sampl
     layout.write(sample, Block::Hit, &[1.0]);
 }
 
-/// Each quality at 8 and 64 samples per pixel: the time hardly depends on the samples.
-fn qualities(c: &mut Criterion) {
+/// Each pixel-based denoiser at 8 and 64 samples per pixel: the time hardly depends on the samples.
+fn denoisers(c: &mut Criterion) {
     let mut group = c.benchmark_group("512×512");
     group.sample_size(10);
     for spp in [8, 64] {
         let store = store(512, spp);
-        for quality in [Quality::Paper, Quality::Standard, Quality::Draft] {
-            group.bench_function(format!("{quality:?}, {spp} samples"), |b| {
-                b.iter(|| prpf::filter::filter(&store, quality, 1));
+        for denoiser in [&PRPF as &dyn Denoiser, &nlm::STANDARD, &nlm::DRAFT] {
+            group.bench_function(format!("{}, {spp} samples", denoiser.name()), |b| {
+                b.iter(|| denoiser.filter(&store, 1));
             });
         }
     }
     group.finish();
 }
 
-fn parts_of_paper(c: &mut Criterion) {
+fn parts_of_prpf(c: &mut Criterion) {
     let settings = PrpfSettings::paper();
-    let mut group = c.benchmark_group("parts of paper");
+    let mut group = c.benchmark_group("parts of prpf");
     group.sample_size(10);
     let store = store(512, 8);
     group.bench_function("512×512, no mutual information", |b| {
@@ -77,7 +77,7 @@ fn parts_of_paper(c: &mut Criterion) {
         b.iter(|| filter(&store, &settings, 1));
     });
     group.bench_function("512×512, grid stage alone", |b| {
-        b.iter(|| interpolation_failure(&store, &settings, 17))
+        b.iter(|| interpolation(&store, &settings, FAILURE_WINDOW))
     });
     group.finish();
 }
@@ -96,5 +96,5 @@ fn mutual_information(c: &mut Criterion) {
     group.finish();
 }
 
-criterion_group!(benches, qualities, parts_of_paper, mutual_information);
+criterion_group!(benches, denoisers, parts_of_prpf, mutual_information);
 criterion_main!(benches);

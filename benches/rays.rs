@@ -159,7 +159,7 @@ fn random_rays([min, max]: [Vec3; 2]) -> Vec<Ray> {
 
 fn shadow_rays(accel: &Accel, camera_rays: &[Ray], light: Vec3) -> Vec<Ray> {
     let spawn = |ray: &Ray| {
-        let point = accel.surface(ray, &accel.intersect(ray)?);
+        let point = accel.interaction(ray, &accel.intersect(ray)?);
         let origin = point.offset_origin(light - point.position);
         Some(Ray { origin, direction: light - origin, t_max: 1.0, time: 0.0 })
     };
@@ -176,7 +176,7 @@ fn bounce_rays(accel: &Accel, camera_rays: &[Ray]) -> Vec<Ray> {
         }
     };
     let spawn = |ray: &Ray| {
-        let point = accel.surface(ray, &accel.intersect(ray)?);
+        let point = accel.interaction(ray, &accel.intersect(ray)?);
         let side = -ray.direction.dot(point.geometric_normal).signum();
         let direction = side * point.geometric_normal + unit();
         let origin = point.offset_origin(direction);

@@ -5,8 +5,8 @@
 use std::collections::BTreeSet;
 
 use prpf::adaptive::Sampling;
+use prpf::filter::{DENOISERS, UNFILTERED};
 use prpf::geometry::Accel;
-use prpf::progressive::Denoiser;
 
 use crate::configuration::CONFIGURATIONS;
 use crate::estimate_check::EstimateCheck;
@@ -49,7 +49,7 @@ pub fn measure(
     let mut curves = Curves::default();
     for (seed, &spp) in (0..seeds).flat_map(|seed| spps.iter().map(move |spp| (seed, spp))) {
         for (i, configuration) in CONFIGURATIONS.iter().enumerate().skip(1) {
-            let denoiser = if configuration.filtered { Denoiser::Prpf } else { Denoiser::None };
+            let denoiser = if configuration.filtered { DENOISERS[0] } else { UNFILTERED };
             let trial = Trial {
                 records_estimates: Some(spp) == checked_spp,
                 ..Trial::new(configuration.sampling, denoiser, spp, seed)
@@ -123,7 +123,7 @@ pub fn measure_trial(
         let rendered = trial.run(test_scene, accel);
         let [render, filter, allocate] = rendered.seconds;
         let mut measured = values([
-            ("relmse", test_scene.relmse(&rendered.filtered.image)),
+            ("relmse", test_scene.relmse(&rendered.result.image)),
             ("unfiltered relmse", test_scene.relmse(&rendered.unfiltered())),
             ("seconds", render + filter + allocate),
             ("seconds of samples", render + allocate),

@@ -3,17 +3,15 @@
 //! Takes a [`TestScene`] and a [`Trial`]; gives the filtered image, the store, the times of the loop's stages
 //! and, if asked for, the loop's error estimates with the images that they belong to.
 
-use std::sync::atomic::AtomicBool;
-use std::sync::{Arc, Mutex};
 use std::time::Instant;
 
 use prpf::adaptive::{PrioritySettings, Sampling};
-use prpf::filter::Filtered;
+use prpf::filter::{Denoiser, FilterResult};
 use prpf::geometry::Accel;
 use prpf::image::Planes;
 use prpf::progressive::{
-    Budget, Denoiser, ErrorEstimate, FilterJob, Flow, Loop, Memory, Observer, Progress, Rerun, Settings,
-    Shown,
+    Action, Budget, Checkpoint, Conditions, ErrorEstimate, FilterPass, Filtered, Host, InterimPass, Outcome,
+    Position, RenderLoop, Settings,
 };
 use prpf::render::Renderer;
 use prpf::stats::{Part, Store};
@@ -24,7 +22,7 @@ use crate::test_scene::TestScene;
 #[derive(Clone, Copy, Debug)]
 pub struct Trial {
     pub sampling: Sampling,
-    pub denoiser: Denoiser,
+    pub denoiser: &'static dyn Denoiser,
     /// Samples per pixel.
     pub spp: u32,
     pub seed: u64,
@@ -56,7 +54,7 @@ pub struct EstimatedImage {
 
 /// The result of a trial.
 pub struct Rendered {
-    pub filtered: Filtered,
+    pub result: FilterResult,
     pub store: Store,
     /// Seconds spent in rendering, filtering and allocation.
     pub seconds: [f64; 3],
@@ -72,7 +70,7 @@ impl Rendered {
 
 impl Trial {
     /// A render with the default priority maps and interim passes.
-    pub fn new(sampling: Sampling, denoiser: Denoiser, spp: u32, seed: u64) -> Self {
+    pub fn new(sampling: Sampling, denoiser: &'static dyn Denoiser, spp: u32, seed: u64) -> Self {
         let priority = PrioritySettings::default();
         Self {
             sampling,
@@ -99,25 +97,15 @@ impl Trial {
     /// Renders the scene.
     pub fn run(&self, test_scene: &TestScene, accel: &Accel) -> Rendered {
         let renderer = Renderer::new(&test_scene.scene, accel, self.seed);
-        let interrupt = AtomicBool::new(false);
-        let estimates = Mutex::new(Vec::new());
-        let keep = |_: &Settings, memory: Memory| {
-            estimates
-                .lock()
-                .expect("no thread panics while it holds the lock")
-                .extend(estimated_image(memory))
-        };
-        let settings = self.settings();
-        let mut render_loop = Loop::new(&renderer, &settings, Instant::now(), &interrupt, None);
-        if self.records_estimates {
-            render_loop = render_loop.keeping(0.0, &keep);
-        }
-        let outcome = render_loop.run(&mut TrialObserver { trial: self, test_scene, passes: 0, last: None });
+        let render_loop = RenderLoop::new(&renderer, &self.settings(), Instant::now());
+        let mut recorder = EstimateRecorder { records: self.records_estimates, estimates: Vec::new() };
+        let mut driver = TrialDriver { trial: self, test_scene, passes: 0, latest: None };
+        let outcome = driver.run(render_loop, &mut recorder);
         let seconds = outcome.seconds;
-        let mut estimates = estimates.into_inner().expect("no thread panics while it holds the lock");
+        let mut estimates = recorder.estimates;
         estimates.dedup_by_key(|recorded: &mut EstimatedImage| recorded.estimate.samples);
         Rendered {
-            filtered: outcome.filtered,
+            result: outcome.result,
             store: outcome.store,
             seconds: [seconds.render, seconds.filter, seconds.allocate],
             estimates,
@@ -125,48 +113,83 @@ impl Trial {
     }
 }
 
-/// The error estimate of a checkpoint and its image; `None` if the estimate belongs to another image.
-fn estimated_image(memory: Memory) -> Option<EstimatedImage> {
-    let Memory { store, estimate, rerun, under_way: None, .. } = memory else { return None };
-    let (estimate, Rerun { image, made_of, .. }) = (estimate?, rerun?);
-    let samples: u64 = made_of.count.iter().flatten().map(|&n| u64::from(n)).sum();
+/// Records the error estimates in the checkpoints of a render.
+struct EstimateRecorder {
+    records: bool,
+    estimates: Vec<EstimatedImage>,
+}
+
+impl Host for EstimateRecorder {
+    fn checkpoint_interval(&self) -> Option<f64> {
+        self.records.then_some(0.0)
+    }
+
+    fn save(&mut self, _: &Settings, checkpoint: Checkpoint) {
+        self.estimates.extend(estimated_image(checkpoint));
+    }
+}
+
+/// Returns the error estimate of a checkpoint and its image; `None` if the estimate belongs to another image.
+fn estimated_image(checkpoint: Checkpoint) -> Option<EstimatedImage> {
+    let Checkpoint { store, position, estimate, interim, .. } = checkpoint;
+    if matches!(position, Position::Render(_)) {
+        return None;
+    }
+    let (estimate, InterimPass { image, snapshot, .. }) = (estimate?, interim?);
+    let samples: u64 = snapshot.count.iter().flatten().map(|&n| u64::from(n)).sum();
     let spp = samples as f64 / store.pixels() as f64;
     (estimate.samples == samples).then_some(EstimatedImage { spp, estimate, image })
 }
 
-/// Runs the interim passes of a trial.
-struct TrialObserver<'a> {
+/// Drives the render loop of a trial, with its own interim passes.
+struct TrialDriver<'a> {
     trial: &'a Trial,
     test_scene: &'a TestScene,
     /// Number of interim passes that the loop has asked for.
     passes: usize,
-    last: Option<Shown>,
+    latest: Option<Filtered>,
 }
 
-impl Observer for TrialObserver<'_> {
-    fn stepped(&mut self, _: Progress, _: &Arc<Store>) -> Flow {
-        Flow::GoOn
+impl TrialDriver<'_> {
+    fn run(&mut self, mut render_loop: RenderLoop, host: &mut dyn Host) -> Outcome {
+        let conditions =
+            Conditions { checkpoint_interval: host.checkpoint_interval(), ..Conditions::default() };
+        loop {
+            match render_loop.next_action(&conditions) {
+                Action::Filter(denoiser) => {
+                    let filtered = self.filter(render_loop.interim_pass(denoiser));
+                    render_loop.complete_interim(filtered);
+                }
+                Action::Finish(stopped_by) => {
+                    render_loop.save(host);
+                    let filtered = render_loop.final_pass(&conditions).run();
+                    return render_loop.finish(filtered, stopped_by);
+                }
+                action => render_loop.perform(action, host),
+            }
+        }
     }
 
-    fn run_filter(&mut self, job: FilterJob) -> Option<Shown> {
-        let at_end = job.store.drawn() >= u64::from(self.trial.spp) * job.store.pixels() as u64;
+    /// Runs an interim pass.
+    fn filter(&mut self, pass: FilterPass) -> Filtered {
         match self.trial.interim_passes {
-            InterimPasses::EveryBatch => Some(job.run()),
-            _ if at_end => Some(job.run()),
+            InterimPasses::EveryBatch => pass.run(),
             InterimPasses::Oracle => {
-                let mut shown = job.run();
-                let Filtered { image, variance, .. } = &mut shown.filtered;
+                let mut filtered = pass.run();
+                let FilterResult { image, variance, .. } = &mut filtered.result;
                 let truth = self.test_scene.reference.image.data();
                 let values = variance.data_mut().iter_mut().zip(image.data()).zip(truth);
                 values.for_each(|((variance, value), truth)| *variance = (value - truth).powi(2));
-                Some(shown)
+                filtered
             }
             InterimPasses::EveryNth(every) => {
-                if self.last.is_none() || self.passes.is_multiple_of(every) {
-                    self.last = Some(job.run());
-                }
+                let is_due = self.passes.is_multiple_of(every);
                 self.passes += 1;
-                self.last.clone()
+                match &self.latest {
+                    // A pass that is left out takes no time.
+                    Some(latest) if !is_due => Filtered { seconds: 0.0, ..latest.clone() },
+                    _ => self.latest.insert(pass.run()).clone(),
+                }
             }
         }
     }

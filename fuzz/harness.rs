@@ -8,12 +8,12 @@ use std::path::Path;
 
 use glam::DVec3;
 use prpf::adaptive::{self, Maps, PrioritySettings};
-use prpf::filter::{self, Filtered, Quality};
+use prpf::filter::{self, Denoiser, FilterResult, nlm, prpf::PRPF};
 use prpf::geometry::Accel;
 use prpf::image::Planes;
 use prpf::preview::{Message, OrbitCamera};
 use prpf::render::Renderer;
-use prpf::scene::texture::{self, Channels, Encoding, Wrap};
+use prpf::scene::texture::{self, Channels, Encoding, WrapMode};
 use prpf::scene::{Camera, Integrator, Scene, Shape, pbrt};
 use prpf::state::{self, Merge};
 use prpf::stats::{Block, Layout, Part, Store};
@@ -82,7 +82,7 @@ pub fn texture(bytes: &[u8]) {
     for (x, y) in [(0, 0), (width - 1, 0), (width / 2, height / 2), (width - 1, height - 1)] {
         assert!(image.rgb(x, y).is_finite() && image.float(x, y).is_finite());
     }
-    let corner: f32 = image.bilinear(glam::Vec2::ONE, Wrap::Repeat);
+    let corner: f32 = image.bilinear(glam::Vec2::ONE, WrapMode::Repeat);
     assert!(!corner.is_nan());
 }
 
@@ -125,8 +125,8 @@ pub fn state(bytes: &[u8]) {
     let mut merge = Merge::new(read.clone());
     let _ = merge.add(&again);
     let _ = merge.finish();
-    if read.memory.store.pixels() <= 64 {
-        check(&read.memory.store, &filter::filter(&read.memory.store, Quality::Draft, 0));
+    if read.checkpoint.store.pixels() <= 64 {
+        check(&read.checkpoint.store, &nlm::DRAFT.filter(&read.checkpoint.store, 0));
     }
 }
 
@@ -174,7 +174,7 @@ pub fn store(bytes: &[u8]) {
         Block::Emission,
         Block::Hit,
     ];
-    let Some((&[low, high, width, height, capacity, quality], samples)) = bytes.split_first_chunk() else {
+    let Some((&[low, high, width, height, capacity, denoiser], samples)) = bytes.split_first_chunk() else {
         return;
     };
     let alive = u16::from_le_bytes([low, high]);
@@ -182,7 +182,8 @@ pub fn store(bytes: &[u8]) {
         BLOCKS.iter().position(|&b| b == block).is_some_and(|bit| alive >> bit & 1 == 1)
     });
     let (width, height) = (1 + usize::from(width % 9), 1 + usize::from(height % 9));
-    let quality = [Quality::Draft, Quality::Standard, Quality::Paper][usize::from(quality % 3)];
+    let denoisers: [&dyn Denoiser; 3] = [&nlm::DRAFT, &nlm::STANDARD, &PRPF];
+    let denoiser = denoisers[usize::from(denoiser % 3)];
     let mut store = Store::new(width, height, layout.clone(), usize::from(capacity % 9), 0);
     let mut sample = Vec::with_capacity(layout.len());
     for bytes in samples.chunks_exact(1 + layout.len()) {
@@ -192,9 +193,9 @@ pub fn store(bytes: &[u8]) {
         store.push(pixel % width, pixel / width, &sample);
     }
     let pushed = samples.len() / (1 + layout.len());
-    assert_eq!(store.drawn(), pushed as u64);
-    assert_eq!(store.samples() + store.rejected(), store.drawn());
-    check(&store, &filter::filter(&store, quality, 0));
+    assert_eq!(store.samples_taken(), pushed as u64);
+    assert_eq!(store.samples() + store.rejected(), store.samples_taken());
+    check(&store, &denoiser.filter(&store, 0));
 }
 
 /// A value of a sample: what is hard for floating point, or an even step of [0, 1].
@@ -221,11 +222,14 @@ fn value(byte: u8) -> f32 {
 }
 
 /// Holds a filter to its promises for a store of finite numbers, and asks where samples go next.
-fn check(store: &Store, filtered: &Filtered) {
+fn check(store: &Store, filtered: &FilterResult) {
     let no_nan = |planes: &Planes| planes.data().iter().all(|v| !v.is_nan());
     assert!(filtered.image.data().iter().all(|v| v.is_finite()), "{:?}", filtered.image);
     assert!(no_nan(&filtered.variance) && no_nan(&filtered.error) && no_nan(&filtered.residual));
-    assert!(filtered.halves.iter().all(no_nan) && filtered.interpolation_failure.iter().all(no_nan));
+    assert!(
+        filtered.halves.iter().all(no_nan)
+            && filtered.interpolation.iter().all(|found| no_nan(&found.failure))
+    );
     let counts = store.counts(Part::Whole);
     let maps = Maps {
         counts: &counts,
@@ -233,7 +237,7 @@ fn check(store: &Store, filtered: &Filtered) {
         filtered_variance: &filtered.variance,
         raw_variance: &filter::variance_of_mean(store),
         residual: &filtered.residual,
-        interpolation_failure: filtered.interpolation_failure.as_ref(),
+        interpolation_failure: filtered.interpolation.as_ref().map(|found| &found.failure),
     };
     let priority = adaptive::priority(maps, &PrioritySettings::default());
     let total = 3 * counts.len() as u64 + 1;
@@ -273,7 +277,7 @@ fn render(mut scene: Scene) {
     let renderer = Renderer::new(&scene, &accel, 0);
     let mut store = Store::new(SIDE, SIDE, renderer.layout().clone(), 1, 0);
     renderer.render_batch(&[SAMPLES; SIDE * SIDE], &mut store);
-    assert_eq!(store.drawn(), u64::from(SAMPLES) * store.pixels() as u64);
+    assert_eq!(store.samples_taken(), u64::from(SAMPLES) * store.pixels() as u64);
 }
 
 /// Returns a state file with right lengths and checksum, from a header that ends with a zero byte, and arrays.

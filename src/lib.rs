@@ -1,15 +1,14 @@
 //! A progressive path tracer whose **adaptive sampling is coupled to its denoiser**.
 //!
-//! A *scene* is *rendered* in batches into a *pixel-statistics store*; the *filter* turns the
-//! store into an image and maps; the *allocator* turns the maps into the next batch; the
-//! *progressive* loop runs that circle until a budget is spent.
+//! A *scene* is *rendered* in batches into a *pixel-statistics store*; the *filter* turns the store into an image and
+//! maps; the *allocator* turns the maps into the next batch; the *progressive* loop repeats that until a budget is spent.
 //!
 //! ```text
 //! scene ──► render ──► stats ──► filter ──► image
 //!    │          ▲         │          │
 //!  effects      │         ▼          ▼
-//!    │          └──── adaptive ◄── maps          progressive: owns the circle and the clock
-//!    └─► which dimensions live                   preview, cli, experiments: listen and steer
+//!    │          └──── adaptive ◄── maps          progressive: owns the loop, its state and the clock
+//!    └─► which dimensions are enabled            preview, cli, experiments: drive it
 //! ```
 //!
 //! # Rooms, from the ground up
@@ -18,17 +17,21 @@
 //!
 //! | room | holds |
 //! | --- | --- |
+//! | [`simd`] | lane width and lane types, instruction-set targets, choice between them at run time |
+//! | `hash` | the one hash function, of integers |
 //! | [`files`] | files on disk: atomic replacement, locking, direct I/O |
 //! | [`image`] | planes of `f32`; EXR and PNG files; tone mapping; error metrics |
-//! | [`scene`] | what is in the picture: pbrt reader, shapes, materials, textures, lights, camera, and the [`scene::Effects`] it calls for |
+//! | [`scene`] | the scene: pbrt reader, shapes, materials, textures, lights, camera, and the [`scene::Effects`] it calls for |
 //! | [`geometry`] | acceleration structure, intersection, instances, motion |
 //! | [`stats`] | the sample vector's [`stats::Layout`], Welford moments, reservoir, the pixel-statistics [`stats::Store`] |
 //! | [`render`] | samplers, BSDFs, light sampling, integrators; renders a batch into a store |
-//! | [`filter`] | P-RPF, a file for each step of the paper; the patch-distance filter of `standard`; the original RPF |
+//! | [`filter`] | what a [`filter::Denoiser`] is, and the denoisers: P-RPF, cross-filtered non-local means, RPF |
 //! | [`adaptive`] | maps → priority per pixel → sample counts of the next batch |
-//! | [`progressive`] | the loop: batches, budgets, events |
-//! | [`preview`] | the live page and its server: looks at the loop and steers it |
-//! | [`state`] | a render as a file: to go on from, to filter again, to merge |
+//! | [`progressive`] | the render loop as plain state: checkpoint, next action, time constants, a blocking driver |
+//! | [`state`] | a render as a file: to resume, to filter again, to merge |
+//! | [`output`] | the outputs of a render: images with layers and attributes, the report |
+//! | `render_builder` | [`RenderBuilder`]: a render in one expression |
+//! | [`preview`] | the live page, its server and the interactive driver of the loop |
 //! | [`cli`] | arguments → settings → loop → report |
 //!
 //! [`preview`] and [`cli`] belong to the feature `app`, which is on by default. With
@@ -39,7 +42,7 @@
 //! Any program can push its own sample vectors into a store and filter them:
 //!
 //! ```
-//! use prpf::filter::{self, Quality};
+//! use prpf::filter::{Denoiser, prpf::PRPF};
 //! use prpf::stats::{Block, Layout, Store};
 //!
 //! // What a sample holds: film position and colour always, here first-hit normals as well.
@@ -56,12 +59,12 @@
 //!         store.push(x, y, &sample);
 //!     }
 //! }
-//! // The published method; `Quality::Standard` is what measures best.
-//! let filtered = filter::filter(&store, Quality::Paper, seed);
+//! // The published method; `nlm::STANDARD` is the best measured.
+//! let filtered = PRPF.filter(&store, seed);
 //! assert!((filtered.image.at(0, 16, 16) - 0.6).abs() < 0.1);
-//! // How sure the filter is of each pixel, and where its interpolation of feature weights failed.
+//! // The variance of each pixel, and where the interpolation of feature weights failed.
 //! assert_eq!(filtered.variance.count(), 3);
-//! assert!(filtered.interpolation_failure.is_some());
+//! assert!(filtered.interpolation.is_some());
 //! ```
 
 pub mod adaptive;
@@ -70,11 +73,17 @@ pub mod cli;
 pub mod files;
 pub mod filter;
 pub mod geometry;
+mod hash;
 pub mod image;
+pub mod output;
 #[cfg(feature = "app")]
 pub mod preview;
 pub mod progressive;
 pub mod render;
+mod render_builder;
 pub mod scene;
+pub mod simd;
 pub mod state;
 pub mod stats;
+
+pub use render_builder::{RenderBuilder, RenderError, RenderedImage};

@@ -89,14 +89,14 @@ fn outputs_by_way_of_links_do_not_replace_each_other_either() {
 }
 
 #[test]
-fn a_state_that_is_there_is_replaced_with_a_word_and_anything_else_is_not() {
+fn an_existing_state_is_replaced_with_a_warning_and_any_other_file_is_not() {
     let folder = folder();
     let folder = folder.path();
     let loud = ["render", "scene.pbrt", "--spp", "2", "-o", "a.png", "--state", "a.state"];
     // As from a script that asks the system for a name.
     std::fs::write(folder.join("a.state"), "").expect("a file");
     assert!(!done(folder, &loud).contains("replaces"));
-    assert!(done(folder, &loud).contains("--state replaces the state that is there"));
+    assert!(done(folder, &loud).contains("--state replaces the existing state"));
     assert!(!done(folder, &[&loud[..], &["--resume"]].concat()).contains("replaces"));
     let said = refused(folder, &render(&["-o", "a.png", "--state", "ball.pbrt"]));
     assert!(said.contains("same file"), "{said}");

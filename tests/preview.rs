@@ -169,7 +169,7 @@ fn the_page_shows_and_steers_a_render() {
     page.wait("!window.prpf.state.status.region");
 
     // Settings: denoiser off and on again.
-    page.click("input[value=none]");
+    page.click("input[name=denoiser][value=none]");
     page.wait("window.prpf.state.status.settings.denoiser === 'none'");
     page.click("input[value=uniform]");
     page.wait("window.prpf.state.status.settings.sampling === 'uniform'");

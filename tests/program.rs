@@ -121,8 +121,8 @@ fn random_parameter_filtering_keeps_its_samples_and_says_how_many_bytes_they_are
     let (image, report) = render("a.png", "1");
     assert_eq!(report["settings"]["denoiser"], "rpf");
     // Film, colour, position, normal and hit at least, 6 samples of 24×16 pixels.
-    assert!(report["kept_samples_bytes"].as_u64().unwrap() >= 6 * 24 * 16 * 12 * 4, "{report}");
-    assert!(report["estimated_error"].is_null(), "what was shown before is another filter's");
+    assert!(report["reservoir_bytes"].as_u64().unwrap() >= 6 * 24 * 16 * 12 * 4, "{report}");
+    assert!(report["estimated_error"].is_null(), "the images on the way are another method's");
     assert!(image == render("b.png", "3").0, "the image depends on the threads");
 }
 
@@ -138,13 +138,13 @@ fn random_parameter_filtering_is_refused_where_its_samples_do_not_fit() {
     let unbounded = refused(&["--time", "5s"]);
     assert!(unbounded.contains("--spp") && unbounded.contains("--max-spp"), "{unbounded}");
     let large = refused(&["--spp", "100000", "--resolution", "8192x8192"]);
-    assert!(large.contains("kept whole") && large.contains("would fit"), "{large}");
+    assert!(large.contains("sample vectors each") && large.contains("would fit"), "{large}");
 }
 
 #[test]
 fn an_image_beyond_all_memory_is_refused_before_it_takes_any() {
     let folder = folder_with(SCENE);
-    for more in [&[] as &[&str], &["--denoiser", "none"], &["--state", "a.state"], &["--quality", "paper"]] {
+    for more in [&[] as &[&str], &["--denoiser", "none"], &["--state", "a.state"], &["--denoiser", "prpf"]] {
         let large =
             ["render", "scene.pbrt", "--spp", "1", "--resolution", "65535x2048", "--reservoir", "1024"];
         let arguments = [&large[..], more].concat();
@@ -167,7 +167,7 @@ fn a_wrong_scene_gets_one_line_with_its_place() {
 #[test]
 fn wrong_command_lines_exit_with_2_and_say_what_is_accepted() {
     let folder = folder_with(SCENE);
-    let cases: [(&[&str], &str); 21] = [
+    let cases: [(&[&str], &str); 25] = [
         (&["render", "scene.pbrt", "--foo"], "found `--foo`"),
         (&["render", "scene.pbrt", "--qualty", "draft"], "`--quality`"),
         (&["render", "scene.pbrt", "--spp", "many"], "whole number"),
@@ -182,6 +182,14 @@ fn wrong_command_lines_exit_with_2_and_say_what_is_accepted() {
         (&["render", "missing.pbrt"], "missing.pbrt"),
         (&["render", "scene.pbrt", "-o", "a.bmp"], ".png"),
         (&["render", "scene.pbrt", "--quality", "best"], "standard"),
+        (&["render", "scene.pbrt", "--denoiser", "best"], "nlm"),
+        (&["render", "scene.pbrt", "--denoiser", "rpf", "--quality", "draft"], "no presets"),
+        // Spellings of an earlier version.
+        (
+            &["render", "scene.pbrt", "--denoiser", "prpf", "--quality", "standard"],
+            "--denoiser nlm --quality standard",
+        ),
+        (&["render", "scene.pbrt", "--quality", "paper"], "--denoiser prpf"),
         (&["render", "scene.pbrt", "--time", "soon"], "20s"),
         (&["render", "scene.pbrt", "--pixelbounds", "0,50,0,10"], "24"),
         (&["render", "scene.pbrt", "--pixelbounds", "-1,5,0,5"], "accepted are four whole numbers"),
@@ -270,7 +278,7 @@ fn a_budget_too_small_for_a_sample_per_pixel_ends_in_an_image_and_says_so() {
     let output = prpf(folder.path(), &large);
     assert!(output.status.success(), "{}", stderr(&output));
     let said = String::from_utf8_lossy(&output.stdout).into_owned();
-    assert!(said.contains("too short for one sample per pixel"), "{said}");
+    assert!(said.contains("there is less than one sample per pixel"), "{said}");
     assert!(folder.path().join("a.png").exists());
 }
 
@@ -310,7 +318,18 @@ fn samples_that_are_rejected_are_counted_in_the_summary_and_the_report() {
         let [rejected, accepted] =
             ["rejected_samples", "samples_total"].map(|key| report[key].as_u64().expect("a number"));
         assert_eq!(rejected + accepted, 8 * 24 * 16);
-        (rejected, String::from_utf8_lossy(&output.stdout).into_owned())
+        let text = String::from_utf8_lossy(&output.stdout).into_owned();
+        // The path of the first one sees the lamp.
+        if let Some([x, y, index]) = report["first_rejected_sample"].as_array().map(Vec::as_slice) {
+            let sample = format!("{x},{y},{index}");
+            assert!(text.contains(&format!("--debug-sample {sample}")), "{text}");
+            let output = prpf(folder.path(), &["render", "scene.pbrt", "--debug-sample", &sample]);
+            let path = String::from_utf8_lossy(&output.stdout).into_owned();
+            assert!(path.contains("emission [10000000"), "{path}");
+        } else {
+            assert_eq!(rejected, 0, "{report}");
+        }
+        (rejected, text)
     };
     // Where the lamp is seen, it is beyond what a store accepts.
     let (rejected, said) = of("1e16");
@@ -360,6 +379,25 @@ fn a_crop_is_that_part_of_the_whole() {
     for (x, y) in (0..10).flat_map(|x| (0..7).map(move |y| (x, y))) {
         assert_eq!(crop.at(0, x, y), whole.at(0, x + 5, y + 3));
     }
+}
+
+#[test]
+fn the_events_of_a_sample_are_printed_and_nothing_is_rendered() {
+    let folder = folder_with(SCENE);
+    let debug = |sample: &str| {
+        prpf(folder.path(), &["render", "scene.pbrt", "-o", "a.exr", "--quiet", "--debug-sample", sample])
+    };
+    let output = debug("12,8,3");
+    let text = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert!(output.status.success(), "{}", stderr(&output));
+    assert!(
+        text.starts_with("ray 0: from ") && text.lines().last().unwrap().starts_with("radiance "),
+        "{text}"
+    );
+    assert!(!folder.path().join("a.exr").exists());
+    let outside = debug("24,0,0");
+    assert_eq!(outside.status.code(), Some(2));
+    assert!(stderr(&outside).contains("X below 24"), "{}", stderr(&outside));
 }
 
 #[test]

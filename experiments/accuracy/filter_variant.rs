@@ -1,7 +1,7 @@
 //! Lists filters with changed settings, each with a name that states the changes.
 
-use prpf::filter::{self, Filtered, PrpfSettings, StandardSettings, standard};
-use prpf::progressive::RESERVOIR;
+use prpf::filter::prpf::RESERVOIR;
+use prpf::filter::{self, FilterResult, NlmSettings, PrpfSettings, nlm};
 use prpf::stats::Store;
 use serde::Deserialize;
 
@@ -45,7 +45,7 @@ pub struct FilterVariant {
     pub method: Method,
     /// Capacity of a pixel's reservoir, in sample vectors.
     pub reservoir: usize,
-    nlm: StandardSettings,
+    nlm: NlmSettings,
     prpf: PrpfSettings,
 }
 
@@ -54,7 +54,7 @@ impl FilterVariant {
         Self {
             name: name.to_owned(),
             method,
-            nlm: StandardSettings::standard(),
+            nlm: NlmSettings::standard(),
             prpf: PrpfSettings::paper(),
             reservoir: RESERVOIR,
         }
@@ -65,7 +65,7 @@ impl FilterVariant {
         let [draft, nlm, prpf] = PRESETS;
         let mut variants = vec![
             Self::new("unfiltered", Method::Unfiltered),
-            Self { nlm: StandardSettings::draft(), ..Self::new(draft, Method::Nlm) },
+            Self { nlm: NlmSettings::draft(), ..Self::new(draft, Method::Nlm) },
             Self::new(nlm, Method::Nlm),
             Self::new(prpf, Method::Prpf),
         ];
@@ -75,10 +75,10 @@ impl FilterVariant {
     }
 
     /// Filters a store. `seed` selects the samples of random estimates.
-    pub fn filter(&self, store: &Store, seed: u64) -> Filtered {
+    pub fn filter(&self, store: &Store, seed: u64) -> FilterResult {
         match self.method {
             Method::Unfiltered => filter::unfiltered(store),
-            Method::Nlm => standard::filter(store, &self.nlm),
+            Method::Nlm => nlm::filter(store, &self.nlm),
             Method::Prpf => filter::prpf::filter(store, &self.prpf, seed),
         }
     }

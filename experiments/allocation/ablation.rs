@@ -4,8 +4,8 @@
 //! all maps.
 
 use prpf::adaptive::{PrioritySettings, Sampling};
+use prpf::filter::DENOISERS;
 use prpf::geometry::Accel;
-use prpf::progressive::Denoiser;
 
 use super::settings::MapSettings;
 use crate::curves::{self, Point};
@@ -82,7 +82,7 @@ pub fn measure(
             let trial = Trial {
                 priority: ablation.priority,
                 interim_passes: ablation.interim_passes,
-                ..Trial::new(Sampling::Adaptive, Denoiser::Prpf, spp, seed)
+                ..Trial::new(Sampling::Adaptive, DENOISERS[0], spp, seed)
             };
             let values = curves::measure_trial(
                 session,

@@ -2,10 +2,10 @@
 //! allocation of unfiltered samples would leave.
 
 use prpf::adaptive::Sampling;
+use prpf::filter::DENOISERS;
 use prpf::filter::{blur, variance_of_mean};
 use prpf::geometry::Accel;
 use prpf::image::Planes;
-use prpf::progressive::Denoiser;
 use prpf::stats::{Part, Store};
 
 use crate::estimate_check::pixel_relmse;
@@ -35,7 +35,7 @@ pub fn write(
     let key = Key::new(&test_scene.name, 0, format!("maps spp={spp} size={width}x{height}"));
     let measured = session.ledger.measure(key, std::slice::from_ref(&path), || {
         let [uniform, adaptive] = [Sampling::Uniform, Sampling::Adaptive]
-            .map(|sampling| Trial::new(sampling, Denoiser::Prpf, spp, 0).run(test_scene, accel));
+            .map(|sampling| Trial::new(sampling, DENOISERS[0], spp, 0).run(test_scene, accel));
         picture::write(&path, &row(test_scene, &uniform, &adaptive), 0.0)?;
         Ok(values([("optimal ratio", optimal_ratio(&uniform.store, &test_scene.reference.image))]))
     })?;
@@ -45,7 +45,7 @@ pub fn write(
 /// The four pictures in a row. Both errors have the same scale.
 fn row(test_scene: &TestScene, uniform: &Rendered, adaptive: &Rendered) -> Planes {
     let error = |rendered: &Rendered| {
-        let error = pixel_relmse(&rendered.filtered.image, &test_scene.reference.image);
+        let error = pixel_relmse(&rendered.result.image, &test_scene.reference.image);
         smooth(&test_scene.reference.image, error.into_iter().map(|v| v as f32).collect())
     };
     let [uniform_error, adaptive_error] = [error(uniform), error(adaptive)];
@@ -53,7 +53,7 @@ fn row(test_scene: &TestScene, uniform: &Rendered, adaptive: &Rendered) -> Plane
     let samples = smooth(&test_scene.reference.image, counts);
     let max = quantile(&uniform_error, BRIGHTEST);
     picture::in_a_row(&[
-        adaptive.filtered.image.clone(),
+        adaptive.result.image.clone(),
         picture::false_colour(&samples, quantile(&samples, BRIGHTEST)),
         picture::false_colour(&adaptive_error, max),
         picture::false_colour(&uniform_error, max),

@@ -11,10 +11,11 @@ mod variants;
 use std::path::PathBuf;
 
 use anyhow::Context;
-use prpf::filter::{self, Quality};
+use prpf::filter::prpf::PRPF;
+use prpf::filter::prpf::RESERVOIR;
+use prpf::filter::{Denoiser, nlm};
 use prpf::geometry::Accel;
-use prpf::progressive::RESERVOIR;
-use prpf::render::Renderer;
+use prpf::render::{Renderer, sample_layout};
 use prpf::scene::{Scene, pbrt};
 use prpf::stats::{Group, Layout, Store};
 
@@ -46,7 +47,7 @@ pub fn run(session: &mut Session) -> anyhow::Result<()> {
         .zip(times)
         .map(|((variant, scene), mut values)| {
             let effects = scene.effects();
-            values.extend(counts(&Layout::for_effects(&effects)));
+            values.extend(counts(&sample_layout(&effects)));
             VariantResults { variant, effects: effects.names(), values }
         })
         .collect();
@@ -97,7 +98,7 @@ fn measure_times(
             measured.push(session.ledger.measure(Key::new("effects", SEED, key), files, || {
                 let (values, store) = times(scene, settings.spp);
                 if is_shown {
-                    let image = filter::filter(&store, Quality::Standard, SEED).image;
+                    let image = nlm::STANDARD.filter(&store, SEED).image;
                     picture::write(&picture, &image, 0.0)?;
                 }
                 Ok(values)
@@ -117,8 +118,8 @@ fn times(scene: &Scene, spp: u32) -> (Values, Store) {
     let renderer = Renderer::new(scene, &accel, SEED);
     let mut store = sampling::store(&renderer, RESERVOIR, SEED);
     let render = sampling::add(&renderer, &mut store, spp);
-    let filter = |quality| sampling::timed(|| filter::filter(&store, quality, SEED)).1;
-    let (nlm, prpf) = (filter(Quality::Standard), filter(Quality::Paper));
+    let filter = |denoiser: &dyn Denoiser| sampling::timed(|| denoiser.filter(&store, SEED)).1;
+    let (nlm, prpf) = (filter(&nlm::STANDARD), filter(&PRPF));
     let values = values([(quantity::RENDER, render), (quantity::NLM, nlm), (quantity::PRPF, prpf)]);
     (values, store)
 }

@@ -16,7 +16,7 @@ pub fn write(session: &Session, settings: &Settings, all: &[VariantResults]) -> 
          Memory is that of the statistics, and of the reservoir of {} sample vectors that only `prpf` needs.",
         settings.spp,
         settings.repeats,
-        prpf::progressive::RESERVOIR
+        prpf::filter::prpf::RESERVOIR
     ));
     let head = [
         "effects",

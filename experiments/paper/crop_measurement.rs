@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use prpf::filter::{prpf as pixelwise, tolerance};
+use prpf::filter::prpf as pixelwise;
 use prpf::image::Planes;
 use prpf::image::metrics::Pair;
 use prpf::render::Renderer;
@@ -219,7 +219,7 @@ impl CropMeasurement<'_> {
             let (store, _) = self.samples(spp, spp as usize);
             let settings = published(self.scene_settings.sigma8_squared);
             let fractions = settings.windows.iter().map(|&window| {
-                (format!("window {window}"), tolerance::samples_outside(&store, &settings, window))
+                (format!("window {window}"), pixelwise::dissimilar_fraction(&store, &settings, window))
             });
             Ok(fractions.collect())
         })?;

@@ -1,13 +1,13 @@
 //! Lists other interpretations of what the papers leave open, and alternative settings of both methods.
 
-use prpf::filter::rpf::SpikeSettings;
-use prpf::filter::{Gain, OutlierSettings, PrpfSettings, RpfSettings};
+use prpf::filter::rpf::RpfFireflySettings;
+use prpf::filter::{Bandwidth, FireflySettings, PrpfSettings, RpfSettings};
 
 use super::method::Method;
 
 /// The settings of P-RPF as published.
 pub fn published(sigma8_squared: f32) -> PrpfSettings {
-    PrpfSettings { gain: Gain::RpfSigma { sigma8_squared }, ..PrpfSettings::paper() }
+    PrpfSettings { bandwidth: Bandwidth::RpfSigma { sigma8_squared }, ..PrpfSettings::paper() }
 }
 
 /// The settings of RPF as published.
@@ -26,13 +26,13 @@ pub fn interpretations(sigma8_squared: f32) -> Vec<(&'static str, Method)> {
     let other = if sigma8_squared > outdoor { outdoor } else { indoor };
     let base = published(sigma8_squared);
     let whole_window = base.windows.iter().copied().max().unwrap_or(1);
-    let own_variance = Gain::OwnVariance { kappa: 8.0, rho: 1e-3 };
+    let mean_variance = Bandwidth::MeanVariance { kappa: 8.0, rho: 1e-3 };
     let prpf = |settings| Method::Prpf(settings);
     let mut interpretations = vec![
         ("P-RPF, the other σ₈² (0.002 or 0.02)", prpf(published(other))),
         (
             "P-RPF, Eq. 4 by the variance of the pixel's mean",
-            prpf(PrpfSettings { gain: own_variance, ..base.clone() }),
+            prpf(PrpfSettings { bandwidth: mean_variance, ..base.clone() }),
         ),
         (ALL_PIXELS, prpf(PrpfSettings { statistics_side: whole_window, ..base.clone() })),
         (
@@ -45,20 +45,20 @@ pub fn interpretations(sigma8_squared: f32) -> Vec<(&'static str, Method)> {
         ),
         (
             "P-RPF, without firefly handling",
-            prpf(PrpfSettings { outliers: OutlierSettings::off(), ..base.clone() }),
+            prpf(PrpfSettings { fireflies: FireflySettings::off(), ..base.clone() }),
         ),
         ("P-RPF, positions up to 50 standard deviations apart", prpf(PrpfSettings { z_world: 50.0, ..base })),
     ];
 
     // Interpretations of RPF
     let base = published_rpf(sigma8_squared);
-    let spikes = base.spikes;
+    let fireflies = base.fireflies;
     interpretations.extend([
         ("RPF, the other σ₈² (0.002 or 0.02)", Method::Rpf(published_rpf(other))),
         (
             "RPF, keeping the energy of fireflies",
             Method::Rpf(RpfSettings {
-                spikes: SpikeSettings { keep_energy: true, ..spikes },
+                fireflies: RpfFireflySettings { keep_energy: true, ..fireflies },
                 ..base.clone()
             }),
         ),

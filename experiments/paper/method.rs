@@ -1,6 +1,6 @@
 //! Runs a method on a store and measures its time.
 
-use prpf::filter::{self, Filtered, PrpfSettings, Quality, RpfSettings, prpf as pixelwise, rpf};
+use prpf::filter::{self, Denoiser, FilterResult, PrpfSettings, RpfSettings, nlm, prpf as pixelwise, rpf};
 use prpf::image::Planes;
 use prpf::stats::Store;
 
@@ -26,7 +26,7 @@ impl Method {
     pub fn capacity(&self, spp: u32) -> usize {
         match self {
             Method::Unfiltered | Method::Nlm => 0,
-            Method::Prpf(_) => prpf::progressive::RESERVOIR,
+            Method::Prpf(_) => pixelwise::RESERVOIR,
             Method::Rpf(_) => spp as usize,
         }
     }
@@ -43,10 +43,10 @@ impl Method {
             seconds.push(time);
             filtered = Some(result);
         }
-        let Filtered { image, interpolation_success, .. } = filtered.expect("at least one run");
+        let FilterResult { image, interpolation, .. } = filtered.expect("at least one run");
         let mut values = Values::from([("seconds".to_owned(), median(seconds))]);
-        if let Some(fraction) = interpolation_success {
-            values.insert("interpolated".to_owned(), f64::from(fraction));
+        if let Some(interpolation) = interpolation {
+            values.insert("interpolated".to_owned(), f64::from(interpolation.success));
         }
         if matches!(self, Method::Prpf(_) | Method::Rpf(_)) {
             for (name, fraction) in STAGES.iter().zip(timer.fractions()) {
@@ -57,11 +57,11 @@ impl Method {
         (image, values)
     }
 
-    fn filter(&self, store: &Store, seed: u64, timer: &StageTimer) -> Filtered {
+    fn filter(&self, store: &Store, seed: u64, timer: &StageTimer) -> FilterResult {
         let observe = |stage| timer.start(stage);
         match self {
             Method::Unfiltered => filter::unfiltered(store),
-            Method::Nlm => filter::filter(store, Quality::Standard, seed),
+            Method::Nlm => nlm::STANDARD.filter(store, seed),
             Method::Prpf(settings) => pixelwise::filter_observed(store, settings, seed, &observe),
             Method::Rpf(settings) => rpf::filter_observed(store, settings, seed, &observe),
         }

@@ -1,6 +1,7 @@
-//! Where the next samples go: maps → priority per pixel → sample counts of the next batch.
+//! Allocates the samples of the next batch: from the maps of a filtered image to a priority per pixel, and
+//! from priorities to sample counts.
 //!
-//! Deciding is pure arithmetic on planes; nothing here renders, filters or reads a clock.
+//! Functions of planes and settings only; nothing here renders, filters or reads a clock.
 
 mod allocate;
 mod priority;
@@ -8,12 +9,12 @@ mod priority;
 pub use allocate::{Allocation, CEILING, allocate, allocate_above, uniform};
 pub use priority::{Maps, PrioritySettings, priority};
 
-/// How a batch is spread over the pixels.
+/// How the samples of a batch are distributed over the pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Sampling {
-    /// Every pixel the same.
+    /// Equally.
     Uniform,
-    /// By the filter's maps.
+    /// By the priorities of the pixels.
     Adaptive,
 }

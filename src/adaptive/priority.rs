@@ -1,30 +1,31 @@
-//! How many samples a pixel deserves, from what the filter says of it.
+//! Computes the priority of each pixel from the maps of a filtered image: total sample counts should be
+//! proportional to it.
 //!
-//! If a pixel's part in the image's relative error is e/n after n samples, the total error for a
-//! given number of samples is least when n ∝ √e. The maps estimate e/n, so a pixel's priority is
-//! √(n·(e/n)) of a weighted sum of them.
+//! If a pixel contributes e/n to the relative error of the image after n samples, the total error for a given
+//! number of samples is minimal for n ∝ √e. A weighted sum of the maps estimates e/n, and the priority is
+//! √(n·(e/n)).
 
 use crate::filter::blur;
 use crate::image::Planes;
 
-/// What drives the samples, each map with a weight; 0 leaves it out.
+/// Weights of the maps, and constants of the priority. A weight of 0 leaves a map out.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct PrioritySettings {
-    /// Variance of the filtered image, from the halves.
+    /// Weight of the variance of the filtered image.
     pub filtered_variance: f32,
-    /// Variance of the unfiltered image, scaled to the mean of the filtered one.
+    /// Weight of the variance of the unfiltered image, which is scaled to the mean of the filtered one.
     pub raw_variance: f32,
-    /// Raises the filtered variance where interpolation of feature weights failed, by this factor.
+    /// Added to the weight of the filtered variance where interpolation of feature weights failed.
     pub interpolation_failure: f32,
-    /// Raises it where the filter's residual is larger than noise explains, by this factor per unit
-    /// of excess.
+    /// Added to the weight of the filtered variance per unit by which the residual exceeds 1, its value from
+    /// noise alone.
     pub residual: f32,
-    /// Blur of the maps, in pixels.
+    /// Standard deviation of the blur of the maps, in pixels.
     pub blur: f32,
-    /// Keeps dark pixels from counting for too much: added to the squared radiance, in units of the
-    /// squared mean of the image.
+    /// Added to the squared radiance in relative errors, in units of the squared mean of the image; it limits
+    /// the priority of dark pixels.
     pub epsilon: f32,
-    /// Priorities above this quantile are cut to it, so that a few pixels cannot take everything.
+    /// Quantile to which larger priorities are clamped, so that a few pixels do not get all samples.
     pub cap_quantile: f32,
 }
 
@@ -42,13 +43,13 @@ impl Default for PrioritySettings {
     }
 }
 
-/// Largest excess of the residual that counts.
-const RESIDUAL_CEILING: f32 = 10.0;
+/// Maximum excess of the residual.
+const MAX_RESIDUAL_EXCESS: f32 = 10.0;
 
-/// The maps of one image.
+/// The maps of a filtered image.
 #[derive(Clone, Copy, Debug)]
 pub struct Maps<'a> {
-    /// Samples per pixel.
+    /// Sample counts of the pixels.
     pub counts: &'a [u32],
     /// Filtered image: 3 planes.
     pub image: &'a Planes,
@@ -56,21 +57,21 @@ pub struct Maps<'a> {
     pub filtered_variance: &'a Planes,
     /// Variance of the mean of the unfiltered image: 3 planes.
     pub raw_variance: &'a Planes,
-    /// 1 plane, about 1 where the filter is right.
+    /// Squared difference of the filtered from the unfiltered image over its expected value: 1 plane, about 1
+    /// where the filter is unbiased.
     pub residual: &'a Planes,
-    /// 1 plane in [0, 1].
+    /// Fraction of passes in which interpolation failed: 1 plane.
     pub interpolation_failure: Option<&'a Planes>,
 }
 
-/// Priority of each pixel: what its total of samples should be proportional to. All zero where the
-/// maps know of no error.
+/// Computes the priority of each pixel; 0 at all pixels if the maps show no error.
 pub fn priority(maps: Maps, settings: &PrioritySettings) -> Vec<f32> {
     let (width, height) = (maps.image.width(), maps.image.height());
     let smooth = |plane: &[f32]| blur::gaussian(width, height, plane, settings.blur);
+    // Compute the variances relative to the squared brightness
     let level = brightness(maps.image, settings.blur);
-    let mean = level.iter().map(|&v| f64::from(v)).sum::<f64>() / level.len().max(1) as f64;
-    let epsilon = (f64::from(settings.epsilon) * mean * mean) as f32;
-
+    let average = level.iter().map(|&v| f64::from(v)).sum::<f64>() / level.len().max(1) as f64;
+    let epsilon = (f64::from(settings.epsilon) * average * average) as f32;
     let relative = |variance: &Planes| {
         let sum = |i: usize| (0..3).map(|c| variance.plane(c)[i]).sum::<f32>() / 3.0;
         let value = |i: usize| sum(i) / (level[i] * level[i] + epsilon).max(f32::MIN_POSITIVE);
@@ -78,10 +79,11 @@ pub fn priority(maps: Maps, settings: &PrioritySettings) -> Vec<f32> {
     };
     let mut filtered = relative(maps.filtered_variance);
     let mut raw = relative(maps.raw_variance);
-    let scale = mean_of(&filtered) / mean_of(&raw).max(f32::MIN_POSITIVE);
+    let scale = mean(&filtered) / mean(&raw).max(f32::MIN_POSITIVE);
     raw.iter_mut().for_each(|v| *v *= settings.raw_variance * scale);
 
-    let excess = |&r: &f32| (r - 1.0).clamp(0.0, RESIDUAL_CEILING);
+    // Raise the filtered variance by residual and failure
+    let excess = |&r: &f32| (r - 1.0).clamp(0.0, MAX_RESIDUAL_EXCESS);
     let excess = smooth(&maps.residual.plane(0).iter().map(excess).collect::<Vec<_>>());
     let failure = maps.interpolation_failure.map(|failure| smooth(failure.plane(0)));
     for (i, v) in filtered.iter_mut().enumerate() {
@@ -91,24 +93,25 @@ pub fn priority(maps: Maps, settings: &PrioritySettings) -> Vec<f32> {
             + settings.residual * excess[i];
     }
 
+    // Combine
     let value = |(i, &n): (usize, &u32)| ((n.max(1) as f32) * (filtered[i] + raw[i])).sqrt();
     let mut priority: Vec<f32> = maps.counts.iter().enumerate().map(value).collect();
-    cap(&mut priority, settings.cap_quantile);
+    clamp_to_quantile(&mut priority, settings.cap_quantile);
     priority
 }
 
-/// Mean of the channels, blurred: a stand-in for the true radiance.
+/// Returns the blurred mean of the channels, an estimate of the true radiance.
 fn brightness(image: &Planes, sigma: f32) -> Vec<f32> {
     let mean = |i: usize| (image.plane(0)[i] + image.plane(1)[i] + image.plane(2)[i]) / 3.0;
     let plane: Vec<f32> = (0..image.pixels()).map(mean).collect();
     blur::gaussian(image.width(), image.height(), &plane, sigma)
 }
 
-fn mean_of(plane: &[f32]) -> f32 {
+fn mean(plane: &[f32]) -> f32 {
     (plane.iter().map(|&v| f64::from(v)).sum::<f64>() / plane.len().max(1) as f64) as f32
 }
 
-fn cap(values: &mut [f32], quantile: f32) {
+fn clamp_to_quantile(values: &mut [f32], quantile: f32) {
     if values.is_empty() {
         return;
     }
@@ -124,7 +127,7 @@ fn cap(values: &mut [f32], quantile: f32) {
 mod tests {
     use super::*;
 
-    fn maps_of(
+    fn constant_maps(
         width: usize,
         height: usize,
         level: f32,
@@ -141,8 +144,8 @@ mod tests {
         (image, v, residual)
     }
 
-    fn priority_of(level: f32, variance: impl Fn(usize, usize) -> f32) -> Vec<f32> {
-        let (image, v, residual) = maps_of(64, 64, level, variance);
+    fn constant_priority(level: f32, variance: impl Fn(usize, usize) -> f32) -> Vec<f32> {
+        let (image, v, residual) = constant_maps(64, 64, level, variance);
         let maps = Maps {
             counts: &[4; 64 * 64],
             image: &image,
@@ -155,29 +158,29 @@ mod tests {
     }
 
     #[test]
-    fn four_times_the_variance_deserves_twice_the_samples() {
-        let p = priority_of(1.0, |x, _| if x < 32 { 0.01 } else { 0.04 });
+    fn four_times_the_variance_has_twice_the_priority() {
+        let p = constant_priority(1.0, |x, _| if x < 32 { 0.01 } else { 0.04 });
         let (low, high) = (p[32 * 64 + 8], p[32 * 64 + 56]);
         assert!((high / low - 2.0).abs() < 0.02, "{low} {high}");
     }
 
     #[test]
-    fn exposure_does_not_matter() {
-        let dark = priority_of(1e-3, |x, _| if x < 32 { 1e-8 } else { 4e-8 });
-        let bright = priority_of(1e3, |x, _| if x < 32 { 1e4 } else { 4e4 });
+    fn the_scale_of_radiance_does_not_matter() {
+        let dark = constant_priority(1e-3, |x, _| if x < 32 { 1e-8 } else { 4e-8 });
+        let bright = constant_priority(1e3, |x, _| if x < 32 { 1e4 } else { 4e4 });
         for (d, b) in dark.iter().zip(&bright) {
             assert!((d / b - 1.0).abs() < 1e-3, "{d} {b}");
         }
     }
 
     #[test]
-    fn no_error_anywhere_gives_no_priority() {
-        assert!(priority_of(1.0, |_, _| 0.0).iter().all(|&p| p == 0.0));
+    fn without_error_all_priorities_are_zero() {
+        assert!(constant_priority(1.0, |_, _| 0.0).iter().all(|&p| p == 0.0));
     }
 
     #[test]
     fn failed_interpolation_and_residual_raise_the_priority() {
-        let (image, v, mut residual) = maps_of(64, 64, 1.0, |_, _| 0.01);
+        let (image, v, mut residual) = constant_maps(64, 64, 1.0, |_, _| 0.01);
         let mut failure = Planes::new(64, 64, 1);
         (0..64 * 64).filter(|i| i % 64 >= 48).for_each(|i| failure.data_mut()[i] = 1.0);
         (0..64 * 64).filter(|i| i % 64 < 16).for_each(|i| residual.data_mut()[i] = 5.0);
@@ -195,7 +198,8 @@ mod tests {
     }
 
     #[test]
-    fn priorities_are_those_of_the_formula() {
+    fn priorities_agree_with_the_formula() {
+        // Prepare maps of arbitrary values
         let (width, height, pixels) = (13, 9, 117);
         let number = |k: usize, by: usize| (k * by % 101) as f32 / 101.0;
         let planes = |count: usize, by: usize, scale: f32| {
@@ -225,6 +229,7 @@ mod tests {
         };
         let found = priority(maps, &settings);
 
+        // Evaluate the formula
         let smooth = |value: &dyn Fn(usize) -> f32| {
             blur::gaussian(width, height, &(0..pixels).map(value).collect::<Vec<_>>(), 1.5)
         };
@@ -252,13 +257,13 @@ mod tests {
     }
 
     #[test]
-    fn the_cap_is_the_quantile_unless_that_is_nothing() {
+    fn priorities_are_clamped_to_the_quantile_unless_it_is_zero() {
         let mut values = [5.0, 1.0, 4.0, 2.0, 3.0];
-        cap(&mut values, 0.5);
+        clamp_to_quantile(&mut values, 0.5);
         assert_eq!(values, [3.0, 1.0, 3.0, 2.0, 3.0]);
         let mut mostly_none = [0.0, 0.0, 0.0, 7.0];
-        cap(&mut mostly_none, 0.5);
+        clamp_to_quantile(&mut mostly_none, 0.5);
         assert_eq!(mostly_none, [0.0, 0.0, 0.0, 7.0]);
-        cap(&mut [], 0.5);
+        clamp_to_quantile(&mut [], 0.5);
     }
 }

@@ -7,9 +7,9 @@ use anyhow::{Context, ensure};
 use clap::Args;
 use serde::Serialize;
 
-use super::output::{are_distinct, can_be_written};
-use crate::image::formats::{OutputFormat, read_rgb};
+use super::output_paths::{are_distinct, can_be_written};
 use crate::image::metrics::{BLOCK_SIDE, Pair};
+use crate::image::{OutputFormat, read_rgb};
 use crate::image::{Planes, Problem, exr_file, png_file};
 
 /// Exit status when the images were compared and no limit was passed.
@@ -65,14 +65,18 @@ struct Comparison {
     ssim: f64,
     flip: f64,
     mean_ratio: f64,
-    /// Pixels left out of all of these.
+    /// Number of pixels that all of these exclude.
     excluded_pixels: usize,
 }
 
-/// Compares, prints, and returns the exit status; an error is bad input (exit status 2).
+/// Compares, prints, and returns the exit status.
+///
+/// # Errors
+/// Bad input (exit status 2).
 pub fn run(args: &CompareArgs) -> anyhow::Result<u8> {
+    // Read the images
     if let Some(path) = &args.error_image {
-        let is_png = OutputFormat::of(path).is_ok_and(|format| format == OutputFormat::Png);
+        let is_png = OutputFormat::from_path(path).is_ok_and(|format| format == OutputFormat::Png);
         ensure!(is_png, "{}: --error-image is a PNG, .png expected", path.display());
         can_be_written(path)?;
         are_distinct([&*args.image, &*args.reference], &[path])?;
@@ -82,6 +86,7 @@ pub fn run(args: &CompareArgs) -> anyhow::Result<u8> {
     let pair = Pair::new(&image, &reference)
         .with_context(|| format!("{} and {}", args.image.display(), args.reference.display()))?;
 
+    // Compare them
     let flip = pair.flip();
     let comparison = Comparison {
         mse: pair.mse(),
@@ -97,15 +102,16 @@ pub fn run(args: &CompareArgs) -> anyhow::Result<u8> {
         png_file::write_srgb8(path, image.width(), image.height(), &flip.colours())?;
     }
 
+    // Print the comparison
     let output = if args.json {
         serde_json::to_string_pretty(&comparison)? + "\n"
     } else {
         table(&comparison, &pair)?
     };
-    super::say(&output)?;
+    super::print(&output)?;
     match args.max_relmse {
         Some(limit) if comparison.relmse > limit => {
-            super::complain(&format!("relMSE {:.6} is above the limit of {limit}", comparison.relmse));
+            super::print_error(&format!("relMSE {:.6} is above the limit of {limit}", comparison.relmse));
             Ok(ABOVE)
         }
         _ => Ok(WITHIN),
@@ -235,7 +241,10 @@ mod tests {
         assert_eq!(files.run(&["--layer", "Noisy", "--max-relmse", "0"]).unwrap(), 0);
         assert_eq!(files.run(&["--max-relmse", "0"]).unwrap(), 1);
         let message = files.run(&["--layer", "Albedo"]).unwrap_err().to_string();
-        assert!(message.contains("no channels Albedo.R, Albedo.G, Albedo.B; the file has B, G"), "{message}");
+        assert!(
+            message.contains("channels Albedo.R, Albedo.G, Albedo.B are missing; the file has B, G"),
+            "{message}"
+        );
     }
 
     #[test]

@@ -3,16 +3,16 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use anyhow::{anyhow, bail};
+use anyhow::bail;
 use clap::Args;
 
-use super::layers::Layers;
-use super::options::DenoiserOption;
-use super::output::{Written, are_distinct, can_be_written, replaces_no_state};
-use super::{Failure, in_pool};
-use crate::filter::{Filtered, Quality};
-use crate::image::formats::OutputFormat;
-use crate::progressive::{FilterJob, Memory, Settings, fitting, reservoir_capacity};
+use super::denoiser_options::DenoiserOptions;
+use super::output_paths::{are_distinct, can_be_written, replaces_no_state};
+use super::{Failure, command_line, in_pool, parse, print};
+use crate::filter::{FilterResult, suited_to};
+use crate::image::OutputFormat;
+use crate::output::{ImageOutput, Layers};
+use crate::progressive::{Checkpoint, FailureMap, FilterPass, Settings};
 use crate::state::RenderState;
 
 /// `prpf denoise`.
@@ -23,7 +23,7 @@ Examples:
   prpf denoise scene.state --quality draft -o draft.png
   prpf denoise scene.state --denoiser none -o noisy.exr --layers Noisy,SampleCount
 
-Without other options the image is the one that the render wrote. --quality paper needs sample vectors in
+Without other options the image is the one that the render wrote. --denoiser prpf needs sample vectors in
 the state: `prpf render --reservoir 8` keeps them.")]
 pub(super) struct DenoiseOptions {
     /// What `prpf render --state` or `prpf merge` wrote
@@ -31,17 +31,13 @@ pub(super) struct DenoiseOptions {
     /// Output, .exr (all layers) or .png; may be given twice [default: STATE.exr]
     #[arg(short, long, value_name = "FILE")]
     outfile: Vec<PathBuf>,
-    /// The reconstruction [default: the render's]
-    #[arg(long, value_enum)]
-    denoiser: Option<DenoiserOption>,
-    /// Filter effort [default: the render's]
-    #[arg(long, value_enum)]
-    quality: Option<Quality>,
+    #[command(flatten)]
+    denoiser: DenoiserOptions,
     /// Only these layers of the EXR beside the image, e.g. Albedo,Ns [default: all]
     #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
     layers: Option<Vec<String>>,
     /// Worker threads [default: all cores]
-    #[arg(long, visible_alias = "nthreads", value_name = "N", value_parser = super::parse_threads)]
+    #[arg(long, visible_alias = "nthreads", value_name = "N", value_parser = parse::threads)]
     threads: Option<std::num::NonZeroUsize>,
     /// No summary
     #[arg(long)]
@@ -53,59 +49,70 @@ pub(super) fn run(options: &DenoiseOptions, start: Instant) -> Result<u8, Failur
 }
 
 fn denoise(options: &DenoiseOptions, start: Instant) -> Result<u8, Failure> {
+    let outfiles = outfiles(options).map_err(Failure::Input)?;
+
+    // Filter the state
+    let RenderState { metadata, settings, checkpoint, .. } =
+        RenderState::read(&options.state).map_err(|error| Failure::Input(error.into()))?;
+    let denoiser = options.denoiser.choose(settings.denoiser).map_err(Failure::Input)?;
+    let is_same_method = denoiser.name().method == settings.denoiser.name().method;
+    let settings = Settings { denoiser, ..settings };
+    let result = filter(&checkpoint, &settings).map_err(Failure::Input)?;
+
+    // Write the images
+    let Checkpoint { store, estimate, passes, .. } = &checkpoint;
+    // The error of another method's image is not that of this one.
+    let estimate = estimate.as_ref().filter(|_| is_same_method);
+    if let Some(names) = &options.layers {
+        let layers = Layers::new(&result, store, estimate, &metadata, None);
+        layers.check_present(names).map_err(|error| Failure::Input(error.into()))?;
+    }
+    let output = ImageOutput {
+        result: &result,
+        store,
+        estimate,
+        passes,
+        metadata: &metadata,
+        settings: &settings,
+        reference: None,
+        seconds: start.elapsed().as_secs_f64(),
+        command_line: &command_line(),
+        layers: options.layers.as_deref(),
+    };
+    output.write_all(&outfiles).map_err(|error| Failure::Run(error.into()))?;
+    if !options.quiet {
+        let files: String = outfiles.iter().map(|path| format!("{}\n", path.display())).collect();
+        let spp = store.samples() as f64 / store.pixels().max(1) as f64;
+        let seconds = start.elapsed().as_secs_f64();
+        print(&format!("{seconds:.2} s, {spp:.1} samples per pixel, by {}\n{files}", result.made_by))
+            .map_err(Failure::Run)?;
+    }
+    Ok(0)
+}
+
+/// Returns the output files, after checking them and the names of layers.
+fn outfiles(options: &DenoiseOptions) -> anyhow::Result<Vec<PathBuf>> {
     let outfiles = match options.outfile.as_slice() {
         [] => vec![beside(&options.state)],
         files => files.to_vec(),
     };
     for path in &outfiles {
-        OutputFormat::of(path).map_err(|error| Failure::Input(error.into()))?;
-        can_be_written(path).map_err(Failure::Input)?;
-        replaces_no_state(path).map_err(Failure::Input)?;
+        OutputFormat::from_path(path)?;
+        can_be_written(path)?;
+        replaces_no_state(path)?;
     }
     let outputs: Vec<&Path> = outfiles.iter().map(PathBuf::as_path).collect();
-    are_distinct([&*options.state], &outputs).map_err(Failure::Input)?;
-    if options.layers.is_some() && !outfiles.iter().any(|path| is_exr(path)) {
-        return Err(Failure::Input(anyhow!(
-            "--layers: found no output that has layers; accepted with -o FILE.exr"
-        )));
-    }
-    options.layers.as_deref().map_or(Ok(()), Layers::check).map_err(Failure::Input)?;
-    let RenderState { metadata, settings, memory, .. } =
-        RenderState::read(&options.state).map_err(|error| Failure::Input(error.into()))?;
-    let settings = Settings {
-        denoiser: options.denoiser.map_or(settings.denoiser, Into::into),
-        quality: options.quality.unwrap_or(settings.quality),
-        ..settings
-    };
-    let store = &memory.store;
-    let filtered = filtered(&memory, &settings).map_err(Failure::Input)?;
-
-    let mut layers = Layers::of(&filtered, store, memory.estimate.as_ref(), &metadata);
+    are_distinct([&*options.state], &outputs)?;
     if let Some(names) = &options.layers {
-        layers.keep_only(names).map_err(Failure::Input)?;
+        if !outfiles.iter().any(|path| is_exr(path)) {
+            bail!("--layers: found no output that has layers; accepted with -o FILE.exr");
+        }
+        Layers::check_names(names)?;
     }
-    let written = Written {
-        layers: &layers,
-        store,
-        image: &filtered.image,
-        batches: &memory.batches,
-        metadata: &metadata,
-        settings: &settings,
-        filter: fitting(store, settings.denoiser, settings.quality),
-        reference: None,
-        start,
-    };
-    written.write_all(&outfiles).map_err(Failure::Run)?;
-    if !options.quiet {
-        let files: String = outfiles.iter().map(|path| format!("{}\n", path.display())).collect();
-        let spp = store.samples() as f64 / store.pixels().max(1) as f64;
-        let seconds = start.elapsed().as_secs_f64();
-        super::say(&format!("{seconds:.2} s, {spp:.1} samples per pixel\n{files}")).map_err(Failure::Run)?;
-    }
-    Ok(0)
+    Ok(outfiles)
 }
 
-/// The state's name, `.state` left out, and `.exr`.
+/// Returns the state's name with `.exr` in place of `.state`.
 fn beside(state: &Path) -> PathBuf {
     let is_plain = state.extension().is_none_or(|extension| extension == "state");
     let mut name =
@@ -115,27 +122,30 @@ fn beside(state: &Path) -> PathBuf {
 }
 
 fn is_exr(path: &Path) -> bool {
-    matches!(OutputFormat::of(path), Ok(OutputFormat::Exr))
+    matches!(OutputFormat::from_path(path), Ok(OutputFormat::Exr))
 }
 
-/// What the filter makes of a state.
+/// Filters a checkpoint.
 ///
 /// # Errors
-/// A state without what the filter needs.
-pub(super) fn filtered(memory: &Memory, settings: &Settings) -> anyhow::Result<Filtered> {
-    let capacity = memory.store.capacity();
-    let needed = reservoir_capacity(&Settings { reservoir: 0, ..settings.clone() });
-    if capacity < needed {
+/// Fewer sample vectors than the denoiser needs.
+pub(super) fn filter(checkpoint: &Checkpoint, settings: &Settings) -> anyhow::Result<FilterResult> {
+    let store = &checkpoint.store;
+    let needed = Settings { reservoir: 0, ..settings.clone() }.reservoir_capacity();
+    if store.capacity() < needed {
         bail!(
-            "reservoir: found a state with {capacity} sample vectors per pixel, and this filter needs {needed}; \
-             accepted are P-RPF in draft and standard quality, or a state rendered with --reservoir {needed}"
+            "reservoir: found a state with {} sample vectors per pixel, and --denoiser {} needs {needed}; accepted are \
+             --denoiser nlm, or a state rendered with --reservoir {needed}",
+            store.capacity(),
+            settings.denoiser.name()
         );
     }
-    let &Settings { denoiser, quality, seed, .. } = settings;
-    let (denoiser, quality) = fitting(&memory.store, denoiser, quality);
-    let job = FilterJob { store: memory.store.clone(), denoiser, quality, seed, interpolation: false };
-    let mut filtered = job.run().filtered;
-    let failure = memory.rerun.as_ref().and_then(|rerun| rerun.failure.clone());
-    filtered.interpolation_failure = filtered.interpolation_failure.or(failure);
-    Ok(filtered)
+    let earlier = checkpoint.interim.as_ref().and_then(|interim| interim.interpolation.clone());
+    let pass = FilterPass {
+        store: store.clone(),
+        denoiser: suited_to(store, settings.denoiser),
+        seed: settings.seed,
+        failure_map: FailureMap::Carry(earlier),
+    };
+    Ok(pass.run().result)
 }

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use anyhow::{Context, anyhow};
 use clap::Args;
 
-use super::output::{are_distinct, can_be_written, replaces_no_state};
+use super::output_paths::{are_distinct, can_be_written, replaces_no_state};
 use super::{Failure, denoise, in_pool};
 use crate::files::replace_file;
 use crate::state::{self, RenderState};
@@ -14,7 +14,7 @@ use crate::state::{self, RenderState};
 #[derive(Args)]
 #[command(after_help = "\
 Example:
-  prpf render scene.pbrt --quality paper --spp 16 --state scene.state
+  prpf render scene.pbrt --denoiser prpf --spp 16 --state scene.state
   prpf export scene.state -o scene.npz
   python3 -c 'import numpy; print({n: a.shape for n, a in numpy.load(\"scene.npz\").items()})'
 
@@ -40,14 +40,14 @@ pub(super) fn run(options: &ExportOptions) -> Result<u8, Failure> {
     are_distinct([&*options.state], &[&options.outfile]).map_err(Failure::Input)?;
     let state = RenderState::read(&options.state).map_err(|error| Failure::Input(error.into()))?;
     in_pool(None, || {
-        let filtered = denoise::filtered(&state.memory, &state.settings).map_err(Failure::Input)?;
+        let filtered = denoise::filter(&state.checkpoint, &state.settings).map_err(Failure::Input)?;
         // A writer that may seek, which archives need.
         replace_file(&options.outfile, |out| state::export(&state, &filtered, out))
             .with_context(|| format!("writing {}", options.outfile.display()))
             .map_err(Failure::Run)
     })?;
     if !options.quiet {
-        super::say(&format!("{}\n", options.outfile.display())).map_err(Failure::Run)?;
+        super::print(&format!("{}\n", options.outfile.display())).map_err(Failure::Run)?;
     }
     Ok(0)
 }

@@ -1,12 +1,12 @@
-//! `prpf info`: what a scene holds and what it calls for.
+//! `prpf info`: the content of a scene, its effects, its sample vector, and what denoisers read of that.
 
 use std::path::PathBuf;
 
 use clap::Args;
 
-use super::report::dimension_names;
 use super::{Failure, escaped};
-use crate::progressive::RESERVOIR;
+use crate::filter::{DENOISERS, Denoiser, Reads, SampleVectors};
+use crate::render::sample_layout;
 use crate::scene::{Integrator, Light, Scene, Shape, pbrt};
 use crate::stats::{Group, Layout, Store};
 
@@ -23,71 +23,103 @@ pub(super) fn run(options: &InfoOptions) -> Result<u8, Failure> {
     let warnings: String =
         scene.warnings.iter().map(|warning| format!("warning: {}\n", escaped(warning))).collect();
     let dark = if scene.is_lit() { "" } else { "warning: the scene has no light\n" };
-    super::say(&(describe(&scene) + &warnings + dark)).map_err(Failure::Run)?;
+    super::print(&(describe(&scene) + &warnings + dark)).map_err(Failure::Run)?;
     Ok(0)
 }
 
 fn describe(scene: &Scene) -> String {
-    let layout = Layout::for_effects(&scene.effects());
+    describe_scene(scene) + &describe_statistics(scene)
+}
+
+/// Describes the scene: film, integrator, geometry, lights, materials, memory.
+fn describe_scene(scene: &Scene) -> String {
+    // Count what it holds
     let film = &scene.film;
     let [x0, x1, y0, y1] = film.pixel_bounds;
     let integrator = match scene.integrator {
         Integrator::Path { max_depth } => format!("path tracing, depth {max_depth}"),
         Integrator::Direct { max_depth } => format!("direct lighting, specular depth {max_depth}"),
     };
-    let count = |group: fn(Group) -> bool| layout.dimensions().iter().filter(|d| group(d.group)).count();
-    let features = count(|g| matches!(g, Group::Feature(_)));
-    let randoms = count(|g| g == Group::Random);
-    let vector = count(|g| g != Group::Auxiliary);
-    let bytes = Store::bytes_per_pixel(&layout, 0);
-    let paper = Store::bytes_per_pixel(&layout, RESERVOIR);
-    let megabytes = (bytes * (x1 - x0) * (y1 - y0)) as f64 / 1e6;
     let (stored, instanced) = triangles(scene);
     let images = scene.textures.images();
     let image_bytes: usize = images.iter().map(|image| image.memory_bytes()).sum();
     let mesh_bytes: usize = scene.primitives.iter().map(|p| p.shape.memory_bytes()).sum();
     let emissive = scene.primitives.iter().filter(|p| p.area_light.is_some()).count();
     let environments = scene.lights.iter().filter(|l| matches!(l, Light::Environment(_))).count();
-    // Features and colours against random parameters and position, and colours against features.
-    let pairs = (features + 3) * (randoms + 2) + 3 * features;
+
+    // Describe it
     format!(
         "scene       {}\n\
          dialect     {}\n\
          film        {}x{}, pixels {x0},{x1},{y0},{y1}, {:?}\n\
          integrator  {integrator}, {} samples per pixel\n\
-         geometry    {} triangles stored, {} with instances; {} primitives, {} objects, {} instances\n\
-         lights      {} emissive shapes, {} without a surface ({environments} environment)\n\
+         geometry    {stored} triangles stored, {instanced} with instances; {} primitives, {} objects, {} instances\n\
+         lights      {emissive} emissive shapes, {} without a surface ({environments} environment)\n\
          materials   {}; {} images\n\
          memory      {:.1} MB of meshes, {:.1} MB of images\n\
-         effects     {}\n\
-         dimensions  {vector} of 27 alive: {}\n\
-         auxiliary   {}\n\
-         pairs       {pairs} of mutual information, with --quality paper\n\
-         store       {bytes} bytes per pixel, {megabytes:.0} MB for this film; {paper} bytes per pixel with --quality paper\n",
+         effects     {}\n",
         escaped(&scene.source),
         scene.dialect.map_or_else(String::new, |dialect| dialect.to_string()),
         film.width,
         film.height,
         film.filter,
         scene.spp,
-        stored,
-        instanced,
         scene.primitives.len(),
         scene.objects.len(),
         scene.instances.len(),
-        emissive,
         scene.lights.len(),
         scene.materials.len(),
         images.len(),
         mesh_bytes as f64 / 1e6,
         image_bytes as f64 / 1e6,
         scene.effects().names().join(", "),
-        dimension_names(&layout)[..vector].join(" "),
-        dimension_names(&layout)[vector..].join(" "),
     )
 }
 
-/// Triangles stored, and seen when instances are counted.
+/// Describes the sample vector, the store, and what each denoiser reads of it.
+fn describe_statistics(scene: &Scene) -> String {
+    // Count dimensions and bytes
+    let layout = sample_layout(&scene.effects());
+    let names: Vec<&str> = layout.dimensions().iter().map(|dimension| dimension.name).collect();
+    let count = |group: fn(Group) -> bool| layout.dimensions().iter().filter(|d| group(d.group)).count();
+    let features = count(|g| matches!(g, Group::Feature(_)));
+    let randoms = count(|g| g == Group::Random);
+    let vector = count(|g| g != Group::Auxiliary);
+    let bytes = Store::bytes_per_pixel(&layout, 0);
+    let [x0, x1, y0, y1] = scene.film.pixel_bounds;
+    let megabytes = (bytes * (x1 - x0) * (y1 - y0)) as f64 / 1e6;
+    // Features and colours against random parameters and position, and colours against features.
+    let pairs = (features + 3) * (randoms + 2) + 3 * features;
+
+    // Describe them
+    format!(
+        "dimensions  {vector} of 27 enabled: {}\n\
+         auxiliary   {}\n\
+         pairs       {pairs} of mutual information, with --denoiser prpf\n\
+         store       {bytes} bytes per pixel, {megabytes:.0} MB for this film\n{}",
+        names[..vector].join(" "),
+        names[vector..].join(" "),
+        DENOISERS.map(|denoiser| describe_denoiser(denoiser, &layout)).concat(),
+    )
+}
+
+/// Describes what a denoiser reads of the store, and from how far.
+fn describe_denoiser(denoiser: &dyn Denoiser, layout: &Layout) -> String {
+    let Reads { blocks, sample_vectors } = denoiser.reads();
+    let read: usize = blocks.iter().filter_map(|&block| layout.block(block)).map(|dims| dims.len()).sum();
+    let vector_bytes = Store::bytes_per_pixel(layout, 1) - Store::bytes_per_pixel(layout, 0);
+    let vectors = match sample_vectors {
+        SampleVectors::None => String::new(),
+        SampleVectors::Reservoir(size) => {
+            format!(" and {size} sample vectors of {vector_bytes} bytes per pixel")
+        }
+        SampleVectors::All { .. } => format!(" and all sample vectors of {vector_bytes} bytes"),
+    };
+    let (name, reach) = (denoiser.name().to_string(), denoiser.reach());
+    format!("{name:<13}reads statistics of {read} dimensions{vectors}, from {reach} pixels around\n")
+}
+
+/// Returns the number of triangles stored, and with every instance counted.
 fn triangles(scene: &Scene) -> (usize, usize) {
     let of_object = |object: usize| -> usize {
         let primitives = &scene.primitives[scene.objects[object].primitives.clone()];

@@ -6,8 +6,7 @@ use anyhow::Context;
 use clap::Args;
 
 use super::Failure;
-use super::output::{are_distinct, can_be_written};
-use super::state::replaces_state;
+use super::output_paths::{are_distinct, can_be_written, replaces_state};
 use crate::state::{Merge, RenderState};
 
 /// `prpf merge`.
@@ -41,12 +40,12 @@ pub(super) fn run(options: &MergeOptions) -> Result<u8, Failure> {
     let sum = merge(&options.states).map_err(Failure::Input)?;
     sum.write(&options.outfile).map_err(|error| Failure::Run(error.into()))?;
     if !options.quiet {
-        let store = &sum.memory.store;
+        let store = &sum.checkpoint.store;
         let spp = store.samples() as f64 / store.pixels().max(1) as f64;
         let streams: Vec<String> = sum.streams.iter().map(ToString::to_string).collect();
         let text =
             format!("{spp:.1} samples per pixel: {}\n{}\n", streams.join("; "), options.outfile.display());
-        super::say(&text).map_err(Failure::Run)?;
+        super::print(&text).map_err(Failure::Run)?;
     }
     Ok(0)
 }

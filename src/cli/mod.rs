@@ -4,21 +4,27 @@
 //! 2 the command line or an input file is wrong; 130 stopped by a person, image and state written
 //! (a preview that is closed has nothing to write, and is done: 0).
 
+mod checkpoints;
 mod compare;
+mod debug_sample;
 mod denoise;
+mod denoiser_options;
 mod export;
+mod host;
 mod info;
-mod layers;
+mod inputs;
 mod merge;
+mod mode;
 mod options;
-mod output;
+mod output_paths;
+mod parse;
 mod preview;
 mod render;
-mod report;
 mod signals;
-mod state;
+mod state_options;
 mod summary;
 mod usage;
+mod viewers;
 
 use std::ffi::OsString;
 use std::io::Write;
@@ -46,15 +52,15 @@ struct Arguments {
 
 #[derive(Subcommand)]
 enum Command {
-    /// Render a scene; write the image and say what was achieved
+    /// Render a scene; write the image and print a summary
     Render(Box<options::RenderOptions>),
-    /// Render live: a page to look at the image as it converges, and to steer it
+    /// Render live: serve a page that shows the image as it converges, and steers it
     Preview(Box<preview::PreviewOptions>),
-    /// Filter a render's state again, with other settings, without tracing a ray
+    /// Filter a render's state again, with another denoiser, without tracing a ray
     Denoise(denoise::DenoiseOptions),
-    /// Add states of one picture: other seeds, other shards
+    /// Add states of one scene: other seeds, other shards
     Merge(merge::MergeOptions),
-    /// Write all that a state holds as named numpy arrays
+    /// Write the content of a state as named numpy arrays
     Export(export::ExportOptions),
     /// Show what a scene holds, the effects it calls for, and the dimensions of its sample vector
     Info(info::InfoOptions),
@@ -62,8 +68,8 @@ enum Command {
     Compare(compare::CompareArgs),
 }
 
-/// Prints to standard output. Nobody listening any more, as after `| head`, is no failure.
-fn say(text: &str) -> anyhow::Result<()> {
+/// Prints to standard output. A closed pipe, as after `| head`, is no failure.
+fn print(text: &str) -> anyhow::Result<()> {
     let mut out = std::io::stdout();
     match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
         Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => Err(error).context("cannot print"),
@@ -71,13 +77,12 @@ fn say(text: &str) -> anyhow::Result<()> {
     }
 }
 
-/// Prints a line to standard error, if that goes anywhere.
-fn complain(line: &str) {
+/// Prints a line to standard error, if that is open.
+fn print_error(line: &str) {
     let _ = writeln!(std::io::stderr(), "{line}");
 }
 
-/// One line that a terminal can show: what is no printable character is escaped, and the middle of
-/// what is too long left out.
+/// Returns one line that a terminal can show: control characters are escaped, and the middle of a long text is left out.
 fn escaped(text: &str) -> String {
     /// Characters shown of a message; of the longest file names there is enough to recognise them.
     const LONGEST: usize = 1000;
@@ -90,7 +95,13 @@ fn escaped(text: &str) -> String {
     start.iter().chain(&['.', '.', '.']).chain(end).collect()
 }
 
-/// Something that went wrong, and the exit status it ends in.
+/// Returns the command line of this process.
+fn command_line() -> String {
+    let words: Vec<String> = std::env::args_os().map(|word| word.to_string_lossy().into_owned()).collect();
+    words.join(" ")
+}
+
+/// An error, with the exit status that it leads to.
 #[derive(Debug)]
 pub(crate) enum Failure {
     /// The command line or an input file: 2.
@@ -99,23 +110,12 @@ pub(crate) enum Failure {
     Run(anyhow::Error),
 }
 
-/// More threads than this are a slip of the finger, and would take the machine down.
-const MOST_THREADS: usize = 1024;
-
-/// What `--threads` accepts.
-fn parse_threads(text: &str) -> Result<NonZeroUsize, String> {
-    match text.parse::<NonZeroUsize>() {
-        Ok(n) if n.get() <= MOST_THREADS => Ok(n),
-        _ => Err(format!("found `{text}`; accepted are whole numbers from 1 to {MOST_THREADS}")),
-    }
-}
-
-/// Runs something on so many worker threads; on all cores if nothing is said.
+/// Runs `work` on so many worker threads; on all cores by default.
 fn in_pool<T: Send>(
     threads: Option<NonZeroUsize>,
     work: impl FnOnce() -> Result<T, Failure> + Send,
 ) -> Result<T, Failure> {
-    // No number is 0, which stands for all cores.
+    // 0 lets rayon use all cores.
     let threads = threads.map_or(0, NonZeroUsize::get);
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
     pool.context("starting the worker threads").map_err(Failure::Run)?.install(work)
@@ -128,7 +128,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>, start: Instant) -> Exi
         Err(error)
             if error.use_stderr() && error.kind() != ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand =>
         {
-            complain(&format!("prpf: {}", usage::one_line(&error)));
+            print_error(&format!("prpf: {}", usage::one_line(&error)));
             return ExitCode::from(2);
         }
         Err(error) => {
@@ -137,7 +137,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>, start: Instant) -> Exi
         }
     };
     let outcome = match arguments.command {
-        Command::Render(options) => render::run(&options, render::Mode::Render, start),
+        Command::Render(options) => render::run(&options, mode::Mode::Render, start),
         Command::Preview(options) => preview::run(&options, start),
         Command::Denoise(options) => denoise::run(&options, start),
         Command::Merge(options) => merge::run(&options),
@@ -152,7 +152,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>, start: Instant) -> Exi
                 Failure::Input(error) => (error, 2),
                 Failure::Run(error) => (error, 1),
             };
-            complain(&format!("prpf: {}", escaped(&format!("{error:#}"))));
+            print_error(&format!("prpf: {}", escaped(&format!("{error:#}"))));
             ExitCode::from(status)
         }
     }

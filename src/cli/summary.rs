@@ -1,86 +1,103 @@
-//! The last lines that `prpf render` prints.
+//! The summary that `prpf render` prints at its end.
 
 use std::path::PathBuf;
 
 use super::escaped;
-use super::report::{Spread, Times};
-use crate::progressive::{ErrorEstimate, Hurried, Outcome};
+use crate::output::{SampleCounts, Times};
+use crate::progressive::{ErrorEstimate, Outcome, PassRecord};
+use crate::render::RejectedSample;
 use crate::stats::{LARGEST_VALUE, Part, Store};
 
-/// What the command prints at its end: times, samples, the estimate and where the images are.
-pub(super) fn of(outcome: &Outcome, seconds: Times, outfiles: &[PathBuf], verbose: bool) -> String {
+/// Returns the summary: times, samples, the estimated error, and the paths of the images.
+pub(super) fn summary(outcome: &Outcome, seconds: Times, outfiles: &[PathBuf], is_verbose: bool) -> String {
     let mut lines = Vec::new();
-    let spread = Spread::of(&outcome.store);
-    if verbose {
-        for batch in &outcome.batches {
-            lines.push(format!(
-                "batch {:>2}  {:>8.2} s  {:>12} samples  filter {:>6.3} s  error {}",
-                batch.index,
-                batch.seconds,
-                batch.samples_total,
-                batch.filter_seconds,
-                batch.relmse.or(batch.estimated_error).map_or("-".to_owned(), |e| format!("{e:.3e}")),
-            ));
-        }
+    if is_verbose {
+        lines.extend(passes(outcome));
     }
-    lines.push(format!(
-        "{:.2} s (load {:.2}, build {:.2}, render {:.2}, filter {:.2}, allocate {:.2}, write {:.2}), \
-         {:.1} samples per pixel ({} to {}), {:.2} M samples/s",
-        seconds.total,
-        seconds.load,
-        seconds.build,
-        seconds.render,
-        seconds.filter,
-        seconds.allocate,
-        seconds.write,
-        spread.mean,
-        spread.min,
-        spread.max,
-        outcome.own_samples as f64 / seconds.render.max(1e-9) / 1e6,
-    ));
-    if let Some(hurried) = outcome.hurried {
-        let what = match hurried {
-            Hurried::Draft => "this is `--quality draft`",
-            Hurried::Unfiltered => "this is unfiltered",
-        };
-        lines.push(format!("the time was too short for the filter that was asked for: {what}"));
-    }
-    if outcome.store.drawn() < outcome.store.pixels() as u64 {
-        let without = outcome.store.counts(Part::Whole).iter().filter(|&&n| n == 0).count();
-        lines.push(format!(
-            "the time was too short for one sample per pixel: {:.0} % of the pixels have none, and show what is \
-             beside them",
-            100.0 * without as f64 / outcome.store.pixels().max(1) as f64
-        ));
-    }
-    let rejected = outcome.store.rejected();
-    if rejected > 0 {
-        lines.push(format!(
-            "{rejected} samples were rejected: their radiance was not finite, negative, or beyond {LARGEST_VALUE:e}"
-        ));
-    }
-    let error = outcome.estimate.as_ref().map(|e| said(e, &outcome.store)).unwrap_or_default();
+    lines.push(times_and_samples(outcome, seconds));
+    lines.extend(shortcomings(outcome));
+
+    // The error
+    let error = outcome.estimate.as_ref().map(|e| describe(e, &outcome.store)).unwrap_or_default();
     lines.push(format!("{error}stopped by {}", outcome.stopped_by));
-    let shown = outcome.estimate.as_ref().is_some_and(|estimate| !estimate.is_hidden());
-    if let Some(forecast) = outcome.forecast().filter(|_| shown) {
+    let is_shown = outcome.estimate.as_ref().is_some_and(|estimate| !estimate.is_hidden());
+    if let Some(forecast) = outcome.forecast().filter(|_| is_shown) {
         lines.push(format!(
-            "half of that error would take about {:.0} s more (it falls as time to the power -{:.1})",
+            "halving that error would take about {:.0} s more (it falls as time to the power -{:.1})",
             forecast.halving_seconds.ceil(),
             forecast.power
         ));
     }
-    for path in outfiles {
-        lines.push(escaped(&path.to_string_lossy()));
-    }
+
+    lines.extend(outfiles.iter().map(|path| escaped(&path.to_string_lossy())));
     lines.push(String::new());
     lines.join("\n")
 }
 
-/// The estimate, and the image that it is of.
-fn said(estimate: &ErrorEstimate, store: &Store) -> String {
+/// Returns a line for each filter pass.
+fn passes(outcome: &Outcome) -> Vec<String> {
+    let line = |pass: &PassRecord| {
+        let error = pass.relmse.or(pass.estimated_error).map_or("-".to_owned(), |e| format!("{e:.3e}"));
+        format!(
+            "batch {:>2}  {:>8.2} s  {:>12} samples  filter {:>6.3} s  error {error}",
+            pass.index, pass.seconds, pass.samples_total, pass.filter_seconds
+        )
+    };
+    outcome.passes.iter().map(line).collect()
+}
+
+fn times_and_samples(outcome: &Outcome, seconds: Times) -> String {
+    let counts = SampleCounts::new(&outcome.store);
+    let Times { load, build, render, filter, allocate, write, total } = seconds;
+    format!(
+        "{total:.2} s (load {load:.2}, build {build:.2}, render {render:.2}, filter {filter:.2}, allocate \
+         {allocate:.2}, write {write:.2}), {:.1} samples per pixel ({} to {}), {:.2} M samples/s",
+        counts.mean,
+        counts.min,
+        counts.max,
+        outcome.own_samples as f64 / render.max(1e-9) / 1e6,
+    )
+}
+
+/// Returns a line for each way in which the image is less than was asked for.
+fn shortcomings(outcome: &Outcome) -> Vec<String> {
+    let mut lines = Vec::new();
+    let store = &outcome.store;
+    if outcome.is_fallback() {
+        lines.push(format!(
+            "time or samples were too few for the denoiser {}: this image is by {}",
+            outcome.settings.denoiser.name(),
+            outcome.result.made_by
+        ));
+    }
+    if store.samples_taken() < store.pixels() as u64 {
+        let empty = store.counts(Part::Whole).iter().filter(|&&n| n == 0).count();
+        lines.push(format!(
+            "there is less than one sample per pixel: {:.0} % of the pixels have none, and are filled from their \
+             neighbours",
+            100.0 * empty as f64 / store.pixels().max(1) as f64
+        ));
+    }
+    if store.rejected() > 0 {
+        lines.push(format!(
+            "{} samples were rejected: their radiance was not finite, negative, or beyond {LARGEST_VALUE:e}{}",
+            store.rejected(),
+            outcome.first_rejected.map_or_else(String::new, |RejectedSample { x, y, index }| format!(
+                "; --debug-sample {x},{y},{index} prints the path of the first"
+            ))
+        ));
+    }
+    lines
+}
+
+/// Describes an estimate and the image that it belongs to.
+fn describe(estimate: &ErrorEstimate, store: &Store) -> String {
     let spp = estimate.samples as f64 / store.pixels().max(1) as f64;
     if estimate.is_hidden() {
-        return format!("estimated relMSE below {:.0e} at {spp:.1} samples per pixel, ", estimate.at_most());
+        return format!(
+            "estimated relMSE below {:.0e} at {spp:.1} samples per pixel, ",
+            estimate.upper_bound()
+        );
     }
     format!(
         "estimated relMSE {:.1e} ± {:.0e} at {spp:.1} samples per pixel, ",
@@ -95,10 +112,13 @@ mod tests {
     use crate::stats::Layout;
 
     #[test]
-    fn an_error_hidden_by_noise_is_said_to_be_below_a_limit() {
+    fn an_error_hidden_by_noise_is_given_as_a_limit() {
         let store = Store::new(10, 10, Layout::with_blocks(|_| false), 0, 0);
         let of = |image, standard_error| {
-            said(&ErrorEstimate { image, standard_error, samples: 800, tiles: Planes::new(1, 1, 1) }, &store)
+            describe(
+                &ErrorEstimate { image, standard_error, samples: 800, tiles: Planes::new(1, 1, 1) },
+                &store,
+            )
         };
         assert_eq!(of(4e-3, 1e-3), "estimated relMSE 4.0e-3 ± 1e-3 at 8.0 samples per pixel, ");
         assert_eq!(of(1e-3, 2e-3), "estimated relMSE below 3e-3 at 8.0 samples per pixel, ");

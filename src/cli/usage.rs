@@ -1,11 +1,12 @@
-//! What is wrong with a command line, in one line: what was found, and what would be accepted.
+//! One-line messages about a wrong command line: what was found, and what is accepted.
 
 use clap::error::{ContextKind, ContextValue, Error, ErrorKind};
 
 use super::escaped;
 
-/// clap's message without its layout.
+/// Returns clap's message in one line.
 pub(super) fn one_line(error: &Error) -> String {
+    // Describe what was found
     let text = |kind| match error.get(kind) {
         Some(ContextValue::String(text)) => Some(text.clone()),
         Some(ContextValue::Strings(list)) if !list.is_empty() => Some(list.join(", ")),
@@ -24,7 +25,7 @@ pub(super) fn one_line(error: &Error) -> String {
         }
         (ErrorKind::MissingRequiredArgument, _) => format!("found no {argument}"),
         (ErrorKind::ArgumentConflict, _) => {
-            format!("found `{argument}` more often than once, or with another")
+            format!("found `{argument}` more than once, or with an option that excludes it")
         }
         (ErrorKind::TooFewValues, _) => {
             let number = |kind| text(kind).unwrap_or_default();
@@ -32,9 +33,11 @@ pub(super) fn one_line(error: &Error) -> String {
             format!("{argument}: found {found}, and at least {least} are needed")
         }
         (_, Some(value)) => format!("{argument}: found `{value}`"),
-        (ErrorKind::InvalidValue, None) => format!("{argument}: found no value"),
+        (ErrorKind::InvalidValue | ErrorKind::ValueValidation, None) => format!("{argument}: found no value"),
         _ => error.kind().to_string(),
     };
+
+    // Describe what is accepted
     let suggested =
         [ContextKind::SuggestedArg, ContextKind::SuggestedSubcommand, ContextKind::SuggestedValue]
             .into_iter()
@@ -42,7 +45,7 @@ pub(super) fn one_line(error: &Error) -> String {
     let valid = text(ContextKind::ValidValue).or_else(|| text(ContextKind::ValidSubcommand));
     let reason = std::error::Error::source(error).map(ToString::to_string);
     let accepted = match (reason, valid, suggested) {
-        // A parser of our own says all of it.
+        // The message of one of our own parsers is complete.
         (Some(reason), ..) if reason.contains("accepted") => {
             return escaped(&format!("{argument}: {reason}"));
         }

@@ -1,17 +1,17 @@
-//! The stages that the paper splits a filter's time into, for whoever wants to know where it goes.
+//! The stages by which the paper breaks down the time of a filter, and a callback to measure them.
 
-/// What a filter is busy with.
+/// A stage of a filter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stage {
-    /// Who resembles whom, and the statistics over them.
+    /// Finding similar pixels or samples, and the statistics over them.
     Neighbourhoods,
-    /// Mutual information, and the weights that follow from it.
+    /// Mutual information, and the weights of features and colours.
     Weights,
     /// Weighted means.
     Filtering,
-    /// Everything else.
+    /// All other steps.
     Other,
 }
 
-/// Is told of each stage that begins, on the thread that begins it; the one before it has ended there.
+/// Callback at the start of each stage, which is the end of the previous one, on the thread that executes it.
 pub type Observer<'a> = &'a (dyn Fn(Stage) + Sync);

@@ -1,4 +1,4 @@
-//! Stores made of invented samples, for tests.
+//! Stores with synthetic samples, for tests.
 
 use rand::{Rng, RngExt, SeedableRng};
 use rand_pcg::Pcg32;
@@ -6,10 +6,10 @@ use rayon::prelude::*;
 
 use crate::stats::{Block, Layout, Store};
 
-/// Sample vectors kept per pixel.
+/// Capacity of a reservoir.
 const CAPACITY: usize = 8;
 
-/// A store whose pixel (x, y) holds `count(x, y)` samples; `sample(x, y, index, rng)` makes them.
+/// Returns a store whose pixel (x, y) has `count(x, y)` samples `sample(x, y, index, rng)`.
 pub fn store<S: AsRef<[f32]>>(
     width: usize,
     height: usize,
@@ -29,8 +29,8 @@ pub fn store<S: AsRef<[f32]>>(
     store
 }
 
-/// A sample of a white wall that fills the view, lit to `colour`: all alive dimensions set, random
-/// ones at random, nothing noisy.
+/// Returns a sample of a white wall that fills the view and has the radiance `colour`. All dimensions of the
+/// layout are set and none is noisy; random parameters are random.
 pub fn wall(layout: &Layout, x: usize, y: usize, colour: [f32; 3], rng: &mut impl Rng) -> Vec<f32> {
     let mut sample = vec![0.0; layout.len()];
     for dim in layout.randoms() {

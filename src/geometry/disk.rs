@@ -1,16 +1,17 @@
-//! Partial disks and rings: intersection in double precision, surface, box.
+//! Intersection, surface interaction and bounds of full and partial disks and rings, in double
+//! precision (pbrt-v4, section 6.4).
 
 use std::f64::consts::TAU;
 
-use glam::{DVec3, Vec2, Vec3};
+use glam::{DVec2, DVec3, Vec2, Vec3};
 use obvhs::aabb::Aabb;
 
 use super::bvh::rounded_out;
-use super::local::{Detail, LocalPoint, Parametrisation};
+use super::local_interaction::{Detail, LocalInteraction, Parametrisation};
 use super::sphere::{azimuth, corner_bounds, rounding_error};
 use crate::scene::Disk;
 
-/// The parameters of a disk in its own space.
+/// The parameters of a disk in its own space, clamped to valid ranges.
 #[derive(Clone, Copy, Debug)]
 pub struct DiskExtent {
     pub height: f64,
@@ -20,7 +21,7 @@ pub struct DiskExtent {
 }
 
 impl DiskExtent {
-    pub fn of(disk: &Disk) -> Self {
+    pub fn new(disk: &Disk) -> Self {
         Self {
             height: disk.height as f64,
             radius: disk.radius as f64,
@@ -29,14 +30,30 @@ impl DiskExtent {
         }
     }
 
-    /// The distance at which a ray in disk space meets the surface; NaN for none.
+    /// Distance along a ray in the disk's space to its surface; NaN for no hit.
     pub fn distance(&self, origin: DVec3, direction: DVec3) -> f64 {
-        // Not finite for a parallel ray.
+        // Infinite or NaN for a parallel ray.
         let t = (self.height - origin.z) / direction.z;
         let p = origin + t * direction;
         let from_axis = p.x.hypot(p.y);
         let on_ring = from_axis <= self.radius && from_axis >= self.inner_radius;
         if on_ring && (self.phi_max >= TAU || azimuth(p) <= self.phi_max) { t } else { f64::NAN }
+    }
+
+    /// Area.
+    #[inline]
+    pub fn area(&self) -> f64 {
+        0.5 * self.phi_max * (self.radius * self.radius - self.inner_radius * self.inner_radius)
+    }
+
+    /// Samples a point uniformly by area, with `u` in [0, 1)².
+    #[inline]
+    pub fn sample(&self, u: DVec2) -> DVec3 {
+        let squared = |x: f64| x * x;
+        let distance =
+            (squared(self.inner_radius) + u.x * (squared(self.radius) - squared(self.inner_radius))).sqrt();
+        let (sin, cos) = (u.y * self.phi_max).sin_cos();
+        DVec3::new(distance * cos, distance * sin, self.height)
     }
 
     /// The point of the disk's plane closest to `p`.
@@ -45,8 +62,8 @@ impl DiskExtent {
     }
 
     /// The surface at `p`, a point on the disk.
-    pub fn local_point(&self, p: DVec3, detail: Detail) -> LocalPoint {
-        LocalPoint {
+    pub fn interaction(&self, p: DVec3, detail: Detail) -> LocalInteraction {
+        LocalInteraction {
             position: p,
             error: rounding_error(p),
             geometric_normal: Vec3::Z,
@@ -70,9 +87,9 @@ impl DiskExtent {
     }
 }
 
-/// A box around a disk, in its object's space.
+/// The box around a disk in its object's space; `None` if it is not finite.
 pub fn bounds(disk: &Disk) -> Option<Aabb> {
-    let extent = DiskExtent::of(disk);
+    let extent = DiskExtent::new(disk);
     let reach = DVec3::new(extent.radius, extent.radius, 0.0);
     let height = DVec3::new(0.0, 0.0, extent.height);
     let (min, max) = corner_bounds(&disk.to_object, height - reach, height + reach);

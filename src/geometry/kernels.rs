@@ -1,7 +1,7 @@
-//! The two tests that work on eight lanes at once: boxes of a node, triangles of a leaf.
+//! Intersects a ray with the eight boxes of a node, or with the eight triangles of a leaf.
 //!
-//! Written once for any machine and once with AVX2. Both do the same operations in the same order,
-//! none of them fused, and so give the same bits.
+//! Both tests exist as portable code and with AVX2 instructions ([`avx2`]). Both versions do the
+//! same operations in the same order, none of them fused, and so give the same bits.
 
 #[cfg(target_arch = "x86_64")]
 pub mod avx2;
@@ -10,99 +10,100 @@ use glam::Vec2;
 
 use super::bvh::{Node, WIDTH};
 use super::rounding::gamma;
-use super::traverse::TraversalRay;
+use super::traversal_ray::TraversalRay;
 use super::triangle::{TriangleHit, TrianglePacket};
 
-/// The tests in one instruction set: for boxes and for triangles.
+/// The box test and the triangle test in one instruction set.
 pub trait Kernels: Copy {
-    /// See [`enter`].
-    fn enter(self, node: &Node, ray: &TraversalRay) -> Entered;
-    /// See [`candidates`].
-    fn candidates(self, packet: &TrianglePacket, ray: &TraversalRay) -> Option<Candidates>;
+    /// See [`intersect_boxes`].
+    fn intersect_boxes(self, node: &Node, ray: &TraversalRay) -> BoxHits;
+    /// See [`intersect_triangles`].
+    fn intersect_triangles(self, packet: &TrianglePacket, ray: &TraversalRay) -> Option<TriangleCandidates>;
 }
 
-/// A pair of functions, which inherit the instruction set from where they are written.
-impl<E, C> Kernels for (E, C)
+/// A pair of functions. Closures inherit the instruction set of the function that they are written
+/// in.
+impl<B, T> Kernels for (B, T)
 where
-    E: Fn(&Node, &TraversalRay) -> Entered + Copy,
-    C: Fn(&TrianglePacket, &TraversalRay) -> Option<Candidates> + Copy,
+    B: Fn(&Node, &TraversalRay) -> BoxHits + Copy,
+    T: Fn(&TrianglePacket, &TraversalRay) -> Option<TriangleCandidates> + Copy,
 {
     #[inline(always)]
-    fn enter(self, node: &Node, ray: &TraversalRay) -> Entered {
+    fn intersect_boxes(self, node: &Node, ray: &TraversalRay) -> BoxHits {
         self.0(node, ray)
     }
 
     #[inline(always)]
-    fn candidates(self, packet: &TrianglePacket, ray: &TraversalRay) -> Option<Candidates> {
+    fn intersect_triangles(self, packet: &TrianglePacket, ray: &TraversalRay) -> Option<TriangleCandidates> {
         self.1(packet, ray)
     }
 }
 
-/// Widening of a ray's interval in each box. It covers the rounding of the slab test (Ize 2013:
-/// two of γ(3)) and that of the triangle test's shear, so that a ray enters every box with a
-/// triangle that it hits; an unneeded visit costs nothing in correctness.
+/// Factor on the distance at which a ray leaves a box. It covers the rounding of the slab test
+/// (2γ(3), Ize 2013) and of the triangle test's shear, so that a ray enters the box of every
+/// triangle that it hits. A box entered in vain costs time only.
 const SLAB_WIDENING: f32 = 1.0 + 2.0 * gamma(16);
 
-/// Which children of a node a ray enters.
+/// The children of a node that a ray enters.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Entered {
+pub struct BoxHits {
     /// A bit for each child.
     pub mask: u32,
-    /// Distance of entry into each, meaningful where the bit is set.
-    pub near: [f32; WIDTH],
+    /// Distance at which the ray enters each child; meaningful where the bit is set.
+    pub t_near: [f32; WIDTH],
 }
 
-/// The slab test of eight boxes.
+/// Tests the eight boxes of a node (slab test).
 #[inline(always)]
-pub fn enter(node: &Node, ray: &TraversalRay) -> Entered {
-    let mut near = [0.0; WIDTH];
-    let mut far = [ray.t_max; WIDTH];
+pub fn intersect_boxes(node: &Node, ray: &TraversalRay) -> BoxHits {
+    let mut t_near = [0.0; WIDTH];
+    let mut t_far = [ray.t_max; WIDTH];
     for (axis, planes) in node.planes.iter().enumerate() {
-        let (origin, inverse) = (ray.origin[axis], ray.inverse[axis]);
-        let front = &planes[ray.backward[axis] & 1];
-        let back = &planes[!ray.backward[axis] & 1];
+        let (origin, inverse) = (ray.origin[axis], ray.inverse_direction[axis]);
+        let near_plane = &planes[ray.direction_is_negative[axis] & 1];
+        let far_plane = &planes[!ray.direction_is_negative[axis] & 1];
         for lane in 0..WIDTH {
             // A ray within a plane gives NaN, which these comparisons ignore.
-            let first = (front[lane] - origin) * inverse;
-            let last = (back[lane] - origin) * inverse;
-            near[lane] = if first > near[lane] { first } else { near[lane] };
-            far[lane] = if last < far[lane] { last } else { far[lane] };
+            let enters = (near_plane[lane] - origin) * inverse;
+            let leaves = (far_plane[lane] - origin) * inverse;
+            t_near[lane] = if enters > t_near[lane] { enters } else { t_near[lane] };
+            t_far[lane] = if leaves < t_far[lane] { leaves } else { t_far[lane] };
         }
     }
     let mut mask = 0;
     for lane in 0..WIDTH {
-        mask |= ((near[lane] <= far[lane] * SLAB_WIDENING) as u32) << lane;
+        mask |= ((t_near[lane] <= t_far[lane] * SLAB_WIDENING) as u32) << lane;
     }
-    Entered { mask, near }
+    BoxHits { mask, t_near }
 }
 
-/// Triangles of a packet that may be hit.
+/// Triangles of a packet that the ray may hit.
 #[derive(Clone, Copy, Debug)]
-pub struct Candidates {
-    /// A bit for each of them. All that are hit are among them.
+pub struct TriangleCandidates {
+    /// A bit for each candidate. Every triangle that is hit is among them.
     pub mask: u32,
-    /// A bit for each that is hit beyond doubt, if its distance is still below the ray's `t_max`;
-    /// for the others [`TrianglePacket::hit`] decides.
-    pub sure: u32,
+    /// A bit for each candidate that is hit for certain if its distance is still below the ray's
+    /// `t_max`; [`TrianglePacket::hit`] decides on the others.
+    pub certain: u32,
     pub t: [f32; WIDTH],
-    /// Weights of vertices 1 and 2, and the sum that they are to be divided by.
-    pub weights: [[f32; WIDTH]; 3],
+    /// Edge functions of vertices 1 and 2, and the sum of all three, which normalises them.
+    pub edges: [[f32; WIDTH]; 3],
 }
 
-impl Candidates {
-    /// The hit of a lane that is sure.
+impl TriangleCandidates {
+    /// The hit of a lane in `certain`.
     #[inline(always)]
     pub fn hit(&self, lane: usize) -> TriangleHit {
-        let [v, w, determinant] = self.weights.map(|lanes| lanes[lane]);
+        let [v, w, determinant] = self.edges.map(|lanes| lanes[lane]);
         TriangleHit { t: self.t[lane], barycentric: Vec2::new(v, w) / determinant }
     }
 }
 
-/// Tests a packet; `None` if no triangle may be hit.
+/// Tests the eight triangles of a packet; `None` if the ray hits none of them.
 #[inline(always)]
-pub fn candidates(packet: &TrianglePacket, ray: &TraversalRay) -> Option<Candidates> {
+pub fn intersect_triangles(packet: &TrianglePacket, ray: &TraversalRay) -> Option<TriangleCandidates> {
     let lanes = [0.0; WIDTH];
-    let mut found = Candidates { mask: 0, sure: 0, t: lanes, weights: [lanes; 3] };
+    let mut found = TriangleCandidates { mask: 0, certain: 0, t: lanes, edges: [lanes; 3] };
     for lane in 0..WIDTH {
         let sheared = packet.sheared(ray, lane);
         let [u, v, w] = sheared.edges();
@@ -111,11 +112,11 @@ pub fn candidates(packet: &TrianglePacket, ray: &TraversalRay) -> Option<Candida
         let determinant = u + v + w;
         let t = sheared.scaled_t([u, v, w], ray) / determinant;
         let in_range = (t > 0.0) & (t < ray.t_max);
-        let sure = !on_edge & sheared.is_ahead_of(ray);
+        let certain = !on_edge & sheared.is_ahead_of(ray);
         found.mask |= ((inside & (on_edge | in_range)) as u32) << lane;
-        found.sure |= (sure as u32) << lane;
+        found.certain |= (certain as u32) << lane;
         found.t[lane] = t;
-        [found.weights[0][lane], found.weights[1][lane], found.weights[2][lane]] = [v, w, determinant];
+        [found.edges[0][lane], found.edges[1][lane], found.edges[2][lane]] = [v, w, determinant];
     }
     (found.mask != 0).then_some(found)
 }

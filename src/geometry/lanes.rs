@@ -1,46 +1,11 @@
-//! Sixteen of everything: the form in which rays, hits and points go through loops that the compiler
-//! turns into vector code.
+//! Rays, hits and surface interactions in structures of arrays, one in each lane.
 
 use glam::{Vec2, Vec3};
 
-use super::{Hit, Ray, SurfacePoint};
+use super::{Hit, Ray, SurfaceInteraction, rounding};
+use crate::simd::{LANES, Lanes, Lanes3};
 
-/// How many go together.
-pub const LANES: usize = 16;
-
-pub type Lanes<T = f32> = [T; LANES];
-
-/// Vectors in lanes.
-#[derive(Clone, Copy, Debug)]
-pub struct Lanes3 {
-    pub x: Lanes,
-    pub y: Lanes,
-    pub z: Lanes,
-}
-
-impl Lanes3 {
-    pub const ZERO: Self = Self { x: [0.0; LANES], y: [0.0; LANES], z: [0.0; LANES] };
-
-    #[inline(always)]
-    pub fn at(&self, lane: usize) -> Vec3 {
-        Vec3::new(self.x[lane], self.y[lane], self.z[lane])
-    }
-
-    #[inline(always)]
-    pub fn set(&mut self, lane: usize, v: Vec3) {
-        (self.x[lane], self.y[lane], self.z[lane]) = (v.x, v.y, v.z);
-    }
-
-    /// Sets a lane that is on, without a branch.
-    #[inline(always)]
-    pub fn put(&mut self, lane: usize, is_on: bool, v: Vec3) {
-        self.x[lane] = if is_on { v.x } else { self.x[lane] };
-        self.y[lane] = if is_on { v.y } else { self.y[lane] };
-        self.z[lane] = if is_on { v.z } else { self.z[lane] };
-    }
-}
-
-/// Rays in lanes.
+/// One [`Ray`] in each lane.
 #[derive(Clone, Copy, Debug)]
 pub struct RayLanes {
     pub origin: Lanes3,
@@ -72,11 +37,11 @@ impl RayLanes {
     }
 }
 
-/// The nearest intersections of rays in lanes.
+/// The nearest intersection of each lane's ray.
 #[derive(Clone, Copy, Debug)]
 pub struct HitLanes {
     pub t: Lanes,
-    /// [`HitLanes::NOTHING`] where there is none.
+    /// [`HitLanes::NO_HIT`] where the ray hits nothing.
     pub primitive: Lanes<u32>,
     pub element: Lanes<u32>,
     pub instance: Lanes<u32>,
@@ -84,12 +49,12 @@ pub struct HitLanes {
 }
 
 impl HitLanes {
-    /// `primitive` of no hit.
-    pub const NOTHING: u32 = u32::MAX;
+    /// `primitive` of a ray that hits nothing.
+    pub const NO_HIT: u32 = u32::MAX;
 
     pub const NONE: Self = Self {
         t: [0.0; LANES],
-        primitive: [Self::NOTHING; LANES],
+        primitive: [Self::NO_HIT; LANES],
         element: [0; LANES],
         instance: [Hit::STATIC; LANES],
         barycentric: [[0.0; LANES]; 2],
@@ -97,7 +62,7 @@ impl HitLanes {
 
     #[inline(always)]
     pub fn at(&self, lane: usize) -> Option<Hit> {
-        (self.primitive[lane] != Self::NOTHING).then(|| Hit {
+        (self.primitive[lane] != Self::NO_HIT).then(|| Hit {
             t: self.t[lane],
             primitive: self.primitive[lane],
             element: self.element[lane],
@@ -109,7 +74,7 @@ impl HitLanes {
     #[inline(always)]
     pub fn set(&mut self, lane: usize, hit: Option<Hit>) {
         let Some(hit) = hit else {
-            self.primitive[lane] = Self::NOTHING;
+            self.primitive[lane] = Self::NO_HIT;
             return;
         };
         self.t[lane] = hit.t;
@@ -120,9 +85,9 @@ impl HitLanes {
     }
 }
 
-/// What is needed of points on surfaces wherever their parametrisation is not: see [`SurfacePoint`].
+/// One [`SurfaceInteraction`] in each lane, without parametrisation.
 #[derive(Clone, Copy, Debug)]
-pub struct PointLanes {
+pub struct InteractionLanes {
     pub position: Lanes3,
     pub position_error: Lanes3,
     pub geometric_normal: Lanes3,
@@ -130,7 +95,7 @@ pub struct PointLanes {
     pub element: Lanes<u32>,
 }
 
-impl PointLanes {
+impl InteractionLanes {
     pub const NONE: Self = Self {
         position: Lanes3::ZERO,
         position_error: Lanes3::ZERO,
@@ -140,19 +105,20 @@ impl PointLanes {
     };
 
     #[inline(always)]
-    pub fn set(&mut self, lane: usize, point: &SurfacePoint) {
-        self.position.set(lane, point.position);
-        self.position_error.set(lane, point.position_error);
-        self.geometric_normal.set(lane, point.geometric_normal);
-        self.shading_normal.set(lane, point.shading_normal);
-        self.element[lane] = point.element;
+    pub fn set(&mut self, lane: usize, interaction: &SurfaceInteraction) {
+        self.position.set(lane, interaction.position);
+        self.position_error.set(lane, interaction.position_error);
+        self.geometric_normal.set(lane, interaction.geometric_normal);
+        self.shading_normal.set(lane, interaction.shading_normal);
+        self.element[lane] = interaction.element;
     }
 
-    /// The point, which is on this primitive. Its tangents are any that are perpendicular to the normal.
-    pub fn at(&self, lane: usize, primitive: u32) -> SurfacePoint {
+    /// Returns the interaction of a lane, which is on `primitive`. Texture coordinates are 0, tangents an
+    /// arbitrary orthonormal pair perpendicular to the geometric normal.
+    pub fn at(&self, lane: usize, primitive: u32) -> SurfaceInteraction {
         let geometric_normal = self.geometric_normal.at(lane);
         let (dpdu, dpdv) = geometric_normal.any_orthonormal_pair();
-        SurfacePoint {
+        SurfaceInteraction {
             position: self.position.at(lane),
             position_error: self.position_error.at(lane),
             geometric_normal,
@@ -165,54 +131,10 @@ impl PointLanes {
         }
     }
 
-    /// As [`SurfacePoint::offset_origin`].
+    /// As [`SurfaceInteraction::offset_origin`].
     #[inline(always)]
     pub fn offset_origin(&self, lane: usize, w: Vec3) -> Vec3 {
         let (position, error) = (self.position.at(lane), self.position_error.at(lane));
-        super::rounding::offset_origin(position, error, self.geometric_normal.at(lane), w)
-    }
-}
-
-/// The lanes of a mask, one by one.
-#[inline]
-pub fn lanes_of(mut mask: u32) -> impl Iterator<Item = usize> {
-    std::iter::from_fn(move || {
-        let lane = mask.trailing_zeros() as usize;
-        mask &= mask.wrapping_sub(1);
-        (lane < LANES).then_some(lane)
-    })
-}
-
-/// The mask of the lanes for which something holds.
-#[inline(always)]
-pub fn mask_of(holds: impl Fn(usize) -> bool) -> u32 {
-    (0..LANES).fold(0, |mask, lane| mask | u32::from(holds(lane)) << lane)
-}
-
-/// The lanes of a mask by their values: passes on each value with the mask of the lanes that have it.
-#[inline]
-pub fn groups(values: &Lanes<u32>, mut mask: u32, mut each: impl FnMut(u32, u32)) {
-    while mask != 0 {
-        let value = values[mask.trailing_zeros() as usize % LANES];
-        let same = mask & mask_of(|lane| values[lane] == value);
-        mask &= !same;
-        each(value, same);
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn groups_part_a_mask_by_value() {
-        let values: Lanes<u32> = std::array::from_fn(|lane| lane as u32 % 3);
-        let mut seen = Vec::new();
-        groups(&values, 0b1111_0000_0001_0110, |value, lanes| seen.push((value, lanes)));
-        assert_eq!(
-            seen,
-            [(1, 0b0010_0000_0001_0010), (2, 0b0100_0000_0000_0100), (0, 0b1001_0000_0000_0000)]
-        );
-        assert_eq!(lanes_of(0b1001_0000_0000_0101).collect::<Vec<_>>(), [0, 2, 12, 15]);
+        rounding::offset_origin(position, error, self.geometric_normal.at(lane), w)
     }
 }

@@ -1,14 +1,15 @@
-//! A sphere or disk, ready for intersection: its shape's space, and the way there and back.
+//! A sphere or disk with its transform, ready for intersection.
 
 use glam::{DAffine3, DVec3, Vec2};
 use obvhs::aabb::Aabb;
 
 use super::disk::{self, DiskExtent};
-use super::local::{Detail, LocalPoint};
+use super::local_interaction::{Detail, LocalInteraction};
 use super::sphere::{self, SphereExtent};
-use super::traverse::TraversalRay;
+use super::traversal_ray::TraversalRay;
 use crate::scene::Shape;
 
+/// A sphere or disk of an object.
 #[derive(Clone, Copy, Debug)]
 pub struct Quadric {
     /// Index into [`crate::scene::Scene::primitives`].
@@ -18,9 +19,9 @@ pub struct Quadric {
     extent: Extent,
 }
 
-/// A sphere in its object.
+/// A full or partial sphere with its transform to the object's space, and the inverse.
 #[derive(Clone, Copy, Debug)]
-pub struct PlacedSphere {
+pub struct TransformedSphere {
     pub extent: SphereExtent,
     pub to_object: DAffine3,
     pub to_shape: DAffine3,
@@ -33,21 +34,22 @@ enum Extent {
 }
 
 impl Quadric {
-    /// The quadric with its box in the object's space; `None` for meshes, and what is not finite.
+    /// The quadric with its box in the object's space; `None` for meshes and for shapes that are not
+    /// finite.
     pub fn new(primitive: u32, shape: &Shape) -> Option<(Self, Aabb)> {
         let (bounds, to_object, extent) = match shape {
             Shape::Mesh(_) => return None,
             Shape::Sphere(shape) => {
-                (sphere::bounds(shape)?, shape.to_object, Extent::Sphere(SphereExtent::of(shape)))
+                (sphere::bounds(shape)?, shape.to_object, Extent::Sphere(SphereExtent::new(shape)))
             }
             Shape::Disk(shape) => {
-                (disk::bounds(shape)?, shape.to_object, Extent::Disk(DiskExtent::of(shape)))
+                (disk::bounds(shape)?, shape.to_object, Extent::Disk(DiskExtent::new(shape)))
             }
         };
         Some((Self { primitive, to_object, to_shape: to_object.inverse(), extent }, bounds))
     }
 
-    /// Where a ray in the object's space meets it, in order; NaN for none.
+    /// Distances along a ray in the object's space to the surface, in ascending order; NaN for no hit.
     #[inline]
     pub fn distances(&self, ray: &TraversalRay) -> [f32; 2] {
         let origin = self.to_shape.transform_point3(ray.origin.as_dvec3());
@@ -59,43 +61,44 @@ impl Quadric {
         .map(|t| t as f32)
     }
 
-    /// The way to its own space and its radius, if it is a sphere of which nothing is missing.
-    pub fn whole_sphere(&self) -> Option<(DAffine3, f64)> {
+    /// Transform from the object's to the sphere's space and radius, if this is a full sphere.
+    pub fn full_sphere(&self) -> Option<(DAffine3, f64)> {
         match self.extent {
             Extent::Sphere(sphere) if sphere.is_full() => Some((self.to_shape, sphere.radius)),
             Extent::Sphere(_) | Extent::Disk(_) => None,
         }
     }
 
-    /// If it is a sphere, or a part of one.
-    pub fn sphere(&self) -> Option<PlacedSphere> {
+    /// The sphere, full or partial; `None` for a disk.
+    pub fn sphere(&self) -> Option<TransformedSphere> {
         match self.extent {
             Extent::Sphere(extent) => {
-                Some(PlacedSphere { extent, to_object: self.to_object, to_shape: self.to_shape })
+                Some(TransformedSphere { extent, to_object: self.to_object, to_shape: self.to_shape })
             }
             Extent::Disk(_) => None,
         }
     }
 
+    /// Texture coordinates at distance `t` along a ray in the object's space.
     pub fn uv(&self, ray: &TraversalRay, t: f32) -> Vec2 {
-        let point = self.shape_point((ray.origin + t * ray.direction).as_dvec3(), Detail::Full);
-        point.parametrisation.map_or(Vec2::ZERO, |it| it.uv)
+        let point = self.shape_interaction((ray.origin + t * ray.direction).as_dvec3(), Detail::All);
+        point.parametrisation.map_or(Vec2::ZERO, |parametrisation| parametrisation.uv)
     }
 
-    /// The surface at a point near it, all in the object's space.
+    /// The surface closest to the point `near`, both in the object's space.
     #[inline]
-    pub fn local_point(&self, near: DVec3, flip: bool, detail: Detail) -> LocalPoint {
-        let point = self.shape_point(near, detail).transformed(&self.to_object, &self.to_shape);
+    pub fn interaction(&self, near: DVec3, flip: bool, detail: Detail) -> LocalInteraction {
+        let point = self.shape_interaction(near, detail).transformed(&self.to_object, &self.to_shape);
         if flip { point.flipped() } else { point }
     }
 
-    /// The surface in its own space at a point of the object's space near it.
+    /// The surface in the shape's space closest to the point `near` of the object's space.
     #[inline]
-    fn shape_point(&self, near: DVec3, detail: Detail) -> LocalPoint {
+    fn shape_interaction(&self, near: DVec3, detail: Detail) -> LocalInteraction {
         let p = self.to_shape.transform_point3(near);
         match &self.extent {
-            Extent::Sphere(sphere) => sphere.local_point(sphere.projected(p), detail),
-            Extent::Disk(disk) => disk.local_point(disk.projected(p), detail),
+            Extent::Sphere(sphere) => sphere.interaction(sphere.projected(p), detail),
+            Extent::Disk(disk) => disk.interaction(disk.projected(p), detail),
         }
     }
 }

@@ -1,4 +1,4 @@
-//! Bounds on floating-point rounding, after pbrt-v4, section 6.8.
+//! Bounds on the error of floating-point arithmetic (pbrt-v4, section 6.8).
 
 use glam::Vec3;
 
@@ -11,11 +11,11 @@ pub const fn gamma(n: u32) -> f32 {
     accumulated / (1.0 - accumulated)
 }
 
-/// `position` moved along `normal`, to the side of `w`, so far that the true surface within
-/// `error` of it lies behind, whatever the sum's own rounding does.
+/// Moves `position` along `normal` to the side of `w`, beyond every point within `error` of it; the
+/// distance covers the rounding of this function too (pbrt-v4, section 6.8.6).
 #[inline(always)]
 pub fn offset_origin(position: Vec3, error: Vec3, normal: Vec3, w: Vec3) -> Vec3 {
-    // γ(2): the rounding of the result, and of what is computed here.
+    // γ(2) bounds the rounding of this distance and of the sum.
     let distance = normal.abs().dot(error + gamma(2) * position.abs());
     position + distance.copysign(w.dot(normal)) * normal
 }

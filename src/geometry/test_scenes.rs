@@ -1,4 +1,4 @@
-//! Small scenes made in memory, for this room's tests.
+//! Small scenes and random rays for this room's tests.
 
 use std::f32::consts::{PI, TAU};
 use std::sync::Arc;
@@ -6,26 +6,26 @@ use std::sync::Arc;
 use glam::{DAffine3, DVec3, Vec3};
 
 use super::Ray;
+use crate::hash::{GAMMA, hash};
 use crate::scene::camera::Projection;
 use crate::scene::*;
 
-/// Reproducible numbers for tests (SplitMix64).
-pub struct Numbers(u64);
+/// A random number generator for tests (SplitMix64).
+pub struct Rng(u64);
 
-impl Numbers {
+impl Rng {
     pub fn new(seed: u64) -> Self {
         Self(seed)
     }
 
-    /// In [0, 1).
+    /// Uniform in [0, 1).
     pub fn next(&mut self) -> f32 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let z = (self.0 ^ self.0 >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        let z = (z ^ z >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ z >> 31) >> 40) as f32 / (1 << 24) as f32
+        let bits = hash(self.0);
+        self.0 = self.0.wrapping_add(GAMMA);
+        (bits >> 40) as f32 / (1 << 24) as f32
     }
 
-    /// In the cube from -`half` to `half`.
+    /// Uniform in the cube from -`half` to `half`.
     pub fn in_cube(&mut self, half: f32) -> Vec3 {
         let mut coordinate = || half * (2.0 * self.next() - 1.0);
         Vec3::new(coordinate(), coordinate(), coordinate())
@@ -44,9 +44,8 @@ pub fn ray(origin: Vec3, direction: Vec3) -> Ray {
     Ray { origin, direction, t_max: f32::INFINITY, time: 0.0 }
 }
 
-/// A scene whose static object has these shapes, seen by some camera with the shutter open in
-/// [0, 1].
-pub fn scene_of(shapes: Vec<Shape>) -> Scene {
+/// A scene whose static object has these shapes. The shutter is open in [0, 1].
+pub fn static_scene(shapes: Vec<Shape>) -> Scene {
     let primitives: Vec<_> = shapes.into_iter().map(primitive).collect();
     Scene {
         source: String::new(),
@@ -84,9 +83,9 @@ pub fn scene_of(shapes: Vec<Shape>) -> Scene {
     }
 }
 
-/// A scene without a static part, where one object with this shape appears at each transform.
+/// A scene with an empty static object, and an instance of this shape for each transform.
 pub fn instanced(shape: Shape, transforms: Vec<AnimatedTransform>) -> Scene {
-    let mut scene = scene_of(vec![shape]);
+    let mut scene = static_scene(vec![shape]);
     scene.objects.insert(0, Object { name: String::new(), primitives: 0..0 });
     scene.instances = transforms.into_iter().map(|transform| Instance { object: 1, transform }).collect();
     scene
@@ -104,8 +103,8 @@ pub fn sphere(centre: Vec3, radius: f32) -> Shape {
     Shape::Sphere(Sphere { to_object: DAffine3::from_translation(centre.as_dvec3()), ..full_sphere(radius) })
 }
 
-/// Separate triangles.
-pub fn mesh_of(triangles: &[[Vec3; 3]]) -> Arc<TriangleMesh> {
+/// A mesh of triangles that share no vertices.
+pub fn triangle_mesh(triangles: &[[Vec3; 3]]) -> Arc<TriangleMesh> {
     Arc::new(TriangleMesh {
         positions: triangles.as_flattened().to_vec(),
         indices: (0..triangles.len() as u32).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect(),
@@ -113,7 +112,7 @@ pub fn mesh_of(triangles: &[[Vec3; 3]]) -> Arc<TriangleMesh> {
     })
 }
 
-/// A sphere of triangles without gaps, facing outwards.
+/// A closed triangle mesh of a sphere, facing outwards.
 pub fn closed_sphere_mesh(centre: Vec3, radius: f32, rings: u32, columns: u32) -> Arc<TriangleMesh> {
     let mut positions = vec![centre + radius * Vec3::Z];
     for ring in 1..rings {

@@ -1,12 +1,12 @@
-//! Tests of the room as a whole.
+//! Tests of the acceleration structure as a whole.
 
 use std::f32::consts::PI;
 use std::sync::Arc;
 
-use glam::{DAffine3, DVec3};
+use glam::{DAffine3, DVec3, Vec2, Vec3};
 
 use super::test_scenes::{
-    Numbers, closed_sphere_mesh, full_sphere, instanced, mesh_of, ray, scene_of, sphere,
+    Rng, closed_sphere_mesh, full_sphere, instanced, ray, sphere, static_scene, triangle_mesh,
 };
 use super::*;
 use crate::scene::texture::Texture;
@@ -14,21 +14,22 @@ use crate::scene::{AnimatedTransform, Disk, Shape, Sphere, TriangleMesh};
 
 #[test]
 fn the_nearest_of_random_triangles_is_found() {
-    let mut numbers = Numbers::new(1);
+    let mut rng = Rng::new(1);
     let triangles: Vec<_> = (0..500)
         .map(|_| {
-            let centre = numbers.in_cube(10.0);
-            [centre + numbers.in_cube(2.0), centre + numbers.in_cube(2.0), centre + numbers.in_cube(2.0)]
+            let centre = rng.in_cube(10.0);
+            [centre + rng.in_cube(2.0), centre + rng.in_cube(2.0), centre + rng.in_cube(2.0)]
         })
         .collect();
     // Once as one mesh, and once each alone.
-    let together = scene_of(vec![Shape::Mesh(mesh_of(&triangles))]);
+    let together = static_scene(vec![Shape::Mesh(triangle_mesh(&triangles))]);
     let accel = Accel::build(&together);
-    let alone: Vec<_> = triangles.iter().map(|t| scene_of(vec![Shape::Mesh(mesh_of(&[*t]))])).collect();
+    let alone: Vec<_> =
+        triangles.iter().map(|t| static_scene(vec![Shape::Mesh(triangle_mesh(&[*t]))])).collect();
     let each: Vec<_> = alone.iter().map(Accel::build).collect();
     let mut hits = 0;
     for _ in 0..1000 {
-        let ray = ray(numbers.in_cube(12.0), numbers.direction());
+        let ray = ray(rng.in_cube(12.0), rng.direction());
         let expected = each
             .iter()
             .enumerate()
@@ -44,12 +45,12 @@ fn the_nearest_of_random_triangles_is_found() {
 
 #[test]
 fn the_nearest_of_random_spheres_is_found() {
-    let mut numbers = Numbers::new(2);
-    let balls: Vec<_> = (0..200).map(|_| (numbers.in_cube(10.0), 0.2 + numbers.next())).collect();
-    let scene = scene_of(balls.iter().map(|&(centre, radius)| sphere(centre, radius)).collect());
+    let mut rng = Rng::new(2);
+    let balls: Vec<_> = (0..200).map(|_| (rng.in_cube(10.0), 0.2 + rng.next())).collect();
+    let scene = static_scene(balls.iter().map(|&(centre, radius)| sphere(centre, radius)).collect());
     let accel = Accel::build(&scene);
     for _ in 0..1000 {
-        let ray = ray(numbers.in_cube(12.0), numbers.direction());
+        let ray = ray(rng.in_cube(12.0), rng.direction());
         let expected = balls
             .iter()
             .enumerate()
@@ -77,13 +78,13 @@ fn the_nearest_of_random_spheres_is_found() {
 fn no_ray_leaves_a_closed_mesh_through_edges_or_vertices() {
     for (offset, scale) in [(0.0, 1.0), (50.0, 1.0), (1e6, 100.0), (0.0, 1e-3), (0.0, 1e3)] {
         let mesh = closed_sphere_mesh(Vec3::splat(offset), scale, 12, 24);
-        let scene = scene_of(vec![Shape::Mesh(mesh.clone())]);
+        let scene = static_scene(vec![Shape::Mesh(mesh.clone())]);
         let accel = Accel::build(&scene);
-        let mut numbers = Numbers::new(3);
+        let mut rng = Rng::new(3);
         for corners in &mesh.indices {
             let [a, b, c] = corners.map(|index| mesh.positions[index as usize]);
             for target in [a, b, c, a.midpoint(b), b.midpoint(c), a.lerp(c, 0.3)] {
-                let origin = Vec3::splat(offset) + scale * numbers.in_cube(0.4);
+                let origin = Vec3::splat(offset) + scale * rng.in_cube(0.4);
                 let ray = ray(origin, target - origin);
                 assert!(accel.intersect(&ray).is_some(), "{ray:?}");
                 assert!(accel.occluded(&ray), "{ray:?}");
@@ -123,14 +124,14 @@ fn no_ray_leaves_a_closed_mesh_that_is_moved_or_moves() {
         let mesh = closed_sphere_mesh(Vec3::splat(50.0), 1.0, 12, 24);
         let scene = instanced(Shape::Mesh(mesh.clone()), vec![transform.clone()]);
         let accel = Accel::build(&scene);
-        let mut numbers = Numbers::new(4);
+        let mut rng = Rng::new(4);
         for corners in &mesh.indices {
             let [a, b, c] = corners.map(|index| mesh.positions[index as usize]);
             for target in [a, b, c, a.midpoint(b), b.midpoint(c), a.lerp(c, 0.3)] {
-                let time = numbers.next();
+                let time = rng.next();
                 let to_render = transform.at_f64(time);
                 let place = |p: Vec3| to_render.transform_point3(p.as_dvec3()).as_vec3();
-                let origin = place(Vec3::splat(50.0) + numbers.in_cube(0.4));
+                let origin = place(Vec3::splat(50.0) + rng.in_cube(0.4));
                 let ray = Ray { origin, direction: place(target) - origin, t_max: f32::INFINITY, time };
                 assert!(accel.intersect(&ray).is_some() && accel.occluded(&ray), "{ray:?}");
             }
@@ -152,7 +153,7 @@ fn a_moving_sphere_is_where_its_time_puts_it() {
             let hit = accel.intersect(&ray);
             assert_eq!(hit.is_some(), expected, "{time} {offset}");
             if let Some(hit) = hit {
-                let point = accel.surface(&ray, &hit);
+                let point = accel.interaction(&ray, &hit);
                 let centre = Vec3::new(10.0 * time, 0.0, 0.0);
                 assert!((point.position.distance(centre) - 1.0).abs() < 1e-5);
                 assert!(point.geometric_normal.distance(point.position - centre) < 1e-5);
@@ -166,25 +167,25 @@ fn a_moving_sphere_is_where_its_time_puts_it() {
 /// level, at random times.
 #[test]
 fn the_box_of_a_moving_object_holds_all_of_its_path() {
-    let mut numbers = Numbers::new(8);
+    let mut rng = Rng::new(8);
     let triangles: Vec<_> = (0..50)
         .map(|_| {
-            let corner = Vec3::new(5.0, 0.0, 0.0) + numbers.in_cube(3.0);
-            [corner, corner + numbers.in_cube(1.0), corner + numbers.in_cube(1.0)]
+            let corner = Vec3::new(5.0, 0.0, 0.0) + rng.in_cube(3.0);
+            [corner, corner + rng.in_cube(1.0), corner + rng.in_cube(1.0)]
         })
         .collect();
-    let shape = Shape::Mesh(mesh_of(&triangles));
-    let still = scene_of(vec![shape.clone()]);
+    let shape = Shape::Mesh(triangle_mesh(&triangles));
+    let still = static_scene(vec![shape.clone()]);
     let moving = instanced(shape, vec![turning()]);
     let (still, moving) = (Accel::build(&still), Accel::build(&moving));
     let mut hits = 0;
     for _ in 0..5000 {
-        let time = numbers.next();
+        let time = rng.next();
         let to_object = turning().at_f64(time).inverse();
         // From anywhere towards some triangle as it is at that time.
-        let target = triangles[(numbers.next() * 50.0) as usize].iter().sum::<Vec3>() / 3.0;
+        let target = triangles[(rng.next() * 50.0) as usize].iter().sum::<Vec3>() / 3.0;
         let target = turning().at_f64(time).transform_point3(target.as_dvec3()).as_vec3();
-        let origin = numbers.in_cube(20.0);
+        let origin = rng.in_cube(20.0);
         let ray = Ray { origin, direction: target - origin, t_max: f32::INFINITY, time };
         let local = Ray {
             origin: to_object.transform_point3(ray.origin.as_dvec3()).as_vec3(),
@@ -204,7 +205,7 @@ fn partial_spheres_and_disks_end_where_they_should() {
     let dome = Sphere { z_min: 0.5, phi_max: PI, ..full_sphere(1.0) };
     let ring =
         Disk { to_object: DAffine3::IDENTITY, height: -2.0, radius: 1.0, inner_radius: 0.5, phi_max: PI };
-    let scene = scene_of(vec![Shape::Sphere(dome), Shape::Disk(ring)]);
+    let scene = static_scene(vec![Shape::Sphere(dome), Shape::Disk(ring)]);
     let accel = Accel::build(&scene);
     let first = |origin: Vec3, direction: Vec3| {
         accel.intersect(&ray(origin, direction)).map(|hit| (hit.primitive, hit.t))
@@ -226,7 +227,7 @@ fn partial_spheres_and_disks_end_where_they_should() {
     // Texture coordinates run around, and from the rim inwards.
     let from_below = ray(Vec3::new(0.0, 0.75, -3.0), Vec3::Z);
     let hit = accel.intersect(&from_below).expect("the ring");
-    let point = accel.surface(&from_below, &hit);
+    let point = accel.interaction(&from_below, &hit);
     assert!(point.uv.distance(Vec2::new(0.5, 0.5)) < 1e-6);
     assert_eq!(point.geometric_normal, Vec3::Z);
 }
@@ -245,7 +246,7 @@ fn spawned_rays_do_not_meet_the_surface_that_they_leave() {
             Shape::Sphere(squeezed),
         ]
     };
-    let mut numbers = Numbers::new(9);
+    let mut rng = Rng::new(9);
     for (scale, centre) in [(1e-3, 0.0), (1.0, 0.0), (1e3, 0.0), (1.0, 100.0), (1.0, 1e4)] {
         let centre = Vec3::splat(centre);
         for (kind, shape) in convex_shapes(scale, centre).into_iter().enumerate() {
@@ -253,14 +254,14 @@ fn spawned_rays_do_not_meet_the_surface_that_they_leave() {
                 * DAffine3::from_rotation_z(1.0);
             let placed = instanced(shape.clone(), vec![AnimatedTransform::fixed(moved)]);
             let centre_placed = moved.transform_point3(centre.as_dvec3()).as_vec3();
-            for (scene, centre) in [(scene_of(vec![shape]), centre), (placed, centre_placed)] {
+            for (scene, centre) in [(static_scene(vec![shape]), centre), (placed, centre_placed)] {
                 let accel = Accel::build(&scene);
                 for _ in 0..300 {
-                    let origin = centre + 3.0 * scale * numbers.direction();
-                    let ray_in = ray(origin, centre + scale * numbers.in_cube(0.2) - origin);
+                    let origin = centre + 3.0 * scale * rng.direction();
+                    let ray_in = ray(origin, centre + scale * rng.in_cube(0.2) - origin);
                     let hit = accel.intersect(&ray_in).expect("aimed at the inside");
-                    let point = accel.surface(&ray_in, &hit);
-                    let direction = numbers.direction();
+                    let point = accel.interaction(&ray_in, &hit);
+                    let direction = rng.direction();
                     let outwards = direction * direction.dot(point.geometric_normal).signum();
                     let out = ray(point.offset_origin(outwards), outwards);
                     let hit_out = accel.intersect(&out);
@@ -294,13 +295,13 @@ fn odd_rays_and_degenerate_shapes_are_misses() {
         .extend([[Vec3::new(0.0, 0.0, -5.0), Vec3::new(1.0, 0.0, -5.0), Vec3::new(0.0, 1.0, -5.0)]; 3000]);
     let flat = DAffine3::from_scale(DVec3::new(1.0, 0.0, 1.0));
     let shapes = vec![
-        Shape::Mesh(mesh_of(&triangles)),
-        Shape::Mesh(mesh_of(&[])),
+        Shape::Mesh(triangle_mesh(&triangles)),
+        Shape::Mesh(triangle_mesh(&[])),
         Shape::Sphere(Sphere { to_object: flat, ..full_sphere(0.5) }),
         Shape::Sphere(full_sphere(0.0)),
         Shape::Sphere(full_sphere(f32::NAN)),
     ];
-    let scene = scene_of(shapes);
+    let scene = static_scene(shapes);
     let accel = Accel::build(&scene);
     let hit = accel.intersect(&ray(Vec3::Z, -Vec3::Z)).expect("the good triangle");
     assert_eq!((hit.primitive, hit.element, hit.t), (0, 4, 1.0));
@@ -316,11 +317,12 @@ fn odd_rays_and_degenerate_shapes_are_misses() {
 
 #[test]
 fn scenes_without_geometry_are_empty() {
-    let mut scene = scene_of(Vec::new());
+    let mut scene = static_scene(Vec::new());
     assert!(Accel::build(&scene).intersect(&ray(Vec3::ZERO, Vec3::X)).is_none());
     scene.objects.clear();
     assert!(Accel::build(&scene).bounds().is_none());
-    let empty = instanced(Shape::Mesh(mesh_of(&[])), vec![AnimatedTransform::fixed(DAffine3::IDENTITY)]);
+    let empty =
+        instanced(Shape::Mesh(triangle_mesh(&[])), vec![AnimatedTransform::fixed(DAffine3::IDENTITY)]);
     let accel = Accel::build(&empty);
     assert!(!accel.occluded(&ray(Vec3::ZERO, Vec3::X)));
     assert!(accel.bounds().is_none());
@@ -339,14 +341,14 @@ fn bounds_hold_static_and_moving_parts_tightly() {
 
 #[test]
 fn a_half_transparent_surface_stops_half_of_the_rays() {
-    let mut scene = scene_of(vec![sphere(Vec3::ZERO, 1.0)]);
+    let mut scene = static_scene(vec![sphere(Vec3::ZERO, 1.0)]);
     let half = scene.textures.add(Texture::Constant(0.5));
     scene.primitives[0].alpha = Some(half);
     let accel = Accel::build(&scene);
-    let mut numbers = Numbers::new(10);
+    let mut rng = Rng::new(10);
     let mut counts = [0u32; 3];
     for _ in 0..4000 {
-        let ray = ray(Vec3::new(0.0, 0.0, 5.0) + numbers.in_cube(0.2), -Vec3::Z);
+        let ray = ray(Vec3::new(0.0, 0.0, 5.0) + rng.in_cube(0.2), -Vec3::Z);
         let hit = accel.intersect(&ray);
         // The front, the back, or nothing; and the same each time.
         let layer = hit.map_or(2, |hit| (hit.t > 5.0) as usize);
@@ -362,16 +364,16 @@ fn a_half_transparent_surface_stops_half_of_the_rays() {
 #[test]
 fn normals_and_tangents_follow_pbrt() {
     let corners = [Vec3::ZERO, 2.0 * Vec3::X, 4.0 * Vec3::Y];
-    let plain = mesh_of(&[corners]);
+    let plain = triangle_mesh(&[corners]);
     let smooth = TriangleMesh { normals: vec![-Vec3::Z + 0.5 * Vec3::X; 3], ..(*plain).clone() };
     let uvs = vec![Vec2::ZERO, Vec2::new(0.0, 2.0), Vec2::new(1.0, 0.0)];
     let mapped = TriangleMesh { uvs, ..(*plain).clone() };
     let down = ray(Vec3::new(0.5, 0.5, 1.0), -Vec3::Z);
     let point = |mesh: TriangleMesh, flip: bool| {
-        let mut scene = scene_of(vec![Shape::Mesh(Arc::new(mesh))]);
+        let mut scene = static_scene(vec![Shape::Mesh(Arc::new(mesh))]);
         scene.primitives[0].flip_normal = flip;
         let accel = Accel::build(&scene);
-        accel.surface(&down, &accel.intersect(&down).expect("aimed at it"))
+        accel.interaction(&down, &accel.intersect(&down).expect("aimed at it"))
     };
     assert_eq!(point((*plain).clone(), false).geometric_normal, Vec3::Z);
     assert_eq!(point((*plain).clone(), true).geometric_normal, -Vec3::Z);
@@ -395,12 +397,12 @@ fn normals_and_tangents_follow_pbrt() {
 #[test]
 fn degenerate_texture_coordinates_get_some_tangents() {
     let corners = [Vec3::ZERO, 2.0 * Vec3::X, 4.0 * Vec3::Y];
-    let mesh = TriangleMesh { uvs: vec![Vec2::ONE; 3], ..(*mesh_of(&[corners])).clone() };
+    let mesh = TriangleMesh { uvs: vec![Vec2::ONE; 3], ..(*triangle_mesh(&[corners])).clone() };
     let pole = ray(Vec3::new(0.0, 0.0, 9.0), -Vec3::Z);
-    let scene = scene_of(vec![Shape::Mesh(Arc::new(mesh)), sphere(Vec3::new(0.0, 0.0, 4.0), 1.0)]);
+    let scene = static_scene(vec![Shape::Mesh(Arc::new(mesh)), sphere(Vec3::new(0.0, 0.0, 4.0), 1.0)]);
     let accel = Accel::build(&scene);
     for ray in [ray(Vec3::new(0.5, 0.5, 1.0), -Vec3::Z), pole] {
-        let point = accel.surface(&ray, &accel.intersect(&ray).expect("aimed at it"));
+        let point = accel.interaction(&ray, &accel.intersect(&ray).expect("aimed at it"));
         assert!(point.dpdu.cross(point.dpdv).length() > 0.0);
         assert!(point.dpdu.dot(Vec3::Z).abs() < 1e-6);
     }
@@ -412,7 +414,7 @@ fn instances_transform_normals_by_the_inverse_transpose() {
     let scene = instanced(sphere(Vec3::ZERO, 1.0), vec![AnimatedTransform::fixed(stretch)]);
     let accel = Accel::build(&scene);
     let ray = ray(Vec3::new(0.6, 0.0, 9.0), -Vec3::Z);
-    let point = accel.surface(&ray, &accel.intersect(&ray).expect("aimed at it"));
+    let point = accel.interaction(&ray, &accel.intersect(&ray).expect("aimed at it"));
     // The ellipsoid x² + y² + z²/16 = 1 at (0.6, 0, 3.2).
     assert!(point.position.distance(Vec3::new(0.6, 0.0, 3.2)) < 1e-5);
     assert!(point.geometric_normal.distance(Vec3::new(0.6, 0.0, 0.2).normalize()) < 1e-5);

@@ -1,34 +1,35 @@
 //! Watertight ray-triangle intersection, eight triangles at a time.
 //!
-//! Woop, Benthin and Wald 2013, "Watertight Ray/Triangle Intersection": in a space sheared so that
-//! the ray is an axis, the signs of three edge functions decide, and triangles that share an edge
-//! compute the very same number for it. The bound on the distance's error is pbrt-v4's (6.8.3).
+//! The test shears space so that the ray runs along an axis, and decides by the signs of three edge
+//! functions. Triangles that share an edge compute the same value for it, so no ray passes between
+//! them (Woop, Benthin and Wald 2013, "Watertight Ray/Triangle Intersection"). The bound on the error
+//! of the distance is pbrt-v4's (section 6.8.3).
 
 use glam::{Vec2, Vec3};
 
 use super::bvh::WIDTH;
 use super::rounding::gamma;
-use super::traverse::TraversalRay;
+use super::traversal_ray::TraversalRay;
 
 /// Corners of eight triangles: `corners[corner][axis][lane]`. Lanes without a triangle are NaN,
-/// which no test passes.
+/// which every test takes for a miss.
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(32))]
 pub struct TrianglePacket {
     pub corners: [[[f32; WIDTH]; 3]; 3],
 }
 
-/// Where a ray meets a triangle.
+/// Distance and position of a hit on a triangle.
 #[derive(Clone, Copy, Debug)]
 pub struct TriangleHit {
     pub t: f32,
-    /// Weights of vertices 1 and 2.
+    /// Barycentric coordinates of vertices 1 and 2.
     pub barycentric: Vec2,
 }
 
-/// A triangle's corners in the sheared space of a ray: coordinates `x[corner]`, and so on. The ray
-/// runs along z, unscaled, from the origin.
-pub struct Sheared {
+/// A triangle's corners in the sheared space of a ray, as `x[corner]`, `y[corner]` and `z[corner]`.
+/// The ray runs along z from the origin; z is not scaled.
+pub struct ShearedTriangle {
     x: [f32; 3],
     y: [f32; 3],
     z: [f32; 3],
@@ -45,8 +46,9 @@ impl TrianglePacket {
         }
     }
 
+    /// The triangle of one lane in the sheared space of `ray`.
     #[inline(always)]
-    pub fn sheared(&self, ray: &TraversalRay, lane: usize) -> Sheared {
+    pub fn sheared(&self, ray: &TraversalRay, lane: usize) -> ShearedTriangle {
         let [a, b, major] = ray.axes;
         let z = self.corners.map(|planes| planes[major][lane] - ray.permuted_origin[2]);
         let along = |axis: usize, index: usize| {
@@ -55,10 +57,10 @@ impl TrianglePacket {
                 centred - ray.shear[index] * z[corner]
             })
         };
-        Sheared { x: along(a, 0), y: along(b, 1), z }
+        ShearedTriangle { x: along(a, 0), y: along(b, 1), z }
     }
 
-    /// The hit of one lane, if there is one nearer than the ray's `t_max`.
+    /// The hit on the triangle of one lane, if it is nearer than the ray's `t_max`.
     #[inline]
     pub fn hit(&self, ray: &TraversalRay, lane: usize) -> Option<TriangleHit> {
         let sheared = self.sheared(ray, lane);
@@ -69,22 +71,22 @@ impl TrianglePacket {
         let outside = edges.iter().any(|&edge| edge < 0.0) && edges.iter().any(|&edge| edge > 0.0);
         let determinant = edges[0] + edges[1] + edges[2];
         let t = sheared.scaled_t(edges, ray) / determinant;
-        // Written so that NaN is a miss.
+        // NaN fails these comparisons and is a miss.
         let hits = !outside && t > 0.0 && t < ray.t_max && sheared.is_ahead(t, edges, ray);
         hits.then(|| TriangleHit { t, barycentric: Vec2::new(edges[1], edges[2]) / determinant })
     }
 }
 
-impl Sheared {
-    /// Edge functions, which weigh the corners.
+impl ShearedTriangle {
+    /// Edge functions: barycentric coordinates of the three corners, not normalised.
     #[inline(always)]
     pub fn edges(&self) -> [f32; 3] {
         let Self { x, y, .. } = self;
         [x[2] * y[1] - y[2] * x[1], x[0] * y[2] - y[0] * x[2], x[1] * y[0] - y[1] * x[0]]
     }
 
-    /// The same from exact products. In single precision their sign is right or they are zero
-    /// (rounding keeps order), so this is needed only for zeros.
+    /// Edge functions from exact products. Single precision gives the right sign or zero, because
+    /// rounding is monotonic, so only zeros need this.
     fn edges_in_double(&self) -> [f32; 3] {
         let [x, y] = [self.x, self.y].map(|values| values.map(f64::from));
         [x[2] * y[1] - y[2] * x[1], x[0] * y[2] - y[0] * x[2], x[1] * y[0] - y[1] * x[0]]
@@ -97,14 +99,14 @@ impl Sheared {
         (edges[0] * self.z[0] + edges[1] * self.z[1] + edges[2] * self.z[2]) * ray.scale
     }
 
-    /// Whether all of the triangle is ahead of the ray's origin.
+    /// Whether all corners are ahead of the ray's origin.
     #[inline(always)]
     pub fn is_ahead_of(&self, ray: &TraversalRay) -> bool {
         let [a, b, c] = self.z.map(|z| z * ray.scale > 0.0);
         a & b & c
     }
 
-    /// Whether a distance `t` is positive beyond doubt.
+    /// Whether the distance `t` is larger than the bound on its error.
     fn is_ahead(&self, t: f32, edges: [f32; 3], ray: &TraversalRay) -> bool {
         if self.is_ahead_of(ray) {
             return true;

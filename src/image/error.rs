@@ -1,21 +1,19 @@
-//! What can be wrong with an image file, in one type: the file, and the problem in words a person
-//! can act on.
+//! Errors of reading and writing image files: the file and its problem.
 
 use std::io;
 use std::path::{Path, PathBuf};
 
 use crate::files::error_message;
 
-/// Largest width or height that is read from a file.
+/// Largest width or height of an image that is read.
 pub const MAX_SIDE: usize = 1 << 16;
 
-/// Largest number of values (pixels × channels) that is read from a file: 4 GiB as `f32`.
+/// Largest number of values (pixels × channels) of an image that is read: 4 GiB as `f32`.
 ///
-/// A header of a few hundred bytes can claim terabytes, so sizes are checked against this before
-/// anything is allocated.
+/// A header of a few hundred bytes can claim terabytes, so sizes are checked before allocation.
 pub const MAX_SAMPLES: usize = 1 << 30;
 
-/// A file and what is wrong with it. The message is whole: there is no deeper source to print.
+/// An image file and its problem. The message is complete; the error has no source.
 #[derive(Debug, thiserror::Error)]
 #[error("{}: {problem}", path.display())]
 pub struct ImageError {
@@ -23,31 +21,32 @@ pub struct ImageError {
     pub problem: Problem,
 }
 
+/// A problem of an image file.
 #[derive(Debug, thiserror::Error)]
 pub enum Problem {
     #[error("{}", error_message(.0))]
     Io(#[from] io::Error),
-    #[error("not a readable image, or damaged: {0}")]
+    #[error("the image is unreadable or damaged: {0}")]
     Malformed(String),
-    #[error("not supported: {0}")]
+    #[error("the image is not supported: {0}")]
     Unsupported(String),
     #[error(
-        "the header asks for {width}x{height} pixels of {channels} channels; up to {MAX_SIDE} pixels a \
-         side and {MAX_SAMPLES} values in all are read"
+        "the header claims {width}x{height} pixels of {channels} channels; the largest readable image has \
+         {MAX_SIDE} pixels a side and {MAX_SAMPLES} values"
     )]
     TooLarge { width: usize, height: usize, channels: usize },
-    #[error("no channels {}; the file has {}", wanted.join(", "), present.join(", "))]
+    #[error("channels {} are missing; the file has {}", wanted.join(", "), present.join(", "))]
     MissingChannels { wanted: Vec<String>, present: Vec<String> },
     #[error("the image has no pixels")]
     Empty,
-    #[error("unknown extension, .exr or .png expected")]
+    #[error("unknown extension; use .exr or .png")]
     UnknownExtension,
     #[error("cannot be written: {0}")]
     Unwritable(String),
 }
 
 impl Problem {
-    /// The problem, with the file it was found in.
+    /// The error of this problem in the file `path`.
     pub fn at(self, path: &Path) -> ImageError {
         ImageError { path: path.to_path_buf(), problem: self }
     }

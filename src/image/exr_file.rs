@@ -1,6 +1,7 @@
-//! OpenEXR: one part, named channels, attributes (openexr.com, "OpenEXR File Layout").
+//! Reads and writes OpenEXR files with named channels and attributes (openexr.com, "OpenEXR File
+//! Layout").
 //!
-//! Layers are prefixes of channel names, as in pbrt and tev: `R` `G` `B` is the picture itself,
+//! Layers are prefixes of channel names, as in pbrt and tev: `R` `G` `B` is the image itself,
 //! `Albedo.R` belongs to the layer `Albedo`.
 
 mod attribute;
@@ -16,23 +17,23 @@ pub use write::{encode, write};
 /// The first bytes of every EXR file.
 pub const MAGIC: [u8; 4] = [0x76, 0x2f, 0x31, 0x01];
 
-/// pbrt's attribute names, which other programs read.
-pub mod names {
+/// Attribute names of pbrt, which other programs read.
+pub mod attribute_names {
     /// Mean number of samples per pixel; [`Int`](super::Attribute::Int).
     pub const SAMPLES_PER_PIXEL: &str = "samplesPerPixel";
     /// Wall time of the render in seconds; [`Float`](super::Attribute::Float).
     pub const RENDER_TIME_SECONDS: &str = "renderTimeSeconds";
-    /// Mean squared error where a reference was given; [`Float`](super::Attribute::Float).
+    /// Mean squared error with respect to a reference; [`Float`](super::Attribute::Float).
     pub const MSE: &str = "MSE";
 }
 
-/// Width of the stored values.
+/// Precision of stored values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Precision {
-    /// 16-bit float: 11 significant bits. Finite values beyond ±65504 are stored as ±65504,
-    /// because an infinity would spread through whatever is done with the image next.
+    /// 16-bit float: 11 significant bits. Finite values beyond ±65504 are stored as ±65504, because an
+    /// infinity would spread in later processing.
     Half,
-    /// 32-bit float: values come back exactly.
+    /// 32-bit float: values are stored exactly.
     Float,
 }
 
@@ -52,27 +53,27 @@ impl<'a> Channel<'a> {
     }
 }
 
-/// Where the stored pixels lie in the whole image (EXR's data window in its display window).
+/// The position of the stored pixels in the whole image: EXR's data and display windows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Windows {
-    /// Half-open pixel bounds of what is stored: x0, x1, y0, y1 (pbrt's order).
+    /// Half-open bounds of the stored pixels: x0, x1, y0, y1 (pbrt's order).
     pub data: [usize; 4],
     /// Width and height of the whole image.
     pub display: [usize; 2],
 }
 
 impl Windows {
-    /// An image that is stored whole.
+    /// The windows of an image that is stored whole.
     pub fn whole(width: usize, height: usize) -> Self {
         Self { data: [0, width, 0, height], display: [width, height] }
     }
 
-    /// Width of what is stored; 0 where the bounds are the wrong way round.
+    /// Width of the stored pixels; 0 if the bounds are reversed.
     pub fn width(&self) -> usize {
         self.data[1].saturating_sub(self.data[0])
     }
 
-    /// Height of what is stored; 0 where the bounds are the wrong way round.
+    /// Height of the stored pixels; 0 if the bounds are reversed.
     pub fn height(&self) -> usize {
         self.data[3].saturating_sub(self.data[2])
     }

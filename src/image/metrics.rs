@@ -1,7 +1,7 @@
-//! How far an image is from its reference, in numbers on linear light.
+//! Computes errors of an image with respect to a reference, on linear light.
 //!
-//! Sums run over pixels and channels; x is a value of the image, r the same value of the
-//! reference, ⟨·⟩ their mean.
+//! x is a value of the image, r the corresponding value of the reference, ⟨·⟩ the mean over pixels and
+//! channels.
 //!
 //! | metric | formula |
 //! | --- | --- |
@@ -10,19 +10,20 @@
 //! | [`Pair::block_relmse`] | the same, after both images are averaged over blocks of 16×16 pixels |
 //! | [`Pair::mean_ratio`] | ⟨x⟩ / ⟨r⟩ |
 //!
-//! Those that follow the eye are in [`super::perceptual`].
+//! [`super::perceptual`] has the perceptual metrics.
 
 use rayon::prelude::*;
 
 use super::Planes;
 
-/// The part of relMSE's denominator that keeps black pixels from deciding everything.
+/// Constant in relMSE's denominator, which bounds the weight of dark pixels.
 pub const RELMSE_EPSILON: f64 = 0.01;
 
-/// Side of the blocks of [`Pair::block_relmse`] in pixels: over 256 pixels the noise of a path
-/// tracer averages out, and what stays is whether light and materials agree.
+/// Side of the blocks of [`Pair::block_relmse`] in pixels. The noise of a path tracer averages out over
+/// 256 pixels; differences of light and materials remain.
 pub const BLOCK_SIDE: usize = 16;
 
+/// The reason why two images cannot be compared.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum MetricError {
     #[error(
@@ -32,29 +33,30 @@ pub enum MetricError {
     SizesDiffer { image: [usize; 2], reference: [usize; 2] },
     #[error("the image has {image} channels, the reference has {reference}")]
     ChannelsDiffer { image: usize, reference: usize },
-    #[error("there is no pixel to compare that is finite in both images")]
+    #[error("no pixel is finite in both images")]
     NothingToCompare,
 }
 
-/// An image and its reference, of one size, with at least one pixel that can be compared.
+/// An image and its reference, of equal size, with at least one pixel that can be compared.
 ///
-/// Pixels that are NaN or infinite in a channel of either image are left out of every metric, and
-/// counted.
+/// Every metric excludes pixels that are NaN or infinite in some channel of either image.
 #[derive(Clone, Debug)]
 pub struct Pair<'a> {
     pub(super) image: &'a Planes,
     pub(super) reference: &'a Planes,
-    /// Per pixel: finite in both.
+    /// Whether each pixel is finite in both images.
     pub(super) compared: Vec<bool>,
-    /// Pixels of the image that are not finite.
+    /// Number of pixels of the image that are not finite.
     pub image_non_finite: usize,
-    /// Pixels of the reference that are not finite.
+    /// Number of pixels of the reference that are not finite.
     pub reference_non_finite: usize,
 }
 
 impl<'a> Pair<'a> {
+    /// Pairs an image with its reference.
+    ///
     /// # Errors
-    /// Other size, other number of planes, or no pixel that is finite in both.
+    /// [`MetricError`] if sizes or numbers of planes differ, or no pixel is finite in both.
     pub fn new(image: &'a Planes, reference: &'a Planes) -> Result<Self, MetricError> {
         let sizes = [image, reference].map(|planes| [planes.width(), planes.height()]);
         if sizes[0] != sizes[1] {
@@ -69,17 +71,17 @@ impl<'a> Pair<'a> {
         if image.count() == 0 || !compared.contains(&true) {
             return Err(MetricError::NothingToCompare);
         }
-        let count_missing = |finite: &[bool]| finite.iter().filter(|finite| !**finite).count();
+        let count_non_finite = |finite: &[bool]| finite.iter().filter(|finite| !**finite).count();
         Ok(Self {
             image,
             reference,
             compared,
-            image_non_finite: count_missing(&image_finite),
-            reference_non_finite: count_missing(&reference_finite),
+            image_non_finite: count_non_finite(&image_finite),
+            reference_non_finite: count_non_finite(&reference_finite),
         })
     }
 
-    /// Pixels left out because they are not finite in one of the images.
+    /// Number of pixels excluded because they are not finite in one of the images.
     pub fn excluded(&self) -> usize {
         self.compared.iter().filter(|compared| !**compared).count()
     }
@@ -91,27 +93,26 @@ impl<'a> Pair<'a> {
 
     /// Relative mean squared error: ⟨(x − r)² / (r² + 0.01)⟩.
     pub fn relmse(&self) -> f64 {
-        self.mean(relative_square)
+        self.mean(relative_squared_error)
     }
 
-    /// Ratio of mean brightness: ⟨x⟩ / ⟨r⟩; 1 where both are black, infinite where only the
-    /// reference is.
+    /// Ratio of the means: ⟨x⟩ / ⟨r⟩; 1 if both images are black, infinite if only the reference is.
     pub fn mean_ratio(&self) -> f64 {
         let (image, reference) = (self.mean(|x, _| x), self.mean(|_, r| r));
         if image == reference { 1.0 } else { image / reference }
     }
 
-    /// relMSE of the two images after each is averaged over blocks of [`BLOCK_SIDE`]² pixels.
+    /// relMSE of the two images, averaged over blocks of [`BLOCK_SIDE`]² pixels.
     ///
-    /// Blocks at the right and lower border are smaller; each counts by its compared pixels.
+    /// Blocks at the right and lower border are smaller; a block is weighted by its compared pixels.
     pub fn block_relmse(&self) -> f64 {
         let block_rows = self.image.height().div_ceil(BLOCK_SIDE);
         let sums = (0..block_rows).into_par_iter().map(|row| self.block_row_sum(row));
-        // Collected first: a parallel sum would depend on how the work was split.
+        // A parallel sum would depend on the division of the work among threads.
         sums.collect::<Vec<_>>().iter().sum::<f64>() / self.values()
     }
 
-    /// Sum over the blocks of one row of blocks of their relative square × their pixels.
+    /// Sum over one row of blocks of their relative squared error times their compared pixels.
     fn block_row_sum(&self, block_row: usize) -> f64 {
         let (width, height) = (self.image.width(), self.image.height());
         let rows = block_row * BLOCK_SIDE..((block_row + 1) * BLOCK_SIDE).min(height);
@@ -129,14 +130,15 @@ impl<'a> Pair<'a> {
                     }
                 }
                 if pixels > 0.0 {
-                    sum += pixels * relative_square(image / pixels, reference / pixels);
+                    sum += pixels * relative_squared_error(image / pixels, reference / pixels);
                 }
             }
         }
         sum
     }
 
-    /// Mean of a term over the compared pixels and all channels; the same whatever the threads.
+    /// Mean of a term over the compared pixels and all channels. The result does not depend on the number
+    /// of threads.
     pub(super) fn mean(&self, term: impl Fn(f64, f64) -> f64 + Sync) -> f64 {
         let width = self.image.width();
         let row_sum = |y: usize| {
@@ -155,17 +157,17 @@ impl<'a> Pair<'a> {
         sums.iter().sum::<f64>() / self.values()
     }
 
-    /// Number of values that are compared: pixels × channels.
+    /// Number of compared values: pixels × channels.
     fn values(&self) -> f64 {
         ((self.compared.len() - self.excluded()) * self.image.count()) as f64
     }
 }
 
-fn relative_square(x: f64, r: f64) -> f64 {
+fn relative_squared_error(x: f64, r: f64) -> f64 {
     (x - r) * (x - r) / (r * r + RELMSE_EPSILON)
 }
 
-/// Per pixel: finite in every plane.
+/// Whether each pixel is finite in every plane.
 fn finite_pixels(planes: &Planes) -> Vec<bool> {
     let mut finite = vec![true; planes.pixels()];
     for plane in 0..planes.count() {
@@ -219,7 +221,7 @@ mod tests {
     }
 
     #[test]
-    fn a_border_block_counts_by_its_pixels() {
+    fn a_border_block_is_weighted_by_its_pixels() {
         let (mut image, reference) = (filled(17, 1, 0.0), filled(17, 1, 0.0));
         for plane in 0..3 {
             image.plane_mut(plane)[16] = 0.1;
@@ -242,7 +244,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_compared_is_an_error() {
+    fn images_that_cannot_be_compared_are_errors() {
         let (small, large) = (filled(2, 3, 0.0), filled(3, 2, 0.0));
         let error = Pair::new(&small, &large).unwrap_err();
         assert_eq!(error.to_string(), "the sizes differ: the image is 2x3, the reference is 3x2");

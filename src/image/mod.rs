@@ -1,22 +1,28 @@
-//! Planes of `f32`, image files, tone mapping and error metrics.
+//! Holds images as planes of `f32`; reads and writes image files, encodes them for display, and compares
+//! them.
 //!
 //! | file | holds |
 //! | --- | --- |
 //! | [`planes`] | [`Planes`], the one container for images, feature buffers and maps |
-//! | [`exr_file`] | OpenEXR with named layers and attributes |
-//! | [`png_file`] | 8-bit sRGB out; PNG, JPEG and TGA in |
-//! | [`formats`] | which of the two a file name or a file's content means |
+//! | [`exr_file`] | reads and writes OpenEXR with named layers and attributes |
+//! | [`png_file`] | writes 8-bit sRGB PNG; reads PNG, JPEG and TGA |
+//! | [`output_format`] | [`OutputFormat`], chosen by a file name's extension |
+//! | [`read_rgb()`] | any supported file, by its content |
 //! | [`tone`] | the sRGB transfer curve |
-//! | [`metrics`], [`perceptual`] | how far an image is from its reference |
+//! | [`metrics`], [`perceptual`] | errors of an image with respect to a reference |
+//! | [`error`] | [`ImageError`], an image file and its problem |
 
 pub mod error;
 pub mod exr_file;
-pub mod formats;
 pub mod metrics;
+pub mod output_format;
 pub mod perceptual;
 pub mod planes;
 pub mod png_file;
+mod read_rgb;
 pub mod tone;
 
 pub use error::{ImageError, Problem};
+pub use output_format::OutputFormat;
 pub use planes::Planes;
+pub use read_rgb::read_rgb;

@@ -1,5 +1,5 @@
-//! How far an image is from its reference to the eye: on sRGB-encoded values clamped to 0..1,
-//! because that is what a screen shows.
+//! Computes perceptual differences between an image and its reference. They compare sRGB-encoded values
+//! clamped to [0, 1], as a display shows them.
 //!
 //! | metric | formula |
 //! | --- | --- |
@@ -7,11 +7,11 @@
 //! | [`Pair::ssim`] | structural similarity (Wang et al. 2004) of 8-bit luma, as `image-compare` computes it |
 //! | [`Pair::flip`] | mean of LDR-ꟻLIP (Andersson et al. 2020) at 67 pixels per degree, NVIDIA's code |
 //!
-//! `image-compare` computes SSIM over windows of 8×8 that do not overlap and averages them by
-//! area: (2 μx μr + C₁)(2 Sxr + C₂) / ((μx² + μr² + C₁)(Sxx + Srr + C₂)), C₁ = (0.01·255)²,
-//! C₂ = (0.03·255)². Its S are *sums* of squares over a window where Wang et al. take means, which
-//! makes C₂ 64 times weaker: flat, slightly noisy regions score lower than in the original, so
-//! these values are for comparing images with each other, not with published numbers.
+//! `image-compare` computes SSIM over disjoint windows of 8×8 pixels and averages them by area:
+//! (2 μx μr + C₁)(2 Sxr + C₂) / ((μx² + μr² + C₁)(Sxx + Srr + C₂)), C₁ = (0.01·255)²,
+//! C₂ = (0.03·255)². Its S are *sums* of squares over a window where Wang et al. use means, which makes
+//! C₂ 64 times weaker: flat, slightly noisy regions score lower than in the original. These values
+//! compare images with each other, but not with published numbers.
 
 use image::{DynamicImage, GrayImage, RgbImage};
 use nv_flip::{DEFAULT_PIXELS_PER_DEGREE, FlipImageFloat, FlipImageRgb8};
@@ -20,7 +20,7 @@ use super::Planes;
 use super::metrics::Pair;
 use super::tone::{srgb_encode, to_srgb8};
 
-/// A ꟻLIP map: 0 where no difference is seen, 1 where it is largest.
+/// A ꟻLIP map: 0 where no difference is visible, 1 where it is largest.
 pub struct FlipMap {
     /// Mean over the compared pixels.
     pub mean: f64,
@@ -28,7 +28,7 @@ pub struct FlipMap {
 }
 
 impl FlipMap {
-    /// The map in magma colours, black to pale yellow: interleaved 8-bit RGB.
+    /// The map in the magma colour map, black to pale yellow, as interleaved 8-bit RGB.
     pub fn colours(&self) -> Vec<u8> {
         self.map.apply_color_lut(&nv_flip::magma_lut()).to_vec()
     }
@@ -49,11 +49,11 @@ impl Pair<'_> {
         let [image, reference] = [self.image, self.reference].map(|planes| self.luma(planes));
         let algorithm = image_compare::Algorithm::MSSIMSimple;
         image_compare::gray_similarity_structure(&algorithm, &image, &reference)
-            .expect("a pair is of one size, the only thing this can refuse")
+            .expect("the images of a pair have equal sizes, the only requirement")
             .score
     }
 
-    /// ꟻLIP.
+    /// The ꟻLIP map, with its mean.
     pub fn flip(&self) -> FlipMap {
         let [image, reference] = [self.image, self.reference].map(|planes| {
             let (width, height) = dimensions(planes);
@@ -66,8 +66,8 @@ impl Pair<'_> {
         FlipMap { mean: sum / (self.compared.len() - self.excluded()) as f64, map }
     }
 
-    /// What a screen shows, with the pixels that are not compared black in both images, so that
-    /// they do not differ.
+    /// Encodes an image as 8-bit sRGB. Pixels that are not compared become black in both images, so
+    /// that they do not differ.
     fn srgb8(&self, planes: &Planes) -> Vec<u8> {
         let mut bytes = to_srgb8(planes, 0.0);
         for (pixel, compared) in bytes.chunks_exact_mut(3).zip(&self.compared) {
@@ -78,10 +78,11 @@ impl Pair<'_> {
         bytes
     }
 
+    /// Converts an image to 8-bit luma.
     fn luma(&self, planes: &Planes) -> GrayImage {
         let (width, height) = dimensions(planes);
-        let rgb = RgbImage::from_raw(width, height, self.srgb8(planes))
-            .expect("there are three bytes for each pixel");
+        let rgb =
+            RgbImage::from_raw(width, height, self.srgb8(planes)).expect("srgb8 gives three bytes per pixel");
         DynamicImage::ImageRgb8(rgb).into_luma8()
     }
 }
@@ -124,7 +125,7 @@ mod tests {
     }
 
     #[test]
-    fn light_beyond_the_screens_range_is_no_visible_difference() {
+    fn values_above_the_display_range_are_no_visible_difference() {
         let (mut image, mut reference) = (Planes::new(16, 16, 3), Planes::new(16, 16, 3));
         image.data_mut().fill(5.0);
         reference.data_mut().fill(50.0);
@@ -161,7 +162,7 @@ mod tests {
     }
 
     #[test]
-    fn a_pixel_that_is_not_finite_is_no_difference() {
+    fn pixels_that_are_not_finite_are_not_compared() {
         let (mut image, reference) = (grey(16, 16, |_| 0.5), grey(16, 16, |_| 0.5));
         image.plane_mut(0)[5] = f32::NAN;
         let pair = Pair::new(&image, &reference).unwrap();

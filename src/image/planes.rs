@@ -1,9 +1,9 @@
-//! The container that every room shares for per-pixel data: planes, so that the hot loops run over
-//! rows of one quantity and vectorise.
+//! The container for per-pixel data: one plane for each quantity, so that loops over rows become vector
+//! code.
 
-/// Several planes of `width`×`height` values, plane by plane, each row by row from the top left.
+/// Several planes of `width`×`height` values, one after the other, each row by row from the top left.
 ///
-/// The one container for images (3 planes: R, G, B), feature buffers and maps (1 plane).
+/// Images have 3 planes (R, G, B), feature buffers any number, maps 1.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Planes {
     width: usize,
@@ -41,6 +41,7 @@ impl Planes {
         &self.data[plane * self.pixels()..][..self.pixels()]
     }
 
+    /// One plane, row by row.
     pub fn plane_mut(&mut self, plane: usize) -> &mut [f32] {
         let pixels = self.pixels();
         &mut self.data[plane * pixels..][..pixels]
@@ -56,17 +57,18 @@ impl Planes {
         &self.data
     }
 
+    /// All planes, one after the other.
     pub fn data_mut(&mut self) -> &mut [f32] {
         &mut self.data
     }
 
-    /// The planes one by one, for parallel writing.
+    /// Iterates over the planes.
     pub fn planes_mut(&mut self) -> std::slice::ChunksMut<'_, f32> {
         let pixels = self.pixels().max(1);
         self.data.chunks_mut(pixels)
     }
 
-    /// Value at a pixel.
+    /// The value of a pixel.
     pub fn at(&self, plane: usize, x: usize, y: usize) -> f32 {
         self.plane(plane)[y * self.width + x]
     }

@@ -1,4 +1,4 @@
-//! Pictures for people: 8-bit sRGB PNG out, and PNG, JPEG or TGA back in for comparisons.
+//! Writes 8-bit sRGB PNG files, and reads PNG, JPEG and TGA files.
 
 use std::io::Write;
 use std::path::Path;
@@ -11,43 +11,54 @@ use super::tone::{srgb_decode, to_srgb8};
 use super::{ImageError, Planes, Problem};
 use crate::files::replace_file;
 
-/// Writes the first three planes (or one plane as grey) as 8-bit sRGB PNG.
+/// Writes the first three planes, or one plane as grey, as 8-bit sRGB PNG.
 ///
-/// `exposure` is in stops; 0 leaves values as they are. There is no tone curve but sRGB's own:
-/// what is above 1 is clipped.
+/// `exposure` is in stops; 0 leaves values unchanged. Values above 1 are clipped.
+///
+/// # Errors
+/// [`Problem::Empty`] for an image without pixels, [`Problem::Unwritable`] for a size that PNG cannot
+/// hold, [`Problem::Io`].
 pub fn write(path: &Path, planes: &Planes, exposure: f32) -> Result<(), ImageError> {
     write_srgb8(path, planes.width(), planes.height(), &to_srgb8(planes, exposure))
 }
 
-/// Writes interleaved 8-bit sRGB values as they are: `3 × width × height` bytes.
+/// Writes interleaved 8-bit sRGB values unchanged: `3 × width × height` bytes.
+///
+/// # Errors
+/// Those of [`encode`], and [`Problem::Io`].
 pub fn write_srgb8(path: &Path, width: usize, height: usize, rgb: &[u8]) -> Result<(), ImageError> {
     encode(width, height, rgb)
         .and_then(|png| replace_file(path, |writer| Ok(writer.write_all(&png)?)))
         .map_err(|problem: Problem| problem.at(path))
 }
 
-/// The bytes of a PNG of interleaved 8-bit sRGB values.
+/// Encodes interleaved 8-bit sRGB values as the bytes of a PNG file.
 ///
 /// # Errors
-/// An image without pixels, or of another size than the values.
+/// [`Problem::Empty`] for an image without pixels; [`Problem::Unwritable`] if `rgb` does not have
+/// `3 × width × height` bytes, or for a size that PNG cannot hold.
 pub fn encode(width: usize, height: usize, rgb: &[u8]) -> Result<Vec<u8>, Problem> {
     if width == 0 || height == 0 {
         return Err(Problem::Empty);
     }
     if rgb.len() != 3 * width * height {
-        return Err(Problem::Unwritable(format!("{} bytes for {width}x{height} RGB pixels", rgb.len())));
+        return Err(Problem::Unwritable(format!("got {} bytes for {width}x{height} RGB pixels", rgb.len())));
     }
     let [Ok(width), Ok(height)] = [width, height].map(u32::try_from) else {
-        return Err(Problem::Unwritable("too large for PNG".into()));
+        return Err(Problem::Unwritable("width or height is too large for PNG".into()));
     };
     let mut png = Vec::new();
     PngEncoder::new(&mut png).write_image(rgb, width, height, ExtendedColorType::Rgb8)?;
     Ok(png)
 }
 
-/// Reads a PNG, JPEG or TGA as three planes of linear light, taking its values for sRGB.
+/// Reads a PNG, JPEG or TGA file as three planes of linear light, decoding its values from sRGB.
 ///
-/// Grey becomes three equal planes; alpha is ignored.
+/// Grey gives three equal planes; alpha is ignored.
+///
+/// # Errors
+/// [`Problem::Unsupported`] for other formats, [`Problem::Malformed`] for a damaged or too large file,
+/// [`Problem::Io`].
 pub fn read(path: &Path) -> Result<Planes, ImageError> {
     decode(path).map_err(|problem| problem.at(path))
 }
@@ -59,7 +70,7 @@ fn decode(path: &Path) -> Result<Planes, Problem> {
     limits.max_alloc = Some(MAX_SAMPLES as u64);
     let mut reader = ImageReader::open(path)?.with_guessed_format()?;
     if reader.format().is_none() {
-        return Err(Problem::Unsupported("found no image; accepted are EXR, PNG, JPEG and TGA".to_owned()));
+        return Err(Problem::Unsupported("the file is not an EXR, PNG, JPEG or TGA image".to_owned()));
     }
     reader.limits(limits);
     let image = reader.decode()?.into_rgb32f();
@@ -88,7 +99,7 @@ mod tests {
     }
 
     #[test]
-    fn eight_bit_values_come_back_exactly() {
+    fn eight_bit_values_round_trip_exactly() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.png");
         for (width, height) in [(1, 1), (1, 7), (16, 16)] {
@@ -109,7 +120,7 @@ mod tests {
     }
 
     #[test]
-    fn an_image_without_pixels_is_refused_and_the_old_file_stays() {
+    fn an_image_without_pixels_is_refused_and_the_old_file_kept() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.png");
         write(&path, &gradient(2, 2), 0.0).unwrap();
@@ -125,10 +136,10 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.png");
         let whole = encode(16, 16, &to_srgb8(&gradient(16, 16), 0.0)).unwrap();
-        // The last chunk holds no pixels, so a file that lacks only that is still readable.
+        // The last chunk holds no pixels, so a file without it is still readable.
         for length in 0..whole.len() - 16 {
             std::fs::write(&path, &whole[..length]).unwrap();
-            assert!(read(&path).is_err(), "the first {length} bytes were taken for a whole file");
+            assert!(read(&path).is_err(), "the first {length} bytes were accepted as a whole file");
         }
     }
 
@@ -144,12 +155,12 @@ mod tests {
             std::fs::write(&path, &damaged).unwrap();
             refused += usize::from(read(&path).is_err());
         }
-        // The checksums of PNG find most of them.
-        assert!(refused > 6 * whole.len(), "{refused} of {} flips were noticed", 8 * whole.len());
+        // PNG's checksums detect most flips.
+        assert!(refused > 6 * whole.len(), "{refused} of {} flips were detected", 8 * whole.len());
     }
 
     #[test]
-    fn a_header_that_asks_for_too_much_is_refused() {
+    fn a_header_with_a_too_large_size_is_refused() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.png");
         let mut png = encode(1, 1, &[0; 3]).unwrap();

@@ -1,25 +1,26 @@
-//! From linear light to what a screen shows: the sRGB transfer curve (IEC 61966-2-1) and nothing
-//! else, so that a PNG can be turned back into numbers.
+//! Converts between linear light and sRGB-encoded values (IEC 61966-2-1). There is no other tone curve,
+//! so a PNG can be decoded to linear light again.
 
 use rayon::prelude::*;
 
 use super::Planes;
 
-/// Linear light to sRGB, both in 0..1. Values outside are clamped; NaN becomes 0.
+/// Encodes linear light as sRGB, both in [0, 1]. Values outside are clamped; NaN becomes 0.
 pub fn srgb_encode(linear: f32) -> f32 {
-    // Not `clamp`, which would let NaN through.
+    // `clamp` would return NaN for NaN.
     let linear = if linear > 0.0 { linear.min(1.0) } else { 0.0 };
     if linear <= 0.003_130_8 { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 }
 }
 
-/// sRGB to linear light, both in 0..1: the inverse of [`srgb_encode`].
+/// Decodes sRGB to linear light, both in [0, 1]: the inverse of [`srgb_encode`].
 pub fn srgb_decode(encoded: f32) -> f32 {
     if encoded <= 0.040_45 { encoded / 12.92 } else { ((encoded + 0.055) / 1.055).powf(2.4) }
 }
 
-/// Interleaved 8-bit sRGB of the first three planes, or of one plane as grey.
+/// Encodes the first three planes as interleaved 8-bit sRGB; fewer than three planes give the first one
+/// as grey.
 ///
-/// `exposure` is in stops: linear values are multiplied by 2^exposure first.
+/// `exposure` is in stops: linear values are multiplied by 2^exposure before encoding.
 pub fn to_srgb8(planes: &Planes, exposure: f32) -> Vec<u8> {
     let scale = exposure.exp2();
     let (width, grey) = (planes.width(), planes.count() < 3);
@@ -43,7 +44,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_curve_has_the_standards_values() {
+    fn the_curve_has_the_values_of_the_standard() {
         assert_eq!(srgb_encode(0.0), 0.0);
         assert!((srgb_encode(1.0) - 1.0).abs() < 1e-6);
         assert!((srgb_encode(0.214_041_14) - 0.5).abs() < 1e-6);
@@ -52,7 +53,7 @@ mod tests {
     }
 
     #[test]
-    fn what_a_screen_cannot_show_is_clamped() {
+    fn values_outside_the_range_are_clamped() {
         assert_eq!(srgb_encode(-1.0), 0.0);
         assert_eq!(srgb_encode(f32::NAN), 0.0);
         assert_eq!(srgb_encode(f32::NEG_INFINITY), 0.0);

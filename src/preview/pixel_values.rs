@@ -2,8 +2,8 @@
 
 use serde::Serialize;
 
+use crate::filter::FilterResult;
 use crate::image::Planes;
-use crate::progressive::Shown;
 use crate::stats::{Block, Part, Store};
 
 #[derive(Serialize)]
@@ -27,7 +27,7 @@ struct PixelValues {
 }
 
 /// Returns a JSON message with all values at a pixel, without any if it is outside the image.
-pub fn describe_pixel([x, y]: [u32; 2], store: &Store, shown: Option<&Shown>) -> String {
+pub fn describe_pixel([x, y]: [u32; 2], store: &Store, shown: Option<&FilterResult>) -> String {
     let (column, line) = (x as usize, y as usize);
     let Some(row) = store.rows().get(line).filter(|_| column < store.width()) else {
         return r#"{"type":"values"}"#.to_owned();
@@ -37,20 +37,19 @@ pub fn describe_pixel([x, y]: [u32; 2], store: &Store, shown: Option<&Shown>) ->
     let radiance = three(store.layout().radiance().start);
     let samples = row.count(column, Part::Whole);
     let at = |planes: &Planes, plane| planes.at(plane, column, line);
-    let filtered = shown.map(|shown| &shown.filtered);
-    let failure = shown.and_then(Shown::any_failure);
+    let failure = shown.and_then(|shown| shown.interpolation.as_ref()).map(|found| &found.failure);
     let values = PixelValues {
         r#type: "values",
         x,
         y,
         samples,
         raw: radiance.map(|m| m.mean),
-        filtered: filtered.map(|f| [0, 1, 2].map(|k| at(&f.image, k))),
+        filtered: shown.map(|f| [0, 1, 2].map(|k| at(&f.image, k))),
         albedo: means(Block::Albedo),
         normal: means(Block::Normal1),
         variance: radiance.iter().map(|&m| m.variance()).sum::<f64>() / 3.0 / f64::from(samples.max(1)),
-        error: filtered.map(|f| at(&f.error, 0)),
-        residual: filtered.map(|f| at(&f.residual, 0)),
+        error: shown.map(|f| at(&f.error, 0)),
+        residual: shown.map(|f| at(&f.residual, 0)),
         failure: failure.map(|map| at(map, 0)),
     };
     serde_json::to_string(&values).unwrap_or_default()

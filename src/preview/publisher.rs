@@ -7,7 +7,8 @@ use super::hub::Hub;
 use super::preview_frame::{FrameInfo, PreviewFrame};
 use super::status::ViewInfo;
 use super::view::View;
-use crate::progressive::{Progress, Settings, Shown};
+use crate::filter::FilterResult;
+use crate::progressive::{Progress, Settings};
 use crate::stats::{Layout, Part, Store};
 
 /// Shortest time between two frames.
@@ -93,7 +94,7 @@ impl Publisher {
     }
 
     /// Publishes the views that have changed and that a viewer is ready for.
-    pub fn publish(&mut self, store: &Store, shown: Option<&Shown>, progress: Option<&Progress>) {
+    pub fn publish(&mut self, store: &Store, shown: Option<&FilterResult>, progress: Option<&Progress>) {
         // Find the views to publish
         let version = |view: View| if view.is_filtered() { self.passes } else { self.steps };
         let wanted: Vec<View> = self

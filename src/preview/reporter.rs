@@ -1,32 +1,33 @@
-//! What is told of a render to all who look: images when they are ready for some, and in words where it
-//! stands.
+//! Reports a render to its viewers: frames through the publisher, and its status.
 
 use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use super::command::Rectangle;
 use super::hub::Hub;
 use super::publisher::Publisher;
-use super::status::{CameraStatus, Notice, Phase, Statistics, Status};
+use super::status::{CameraStatus, DenoiserInfo, Notice, Phase, Statistics, Status};
 use super::view::View;
+use crate::filter::{DENOISERS, FilterResult};
 use crate::progressive::{
-    Estimated, Forecast, Point, Progress, Settings, Shown, StoppedBy, forecast, memory_bytes,
+    EstimateSummary, Forecast, Point, Progress, Settings, StoppedBy, forecast, memory_bytes,
 };
 use crate::stats::{Layout, Part, Store};
 
-/// Time between two reports, at least.
+/// Shortest time between two reports.
 const STATUS_INTERVAL: Duration = Duration::from_millis(250);
 /// Time over which samples per second are counted, in seconds.
 const RATE_WINDOW: f64 = 2.0;
-/// Notices that are told again, for whoever missed the reports between two that they read.
+/// Number of the latest notices that every report repeats, since viewers may miss reports.
 const NOTICES: usize = 6;
 
-/// What a report says beside how the render goes.
+/// The parts of a report that the reporter does not know.
 pub struct Subject<'a> {
     pub scene: &'a str,
     pub settings: &'a Settings,
     pub camera: CameraStatus,
-    pub region: Option<[[f32; 2]; 2]>,
+    pub region: Option<Rectangle>,
 }
 
 /// See the module.
@@ -35,22 +36,23 @@ pub struct Reporter {
     publisher: Publisher,
     phase: Phase,
     stopped_by: Option<StoppedBy>,
-    /// The newest filter pass of this generation, and samples then.
-    shown: Option<Shown>,
+    /// The newest filter result of this generation, and its number of samples.
+    shown: Option<FilterResult>,
     shown_samples: u64,
+    denoisers: Vec<DenoiserInfo>,
     progress: Option<Progress>,
     /// Elapsed seconds and samples, of the last [`RATE_WINDOW`].
-    pace: VecDeque<(f64, u64)>,
+    recent: VecDeque<(f64, u64)>,
     /// The same after the first step.
     first: Option<(f64, u64)>,
     filter_seconds: f64,
     /// The latest estimate of this image's error, and all of them against time.
-    estimate: Option<Estimated>,
+    estimate: Option<EstimateSummary>,
     curve: Vec<Point>,
     /// The latest [`NOTICES`], newest last.
     notices: VecDeque<Notice>,
-    /// When was told last; `None` where there is something to tell at once.
-    told: Option<Instant>,
+    /// Time of the latest report; `None` if the next one is urgent.
+    reported: Option<Instant>,
 }
 
 impl Reporter {
@@ -62,14 +64,15 @@ impl Reporter {
             stopped_by: None,
             shown: None,
             shown_samples: 0,
+            denoisers: DENOISERS.map(|d| DenoiserInfo { name: d.name(), summary: d.summary() }).to_vec(),
             progress: None,
-            pace: VecDeque::new(),
+            recent: VecDeque::new(),
             first: None,
             filter_seconds: 0.0,
             estimate: None,
             curve: Vec::new(),
             notices: VecDeque::new(),
-            told: None,
+            reported: None,
         }
     }
 
@@ -80,19 +83,19 @@ impl Reporter {
         self.forget_image();
         self.shown_samples = 0;
         self.progress = None;
-        self.pace.clear();
+        self.recent.clear();
         self.first = None;
         self.filter_seconds = 0.0;
-        self.told = None;
+        self.reported = None;
     }
 
     /// Follows other settings.
     pub fn change(&mut self, settings: &Settings) {
         self.publisher.rescale(settings);
-        self.told = None;
+        self.reported = None;
     }
 
-    /// Another filter's image, and its errors, are none of the next.
+    /// Drops the image of another denoiser, and its errors.
     pub fn forget_image(&mut self) {
         self.estimate = None;
         self.curve.clear();
@@ -103,7 +106,7 @@ impl Reporter {
         self.phase
     }
 
-    /// The render is in this phase from now on; that of before.
+    /// Sets the phase; returns the one before.
     pub fn enter(&mut self, phase: Phase) -> Phase {
         if phase == Phase::Rendering {
             self.stopped_by = None;
@@ -111,7 +114,7 @@ impl Reporter {
         std::mem::replace(&mut self.phase, phase)
     }
 
-    /// The render has ended.
+    /// Reports that the render has ended.
     pub fn finish(&mut self, stopped_by: StoppedBy) {
         self.enter(Phase::Finished);
         self.stopped_by = Some(stopped_by);
@@ -121,22 +124,22 @@ impl Reporter {
         self.progress.as_ref()
     }
 
-    /// The newest filter pass.
-    pub fn shown(&self) -> Option<&Shown> {
+    /// Returns the newest filter result.
+    pub fn shown(&self) -> Option<&FilterResult> {
         self.shown.as_ref()
     }
 
-    /// Samples that the newest filter pass had.
+    /// Returns the number of samples behind it.
     pub fn shown_samples(&self) -> u64 {
         self.shown_samples
     }
 
-    /// Whether anyone looks at one of certain views.
-    pub fn wants(&self, of_these: impl Fn(View) -> bool) -> bool {
-        View::ALL.into_iter().any(|view| of_these(view) && self.hub.wants(view))
+    /// Returns whether a viewer is ready for one of the views that `selects` selects.
+    pub fn wants(&self, selects: impl Fn(View) -> bool) -> bool {
+        View::ALL.into_iter().any(|view| selects(view) && self.hub.wants(view))
     }
 
-    /// There is something that a person should know.
+    /// Adds a notice to the user.
     pub fn notice(&mut self, text: String, is_problem: bool) {
         let number = self.notices.back().map_or(0, |last| last.number) + 1;
         self.notices.push_back(Notice { number, text, is_problem });
@@ -146,18 +149,18 @@ impl Reporter {
         self.hasten();
     }
 
-    /// What is told next is told at once.
+    /// Makes the next report urgent.
     pub fn hasten(&mut self) {
-        self.told = None;
+        self.reported = None;
     }
 
-    /// A step is rendered.
+    /// Takes the progress after a step.
     pub fn stepped(&mut self, progress: Progress, store: &Store) {
         self.enter(Phase::Rendering);
         self.progress = Some(progress);
-        self.pace.push_back((progress.elapsed, progress.samples));
-        while self.pace.len() > 2 && progress.elapsed - self.pace[0].0 > RATE_WINDOW {
-            self.pace.pop_front();
+        self.recent.push_back((progress.elapsed, progress.samples));
+        while self.recent.len() > 2 && progress.elapsed - self.recent[0].0 > RATE_WINDOW {
+            self.recent.pop_front();
         }
         self.first.get_or_insert((progress.elapsed, progress.samples));
         if let Some(estimate) = progress.estimate.filter(|new| self.estimate != Some(*new)) {
@@ -178,57 +181,48 @@ impl Reporter {
         }
     }
 
-    /// As long as so many samples take here, those of a state that was resumed included.
+    /// Returns the seconds that so many samples take here, those of a resumed state included.
     fn seconds_of(&self, samples: u64) -> Option<f64> {
         let ((first_seconds, first_samples), progress) = self.first.zip(self.progress)?;
         let own = progress.samples.checked_sub(first_samples).filter(|&own| own > 0)?;
         Some((progress.elapsed - first_seconds) * samples as f64 / own as f64)
     }
 
-    /// How the error goes on from here.
+    /// Returns how the error is expected to fall from here.
     fn forecast(&self) -> Option<Forecast> {
         let found = forecast(&self.curve)?;
         let now = self.seconds_of(self.progress?.samples)?;
         Some(Forecast { halving_seconds: found.halving_after(now), ..found })
     }
 
-    /// A filter pass has ended after so many seconds; `None` if it was given up.
-    pub fn filtered(&mut self, shown: Option<&Shown>, seconds: f64, store: &Store) {
+    /// Takes the result of a filter pass of so many seconds; `None` if it was given up.
+    pub fn filtered(&mut self, result: Option<&FilterResult>, seconds: f64, store: &Store) {
         self.filter_seconds += seconds;
-        if let Some(shown) = shown {
-            self.complete(shown);
+        if let Some(result) = result {
+            let mut result = result.clone();
+            // Not every pass makes the map of interpolation failures: the latest one stays on show.
+            let earlier = self.shown.take().and_then(|shown| shown.interpolation);
+            result.interpolation = result.interpolation.or(earlier);
+            self.shown = Some(result);
             self.shown_samples = store.samples();
             self.publisher.filtered();
             self.publish(store);
         }
     }
 
-    /// The newest filter pass, with the maps that the loop has added. The map of the grid stays until there is
-    /// another: not every pass makes one.
-    pub fn complete(&mut self, shown: &Shown) {
-        let mut shown = shown.clone();
-        if shown.any_failure().is_none()
-            && let Some(old) = self.shown.take()
-        {
-            shown.failure = old.filtered.interpolation_failure.or(old.failure);
-            shown.success = old.success;
-        }
-        self.shown = Some(shown);
-    }
-
-    /// Makes images for whoever is ready.
+    /// Publishes frames for the viewers that are ready.
     pub fn publish(&mut self, store: &Store) {
         self.publisher.publish(store, self.shown.as_ref(), self.progress.as_ref());
     }
 
-    /// Tells how the render goes, not too often unless `at_once`.
-    pub fn tell(&mut self, subject: &Subject, store: &Store, at_once: bool) {
-        // An idle render has nothing new to tell.
+    /// Publishes the status; not too often unless it is urgent or `at_once`.
+    pub fn report(&mut self, subject: &Subject, store: &Store, at_once: bool) {
+        // An idle render has nothing new to report.
         let idle = matches!(self.phase, Phase::Finished | Phase::Paused);
-        if !at_once && self.told.is_some_and(|told| idle || told.elapsed() < STATUS_INTERVAL) {
+        if !at_once && self.reported.is_some_and(|reported| idle || reported.elapsed() < STATUS_INTERVAL) {
             return;
         }
-        self.told = Some(Instant::now());
+        self.reported = Some(Instant::now());
         let status = Status {
             r#type: "status",
             scene: subject.scene,
@@ -238,6 +232,8 @@ impl Reporter {
             phase: self.phase,
             stopped_by: self.stopped_by,
             settings: subject.settings,
+            denoisers: &self.denoisers,
+            made_by: self.shown.as_ref().map(|shown| shown.made_by),
             views: self.publisher.views(),
             statistics: self.statistics(store),
             curve: &self.curve,
@@ -252,7 +248,7 @@ impl Reporter {
 
     fn statistics(&self, store: &Store) -> Statistics {
         let counts = store.counts(Part::Whole);
-        let (first, last) = (self.pace.front(), self.pace.back());
+        let (first, last) = (self.recent.front(), self.recent.back());
         let rate = first.zip(last).map_or(0.0, |(a, b)| (b.1 - a.1) as f64 / (b.0 - a.0).max(1e-6));
         let seconds = self.progress.map_or(0.0, |p| p.elapsed);
         Statistics {

@@ -3,8 +3,8 @@
 use serde::Deserialize;
 
 use crate::adaptive::Sampling;
-use crate::filter::Quality;
-use crate::progressive::{Denoiser, Settings};
+use crate::filter::{self, DENOISERS, Denoiser, DenoiserName};
+use crate::progressive::Settings;
 
 /// Largest value of a budget.
 const LARGEST_BUDGET: f64 = 1e9;
@@ -14,8 +14,10 @@ const LARGEST_BUDGET: f64 = 1e9;
 #[serde(deny_unknown_fields)]
 pub struct SettingsChange {
     pub sampling: Option<Sampling>,
-    pub denoiser: Option<Denoiser>,
-    pub quality: Option<Quality>,
+    /// Method of the denoiser.
+    pub denoiser: Option<String>,
+    /// Preset of the denoiser; without one a new method has its default.
+    pub quality: Option<String>,
     /// Samples per pixel, on average over the image.
     pub spp: Option<u32>,
     pub seconds: Option<f64>,
@@ -24,13 +26,22 @@ pub struct SettingsChange {
 }
 
 impl SettingsChange {
-    /// Changes `settings`; returns whether the denoiser changes.
+    /// Returns the denoiser, where the current one is `current`; `None` if there is none of these names.
+    fn find_denoiser(&self, current: &'static dyn Denoiser) -> Option<&'static dyn Denoiser> {
+        match (self.denoiser.as_deref(), self.quality.as_deref()) {
+            (None, None) => Some(current),
+            (Some(method), quality) => filter::find(method, quality),
+            (None, quality) => filter::find(current.name().method, quality),
+        }
+    }
+
+    /// Changes `settings`; returns whether the method of the denoiser changes. A preset that the denoiser does not have
+    /// changes nothing.
     pub fn apply(&self, settings: &mut Settings) -> bool {
         let positive = |value: f64| Some(value).filter(|v| *v > 0.0);
-        let before = settings.denoiser;
-        settings.denoiser = self.denoiser.unwrap_or(before);
+        let before = settings.denoiser.name().method;
+        settings.denoiser = self.find_denoiser(settings.denoiser).unwrap_or(settings.denoiser);
         settings.sampling = self.sampling.unwrap_or(settings.sampling);
-        settings.quality = self.quality.unwrap_or(settings.quality);
         if let Some(spp) = self.spp {
             settings.budget.spp = Some(spp).filter(|spp| *spp > 0);
         }
@@ -40,14 +51,23 @@ impl SettingsChange {
         if let Some(error) = self.target_error {
             settings.budget.target_error = positive(error);
         }
-        settings.denoiser != before
+        settings.denoiser.name().method != before
     }
 
-    /// Checks that all budgets are in range.
+    /// Checks that the denoiser exists and that all budgets are in range.
     ///
     /// # Errors
     /// One line that names the setting and its range.
     pub fn check(&self) -> Result<(), String> {
+        let (method, quality) = (self.denoiser.as_deref(), self.quality.as_deref());
+        let matches = |name: DenoiserName| {
+            method.is_none_or(|method| name.method == method)
+                && quality.is_none_or(|quality| name.preset == Some(quality))
+        };
+        if !DENOISERS.into_iter().any(|denoiser| matches(denoiser.name())) {
+            let [method, quality] = [method, quality].map(Option::unwrap_or_default);
+            return Err(format!("no denoiser `{method}` of quality `{quality}`"));
+        }
         let budgets = [
             ("spp", self.spp.map(f64::from)),
             ("seconds", self.seconds),

@@ -7,7 +7,8 @@ use serde::Serialize;
 use super::colour_scale::ColourScale;
 use super::command::Rectangle;
 use super::view::View;
-use crate::progressive::{Estimated, Forecast, Point, Settings};
+use crate::filter::DenoiserName;
+use crate::progressive::{EstimateSummary, Forecast, Point, Settings};
 
 /// What the render is doing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -32,6 +33,10 @@ pub struct Status<'a> {
     /// The limit that ended a finished render.
     pub stopped_by: Option<crate::progressive::StoppedBy>,
     pub settings: &'a Settings,
+    /// All denoisers, for the page to choose from.
+    pub denoisers: &'a [DenoiserInfo],
+    /// The denoiser that made the image that is shown.
+    pub made_by: Option<DenoiserName>,
     pub views: &'a [ViewInfo],
     pub statistics: Statistics,
     /// Estimated error over time.
@@ -42,6 +47,14 @@ pub struct Status<'a> {
     pub region: Option<Rectangle>,
     /// The latest notices, newest last.
     pub notices: &'a VecDeque<Notice>,
+}
+
+/// A denoiser that the page offers.
+#[derive(Clone, Copy, Serialize)]
+pub struct DenoiserInfo {
+    #[serde(flatten)]
+    pub name: DenoiserName,
+    pub summary: &'static str,
 }
 
 /// A view that this render has; maps have a colour scale.
@@ -66,7 +79,7 @@ pub struct Statistics {
     /// Fraction of the time that filter passes took.
     pub filter_fraction: f64,
     pub memory_bytes: Option<u64>,
-    pub estimate: Option<Estimated>,
+    pub estimate: Option<EstimateSummary>,
 }
 
 /// The camera's lens and its distance to the pivot, in scene units.

@@ -3,10 +3,10 @@
 use serde::{Deserialize, Serialize};
 
 use super::colour_scale::{ColourScale, Curve};
-use crate::filter;
+use crate::filter::{self, FilterResult};
 use crate::image::Planes;
 use crate::image::metrics::RELMSE_EPSILON;
-use crate::progressive::{Settings, Shown};
+use crate::progressive::Settings;
 use crate::stats::{Block, Layout, Part, Store};
 
 /// Smallest budget for which the scale of sample counts is made, in samples per pixel.
@@ -64,17 +64,17 @@ impl View {
     }
 
     /// Returns the view's planes (1 or 3); `None` before the first filter pass that makes them.
-    pub fn planes(self, store: &Store, shown: Option<&Shown>) -> Option<Planes> {
+    pub fn planes(self, store: &Store, shown: Option<&FilterResult>) -> Option<Planes> {
         let means = |block| Some(store.means(Part::Whole, store.layout().block(block)?));
         let raw = || store.means(Part::Whole, store.layout().radiance());
         match self {
-            View::Filtered => shown.map(|shown| shown.filtered.image.clone()),
+            View::Filtered => shown.map(|shown| shown.image.clone()),
             View::Raw => Some(raw()),
             View::Samples => Some(store.count_plane()),
-            View::Error => shown.map(|shown| relative(&shown.filtered.error, &shown.filtered.image)),
+            View::Error => shown.map(|shown| relative(&shown.error, &shown.image)),
             View::Variance => Some(relative(&filter::variance_of_mean(store), &raw())),
-            View::Residual => shown.map(|shown| shown.filtered.residual.clone()),
-            View::Failure => shown.and_then(Shown::any_failure).cloned(),
+            View::Residual => shown.map(|shown| shown.residual.clone()),
+            View::Failure => Some(shown?.interpolation.as_ref()?.failure.clone()),
             View::Albedo => means(Block::Albedo),
             View::Normal => means(Block::Normal1),
         }

@@ -1,6 +1,6 @@
-//! A part of the image that gets the samples first.
+//! A region of the image that is rendered first.
 
-use super::Settings;
+use super::settings::Settings;
 use crate::adaptive::Allocation;
 
 /// Columns and rows of the store, half open.
@@ -10,22 +10,22 @@ pub struct Region {
     pub y: [usize; 2],
 }
 
-/// A region's share of a batch.
-pub(super) struct Share {
+/// A batch within a region.
+pub(super) struct RegionBatch {
     pixels: Vec<usize>,
     width: usize,
     samples: u64,
 }
 
 impl Region {
-    /// The region's share of a batch of `total`; `None` if it is empty or has had its budget.
-    pub(super) fn share(
+    /// Returns the batch of at most `total` samples that the region gets; `None` if it is empty or has its budget.
+    pub(super) fn batch(
         &self,
         counts: &[u32],
         width: usize,
         total: u64,
         settings: &Settings,
-    ) -> Option<Share> {
+    ) -> Option<RegionBatch> {
         let height = counts.len() / width.max(1);
         let [x0, x1] = self.x.map(|x| x.min(width));
         let [y0, y1] = self.y.map(|y| y.min(height));
@@ -35,13 +35,13 @@ impl Region {
         let most = settings.budget.spp.map_or(settings.max_spp, |spp| spp.min(settings.max_spp));
         // As with batches of the whole image: the total doubles.
         let samples = have.max(all(settings.min_spp.max(1))).min(total).min(all(most).saturating_sub(have));
-        (samples > 0).then_some(Share { pixels, width: x1 - x0, samples })
+        (samples > 0).then_some(RegionBatch { pixels, width: x1 - x0, samples })
     }
 }
 
-impl Share {
-    /// An allocation of the whole image in which only the region gets samples, as `spread` spreads them
-    /// over (priorities, counts, width, total). Its probes are none: they would not stand for the image.
+impl RegionBatch {
+    /// Returns an allocation of the whole image in which only the region gets samples, as `spread` spreads them over
+    /// (priorities, counts, width, total). It has no probes: they would not stand for the image.
     pub fn allocate(
         &self,
         counts: &[u32],
@@ -62,7 +62,7 @@ impl Share {
 mod tests {
     use super::*;
     use crate::adaptive::{self, Sampling};
-    use crate::progressive::Budget;
+    use crate::progressive::budget::Budget;
 
     fn settings(spp: u32) -> Settings {
         Settings {
@@ -78,9 +78,9 @@ mod tests {
         let region = Region { x: [2, 4], y: [1, 3] };
         let mut counts = vec![2; 6 * 5];
         let mut sizes = Vec::new();
-        while let Some(share) = region.share(&counts, 6, 10_000, &settings(20)) {
+        while let Some(batch) = region.batch(&counts, 6, 10_000, &settings(20)) {
             let uniform = |_: Option<&[f32]>, have: &[u32], _, total| adaptive::uniform(total, have, 1000, 0);
-            let allocation = share.allocate(&counts, None, uniform);
+            let allocation = batch.allocate(&counts, None, uniform);
             assert!(!allocation.probes.contains(&true));
             sizes.push(allocation.counts.iter().sum::<u32>());
             counts.iter_mut().zip(&allocation.counts).for_each(|(n, new)| *n += new);
@@ -93,6 +93,6 @@ mod tests {
     #[test]
     fn a_region_outside_the_image_is_none() {
         let region = Region { x: [7, 9], y: [0, 5] };
-        assert!(region.share(&[2; 30], 6, 100, &settings(20)).is_none());
+        assert!(region.batch(&[2; 30], 6, 100, &settings(20)).is_none());
     }
 }

@@ -1,30 +1,18 @@
-//! What the loop follows, and what a render with that takes.
+//! The settings of a render.
 
-use super::Budget;
+use super::budget::Budget;
 use crate::adaptive::{self, PrioritySettings, Sampling};
-use crate::filter::{Quality, rpf};
+use crate::filter::{DENOISERS, Denoiser, SampleVectors, UNFILTERED};
 use crate::stats::{Layout, Store};
 
-/// The reconstruction.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Denoiser {
-    /// The mean of the samples.
-    None,
-    /// P-RPF, or what its quality stands for.
-    Prpf,
-    /// Random parameter filtering, on whole samples; it has no qualities. Between batches, where no error is
-    /// to be reached, P-RPF's draft stands in.
-    Rpf,
-}
-
-/// Everything the loop follows.
+/// Everything that the loop follows.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Settings {
     pub budget: Budget,
     pub sampling: Sampling,
-    pub denoiser: Denoiser,
-    pub quality: Quality,
+    /// In files: `denoiser`, and `quality` for one that has presets.
+    #[serde(flatten)]
+    pub denoiser: &'static dyn Denoiser,
     pub seed: u64,
     /// Floor per pixel.
     pub min_spp: u32,
@@ -32,21 +20,20 @@ pub struct Settings {
     #[serde(with = "ceiling")]
     pub max_spp: u32,
     pub priority: PrioritySettings,
-    /// Sample vectors kept per pixel at least; the denoiser may need more.
+    /// Least number of sample vectors per pixel in the reservoir; the denoiser may need more.
     pub reservoir: usize,
 }
 
 /// Floor per pixel of adaptive sampling.
 pub const MIN_SPP: u32 = 4;
 
-/// What `prpf render` follows where nothing else is asked for, without any budget.
+/// The settings of `prpf render` without options, and without a budget.
 impl Default for Settings {
     fn default() -> Self {
         Self {
             budget: Budget::default(),
             sampling: Sampling::Adaptive,
-            denoiser: Denoiser::Prpf,
-            quality: Quality::Standard,
+            denoiser: DENOISERS[0],
             seed: 0,
             min_spp: MIN_SPP,
             max_spp: NO_CEILING,
@@ -56,7 +43,7 @@ impl Default for Settings {
     }
 }
 
-/// Without a ceiling a pixel still cannot count beyond what indices hold.
+/// No ceiling per pixel: more samples than any render takes.
 pub const NO_CEILING: u32 = u32::MAX / 4;
 
 mod ceiling {
@@ -73,58 +60,107 @@ mod ceiling {
     }
 }
 
-/// Sample vectors kept per pixel where mutual information is estimated: enough for the smallest of
-/// its windows.
-pub const RESERVOIR: usize = 8;
-
-/// Sample vectors that a render with these settings keeps per pixel.
-pub fn reservoir_capacity(settings: &Settings) -> usize {
-    let needed = match (settings.denoiser, settings.quality) {
-        (Denoiser::Rpf, _) => most_samples(settings),
-        (Denoiser::Prpf, Quality::Paper) => RESERVOIR,
-        _ => 0,
-    };
-    needed.max(settings.reservoir)
-}
-
-/// Samples that a pixel can get, as far as budgets limit it.
-fn most_samples(settings: &Settings) -> usize {
-    let of_mean = match settings.sampling {
-        Sampling::Uniform => 1.0,
-        Sampling::Adaptive => adaptive::CEILING,
-    };
-    let budget = settings.budget.spp.map_or(u32::MAX, |spp| (f64::from(spp) * of_mean) as u32);
-    budget.min(settings.max_spp) as usize
+/// Settings that no render can follow.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error("{field}: found {found}; accepted is {accepted}")]
+pub struct SettingsError {
+    pub field: &'static str,
+    pub found: String,
+    pub accepted: String,
 }
 
 impl Settings {
-    /// Whether failures of interpolation are among what drives the samples.
-    pub(super) fn drives_interpolation(&self) -> bool {
-        self.denoiser != Denoiser::None
+    /// Checks that the settings are in range and do not contradict each other.
+    ///
+    /// # Errors
+    /// The first field that is wrong.
+    pub fn validate(&self) -> Result<(), SettingsError> {
+        let error = |field, found: &dyn ToString, accepted: String| {
+            Err(SettingsError { field, found: found.to_string(), accepted })
+        };
+        let Budget { spp, seconds, target_error } = self.budget;
+        if spp == Some(0) {
+            return error("spp", &0, "a number from 1 up, or none".to_owned());
+        }
+        for (field, value) in [("seconds", seconds), ("target_error", target_error)] {
+            if let Some(value) = value.filter(|value| !(value.is_finite() && *value > 0.0)) {
+                return error(field, &value, "a finite number above 0, or none".to_owned());
+            }
+        }
+        if self.max_spp == 0 || self.min_spp > self.max_spp {
+            return error("max_spp", &self.max_spp, format!("a number from {} up", self.min_spp.max(1)));
+        }
+        let weights = [
+            ("filtered_variance", self.priority.filtered_variance),
+            ("raw_variance", self.priority.raw_variance),
+            ("interpolation_failure", self.priority.interpolation_failure),
+            ("residual", self.priority.residual),
+        ];
+        match weights.into_iter().find(|(_, weight)| !(weight.is_finite() && *weight >= 0.0)) {
+            Some((field, weight)) => error(field, &weight, "a finite weight from 0 up".to_owned()),
+            None => Ok(()),
+        }
+    }
+
+    /// Returns the denoiser of passes between batches. Where an error is to be reached, it is the error of the method's
+    /// own image.
+    pub fn interim_denoiser(&self) -> &'static dyn Denoiser {
+        let (asked, stand_in) = (self.denoiser, self.denoiser.stand_in());
+        let is_other_method = stand_in.name().method != asked.name().method;
+        if self.budget.target_error.is_some() && is_other_method { asked } else { stand_in }
+    }
+
+    /// Returns whether failures of interpolation drive the samples.
+    pub(super) fn uses_failure_map(&self) -> bool {
+        self.denoiser != UNFILTERED
             && self.sampling == Sampling::Adaptive
             && self.priority.interpolation_failure > 0.0
     }
+
+    /// Returns the sample vectors per pixel that a render with these settings keeps at most.
+    pub fn reservoir_capacity(&self) -> usize {
+        let needed = match self.denoiser.reads().sample_vectors {
+            SampleVectors::None => 0,
+            SampleVectors::Reservoir(size) => size,
+            SampleVectors::All { .. } => self.most_samples(),
+        };
+        needed.max(self.reservoir)
+    }
+
+    /// Returns the samples that a pixel can get, as far as budgets limit them.
+    fn most_samples(&self) -> usize {
+        let ratio_to_mean = match self.sampling {
+            Sampling::Uniform => 1.0,
+            Sampling::Adaptive => adaptive::CEILING,
+        };
+        let budget = self.budget.spp.map_or(u32::MAX, |spp| (f64::from(spp) * ratio_to_mean) as u32);
+        budget.min(self.max_spp) as usize
+    }
 }
 
-/// Memory that a render with these settings takes, per pixel.
+/// The memory of a pixel.
 #[derive(Clone, Copy, Debug)]
 pub struct PixelMemory {
     /// Bytes of statistics.
     pub statistics: usize,
-    /// Samples that are kept whole, at most.
-    pub samples: usize,
-    /// Bytes of each of them, with what the filter needs beside it.
-    pub per_sample: usize,
+    /// Most sample vectors in the reservoir.
+    pub sample_vectors: usize,
+    /// Bytes of each, with those that the denoiser needs beside it.
+    pub per_sample_vector: usize,
 }
 
 impl PixelMemory {
-    pub fn of(layout: &Layout, settings: &Settings) -> Self {
+    /// Computes the memory of a pixel in a render with these settings.
+    pub fn new(layout: &Layout, settings: &Settings) -> Self {
         let statistics = Store::bytes_per_pixel(layout, 0);
-        let beside = if settings.denoiser == Denoiser::Rpf { rpf::BYTES_PER_SAMPLE } else { 0 };
+        let beside = match settings.denoiser.reads().sample_vectors {
+            SampleVectors::All { bytes_beside } => bytes_beside,
+            SampleVectors::None | SampleVectors::Reservoir(_) => 0,
+        };
         Self {
             statistics,
-            samples: reservoir_capacity(settings),
-            per_sample: Store::bytes_per_pixel(layout, 1) - statistics + beside,
+            sample_vectors: settings.reservoir_capacity(),
+            per_sample_vector: Store::bytes_per_pixel(layout, 1) - statistics + beside,
         }
     }
 }
@@ -132,6 +168,32 @@ impl PixelMemory {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn settings_out_of_range_are_named() {
+        let budget = |spp, seconds| Budget { spp, seconds, target_error: None };
+        let of = |budget, min_spp, max_spp| Settings { budget, min_spp, max_spp, ..Settings::default() };
+        let field = |settings: Settings| settings.validate().err().map(|error| error.field);
+        assert_eq!(field(Settings::default()), None);
+        assert_eq!(field(of(budget(Some(8), Some(1.0)), 4, 8)), None);
+        assert_eq!(field(of(budget(Some(0), None), 0, 8)), Some("spp"));
+        assert_eq!(field(of(budget(None, Some(0.0)), 4, 8)), Some("seconds"));
+        assert_eq!(field(of(budget(None, Some(f64::NAN)), 4, 8)), Some("seconds"));
+        assert_eq!(field(of(budget(None, None), 4, 2)), Some("max_spp"));
+        let priority = PrioritySettings { residual: -1.0, ..PrioritySettings::default() };
+        assert_eq!(field(Settings { priority, ..Settings::default() }), Some("residual"));
+    }
+
+    #[test]
+    fn settings_are_written_with_the_names_of_denoiser_and_preset() {
+        for denoiser in DENOISERS {
+            let settings = Settings { denoiser, ..Settings::default() };
+            let value = serde_json::to_value(&settings).unwrap();
+            assert_eq!(value["denoiser"], denoiser.name().method);
+            assert_eq!(value.get("quality").and_then(|q| q.as_str()), denoiser.name().preset);
+            assert_eq!(serde_json::from_value::<Settings>(value).unwrap(), settings);
+        }
+    }
 
     #[test]
     fn no_ceiling_is_written_as_null_and_read_back() {

@@ -1,11 +1,11 @@
-//! A batch in steps: any share of it is spread over the image as the whole is.
+//! Steps of a batch: any fraction of it is spread over the image as the whole is.
 //!
-//! A pixel's turn comes by ordered dithering (Bayer 1973), so that a batch that the clock cuts short
-//! leaves no visible border between what it reached and what it did not.
+//! Ordered dithering (Bayer 1973) decides when a pixel gets its samples, so that a batch that the clock cuts short leaves
+//! no visible border between the pixels that it reached and the others.
 
 use rayon::prelude::*;
 
-use crate::stats::{BLOCK, Store};
+use crate::stats::{PIXEL_BLOCK, Store};
 
 /// Side of the dither matrix.
 const SIDE: usize = 8;
@@ -15,21 +15,21 @@ const GOLDEN_RATIO: f64 = 0.618_033_988_749_894_9;
 /// How fine the dithering is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub enum Grain {
-    /// Single pixels: the first samples of all are an image as soon as can be.
+    /// Single pixels: the first samples are an image as soon as possible.
     Pixel,
-    /// Pixels whose samples the store takes in together: with small steps it is half as fast else.
+    /// Pixels whose samples the store takes in together: with single pixels, small steps are half as fast.
     Block,
 }
 
-/// Samples to add per pixel to come from share `from` of a batch to share `to`; from 0 to 1 it is
-/// `counts`. Even counts grow by pairs, so that both halves of a pixel grow alike.
+/// Returns the samples per pixel that lead from the fraction `from` of a batch to the fraction `to`; from 0 to 1 they
+/// are `counts`. Even counts grow by pairs, so that both halves of a pixel grow alike.
 pub(super) fn between(counts: &[u32], store: &Store, grain: Grain, from: f64, to: f64) -> Vec<u32> {
     let width = store.width().max(1);
-    let side = if grain == Grain::Block { BLOCK } else { 1 };
-    let part = |n: u32, turn: f64, share: f64| {
+    let side = if grain == Grain::Block { PIXEL_BLOCK } else { 1 };
+    let part = |n: u32, turn: f64, fraction: f64| {
         let unit = 2 - n % 2;
         let units = n / unit;
-        unit * ((f64::from(units) * share + turn) as u32).min(units)
+        unit * ((f64::from(units) * fraction + turn) as u32).min(units)
     };
     let mut step = vec![0; counts.len()];
     step.par_chunks_mut(width).zip(counts.par_chunks(width)).enumerate().for_each(|(y, (step, counts))| {

@@ -5,8 +5,8 @@ use std::f32::consts::{FRAC_PI_2, FRAC_PI_4};
 
 use glam::Vec2;
 
-/// Maps the unit square to the unit disk; the square's centre goes to the disk's. Without a branch, so
-/// that it can be done for many points at once.
+/// Maps the unit square to the unit disk, centre to centre. Without branches, so that loops over lanes become
+/// vector instructions.
 #[inline(always)]
 pub fn concentric_disk(u: Vec2) -> Vec2 {
     let (x, y) = (2.0 * u.x - 1.0, 2.0 * u.y - 1.0);
@@ -18,7 +18,7 @@ pub fn concentric_disk(u: Vec2) -> Vec2 {
     if x_is_larger { Vec2::new(along, across) } else { Vec2::new(across, along) }
 }
 
-/// Sine and cosine of an angle given in turns, in [0, 1].
+/// Returns sine and cosine of an angle given in turns, in [0, 1].
 #[inline(always)]
 pub fn sin_cos_of_turns(turns: f32) -> (f32, f32) {
     let quarters = 4.0 * turns;
@@ -29,8 +29,8 @@ pub fn sin_cos_of_turns(turns: f32) -> (f32, f32) {
     (if sin_is_negative { -sin } else { sin }, if cos_is_negative { -cos } else { cos })
 }
 
-/// Sine and cosine of an angle in [-π/4, π/4], to about a rounding: polynomials with the coefficients of
-/// the Cephes library (Moshier), whose error there is below 2⁻²⁵.
+/// Returns sine and cosine of an angle in [-π/4, π/4]: polynomials with the coefficients of the Cephes library
+/// (Moshier), whose error there is below 2⁻²⁵ before rounding.
 #[inline(always)]
 fn sin_cos_within_45_degrees(x: f32) -> (f32, f32) {
     let z = x * x;
@@ -44,7 +44,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn equal_areas_of_the_disk_get_equal_shares() {
+    fn points_are_uniform_in_the_disk() {
         let n = 200;
         let points = (0..n * n)
             .map(|i| concentric_disk(Vec2::new((i % n) as f32 + 0.5, (i / n) as f32 + 0.5) / n as f32));
@@ -60,7 +60,7 @@ mod tests {
     }
 
     #[test]
-    fn sines_and_cosines_are_those_of_the_angle() {
+    fn sine_and_cosine_match_double_precision() {
         for i in 0..=100_000 {
             let turns = i as f32 / 100_000.0;
             let (sin, cos) = sin_cos_of_turns(turns);
@@ -71,7 +71,7 @@ mod tests {
     }
 
     #[test]
-    fn the_middle_of_the_square_is_that_of_the_disk() {
+    fn the_centre_and_the_edges_map_to_those_of_the_disk() {
         assert_eq!(concentric_disk(Vec2::splat(0.5)), Vec2::ZERO);
         assert!((concentric_disk(Vec2::new(1.0, 0.5)) - Vec2::X).length() < 1e-7);
         assert!((concentric_disk(Vec2::new(0.5, 0.0)) - Vec2::NEG_Y).length() < 1e-7);

@@ -1,21 +1,21 @@
-//! Maps between the unit square of an image and the unit sphere of directions: environments, and cameras that see
-//! all around.
+//! Maps between the unit square of an image and the unit sphere of directions, for environment lights and
+//! spherical cameras.
 
 use std::f32::consts::{FRAC_PI_4, PI};
 
 use glam::{Vec2, Vec3};
 
-/// How an image wraps around the sphere. Rows run from v = 0 downwards.
+/// Parametrisation of the sphere by an image. Rows run from v = 0 downwards.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SphereMap {
-    /// Azimuth around z over u, angle from z over v.
+    /// Latitude and longitude: azimuth around z over u, polar angle from z over v.
     LatLong,
-    /// The octahedral map that keeps areas (Clarberg 2008).
+    /// The equal-area octahedral map (Clarberg 2008).
     EqualArea,
 }
 
 impl SphereMap {
-    /// The unit direction of a point of the square.
+    /// Returns the unit direction of a point of the square.
     #[inline]
     pub fn direction(self, uv: Vec2) -> Vec3 {
         match self {
@@ -27,7 +27,7 @@ impl SphereMap {
             Self::EqualArea => {
                 let p = 2.0 * uv - 1.0;
                 let a = p.abs();
-                // Signed distance from the diagonal, which is the equator.
+                // Signed distance from the diagonals that map to the equator.
                 let d = 1.0 - a.x - a.y;
                 let r = 1.0 - d.abs();
                 let phi = if r == 0.0 { FRAC_PI_4 } else { FRAC_PI_4 * ((a.y - a.x) / r + 1.0) };
@@ -42,11 +42,12 @@ impl SphereMap {
         }
     }
 
-    /// The point of the square that continues it at `uv`, at most one square beyond its borders.
+    /// Returns the point of the square for a point at most one square beyond its borders, by continuation on
+    /// the sphere.
     #[inline]
     pub fn wrapped(self, mut uv: Vec2) -> Vec2 {
         if self == Self::EqualArea {
-            // The halves of each border meet in its middle.
+            // Each border is folded onto itself around its middle.
             for axis in 0..2 {
                 if !(0.0..=1.0).contains(&uv[axis]) {
                     uv[axis] = if uv[axis] < 0.0 { -uv[axis] } else { 2.0 - uv[axis] };
@@ -54,11 +55,11 @@ impl SphereMap {
                 }
             }
         }
-        // Angles go round by themselves.
+        // Angles beyond a border need no wrapping, because sine and cosine are periodic.
         uv
     }
 
-    /// The point of the square of a unit direction.
+    /// Returns the point of the square of a unit direction.
     #[inline]
     pub fn uv(self, direction: Vec3) -> Vec2 {
         match self {
@@ -80,7 +81,7 @@ impl SphereMap {
         }
     }
 
-    /// Solid angle per area of the square.
+    /// Returns the solid angle per area of the square.
     #[inline]
     pub fn solid_angle(self, uv: Vec2) -> f32 {
         match self {
@@ -89,12 +90,13 @@ impl SphereMap {
         }
     }
 
-    /// The texel that continues the image at (`x`, `y`), at most one step beyond its borders.
+    /// Returns the texel for (`x`, `y`) at most one step beyond the borders of an image, by continuation on the
+    /// sphere.
     #[inline]
     pub fn wrap(self, x: isize, y: isize, width: usize, height: usize) -> (usize, usize) {
         let (w, h) = (width as isize, height as isize);
         let (x, y) = match self {
-            // Around the sphere sideways; the poles' rows continue themselves.
+            // Columns wrap around; the rows at the poles repeat.
             Self::LatLong => (x.rem_euclid(w), y.clamp(0, h - 1)),
             // Every border is folded onto itself around its middle.
             Self::EqualArea => {
@@ -119,7 +121,7 @@ mod tests {
     }
 
     #[test]
-    fn the_map_to_the_sphere_and_back_changes_nothing() {
+    fn directions_map_back_to_their_points() {
         for map in MAPS {
             for uv in grid(64) {
                 let direction = map.direction(uv);
@@ -130,7 +132,7 @@ mod tests {
     }
 
     #[test]
-    fn the_solid_angle_is_the_areas_change() {
+    fn the_solid_angle_is_the_jacobian_of_the_map() {
         let step = 1e-2;
         for map in MAPS {
             for uv in grid(9).map(|uv| uv + Vec2::new(3e-3, 7e-3)) {
@@ -144,7 +146,7 @@ mod tests {
     }
 
     #[test]
-    fn known_directions_stand_where_pbrt_puts_them() {
+    fn known_directions_map_as_in_pbrt() {
         let at = |map: SphereMap, d: Vec3| map.uv(d);
         assert!((at(SphereMap::LatLong, Vec3::Y) - Vec2::new(0.25, 0.5)).length() < 1e-6);
         assert!((at(SphereMap::LatLong, Vec3::NEG_Y) - Vec2::new(0.75, 0.5)).length() < 1e-6);

@@ -1,45 +1,54 @@
-//! The effects that a scene calls for, and nothing else decides what is simulated.
+//! The effects that a scene uses. They determine which dimensions a render samples and stores.
 
 use glam::Vec3;
 
-use super::material::{Additive, Metal, Roughness, RoughnessScale};
+use super::material::{Additive, Metal};
 use super::texture::RgbTextureId;
-use super::{AnimatedTransform, Integrator, Light, MaterialId, MaterialKind, Scene};
+use super::{AnimatedTransform, Integrator, Light, MaterialId, MaterialKind, MaterialTraits, Scene};
 
-/// What a render of a scene has to simulate. Everything downstream (random numbers drawn,
-/// dimensions of the sample vector, planes of the store, terms of the filter) follows from this.
+/// The effects that a scene uses.
+///
+/// Random numbers, dimensions of the sample vector, planes of the store and terms of the filter all
+/// follow from these flags.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Effects {
-    /// The camera has a lens.
+    /// The camera has a lens of nonzero radius.
     pub lens: bool,
-    /// Something moves while the shutter is open.
+    /// The camera or an instance moves while the shutter is open.
     pub motion: bool,
-    /// Some light has an extent: a surface or an environment, so that light sampling draws numbers
-    /// that the colour depends on.
+    /// A light has an extent (a surface or an environment), so that light sampling uses random
+    /// numbers that the colour depends on.
     pub extended_lights: bool,
     /// An environment surrounds the scene.
     pub environment: bool,
-    /// Some emission (surface or environment) can be seen by the camera.
+    /// The camera can see emission (of a surface or an environment).
     pub visible_emission: bool,
-    /// Some material scatters in more than a Lambertian or a perfectly specular way.
+    /// A material is neither Lambertian nor perfectly specular.
     pub glossy: bool,
-    /// Some material is perfectly specular.
+    /// A material is perfectly specular.
     pub specular: bool,
-    /// Paths are followed beyond the first hit: indirect light, or specular chains.
+    /// Paths continue beyond the first hit: indirect light, or specular chains.
     pub second_hit: bool,
-    /// Light is gathered beyond the first scattering event.
+    /// Paths gather light after more than one scattering event.
     pub indirect: bool,
-    /// Some reflectance varies over a surface.
+    /// A reflectance is textured.
     pub textures: bool,
-    /// Some reflectance varies over a surface or between surfaces, so that the albedo is a feature.
+    /// A reflectance varies over a surface or between surfaces, so that albedo is a useful feature.
     pub varied_albedo: bool,
-    /// Some surface is cut out by an alpha texture.
+    /// A surface has an alpha texture.
     pub alpha: bool,
 }
 
+impl Scene {
+    /// The effects that the scene uses.
+    pub fn effects(&self) -> Effects {
+        Effects::new(self)
+    }
+}
+
 impl Effects {
-    /// Reads off a scene what it calls for.
-    pub fn of(scene: &Scene) -> Self {
+    /// Determines the effects of a scene.
+    pub fn new(scene: &Scene) -> Self {
         let camera = &scene.camera;
         let moves =
             |transform: &AnimatedTransform| transform.moves_during(camera.shutter_open, camera.shutter_close);
@@ -47,8 +56,8 @@ impl Effects {
         let emits = scene.primitives.iter().any(|p| p.area_light.is_some_and(|light| lit(light.radiance)));
         let environment =
             scene.lights.iter().any(|light| matches!(light, Light::Environment(e) if lit(e.scale)));
-        let mut looks = Looks::new(scene);
-        scene.primitives.iter().for_each(|primitive| looks.see(primitive.material));
+        let mut summary = MaterialSummary::new(scene);
+        scene.primitives.iter().for_each(|primitive| summary.add(primitive.material));
         let indirect = matches!(scene.integrator, Integrator::Path { max_depth: 2.. });
         Self {
             lens: camera.lens_radius > 0.0,
@@ -56,17 +65,17 @@ impl Effects {
             extended_lights: emits || environment,
             environment,
             visible_emission: emits || environment,
-            glossy: looks.glossy,
-            specular: looks.specular,
-            second_hit: indirect || (looks.specular && scene.integrator.max_depth() >= 2),
+            glossy: summary.glossy,
+            specular: summary.specular,
+            second_hit: indirect || (summary.specular && scene.integrator.max_depth() >= 2),
             indirect,
-            textures: looks.textured,
-            varied_albedo: looks.textured || looks.varied,
+            textures: summary.textured,
+            varied_albedo: summary.textured || summary.varied,
             alpha: scene.primitives.iter().any(|primitive| primitive.alpha.is_some()),
         }
     }
 
-    /// Names of the effects that are on, in pbrt's and the field's words.
+    /// Names of the enabled effects.
     pub fn names(&self) -> Vec<&'static str> {
         [
             (self.lens, "depth-of-field"),
@@ -88,25 +97,25 @@ impl Effects {
     }
 }
 
-/// What the materials in use amount to.
-struct Looks<'s> {
+/// Properties of the materials in use.
+struct MaterialSummary<'s> {
     scene: &'s Scene,
-    seen: Vec<bool>,
+    visited: Vec<bool>,
     glossy: bool,
     specular: bool,
-    /// Some reflectance is no constant.
+    /// A reflectance is not constant.
     textured: bool,
     /// Two reflectances differ.
     varied: bool,
-    /// The reflectance of the first material, to compare the others with.
+    /// Reflectance of the first material, which the others are compared with.
     reflectance: Option<Vec3>,
 }
 
-impl<'s> Looks<'s> {
+impl<'s> MaterialSummary<'s> {
     fn new(scene: &'s Scene) -> Self {
         Self {
             scene,
-            seen: vec![false; scene.materials.len()],
+            visited: vec![false; scene.materials.len()],
             glossy: false,
             specular: false,
             textured: false,
@@ -115,107 +124,64 @@ impl<'s> Looks<'s> {
         }
     }
 
-    fn see(&mut self, id: MaterialId) {
-        if std::mem::replace(&mut self.seen[id.0 as usize], true) {
+    /// Adds a material, once.
+    fn add(&mut self, id: MaterialId) {
+        if std::mem::replace(&mut self.visited[id.0 as usize], true) {
             return;
         }
-        match &self.scene.materials[id.0 as usize].kind {
-            MaterialKind::Diffuse { reflectance } => self.reflects(*reflectance),
-            MaterialKind::OrenNayar { reflectance, .. } => {
-                self.reflects(*reflectance);
-                self.glossy = true;
+        let material = &self.scene.materials[id.0 as usize];
+        let traits = MaterialTraits::new(&self.scene.textures, material);
+        self.glossy |= traits.is_glossy;
+        self.specular |= traits.is_specular;
+        match &material.kind {
+            // One reflectance
+            MaterialKind::Diffuse { reflectance }
+            | MaterialKind::OrenNayar { reflectance, .. }
+            | MaterialKind::Mirror { reflectance }
+            | MaterialKind::CoatedDiffuse { reflectance, .. } => self.add_reflectance(*reflectance),
+            MaterialKind::Conductor { metal, .. } | MaterialKind::CoatedConductor { metal, .. } => {
+                self.add_conductor(metal);
             }
-            MaterialKind::Mirror { reflectance } => {
-                self.reflects(*reflectance);
-                self.specular = true;
+            MaterialKind::Dielectric { .. } | MaterialKind::ThinDielectric { .. } => {
+                self.add_constant_reflectance(Vec3::ONE);
             }
-            MaterialKind::FresnelBlend { diffuse, specular, .. } => {
-                self.reflects(*diffuse);
-                self.reflects(*specular);
-                self.glossy = true;
+            MaterialKind::Measured(table) => self.add_constant_reflectance(table.albedo(1.0)),
+            // Several reflectances
+            MaterialKind::FresnelBlend { diffuse: first, specular: second, .. }
+            | MaterialKind::DiffuseTransmission { reflectance: first, transmittance: second } => {
+                self.add_reflectance(*first);
+                self.add_reflectance(*second);
             }
-            MaterialKind::Additive(parts) => self.additive(parts),
-            MaterialKind::Measured(table) => {
-                self.reflects_constant(table.albedo(1.0));
-                self.glossy = true;
-            }
-            MaterialKind::DiffuseTransmission { reflectance, transmittance } => {
-                self.reflects(*reflectance);
-                self.reflects(*transmittance);
-            }
-            MaterialKind::Conductor { metal, roughness } => {
-                self.metal(metal);
-                self.interface(roughness);
-            }
-            MaterialKind::Dielectric { roughness, .. } => {
-                self.reflects_constant(Vec3::ONE);
-                self.interface(roughness);
-            }
-            MaterialKind::ThinDielectric { .. } => {
-                self.reflects_constant(Vec3::ONE);
-                self.specular = true;
-            }
-            MaterialKind::CoatedDiffuse { reflectance, roughness, .. } => {
-                self.reflects(*reflectance);
-                self.interface(roughness);
-            }
-            MaterialKind::CoatedConductor { metal, conductor_roughness, interface_roughness, .. } => {
-                self.metal(metal);
-                self.interface(conductor_roughness);
-                self.interface(interface_roughness);
-            }
+            MaterialKind::Additive(parts) => self.add_lobes(parts),
+            // Mixes and interfaces
             MaterialKind::Mix { first, second, .. } => {
-                self.see(*first);
-                self.see(*second);
+                self.add(*first);
+                self.add(*second);
             }
             MaterialKind::Interface => {}
         }
     }
 
-    fn additive(&mut self, parts: &Additive) {
+    fn add_lobes(&mut self, parts: &Additive) {
         let black = |id: &RgbTextureId| self.scene.textures.constant_rgb(*id) == Some(Vec3::ZERO);
-        let seen = |colours: [Option<RgbTextureId>; 2]| {
-            colours.into_iter().flatten().filter(|id| !black(id)).collect::<Vec<_>>()
-        };
-        let diffuse = seen(parts.diffuse);
-        let gloss = parts.gloss.map_or(Vec::new(), |layer| seen(layer.colours));
-        let dielectric = parts.dielectric.map_or(Vec::new(), |layer| seen(layer.colours));
-        let see_through = parts.opacity.is_some_and(|id| {
-            self.scene.textures.constant_rgb(id).is_none_or(|opacity| opacity != Vec3::ONE)
-        });
-        self.glossy |= !gloss.is_empty();
-        self.specular |= see_through;
-        if let Some(layer) = parts.dielectric.filter(|_| !dielectric.is_empty()) {
-            self.interface(&layer.roughness);
-        }
-        // Together they are what a surface reflects.
-        let colours = diffuse.into_iter().chain(gloss).chain(dielectric);
+        let layers = [parts.gloss, parts.dielectric].into_iter().flatten().flat_map(|layer| layer.colours);
+        let colours = parts.diffuse.into_iter().chain(layers).flatten().filter(|id| !black(id));
+        // The reflectance is the sum of all lobes
         let values: Option<Vec<Vec3>> = colours.map(|id| self.scene.textures.constant_rgb(id)).collect();
         match values {
-            Some(values) => self.reflects_constant(values.into_iter().sum()),
+            Some(values) => self.add_constant_reflectance(values.into_iter().sum()),
             None => self.textured = true,
         }
     }
 
-    /// A microfacet surface is specular where it has no roughness, and glossy where it has.
-    fn interface(&mut self, roughness: &Roughness) {
-        let smooth = |id| self.scene.textures.constant_float(id) == Some(0.0);
-        let can_be_smooth = roughness.scale != RoughnessScale::InverseExponent;
-        if can_be_smooth && smooth(roughness.u) && smooth(roughness.v) {
-            self.specular = true;
-        } else {
-            self.glossy = true;
-        }
-    }
-
-    fn metal(&mut self, metal: &Metal) {
+    fn add_conductor(&mut self, metal: &Metal) {
         match metal {
-            Metal::Reflectance(reflectance) => self.reflects(*reflectance),
+            Metal::Reflectance(reflectance) => self.add_reflectance(*reflectance),
             Metal::Fresnel { eta, k } => match self.constants(*eta, *k) {
-                // At normal incidence.
+                // Compute the Fresnel reflectance at normal incidence
                 Some((eta, k)) => {
                     let (minus, plus, k2) = (eta - 1.0, eta + 1.0, k * k);
-                    self.reflects_constant((minus * minus + k2) / (plus * plus + k2));
+                    self.add_constant_reflectance((minus * minus + k2) / (plus * plus + k2));
                 }
                 None => self.textured = true,
             },
@@ -226,14 +192,14 @@ impl<'s> Looks<'s> {
         self.scene.textures.constant_rgb(eta).zip(self.scene.textures.constant_rgb(k))
     }
 
-    fn reflects(&mut self, reflectance: RgbTextureId) {
+    fn add_reflectance(&mut self, reflectance: RgbTextureId) {
         match self.scene.textures.constant_rgb(reflectance) {
-            Some(reflectance) => self.reflects_constant(reflectance),
+            Some(reflectance) => self.add_constant_reflectance(reflectance),
             None => self.textured = true,
         }
     }
 
-    fn reflects_constant(&mut self, reflectance: Vec3) {
+    fn add_constant_reflectance(&mut self, reflectance: Vec3) {
         self.varied |= *self.reflectance.get_or_insert(reflectance) != reflectance;
     }
 }
@@ -258,7 +224,7 @@ mod tests {
     }
 
     #[test]
-    fn each_effect_is_called_for_by_what_makes_it() {
+    fn each_effect_follows_from_its_cause() {
         let light = "AreaLightSource \"diffuse\" Shape \"sphere\"";
         let cases: [(&str, &str, &[&str]); 10] = [
             ("Camera \"perspective\" \"float lensradius\" 1", SPHERE, &["depth-of-field"]),
@@ -300,7 +266,7 @@ mod tests {
     }
 
     #[test]
-    fn materials_that_nothing_is_made_of_do_not_count() {
+    fn unused_materials_are_ignored() {
         let unused = "MakeNamedMaterial \"a\" \"string type\" \"dielectric\" Shape \"sphere\"";
         assert!(effects(DIRECT, unused).is_empty());
     }

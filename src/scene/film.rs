@@ -1,6 +1,6 @@
 //! The film: resolution, the part of it that is rendered, the pixel filter.
 
-/// The image to be made.
+/// The image plane and its sampling.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Film {
     /// Resolution of the whole image, in pixels.
@@ -9,20 +9,19 @@ pub struct Film {
     /// The part that is rendered: x0, x1, y0, y1 in pixels, half open (pbrt's order).
     pub pixel_bounds: [usize; 4],
     pub filter: PixelFilter,
-    /// File name that the scene gives, if any.
+    /// Name of the output file in the scene, if any.
     pub filename: Option<String>,
-    /// Factor from radiance to pixel value (exposure; pbrt-v4's imaging ratio). 1 by default.
+    /// Factor from radiance to pixel value (pbrt-v4's imaging ratio).
     pub scale: f32,
 }
 
-/// Longest side of a film, in pixels: what the live page's frames can say. Keeps a slip of the pen from asking for
-/// all memory.
+/// Largest width or height of a film in pixels, the limit of the live preview's frames.
 pub const MAX_SIDE: u32 = u16::MAX as u32;
-/// Most pixels of a film.
+/// Largest number of pixels of a film.
 pub const MAX_PIXELS: u64 = 1 << 27;
 
-/// Reconstruction filter of a pixel, sampled by importance: a sample belongs to one pixel.
-/// Radii are in pixels.
+/// Reconstruction filter, importance sampled: each sample contributes to one pixel. Radii are in
+/// pixels.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum PixelFilter {
     Box {

@@ -1,15 +1,16 @@
-//! Lights that are not surfaces, and the emission of those that are.
+//! Lights without a surface, and the emission of surfaces.
 
 use glam::{Affine3A, Mat3, Vec2, Vec3};
 
-use super::texture::{ImageId, Textures, Wrap};
+use super::texture::{ImageId, Textures, WrapMode};
 
-/// A light without a surface, in render space. Radiometric quantities are linear RGB.
+/// A light without a surface, in render space. Radiometric quantities are in linear sRGB.
 #[derive(Clone, Debug)]
 pub enum Light {
-    /// Radiant intensity in all directions from a point.
+    /// An isotropic point light; `intensity` is radiant intensity.
     Point { position: Vec3, intensity: Vec3 },
-    /// A point light with a cone. `cos_falloff_start` ≥ `cos_total_width`.
+    /// A spot light. The intensity falls from `cos_falloff_start` to `cos_total_width`, which is not
+    /// larger.
     Spot {
         position: Vec3,
         axis: Vec3,
@@ -18,45 +19,45 @@ pub enum Light {
         cos_total_width: f32,
         falloff: SpotFalloff,
     },
-    /// A point light that shines an image: `intensity` is a factor of the image's, which is looked up in the
-    /// direction that `from_render` makes of one of render space.
-    Projector { position: Vec3, intensity: Vec3, from_render: Mat3, image: Projected },
-    /// Parallel light. `direction` points from the scene towards the light; `radiance` is the
-    /// irradiance on a surface facing it.
+    /// A point light that projects an image. `intensity` scales the image; `from_render` rotates
+    /// directions from render space to the image's space.
+    Projector { position: Vec3, intensity: Vec3, from_render: Mat3, image: ImageProjection },
+    /// A distant light. `direction` is the unit direction towards the light; `radiance` is the
+    /// irradiance on a surface that faces it.
     Distant { direction: Vec3, radiance: Vec3 },
-    /// Light from everywhere: constant, or an image.
+    /// An infinite area light around the scene.
     Environment(Environment),
 }
 
-/// How an image lies around a point light.
+/// The image of a point light, and its projection.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Projected {
-    /// On the whole sphere (pbrt's `goniometric` light).
-    Around(EnvironmentMap),
-    /// On a window across z, x to the right and y downwards, and nowhere else (pbrt's `projection` light).
-    /// `tan_half_fov`: tangent of half the field of view across the image's shorter side.
-    Window { image: ImageId, tan_half_fov: f32 },
+pub enum ImageProjection {
+    /// Mapped to the whole sphere (pbrt's `goniometric` light).
+    Spherical(EnvironmentMap),
+    /// Projected along z, with x to the right and y downwards; black elsewhere (pbrt's `projection`
+    /// light). `tan_half_fov` is the tangent of half the field of view across the image's shorter side.
+    Perspective { image: ImageId, tan_half_fov: f32 },
 }
 
-impl Projected {
-    /// The extent of a window's image in x / z and y / z, from the middle.
-    pub fn half_window(tan_half_fov: f32, width: usize, height: usize) -> Vec2 {
+impl ImageProjection {
+    /// Half the extent of a projected image in x / z and y / z. `width` and `height` are in texels.
+    pub fn half_extent(tan_half_fov: f32, width: usize, height: usize) -> Vec2 {
         let size = Vec2::new(width as f32, height as f32);
         size * (tan_half_fov / size.min_element())
     }
 }
 
-/// How a spot's intensity falls from 1 to 0 between its two cosines.
+/// Falloff of a spot light's intensity between its two cosines.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SpotFalloff {
-    /// pbrt-v4's.
+    /// A cubic from 0 to 1 (pbrt-v4).
     Smoothstep,
-    /// The fourth power of the share of the way (pbrt-v2 and v3).
+    /// The fourth power (pbrt-v2 and v3).
     FourthPower,
 }
 
 impl SpotFalloff {
-    /// The intensity where `t` of the way from dark to full is left.
+    /// The relative intensity at `t`, which is 0 at the outer cosine and 1 at the inner one.
     pub fn at(self, t: f32) -> f32 {
         match self {
             SpotFalloff::Smoothstep => t * t * (3.0 - 2.0 * t),
@@ -65,43 +66,44 @@ impl SpotFalloff {
     }
 }
 
-/// An environment around the scene.
+/// An environment light: constant, or an image.
 #[derive(Clone, Debug)]
 pub struct Environment {
     /// Rotates light space to render space.
     pub to_render: Affine3A,
-    /// Radiance, or factor of the image's.
+    /// Radiance, or scale factor of the image.
     pub scale: Vec3,
+    /// The image; `None` for a constant environment.
     pub map: Option<EnvironmentMap>,
-    /// It is seen through this rectangle and nowhere else.
+    /// If set, light arrives through this rectangle only.
     pub portal: Option<Portal>,
 }
 
-/// A rectangle in render space, seen from inside: its edges and the way out are right-handed.
+/// A rectangle in render space. Its two edges and the direction out of it are right-handed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Portal {
     pub corner: Vec3,
-    /// At right angles to each other.
+    /// Perpendicular to each other.
     pub edges: [Vec3; 2],
 }
 
-/// How an image wraps around the sphere of directions of light space.
+/// Mapping of an image to the sphere of directions in light space.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum EnvironmentMap {
-    /// Latitude-longitude, z up, as pbrt-v2 and v3 read them.
+    /// Latitude-longitude with z up, as in pbrt-v2 and v3.
     LatLong(ImageId),
-    /// Equal-area octahedral (Clarberg 2008), as pbrt-v4 reads them: a square image.
+    /// Equal-area octahedral (Clarberg 2008), as in pbrt-v4. The image is square.
     EqualArea(ImageId),
 }
 
-/// Emission of a surface.
+/// Emission of a surface (pbrt's diffuse area light).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AreaLight {
-    /// Emitted radiance, or factor of the image's.
+    /// Emitted radiance, or scale factor of the image.
     pub radiance: Vec3,
-    /// On the surface by its texture coordinates, v = 0 at the bottom row.
+    /// Image of the emission, mapped by texture coordinates with v = 0 at the bottom row.
     pub image: Option<ImageId>,
-    /// Emits from both sides, not only from the side the normal points to.
+    /// Whether both sides emit, and not only the side of the normal.
     pub two_sided: bool,
 }
 
@@ -113,12 +115,12 @@ impl AreaLight {
             None => self.radiance,
             Some(id) => {
                 let st = Vec2::new(uv.x, 1.0 - uv.y);
-                self.radiance * textures.image(id).bilinear::<Vec3>(st, Wrap::Clamp).max(Vec3::ZERO)
+                self.radiance * textures.image(id).bilinear::<Vec3>(st, WrapMode::Clamp).max(Vec3::ZERO)
             }
         }
     }
 
-    /// Emitted radiance, on average over the image.
+    /// Emitted radiance, averaged over the image.
     pub fn mean_radiance(&self, textures: &Textures) -> Vec3 {
         self.radiance * self.image.map_or(Vec3::ONE, |id| textures.image(id).mean_light())
     }

@@ -1,27 +1,27 @@
-//! What surfaces are made of, as data. BSDFs are made from it by the renderer.
+//! Materials: parameters of scattering models. The renderer makes BSDFs from them.
 
 use std::sync::Arc;
 
-use super::measured::MeasuredBrdf;
+use super::measured_brdf::MeasuredBrdf;
 use super::{FloatTextureId, RgbTextureId};
 
 /// Index into [`super::Scene::materials`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default)]
 pub struct MaterialId(pub u32);
 
-/// A material: what scatters, and what bends the shading normal.
+/// A material: a scattering model and perturbations of the shading normal.
 #[derive(Clone, Debug)]
 pub struct Material {
-    /// The scene's name for it; empty when it has none.
+    /// The name in the scene; empty if it has none.
     pub name: String,
     pub kind: MaterialKind,
-    /// Height in scene units, whose gradient bends the normal.
+    /// Displacement in scene units, used for bump mapping only.
     pub displacement: Option<FloatTextureId>,
     /// Tangent-space normals, encoded in [0, 1].
     pub normal_map: Option<RgbTextureId>,
 }
 
-/// Roughness along the two tangent directions.
+/// Microfacet roughness along the two tangent directions.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Roughness {
     pub u: FloatTextureId,
@@ -29,21 +29,21 @@ pub struct Roughness {
     pub scale: RoughnessScale,
 }
 
-/// What a roughness means.
+/// Relation of a roughness parameter to the microfacet distribution.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum RoughnessScale {
-    /// GGX's alpha.
+    /// GGX's alpha itself.
     Alpha,
-    /// pbrt-v4's: alpha is its root.
+    /// Alpha is the square root (pbrt-v4).
     SquareRoot,
-    /// pbrt-v3's: alpha is a polynomial of its logarithm.
+    /// Alpha is a polynomial of the logarithm (pbrt-v3).
     Logarithm,
-    /// pbrt-v2's: not GGX, but Blinn's microfacets of exponent 1 / roughness.
+    /// Blinn's distribution with exponent 1 / roughness instead of GGX (pbrt-v2).
     InverseExponent,
 }
 
 impl RoughnessScale {
-    /// GGX's alpha of a roughness; for Blinn's exponent e it is that of the same mean slope,
+    /// GGX's alpha for a roughness. For Blinn's exponent e, the alpha of equal mean slope,
     /// √(2 / (e + 2)).
     pub fn alpha(self, roughness: f32) -> f32 {
         match self {
@@ -59,50 +59,51 @@ impl RoughnessScale {
     }
 }
 
-/// Complex index of refraction by RGB, or the reflectance at normal incidence.
+/// Fresnel parameters of a conductor: the complex index of refraction, or the reflectance at normal
+/// incidence.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Metal {
     Fresnel { eta: RgbTextureId, k: RgbTextureId },
     Reflectance(RgbTextureId),
 }
 
-/// Microfacets over other parts, or a boundary, with the colour that each side's light gets.
+/// A microfacet lobe with a tint for reflection and for transmission.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Layer {
-    /// Of reflected and of transmitted light; `None` is black.
+    /// Tint of reflection and of transmission; `None` is black.
     pub colours: [Option<RgbTextureId>; 2],
     /// Relative index of refraction.
     pub eta: f32,
     pub roughness: Roughness,
 }
 
-/// The parts of the materials of pbrt-v2 and v3 that simply add up.
+/// A sum of lobes (materials of pbrt-v2 and v3).
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Additive {
     /// Lambertian reflection and transmission; `None` is black.
     pub diffuse: [Option<RgbTextureId>; 2],
-    /// Microfacets that reflect; what is transmitted is the mirror image below the surface.
+    /// A glossy lobe; its transmission is the mirror image below the surface.
     pub gloss: Option<Layer>,
-    /// A boundary that reflects and refracts.
+    /// A dielectric interface that reflects and refracts.
     pub dielectric: Option<Layer>,
-    /// Share of light that meets any of them; the rest goes straight through. `None` is all.
+    /// Fraction of light that is scattered; the rest passes straight through. `None` is opaque.
     pub opacity: Option<RgbTextureId>,
 }
 
-/// The scattering models of pbrt-v4 and of its older versions, and one for invisible boundaries.
+/// The scattering models of pbrt-v4, v3 and v2.
 #[derive(Clone, Debug)]
 pub enum MaterialKind {
     /// Lambertian reflection.
     Diffuse { reflectance: RgbTextureId },
-    /// Rough diffuse reflection; `sigma` in degrees (v2, v3).
+    /// Oren-Nayar reflection; `sigma` in degrees (v2, v3).
     OrenNayar { reflectance: RgbTextureId, sigma: FloatTextureId },
-    /// A mirror that is the same at every angle (v2, v3).
+    /// Specular reflection without Fresnel reflectance (v2, v3).
     Mirror { reflectance: RgbTextureId },
-    /// A diffuse base under gloss; `specular` at normal incidence (v2, v3).
+    /// Ashikhmin-Shirley: a diffuse base under a glossy coat; `specular` at normal incidence (v2, v3).
     FresnelBlend { diffuse: RgbTextureId, specular: RgbTextureId, roughness: Roughness },
-    /// A sum of parts (v2, v3).
+    /// A sum of lobes (v2, v3).
     Additive(Box<Additive>),
-    /// A table of measured values.
+    /// A measured BRDF.
     Measured(Arc<MeasuredBrdf>),
     /// Lambertian reflection and transmission.
     DiffuseTransmission { reflectance: RgbTextureId, transmittance: RgbTextureId },
@@ -110,14 +111,14 @@ pub enum MaterialKind {
     Conductor { metal: Metal, roughness: Roughness },
     /// GGX microfacet dielectric that reflects and refracts.
     Dielectric { eta: f32, roughness: Roughness },
-    /// A pane without thickness: reflects and lets straight through.
+    /// A thin pane that reflects and transmits without bending light.
     ThinDielectric { eta: f32 },
-    /// Diffuse base under a dielectric coat.
+    /// A diffuse base under a dielectric coating.
     CoatedDiffuse { reflectance: RgbTextureId, eta: f32, roughness: Roughness },
-    /// Conductor under a dielectric coat.
+    /// A conductor under a dielectric coating.
     CoatedConductor { metal: Metal, conductor_roughness: Roughness, eta: f32, interface_roughness: Roughness },
-    /// `amount` of the second, the rest of the first.
+    /// A stochastic choice: `second` with probability `amount`, otherwise `first`.
     Mix { first: super::MaterialId, second: super::MaterialId, amount: FloatTextureId },
-    /// A boundary that light passes unchanged.
+    /// An interface between media that does not change light.
     Interface,
 }

@@ -1,4 +1,4 @@
-//! Shapes, and the primitives and objects made of them.
+//! Shapes, primitives, objects and instances.
 
 use std::sync::Arc;
 
@@ -8,10 +8,9 @@ use super::{AnimatedTransform, AreaLight, FloatTextureId, MaterialId};
 
 /// Triangles in the space of the object they belong to (render space for the static object).
 ///
-/// `normals` and `uvs` are empty or as long as `positions`; every index is in range; positions
-/// are finite. Every triangle has an area, and where there are normals, they are of unit length
-/// and on the side of the triangle that is its front ([`Primitive::flip_normal`] applied). The
-/// reader guarantees this.
+/// `normals` and `uvs` are empty or as long as `positions`; every index is in range; positions are
+/// finite. Every triangle has an area. Normals are of unit length and on the front side of the
+/// triangle, after [`Primitive::flip_normal`]. The reader guarantees this.
 #[derive(Clone, Debug, Default)]
 pub struct TriangleMesh {
     pub positions: Vec<Vec3>,
@@ -44,9 +43,10 @@ pub struct Disk {
     pub phi_max: f32,
 }
 
-/// Coordinates from here on cannot be intersected: products of three no longer fit single precision.
+/// Limit of coordinates. Products of three larger coordinates overflow single precision.
 pub const LARGEST_COORDINATE: f32 = 1e12;
 
+/// A shape.
 #[derive(Clone, Debug)]
 pub enum Shape {
     Mesh(Arc<TriangleMesh>),
@@ -55,8 +55,8 @@ pub enum Shape {
 }
 
 impl Shape {
-    /// Surface area in the object's space; of a sphere that is scaled differently along its axes
-    /// it is that of the sphere of the same volume.
+    /// Surface area in object space. A sphere with non-uniform scale counts as a sphere of the same
+    /// volume.
     pub fn area(&self) -> f64 {
         match self {
             Shape::Mesh(mesh) => {
@@ -79,9 +79,9 @@ impl Shape {
         }
     }
 
-    /// The largest coordinate of the box around a sphere or disk in its object's space, the whole of which is taken
-    /// for it; of a mesh, which has no transform, there is none.
-    pub fn reach(&self) -> Option<f32> {
+    /// Largest absolute coordinate of the bounding box of a full sphere or disk in object space; `None`
+    /// for a mesh.
+    pub fn max_coordinate(&self) -> Option<f32> {
         let (to_object, low, high) = match self {
             Shape::Mesh(_) => return None,
             Shape::Sphere(sphere) => {
@@ -100,7 +100,7 @@ impl Shape {
         Some((centre.abs() + extent).max_element() as f32)
     }
 
-    /// Bytes held beyond the shape itself.
+    /// Bytes of heap memory.
     pub fn memory_bytes(&self) -> usize {
         let Shape::Mesh(mesh) = self else { return 0 };
         size_of_val(&mesh.positions[..])
@@ -110,7 +110,7 @@ impl Shape {
     }
 }
 
-/// A shape with its looks.
+/// A shape with its material, alpha and emission.
 #[derive(Clone, Debug)]
 pub struct Primitive {
     pub shape: Shape,
@@ -119,20 +119,20 @@ pub struct Primitive {
     pub alpha: Option<FloatTextureId>,
     /// Only on primitives of the static object.
     pub area_light: Option<AreaLight>,
-    /// Flip the geometric normal (`ReverseOrientation`, xor a mirroring transform). The normal to
-    /// be flipped is (p1 − p0) × (p2 − p0) of a triangle, and ∂p/∂u × ∂p/∂v of other shapes, both
-    /// in the object's space, after `to_object`.
+    /// Whether the geometric normal is flipped (`ReverseOrientation` xor a mirroring transform). The
+    /// unflipped normal is (p1 − p0) × (p2 − p0) for a triangle and ∂p/∂u × ∂p/∂v for other shapes,
+    /// in object space.
     pub flip_normal: bool,
 }
 
-/// A group of primitives: a range of [`super::Scene::primitives`].
+/// An object: a range of [`super::Scene::primitives`].
 #[derive(Clone, Debug)]
 pub struct Object {
     pub name: String,
     pub primitives: std::ops::Range<usize>,
 }
 
-/// One appearance of an object.
+/// An instance of an object.
 #[derive(Clone, Debug)]
 pub struct Instance {
     /// Index into [`super::Scene::objects`], never 0.

@@ -1,29 +1,28 @@
 //! Affine transforms and their motion over the shutter interval.
 //!
-//! A moving transform is taken apart once, when it is made, into translation, rotation and
-//! stretch (polar decomposition, Shoemake and Duff 1992, "Matrix animation and polar
-//! decomposition"), and put together again at each time that is asked for.
+//! A moving transform is decomposed once into translation, rotation and stretch (Shoemake and Duff
+//! 1992, "Matrix animation and polar decomposition"), and recomposed at each time that is evaluated.
 
 use glam::{Affine3A, DAffine3, DMat3, DQuat, DVec3};
 
-/// Newton's iteration for the polar decomposition halves a wrong scale at each step and converges
-/// quadratically near the end: enough for any scale that f64 holds in practice.
+/// Limit of Newton's iteration for the polar decomposition. Each step halves the error of the scale, and
+/// convergence is quadratic near the solution.
 const POLAR_STEPS: usize = 100;
-/// Entries of a rotation are at most 1, so this is some rounding errors of it.
+/// Convergence threshold: a few rounding errors of a rotation's entries.
 const POLAR_TOLERANCE: f64 = 1e-15;
 
-/// A transform that moves between two key times. Before `start_time` and after `end_time` it
-/// stands still at the respective key.
+/// A transform that moves between two key times. It is constant before `start_time` and after
+/// `end_time`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AnimatedTransform {
     pub start: DAffine3,
     pub start_time: f32,
     pub end_time: f32,
-    /// Boxed, because most of many instances stand still.
+    /// Boxed, because most instances do not move.
     motion: Option<Box<Motion>>,
 }
 
-/// The two keys of a moving transform, taken apart.
+/// The decomposed keys of a moving transform.
 #[derive(Clone, Debug, PartialEq)]
 struct Motion {
     end: DAffine3,
@@ -56,8 +55,8 @@ impl AnimatedTransform {
         Self { start: transform, start_time: 0.0, end_time: 1.0, motion: None }
     }
 
-    /// The same motion after a translation: the result is `self.at(t) · T(offset)` at every time.
-    /// (Multiplying the keys instead would bend the path of a rotation.)
+    /// The motion `self.at(t) · T(offset)`. (Multiplying the keys instead would bend the path of a
+    /// rotation.)
     pub fn after_translation(mut self, offset: DVec3) -> Self {
         let shift = DAffine3::from_translation(offset);
         self.start *= shift;
@@ -68,8 +67,7 @@ impl AnimatedTransform {
         self
     }
 
-    /// The same motion moved as a whole: the result is `rigid · self.at(t)` at every time. `rigid` turns
-    /// and shifts only.
+    /// The motion `rigid · self.at(t)`. `rigid` is a rotation and a translation.
     pub fn moved(mut self, rigid: DAffine3) -> Self {
         let turn = DQuat::from_mat3(&rigid.matrix3);
         self.start = rigid * self.start;
@@ -86,18 +84,18 @@ impl AnimatedTransform {
         self.motion.is_some()
     }
 
-    /// Whether it takes more than one value during `[open, close]`.
+    /// Whether the transform changes during `[open, close]`.
     pub fn moves_during(&self, open: f32, close: f32) -> bool {
         self.is_animated() && open < close && self.start_time < close && open < self.end_time
     }
 
-    /// The transform at `time`: translation interpolated linearly, rotation by slerp (the shorter
-    /// way round), the remaining stretch linearly.
+    /// The transform at `time`. Translation and stretch are interpolated linearly, rotation by slerp
+    /// along the shorter arc.
     pub fn at(&self, time: f32) -> Affine3A {
         self.at_f64(time).as_affine3a()
     }
 
-    /// As [`Self::at`], in full precision.
+    /// Like [`Self::at`], in double precision.
     pub fn at_f64(&self, time: f32) -> DAffine3 {
         let Some(motion) = &self.motion else { return self.start };
         if time <= self.start_time {
@@ -115,14 +113,14 @@ impl AnimatedTransform {
         DAffine3 { matrix3, translation: translation + matrix3 * motion.before }
     }
 
-    /// Bound on the second derivative of the path of any point within `radius` of the origin, by
-    /// the fraction of the time between the keys; 0 if nothing turns or stretches.
+    /// Bound on the second derivative of the path of any point within `radius` of the origin, with
+    /// respect to the fraction of the time between the keys.
     ///
-    /// The path is T(s) + R(s) S(s) p with T and S linear, and R turning evenly by θ, so its second
-    /// derivative is at most (θ² |S| + 2 θ |S₁ - S₀|) |p|.
+    /// The path is T(s) + R(s) S(s) p, where T and S are linear and R rotates uniformly by θ, so the
+    /// second derivative is at most (θ² |S| + 2 θ |S₁ - S₀|) |p|.
     pub fn acceleration_bound(&self, radius: f64) -> f64 {
         let Some(motion) = &self.motion else { return 0.0 };
-        // The Frobenius norm bounds the spectral norm.
+        // The Frobenius norm bounds the spectral norm
         let norm = |m: DMat3| m.to_cols_array().iter().map(|x| x * x).sum::<f64>().sqrt();
         let [start, end] = motion.stretch;
         let reach = radius + motion.before.length();
@@ -130,15 +128,13 @@ impl AnimatedTransform {
             let cosine = motion.rotation[0].dot(motion.rotation[1]).abs().min(1.0);
             2.0 * cosine.acos()
         };
-        // For small angles slerp turns only nearly evenly; twice the bound covers that.
+        // Slerp is not exactly uniform for small angles; twice the bound covers the difference
         2.0 * angle * (angle * norm(start).max(norm(end)) + 2.0 * norm(end - start)) * reach
     }
 }
 
-/// Splits `m` into a rotation and a stretch (which also holds a reflection, if any):
-/// m = rotation · stretch.
-///
-/// A matrix without an inverse has no unique rotation; it is all stretch.
+/// Decomposes m = rotation · stretch. The stretch includes a reflection, if any. For a singular matrix
+/// the rotation is the identity.
 fn polar_decomposition(m: DMat3) -> (DQuat, DMat3) {
     let mut orthogonal = m;
     for _ in 0..POLAR_STEPS {
@@ -189,7 +185,7 @@ mod tests {
     }
 
     #[test]
-    fn translation_and_scale_are_linear_and_stand_still_outside_the_keys() {
+    fn translation_and_scale_are_linear_and_constant_outside_the_keys() {
         let place = |s: f64| {
             DAffine3::from_translation(DVec3::new(4.0 * s, 0.0, 1e6))
                 * DAffine3::from_scale(DVec3::splat(1.0 + s))
@@ -229,7 +225,7 @@ mod tests {
     }
 
     #[test]
-    fn motion_outside_the_shutter_does_not_count() {
+    fn motion_outside_the_shutter_is_ignored() {
         let motion = AnimatedTransform::new(turned(0.0), turned(9.0), 0.0, 1.0);
         assert!(motion.moves_during(0.0, 1.0) && motion.moves_during(0.9, 2.0));
         assert!(!motion.moves_during(0.5, 0.5) && !motion.moves_during(1.0, 2.0));

@@ -9,10 +9,13 @@ use rayon::prelude::*;
 use super::array_bytes::ArrayReader;
 use super::error::StateErrorKind;
 use super::format::{ArraySizes, CHECKSUM, MAGIC, PREAMBLE, VERSION};
-use super::header::{EstimateHeader, Header, RerunHeader, UnderWayHeader};
+use super::header::{EstimateHeader, Header, InterimHeader, PositionHeader};
 use super::render_state::RenderState;
 use crate::adaptive::Allocation;
-use crate::progressive::{ErrorEstimate, Memory, Rerun, Snapshot, UnderWay};
+use crate::filter::Interpolation;
+use crate::progressive::{
+    Checkpoint, ErrorEstimate, Grain, InterimPass, Position, SampleBatch, Snapshot, Speed,
+};
 use crate::stats::{Layout, Part, Row, RowError, Store};
 
 /// Decodes a state.
@@ -31,7 +34,7 @@ pub fn decode(file: &[u8]) -> Result<RenderState, StateErrorKind> {
         serde_json::from_slice(text).map_err(|error| StateErrorKind::Header(error.to_string()))?;
 
     // Compare the sizes with the bytes that are there
-    let layout = Layout::of_names(&header.dimensions).ok_or_else(|| wrong("unknown dimensions"))?;
+    let layout = Layout::from_names(&header.dimensions).ok_or_else(|| wrong("unknown dimensions"))?;
     let sizes = ArraySizes::new(&header, &layout).ok_or_else(|| wrong("a size beyond all memory"))?;
     // An image without columns takes no bytes, however many rows it has.
     if sizes.width == 0 || sizes.height == 0 {
@@ -41,9 +44,14 @@ pub fn decode(file: &[u8]) -> Result<RenderState, StateErrorKind> {
         return Err(wrong("its sizes are not those of the arrays"));
     }
 
-    let memory = decode_memory(&header, layout, &sizes, ArrayReader(arrays))?;
-    check(&memory)?;
-    Ok(RenderState { metadata: header.metadata, settings: header.settings, streams: header.streams, memory })
+    let checkpoint = decode_checkpoint(&header, layout, &sizes, ArrayReader(arrays))?;
+    check(&checkpoint)?;
+    Ok(RenderState {
+        metadata: header.metadata,
+        settings: header.settings,
+        streams: header.streams,
+        checkpoint,
+    })
 }
 
 /// Checks signature, version, length and checksum; returns the bytes before the checksum.
@@ -75,25 +83,25 @@ fn number(file: &[u8], at: usize) -> u64 {
 }
 
 /// Decodes the arrays, in the order in which [`super::encode()`] writes them.
-fn decode_memory(
+fn decode_checkpoint(
     header: &Header,
     layout: Layout,
     sizes: &ArraySizes,
     mut arrays: ArrayReader,
-) -> Result<Memory, StateErrorKind> {
+) -> Result<Checkpoint, StateErrorKind> {
     let store = decode_store(header, layout, sizes, &mut arrays)?;
     let estimate = header.estimate.as_ref().zip(sizes.tiles);
     let estimate = estimate.map(|(header, tiles)| decode_estimate(header, tiles, &mut arrays));
-    let rerun = header.rerun.as_ref().map(|header| decode_rerun(header, sizes, &mut arrays));
-    let under_way = header.under_way.as_ref().map(|header| decode_batch(header, sizes, &mut arrays));
-    Ok(Memory {
-        store: Arc::new(store),
-        batches: header.batches.clone(),
-        estimate,
-        rerun,
-        under_way,
-        recent: header.recent,
-    })
+    let interim = header.interim.as_ref().map(|header| decode_interim(header, sizes, &mut arrays));
+    let position = match header.position {
+        PositionHeader::Plan => Position::Plan,
+        PositionHeader::Render { done, grain } => {
+            Position::Render(decode_batch(done, grain, sizes, &mut arrays))
+        }
+        PositionHeader::Filter => Position::Filter,
+    };
+    let (passes, speed) = (header.passes.clone(), header.speed);
+    Ok(Checkpoint { store: Arc::new(store), position, passes, estimate, interim, speed })
 }
 
 fn decode_store(
@@ -117,19 +125,21 @@ fn decode_estimate(header: &EstimateHeader, tiles: [usize; 2], arrays: &mut Arra
     }
 }
 
-fn decode_rerun(
-    header: &RerunHeader,
+fn decode_interim(
+    header: &InterimHeader,
     &ArraySizes { width, height, .. }: &ArraySizes,
     arrays: &mut ArrayReader,
-) -> Rerun {
+) -> InterimPass {
     let pixels = width * height;
-    Rerun {
+    InterimPass {
+        made_by: header.made_by,
         image: arrays.planes(width, height, 3),
         variance: arrays.planes(width, height, 3),
         residual: arrays.planes(width, height, 1),
-        failure: header.failure.then(|| arrays.planes(width, height, 1)),
-        success: header.success,
-        made_of: Snapshot {
+        interpolation: header
+            .interpolation_success
+            .map(|success| Interpolation { failure: arrays.planes(width, height, 1), success }),
+        snapshot: Snapshot {
             mean: std::array::from_fn(|_| arrays.planes(width, height, 3)),
             count: std::array::from_fn(|_| arrays.counts(pixels)),
         },
@@ -137,35 +147,32 @@ fn decode_rerun(
     }
 }
 
-fn decode_batch(header: &UnderWayHeader, sizes: &ArraySizes, arrays: &mut ArrayReader) -> UnderWay {
+fn decode_batch(done: f64, grain: Grain, sizes: &ArraySizes, arrays: &mut ArrayReader) -> SampleBatch {
     let pixels = sizes.width * sizes.height;
-    UnderWay {
-        allocation: Allocation { counts: arrays.counts(pixels), probes: arrays.flags(pixels) },
-        done: header.done,
-        grain: header.grain,
-    }
+    let allocation = Allocation { counts: arrays.counts(pixels), probes: arrays.flags(pixels) };
+    SampleBatch { allocation, done, grain }
 }
 
 /// Checks that the parts fit together, as the render loop assumes.
-fn check(memory: &Memory) -> Result<(), StateErrorKind> {
+fn check(checkpoint: &Checkpoint) -> Result<(), StateErrorKind> {
     let wrong = |what: &str| Err(StateErrorKind::Header(what.to_owned()));
-    if let Some(rerun) = &memory.rerun {
-        for (h, before) in rerun.made_of.count.iter().enumerate() {
-            if before.iter().zip(memory.store.counts(Part::Half(h))).any(|(&before, now)| before > now) {
+    if let Some(interim) = &checkpoint.interim {
+        for (h, before) in interim.snapshot.count.iter().enumerate() {
+            if before.iter().zip(checkpoint.store.counts(Part::Half(h))).any(|(&before, now)| before > now) {
                 return wrong("an image of more samples than the store has");
             }
         }
     }
-    if let Some(batch) = &memory.under_way {
+    if let Position::Render(batch) = &checkpoint.position {
         let fits = |(x, row): (usize, &Row), n: u32| row.next_index(x).checked_add(n).is_some();
-        let width = memory.store.width().max(1);
-        let mut rows = memory.store.rows().iter().zip(batch.allocation.counts.chunks(width));
+        let width = checkpoint.store.width().max(1);
+        let mut rows = checkpoint.store.rows().iter().zip(batch.allocation.counts.chunks(width));
         let all_fit = rows.all(|(row, counts)| counts.iter().enumerate().all(|(x, &n)| fits((x, row), n)));
         if !(0.0..=1.0).contains(&batch.done) || !all_fit {
             return wrong("an unfinished batch with a progress outside [0, 1] or too many samples");
         }
     }
-    let (samples, seconds) = memory.recent;
+    let Speed { samples, seconds } = checkpoint.speed;
     if !(samples >= 0.0 && seconds >= 0.0) {
         return wrong("a negative sampling rate");
     }

@@ -6,7 +6,7 @@ use super::array_bytes::ArrayWriter;
 use super::format::{ArraySizes, CHECKSUM, MAGIC, PREAMBLE, VERSION};
 use super::header::Header;
 use super::render_state::RenderState;
-use crate::progressive::{Memory, Rerun};
+use crate::progressive::{Checkpoint, InterimPass, Position};
 
 /// Spare capacity of the buffer, in bytes: headers grow a little from one state of a render to the next.
 const HEADER_GROWTH: usize = 1 << 16;
@@ -15,7 +15,7 @@ const HEADER_GROWTH: usize = 1 << 16;
 /// thread pool.
 pub fn encode(state: &RenderState, file: &mut Vec<u8>) {
     // Compute all lengths
-    let Memory { store, estimate, rerun, under_way, .. } = &state.memory;
+    let Checkpoint { store, position, estimate, interim, .. } = &state.checkpoint;
     let header = Header::new(state);
     let text = serde_json::to_vec(&header).expect("a header has no keys other than text");
     let sizes = ArraySizes::new(&header, store.layout()).and_then(|sizes| Some((sizes.bytes()?, sizes)));
@@ -42,14 +42,15 @@ pub fn encode(state: &RenderState, file: &mut Vec<u8>) {
     if let Some(estimate) = estimate {
         out.planes(&estimate.tiles);
     }
-    if let Some(rerun) = rerun {
-        let Rerun { image, variance, residual, failure, made_of, probes, .. } = rerun;
+    if let Some(interim) = interim {
+        let InterimPass { image, variance, residual, interpolation, snapshot, probes, .. } = interim;
+        let failure = interpolation.as_ref().map(|found| &found.failure);
         [image, variance, residual].into_iter().chain(failure).for_each(|planes| out.planes(planes));
-        made_of.mean.iter().for_each(|mean| out.planes(mean));
-        made_of.count.iter().for_each(|count| out.counts(count));
+        snapshot.mean.iter().for_each(|mean| out.planes(mean));
+        snapshot.count.iter().for_each(|count| out.counts(count));
         out.flags(probes);
     }
-    if let Some(batch) = under_way {
+    if let Position::Render(batch) = position {
         out.counts(&batch.allocation.counts);
         out.flags(&batch.allocation.probes);
     }

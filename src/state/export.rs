@@ -13,20 +13,20 @@
 //! | `reservoir_count` | u4, \[h, w\] | |
 //! | `dimension_names`, `dimension_groups`, `dimension_units` | text, \[d\] | of the sample vector |
 //! | `image`, `variance` | f4, \[3, h, w\] | the image that the state's settings filter, and its variance (the EXR's layer `Variance` is of the unfiltered mean) |
-//! | `residual`, `error` | f4, \[h, w\] | as in [`crate::filter::Filtered`] |
-//! | `interpolation_failure` | f4, \[h, w\] | where the denoiser makes this map |
+//! | `residual`, `error` | f4, \[h, w\] | as in [`crate::filter::FilterResult`] |
+//! | `interpolation_failure` | f4, \[h, w\] | the denoiser's own, or that of the last interim pass |
 //! | `tile_error` | f4, \[⌈h/16⌉, ⌈w/16⌉\] | measured relMSE per tile, if there was a batch to measure it with |
-//! | `feature_weights` | f4, \[pass, weight, h, w\] | those of `--quality paper`, if the state has sample vectors |
+//! | `feature_weights` | f4, \[pass, weight, h, w\] | those of `--denoiser prpf`, if the state has sample vectors |
 //! | `feature_weight_names` | text, \[weight\] | β of a feature, α of a colour, randomness of the colour, sum of interpolation weights (infinite at nodes) |
-//! | `first_pass` | f4, \[3, h, w\] | the image after the first pass of `--quality paper`, what outliers lost not given back |
-//! | `header` | text, \[\] | JSON: scene, settings, streams, batches |
+//! | `first_pass` | f4, \[3, h, w\] | the image after the first pass of `--denoiser prpf`, without the redistributed excess of fireflies |
+//! | `header` | text, \[\] | JSON: scene, settings, streams, filter passes |
 
 use std::io::{self, Seek, Write};
 
 use super::header::Header;
 use super::npz::Npz;
 use super::render_state::RenderState;
-use crate::filter::{Filtered, OutlierSettings, PrpfSettings, prpf};
+use crate::filter::{FilterResult, FireflySettings, PrpfSettings, prpf};
 use crate::image::Planes;
 use crate::stats::{Dimension, Feature, Group, Moments, Part, Store};
 
@@ -34,12 +34,12 @@ use crate::stats::{Dimension, Feature, Group, Moments, Part, Store};
 ///
 /// # Errors
 /// Those of `out`.
-pub fn export(state: &RenderState, filtered: &Filtered, out: impl Write + Seek) -> io::Result<()> {
+pub fn export(state: &RenderState, filtered: &FilterResult, out: impl Write + Seek) -> io::Result<()> {
     let mut npz = Npz::new(out);
-    statistics(&state.memory.store, &mut npz)?;
-    reservoir(&state.memory.store, &mut npz)?;
+    statistics(&state.checkpoint.store, &mut npz)?;
+    reservoir(&state.checkpoint.store, &mut npz)?;
     maps(state, filtered, &mut npz)?;
-    if state.memory.store.capacity() > 0 {
+    if state.checkpoint.store.capacity() > 0 {
         weights(state, &mut npz)?;
     }
     let header = serde_json::to_string(&Header::new(state)).map_err(io::Error::from)?;
@@ -116,7 +116,7 @@ fn reservoir<W: Write + Seek>(store: &Store, npz: &mut Npz<W>) -> io::Result<()>
     npz.array("reservoir", &[height, width, store.capacity(), dims], padded)
 }
 
-fn maps<W: Write + Seek>(state: &RenderState, filtered: &Filtered, npz: &mut Npz<W>) -> io::Result<()> {
+fn maps<W: Write + Seek>(state: &RenderState, filtered: &FilterResult, npz: &mut Npz<W>) -> io::Result<()> {
     let mut planes = |name: &str, planes: &Planes| {
         let shape = [planes.count(), planes.height(), planes.width()];
         let shape = if planes.count() == 1 { &shape[1..] } else { &shape };
@@ -126,17 +126,17 @@ fn maps<W: Write + Seek>(state: &RenderState, filtered: &Filtered, npz: &mut Npz
     planes("variance", &filtered.variance)?;
     planes("residual", &filtered.residual)?;
     planes("error", &filtered.error)?;
-    if let Some(failure) = &filtered.interpolation_failure {
-        planes("interpolation_failure", failure)?;
+    if let Some(interpolation) = &filtered.interpolation {
+        planes("interpolation_failure", &interpolation.failure)?;
     }
-    match &state.memory.estimate {
+    match &state.checkpoint.estimate {
         Some(estimate) => planes("tile_error", &estimate.tiles),
         None => Ok(()),
     }
 }
 
 fn weights<W: Write + Seek>(state: &RenderState, npz: &mut Npz<W>) -> io::Result<()> {
-    let store = &state.memory.store;
+    let store = &state.checkpoint.store;
     let (names, passes) = prpf::feature_weights(store, &PrpfSettings::paper(), state.settings.seed);
     let shape = [passes.len(), names.len(), store.height(), store.width()];
     npz.array("feature_weights", &shape, passes.iter().flat_map(|pass| pass.data().iter().copied()))?;
@@ -149,7 +149,7 @@ fn weights<W: Write + Seek>(state: &RenderState, npz: &mut Npz<W>) -> io::Result
 /// Filters with the first pass alone, so that another implementation can be compared without running all four.
 fn first_pass(store: &Store, seed: u64) -> Planes {
     let paper = PrpfSettings::paper();
-    let outliers = OutlierSettings { spread_window: 0, ..paper.outliers };
+    let fireflies = FireflySettings { redistribution_window: 0, ..paper.fireflies };
     let windows = paper.windows[..1].to_vec();
-    prpf::filter(store, &PrpfSettings { windows, outliers, ..paper }, seed).image
+    prpf::filter(store, &PrpfSettings { windows, fireflies, ..paper }, seed).image
 }

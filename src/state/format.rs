@@ -11,17 +11,17 @@
 //! | 4 | CRC-32 (IEEE) of all before |
 //!
 //! Numbers are little endian. The arrays follow in this order: the store, row by row, each as
-//! [`crate::stats::Row::to_bytes`] writes it; with an estimate its tiles (f32); with a filter pass its image,
+//! [`crate::stats::Row::to_bytes`] writes it; with an estimate its tiles (f32); with an interim pass its image,
 //! variance, residual and, if there is one, failure map (f32), the means of both halves (f32) and their
 //! counts (u32) that the image was made of, and the probes (u8); with an unfinished batch its counts
 //! (u32) and probes (u8).
 
-use super::header::{Header, RerunHeader};
+use super::header::{Header, InterimHeader, PositionHeader};
 use crate::progressive::TILE;
 use crate::stats::{Layout, Row};
 
 /// Version of the format; states of other versions are refused.
-pub const VERSION: u32 = 2;
+pub const VERSION: u32 = 3;
 
 /// The first bytes of every state file.
 pub(super) const MAGIC: &[u8; 8] = b"prpfstat";
@@ -47,16 +47,19 @@ impl ArraySizes {
     /// Computes the sizes that a header calls for; `None` if they overflow or the bounds are not within the film.
     pub fn new(header: &Header, layout: &Layout) -> Option<Self> {
         let [width, height] = header.metadata.resolution()?;
-        let rerun = header.rerun.as_ref();
         // Image, variance, residual, failure map; means and counts of halves; probes.
-        let rerun_bytes =
-            |rerun: &RerunHeader| 4 * (3 + 3 + 1 + usize::from(rerun.failure)) + 4 * (6 + 2) + 1;
-        let under_way = header.under_way.as_ref().map_or(0, |_| 4 + 1);
+        let interim_bytes = |interim: &InterimHeader| {
+            4 * (3 + 3 + 1 + usize::from(interim.interpolation_success.is_some())) + 4 * (6 + 2) + 1
+        };
+        let batch_bytes = match header.position {
+            PositionHeader::Render { .. } => 4 + 1,
+            PositionHeader::Plan | PositionHeader::Filter => 0,
+        };
         Some(Self {
             width,
             height,
             row: Row::byte_len(width, layout.len(), header.capacity)?,
-            per_pixel: rerun.map_or(0, rerun_bytes) + under_way,
+            per_pixel: header.interim.as_ref().map_or(0, interim_bytes) + batch_bytes,
             tiles: header.estimate.as_ref().map(|_| [width.div_ceil(TILE), height.div_ceil(TILE)]),
         })
     }

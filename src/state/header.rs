@@ -5,7 +5,8 @@ use serde::{Deserialize, Serialize};
 use super::image_metadata::ImageMetadata;
 use super::render_state::RenderState;
 use super::stream::Stream;
-use crate::progressive::{Batch, Grain, Memory, Settings};
+use crate::filter::DenoiserName;
+use crate::progressive::{Checkpoint, Grain, PassRecord, Position, Settings, Speed};
 
 /// A state without its arrays; their presence and sizes follow from it.
 #[derive(Serialize, Deserialize)]
@@ -19,11 +20,19 @@ pub struct Header {
     pub dimensions: Vec<String>,
     /// Sample vectors per pixel that the reservoir holds at most.
     pub capacity: usize,
-    pub batches: Vec<Batch>,
-    pub recent: (f64, f64),
+    pub position: PositionHeader,
+    pub passes: Vec<PassRecord>,
+    pub speed: Speed,
     pub estimate: Option<EstimateHeader>,
-    pub rerun: Option<RerunHeader>,
-    pub under_way: Option<UnderWayHeader>,
+    pub interim: Option<InterimHeader>,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum PositionHeader {
+    Plan,
+    Render { done: f64, grain: Grain },
+    Filter,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -34,22 +43,16 @@ pub struct EstimateHeader {
 }
 
 #[derive(Serialize, Deserialize)]
-pub struct RerunHeader {
-    /// Whether a map of interpolation failures follows.
-    pub failure: bool,
-    pub success: Option<f32>,
-}
-
-#[derive(Serialize, Deserialize)]
-pub struct UnderWayHeader {
-    pub done: f64,
-    pub grain: Grain,
+pub struct InterimHeader {
+    pub made_by: DenoiserName,
+    /// With a map of interpolation failures.
+    pub interpolation_success: Option<f32>,
 }
 
 impl Header {
     /// Describes a state.
     pub fn new(state: &RenderState) -> Self {
-        let Memory { store, batches, estimate, rerun, under_way, recent } = &state.memory;
+        let Checkpoint { store, position, passes, estimate, interim, speed } = &state.checkpoint;
         Self {
             program: env!("CARGO_PKG_VERSION").to_owned(),
             metadata: state.metadata.clone(),
@@ -57,15 +60,22 @@ impl Header {
             streams: state.streams.clone(),
             dimensions: store.layout().dimensions().iter().map(|d| d.name.to_owned()).collect(),
             capacity: store.capacity(),
-            batches: batches.clone(),
-            recent: *recent,
-            estimate: estimate.as_ref().map(|e| EstimateHeader {
-                image: e.image,
-                standard_error: e.standard_error,
-                samples: e.samples,
+            position: match position {
+                Position::Plan => PositionHeader::Plan,
+                Position::Render(batch) => PositionHeader::Render { done: batch.done, grain: batch.grain },
+                Position::Filter => PositionHeader::Filter,
+            },
+            passes: passes.clone(),
+            speed: *speed,
+            estimate: estimate.as_ref().map(|estimate| EstimateHeader {
+                image: estimate.image,
+                standard_error: estimate.standard_error,
+                samples: estimate.samples,
             }),
-            rerun: rerun.as_ref().map(|r| RerunHeader { failure: r.failure.is_some(), success: r.success }),
-            under_way: under_way.as_ref().map(|u| UnderWayHeader { done: u.done, grain: u.grain }),
+            interim: interim.as_ref().map(|interim| InterimHeader {
+                made_by: interim.made_by,
+                interpolation_success: interim.interpolation.as_ref().map(|found| found.success),
+            }),
         }
     }
 }

@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use super::render_state::RenderState;
 use super::stream::Stream;
-use crate::progressive::Memory;
+use crate::progressive::{Checkpoint, Position};
 use crate::render::Shard;
 use crate::stats::Layout;
 
@@ -33,7 +33,7 @@ impl Merge {
         Self { state: first }
     }
 
-    /// Adds the samples of a state. The render loop's data (batches, estimate, filter pass) is dropped.
+    /// Adds the samples of a state. The render loop's data (passes, estimate, interim pass, unfinished batch) is dropped.
     ///
     /// # Errors
     /// A state of another image, samples that are there already, or more than a pixel can count.
@@ -42,7 +42,7 @@ impl Merge {
         if let Some((field, found, accepted)) = state.metadata.difference(&other.metadata) {
             return Err(MergeError::Differ { field, found, accepted });
         }
-        let (ours, theirs) = (&state.memory.store, &other.memory.store);
+        let (ours, theirs) = (&state.checkpoint.store, &other.checkpoint.store);
         let differ = |field, found, accepted| Err(MergeError::Differ { field, found, accepted });
         if ours.layout() != theirs.layout() {
             return differ("layout", dimension_names(theirs.layout()), dimension_names(ours.layout()));
@@ -57,11 +57,11 @@ impl Merge {
         if !can_add(&ours.next_indices(), &theirs.next_indices()) {
             return Err(MergeError::TooMany);
         }
-        Arc::make_mut(&mut state.memory.store).merge(theirs);
+        Arc::make_mut(&mut state.checkpoint.store).merge(theirs);
         state.streams.extend(counted_streams(other));
-        let Memory { batches, estimate, rerun, under_way, .. } = &mut state.memory;
-        batches.clear();
-        (*estimate, *rerun, *under_way) = (None, None, None);
+        let Checkpoint { position, passes, estimate, interim, .. } = &mut state.checkpoint;
+        passes.clear();
+        (*position, *estimate, *interim) = (Position::Filter, None, None);
         Ok(())
     }
 
@@ -85,7 +85,7 @@ fn counted_streams(state: &RenderState) -> Vec<Stream> {
 
 /// Returns the samples taken per pixel, if all pixels have the same number.
 fn uniform_count(state: &RenderState) -> Option<u32> {
-    let drawn = state.memory.store.next_indices();
+    let drawn = state.checkpoint.store.next_indices();
     drawn.first().copied().filter(|first| drawn.iter().all(|drawn| drawn == first))
 }
 

@@ -2,7 +2,7 @@
 
 use super::image_metadata::ImageMetadata;
 use super::stream::Stream;
-use crate::progressive::{Memory, Settings};
+use crate::progressive::{Checkpoint, Settings};
 
 /// Everything that is needed to resume a render, to filter it again, or to merge it with others.
 ///
@@ -13,5 +13,5 @@ pub struct RenderState {
     pub settings: Settings,
     /// Which samples the store holds: one stream, or several that were merged.
     pub streams: Vec<Stream>,
-    pub memory: Memory,
+    pub checkpoint: Checkpoint,
 }

@@ -4,9 +4,13 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::adaptive::Allocation;
-use crate::filter::Quality;
+use crate::filter::prpf::PRPF;
+use crate::filter::{DENOISERS, Interpolation};
 use crate::image::Planes;
-use crate::progressive::{Batch, Budget, ErrorEstimate, Grain, Memory, Rerun, Settings, Snapshot, UnderWay};
+use crate::progressive::{
+    Budget, Checkpoint, ErrorEstimate, Grain, InterimPass, PassRecord, Position, SampleBatch, Settings,
+    Snapshot, Speed,
+};
 use crate::render::Shard;
 use crate::stats::{Block, Layout, Part, Store};
 
@@ -29,7 +33,7 @@ fn metadata() -> ImageMetadata {
 fn settings() -> Settings {
     Settings {
         budget: Budget { spp: Some(8), seconds: Some(0.1), target_error: None },
-        quality: Quality::Paper,
+        denoiser: &PRPF,
         seed: u64::MAX - 1,
         max_spp: 99,
         reservoir: 3,
@@ -56,39 +60,44 @@ fn state(seed: u64, shard: Shard) -> RenderState {
     };
     let pixels = WIDTH * HEIGHT;
     let flags = |n: usize| (0..pixels).map(|i| i % n == 0).collect::<Vec<bool>>();
-    let made_of = Snapshot {
+    let snapshot = Snapshot {
         mean: [planes(3, 1), planes(3, 2)],
         count: [0, 1].map(|h| store.counts(Part::Half(h)).iter().map(|n| n / 2).collect()),
     };
-    let rerun = Rerun {
+    let interim = InterimPass {
+        made_by: DENOISERS[1].name(),
         image: planes(3, 3),
         variance: planes(3, 4),
         residual: planes(1, 5),
-        failure: Some(planes(1, 6)),
-        success: Some(0.7),
-        made_of,
+        interpolation: Some(Interpolation { failure: planes(1, 6), success: 0.7 }),
+        snapshot,
         probes: flags(3),
     };
     let allocation = Allocation { counts: (0..pixels as u32).collect(), probes: flags(5) };
     let mut tiles = Planes::new(2, 1, 1);
     tiles.data_mut().copy_from_slice(&[0.1, 0.3]);
-    let batch = Batch { index: 1, seconds: 0.1 + 0.2, estimated_error: Some(1.0 / 3.0), ..Batch::default() };
+    let pass = PassRecord {
+        index: 1,
+        seconds: 0.1 + 0.2,
+        estimated_error: Some(1.0 / 3.0),
+        ..PassRecord::default()
+    };
     RenderState {
         metadata: metadata(),
         settings: Settings { seed, ..settings() },
         streams: vec![Stream::new(seed, shard)],
-        memory: Memory {
+        checkpoint: Checkpoint {
             store: Arc::new(store),
-            batches: vec![Batch::default(), batch],
+            position: Position::Render(SampleBatch { allocation, done: 0.1 + 0.2, grain: Grain::Block }),
+            passes: vec![PassRecord::default(), pass],
             estimate: Some(ErrorEstimate {
                 image: 0.1 + 0.2,
                 standard_error: 1e-300,
                 samples: 1 << 60,
                 tiles,
             }),
-            rerun: Some(rerun),
-            under_way: Some(UnderWay { allocation, done: 0.1 + 0.2, grain: Grain::Block }),
-            recent: (12.5, 0.1 + 0.2),
+            interim: Some(interim),
+            speed: Speed { samples: 12.5, seconds: 0.1 + 0.2 },
         },
     }
 }
@@ -104,27 +113,30 @@ static FILE: LazyLock<Vec<u8>> = LazyLock::new(|| encoded(&state(7, Shard::WHOLE
 #[test]
 fn what_is_read_is_what_was_written_to_the_last_bit() {
     let (written, read) = (state(7, Shard::WHOLE), decode(&FILE).unwrap());
-    assert_eq!(read.memory.store.rows(), written.memory.store.rows());
-    assert_eq!(read.memory.rerun, written.memory.rerun);
-    assert_eq!(read.memory.under_way, written.memory.under_way);
-    assert_eq!(read.memory.recent, written.memory.recent);
+    assert_eq!(read.checkpoint.store.rows(), written.checkpoint.store.rows());
+    assert_eq!(read.checkpoint.interim, written.checkpoint.interim);
+    assert_eq!(read.checkpoint.position, written.checkpoint.position);
+    assert_eq!(read.checkpoint.speed, written.checkpoint.speed);
     assert_eq!((&read.metadata, &read.streams), (&written.metadata, &written.streams));
-    let (a, b) = (read.memory.estimate.as_ref().unwrap(), written.memory.estimate.as_ref().unwrap());
+    let (a, b) = (read.checkpoint.estimate.as_ref().unwrap(), written.checkpoint.estimate.as_ref().unwrap());
     assert_eq!(
         (a.image, a.standard_error, a.samples, &a.tiles),
         (b.image, b.standard_error, b.samples, &b.tiles)
     );
-    assert_eq!(encoded(&read), *FILE, "batches and settings too");
+    assert_eq!(encoded(&read), *FILE, "filter passes and settings too");
 }
 
 #[test]
 fn a_state_without_samples_is_one_too() {
     let mut state = state(7, Shard::WHOLE);
-    state.memory.store = Arc::new(Store::new(WIDTH, HEIGHT, state.memory.store.layout().clone(), 0, 7));
-    (state.memory.rerun, state.memory.under_way, state.memory.estimate) = (None, None, None);
+    state.checkpoint.store =
+        Arc::new(Store::new(WIDTH, HEIGHT, state.checkpoint.store.layout().clone(), 0, 7));
+    (state.checkpoint.interim, state.checkpoint.position, state.checkpoint.estimate) =
+        (None, Position::Plan, None);
     let read = decode(&encoded(&state)).unwrap();
-    assert_eq!(read.memory.store.rows(), state.memory.store.rows());
-    assert!(read.memory.rerun.is_none() && read.memory.under_way.is_none() && read.memory.estimate.is_none());
+    assert_eq!(read.checkpoint.store.rows(), state.checkpoint.store.rows());
+    assert!(read.checkpoint.interim.is_none() && read.checkpoint.estimate.is_none());
+    assert_eq!(read.checkpoint.position, Position::Plan);
 }
 
 /// A file that says of itself that it is whole.
@@ -205,13 +217,13 @@ fn shards_that_make_a_whole_become_it_and_others_stay_apart() {
     // Each pixel as often as it is due to the shard.
     let of_many = |k: u32, n: u32, samples: u32| {
         let mut state = state(7, Shard::new(k, n).unwrap());
-        let layout = state.memory.store.layout().clone();
+        let layout = state.checkpoint.store.layout().clone();
         let mut store = Store::new(WIDTH, HEIGHT, layout.clone(), 3, 7);
         for i in 0..WIDTH * HEIGHT {
             let values = vec![0.5; layout.len() * samples as usize];
             store.push(i % WIDTH, i / WIDTH, &values);
         }
-        state.memory.store = Arc::new(store);
+        state.checkpoint.store = Arc::new(store);
         state
     };
     let of = |k: u32, samples: u32| of_many(k, 2, samples);
@@ -222,8 +234,8 @@ fn shards_that_make_a_whole_become_it_and_others_stay_apart() {
     };
     let whole = sum(of(2, 2), of(1, 4));
     assert_eq!(whole.streams, [Stream::new(7, Shard::WHOLE)]);
-    assert_eq!(whole.memory.store.drawn(), 6 * (WIDTH * HEIGHT) as u64);
-    assert!(whole.memory.rerun.is_none() && whole.memory.batches.is_empty());
+    assert_eq!(whole.checkpoint.store.samples_taken(), 6 * (WIDTH * HEIGHT) as u64);
+    assert!(whole.checkpoint.interim.is_none() && whole.checkpoint.passes.is_empty());
     let gap = sum(of(1, 2), of(2, 4));
     assert_eq!(gap.streams.len(), 2, "indices 2 and 3 of the first shard are missing");
     assert_eq!(encoded(&decode(&encoded(&gap)).unwrap()), encoded(&gap));
@@ -287,14 +299,15 @@ fn a_disk_without_space_is_an_error_and_the_old_file_stays() {
 #[test]
 fn an_image_without_pixels_cannot_have_rows_without_end() {
     let header = u64::from_le_bytes(FILE[20..28].try_into().unwrap()) as usize;
-    let mut said: serde_json::Value = serde_json::from_slice(&FILE[28..28 + header]).unwrap();
+    let mut header_json: serde_json::Value = serde_json::from_slice(&FILE[28..28 + header]).unwrap();
     let rows = 1u64 << 60;
-    said["metadata"]["film"] = serde_json::json!([0, rows]);
-    said["metadata"]["pixel_bounds"] = serde_json::json!([0, 0, 0, rows]);
-    (said["rerun"], said["under_way"], said["estimate"]) = Default::default();
-    let said = serde_json::to_vec(&said).unwrap();
-    let mut file = [&FILE[..28], &said, &[0; 4]].concat();
-    file[20..28].copy_from_slice(&(said.len() as u64).to_le_bytes());
+    header_json["metadata"]["film"] = serde_json::json!([0, rows]);
+    header_json["metadata"]["pixel_bounds"] = serde_json::json!([0, 0, 0, rows]);
+    (header_json["interim"], header_json["estimate"]) = Default::default();
+    header_json["position"] = "plan".into();
+    let header_json = serde_json::to_vec(&header_json).unwrap();
+    let mut file = [&FILE[..28], &header_json, &[0; 4]].concat();
+    file[20..28].copy_from_slice(&(header_json.len() as u64).to_le_bytes());
     let problem = decode(&sealed(file)).unwrap_err().to_string();
     assert!(problem.ends_with("an image without pixels"), "{problem}");
 }

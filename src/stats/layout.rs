@@ -1,26 +1,25 @@
-//! The sample vector: which of its dimensions are alive, decided once by the scene's effects.
+//! The layout of a sample vector: its enabled dimensions, their names, groups and indices.
 
-use crate::scene::Effects;
-
-/// What a dimension is, and so how the filter treats it (paper, section 3: p, c, f, r).
+/// The kind of a dimension, which decides how a filter treats it (Sen and Darabi 2012, section 3: p, c,
+/// f, r).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Group {
     /// Position on the film, in pixels of the whole image.
     Position,
-    /// Radiance that is filtered: everything but directly visible emission.
+    /// Radiance that is filtered: all but directly visible emission.
     Colour,
     /// A feature of the first or second hit.
     Feature(Feature),
     /// A random parameter, in [0, 1).
     Random,
-    /// Not part of the sample vector; means and deviations are kept for other uses.
+    /// Not part of the vector that P-RPF filters; a filter or an output reads its moments.
     Auxiliary,
 }
 
-/// The kinds of features; they differ in tolerance when neighbours are chosen.
+/// The kind of a feature. Each has its own similarity threshold in the choice of neighbours.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Feature {
-    /// Render-space position over the scene's diameter, so of order 1.
+    /// Render-space position divided by the scene's diameter, so of order 1.
     WorldPosition,
     /// Component of a unit normal, in [-1, 1].
     Normal,
@@ -31,12 +30,13 @@ pub enum Feature {
 /// One dimension of a sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Dimension {
-    /// As in files and reports, e.g. `P1.x`.
+    /// The name in files and reports, e.g. `P1.x`.
     pub name: &'static str,
     pub group: Group,
 }
 
-/// A block of consecutive dimensions that belong together, present or absent as a whole.
+/// A block of consecutive dimensions, enabled or disabled as a whole. Comments give the number of its
+/// dimensions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Block {
     /// Film position (2).
@@ -53,25 +53,25 @@ pub enum Block {
     Position2,
     /// Second hit: shading normal (3).
     Normal2,
-    /// Lens numbers (2).
+    /// Random numbers of the lens sample (2).
     Lens,
-    /// Shutter number (1).
+    /// Random number of the time sample (1).
     Time,
-    /// Light-sampling numbers at the first hit (2).
+    /// Random numbers of light sampling at the first hit (2).
     Light1,
-    /// BSDF-sampling numbers at the first hit (2).
+    /// Random numbers of BSDF sampling at the first hit (2).
     Bsdf1,
-    /// Auxiliary: radiance with everything (3). Absent where nothing emissive can be seen, since
-    /// then it equals [`Block::Colour`].
+    /// Auxiliary: radiance with directly visible emission (3). Disabled if no emission is visible, since
+    /// it then equals [`Block::Colour`].
     Radiance,
-    /// Auxiliary: directly visible emission (3), what [`Block::Radiance`] has beyond
+    /// Auxiliary: directly visible emission (3), the difference between [`Block::Radiance`] and
     /// [`Block::Colour`].
     Emission,
     /// Auxiliary: 1 where the camera ray hit a surface, else 0 (1).
     Hit,
 }
 
-/// In the order of [`Block`]'s variants, which is the order in a sample.
+/// The dimensions of each block, in the order of [`Block`]'s variants, which is the order in a sample.
 const ALL: [(Block, &[Dimension]); 14] = {
     use Feature::{Albedo, Normal, WorldPosition};
     const fn dim(name: &'static str, group: Group) -> Dimension {
@@ -121,7 +121,7 @@ const ALL: [(Block, &[Dimension]); 14] = {
     ]
 };
 
-/// Dimensions of a sample when everything is alive.
+/// Number of dimensions of a sample with all blocks enabled.
 pub const MAX_DIMENSIONS: usize = {
     let (mut sum, mut i) = (0, 0);
     while i < ALL.len() {
@@ -131,8 +131,8 @@ pub const MAX_DIMENSIONS: usize = {
     sum
 };
 
-/// Which dimensions a sample has, and where. Everything downstream (record size, statistics
-/// planes, mutual-information pairs, filter terms) iterates over it.
+/// The dimensions of a sample and their indices. Record sizes, statistics planes, mutual-information pairs
+/// and filter terms follow from it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Layout {
     dimensions: Vec<Dimension>,
@@ -140,49 +140,62 @@ pub struct Layout {
 }
 
 impl Layout {
-    /// The layout that a scene with these effects needs: 27 dimensions and the auxiliary ones
-    /// when everything is on.
-    pub fn for_effects(effects: &Effects) -> Self {
-        Self::with_blocks(|block| match block {
-            Block::Film | Block::Colour | Block::Position1 | Block::Normal1 | Block::Hit => true,
-            Block::Albedo => effects.varied_albedo,
-            Block::Position2 | Block::Normal2 => effects.second_hit,
-            Block::Lens => effects.lens,
-            Block::Time => effects.motion,
-            Block::Light1 => effects.extended_lights,
-            Block::Bsdf1 => effects.second_hit,
-            Block::Radiance | Block::Emission => effects.visible_emission,
-        })
-    }
-
-    /// A layout of chosen blocks; film position and colour are always there.
-    pub fn with_blocks(alive: impl Fn(Block) -> bool) -> Self {
+    /// A layout of the blocks for which `is_enabled` is true; film position and colour are always enabled.
+    pub fn with_blocks(is_enabled: impl Fn(Block) -> bool) -> Self {
         let mut dimensions = Vec::new();
         let starts = ALL.map(|(block, dims)| {
-            let on = matches!(block, Block::Film | Block::Colour) || alive(block);
-            on.then(|| {
+            let enabled = matches!(block, Block::Film | Block::Colour) || is_enabled(block);
+            enabled.then(|| {
                 let start = dimensions.len();
                 dimensions.extend_from_slice(dims);
                 start
             })
         });
-        Self { dimensions, starts }
+        let layout = Self { dimensions, starts };
+        if cfg!(debug_assertions) {
+            layout.validate();
+        }
+        layout
     }
 
-    /// The layout whose dimensions have these names, in this order; `None` if there is none.
-    pub fn of_names<S: AsRef<str>>(names: &[S]) -> Option<Self> {
+    /// Checks the invariants: enabled blocks follow each other in the order of [`Block`] without gaps, each
+    /// with its own dimensions, and film position and colour are among them.
+    ///
+    /// # Panics
+    /// If an invariant does not hold.
+    pub fn validate(&self) {
+        let mut end = 0;
+        for (index, (block, dimensions)) in ALL.into_iter().enumerate() {
+            assert_eq!(block as usize, index, "the table is in the order of blocks");
+            let Some(range) = self.block(block) else {
+                assert!(!matches!(block, Block::Film | Block::Colour), "{block:?} is always enabled");
+                continue;
+            };
+            assert_eq!(range.start, end, "{block:?} starts where the block before it ends");
+            assert_eq!(
+                self.dimensions.get(range.clone()),
+                Some(dimensions),
+                "{block:?} has its own dimensions"
+            );
+            end = range.end;
+        }
+        assert_eq!(self.len(), end, "every dimension belongs to a block");
+    }
+
+    /// The layout whose dimensions have these names, in this order; `None` if none has.
+    pub fn from_names<S: AsRef<str>>(names: &[S]) -> Option<Self> {
         let named = |name: &str| names.iter().any(|n| n.as_ref() == name);
         let layout = Self::with_blocks(|block| ALL[block as usize].1.iter().all(|d| named(d.name)));
         let same = layout.dimensions.iter().map(|d| d.name).eq(names.iter().map(AsRef::as_ref));
         same.then_some(layout)
     }
 
-    /// Number of alive dimensions, auxiliary ones included: the length of a sample.
+    /// Length of a sample: the number of enabled dimensions, auxiliary ones included.
     pub fn len(&self) -> usize {
         self.dimensions.len()
     }
 
-    /// Never true: film position and colour are always alive.
+    /// Always false: film position and colour are always enabled.
     pub fn is_empty(&self) -> bool {
         self.dimensions.is_empty()
     }
@@ -191,7 +204,7 @@ impl Layout {
         &self.dimensions
     }
 
-    /// Indices of a block's dimensions; `None` where it is not alive.
+    /// Indices of a block's dimensions; `None` if it is disabled.
     pub fn block(&self, block: Block) -> Option<std::ops::Range<usize>> {
         let i = block as usize;
         self.starts[i].map(|start| start..start + ALL[i].1.len())
@@ -199,15 +212,16 @@ impl Layout {
 
     /// Indices of the film position.
     pub fn film(&self) -> std::ops::Range<usize> {
-        self.always(Block::Film)
+        self.enabled_block(Block::Film)
     }
 
     /// Indices of the colour.
     pub fn colour(&self) -> std::ops::Range<usize> {
-        self.always(Block::Colour)
+        self.enabled_block(Block::Colour)
     }
 
-    /// Indices of the radiance with directly visible emission.
+    /// Indices of the radiance with directly visible emission: of [`Block::Radiance`] or, if that is
+    /// disabled, the colour.
     pub fn radiance(&self) -> std::ops::Range<usize> {
         self.block(Block::Radiance).unwrap_or(self.colour())
     }
@@ -227,7 +241,7 @@ impl Layout {
         self.dimensions.iter().enumerate().filter_map(random).collect()
     }
 
-    /// Copies a block's values into a sample; nothing where the block is not alive.
+    /// Copies a block's values to a sample; does nothing if the block is disabled.
     #[inline]
     pub fn write(&self, sample: &mut [f32], block: Block, values: &[f32]) {
         if let Some(range) = self.block(block) {
@@ -235,8 +249,8 @@ impl Layout {
         }
     }
 
-    fn always(&self, block: Block) -> std::ops::Range<usize> {
-        self.block(block).expect("film position and colour are in every layout")
+    fn enabled_block(&self, block: Block) -> std::ops::Range<usize> {
+        self.block(block).expect("film position and colour are always enabled")
     }
 }
 
@@ -245,7 +259,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn everything_on_gives_the_papers_27_dimensions() {
+    fn all_blocks_give_the_papers_27_dimensions() {
         let layout = Layout::with_blocks(|_| true);
         let vector = layout.dimensions().iter().filter(|d| d.group != Group::Auxiliary).count();
         assert_eq!(vector, 27);
@@ -254,33 +268,24 @@ mod tests {
     }
 
     #[test]
-    fn the_table_of_blocks_is_in_their_order() {
+    fn the_table_is_in_the_order_of_blocks() {
         assert!(ALL.iter().enumerate().all(|(i, (block, _))| *block as usize == i));
     }
 
     #[test]
-    fn a_scene_without_effects_has_no_random_dimension() {
-        let layout = Layout::for_effects(&Effects::default());
-        assert!(layout.randoms().is_empty());
-        assert_eq!(layout.features().len(), 6);
-        assert_eq!(layout.radiance(), layout.colour());
-        assert_eq!(layout.block(Block::Lens), None);
-    }
-
-    #[test]
-    fn a_layout_is_known_by_its_names() {
-        for alive in [|_| true, |b| b == Block::Lens, |b| b == Block::Hit || b == Block::Normal2] {
-            let layout = Layout::with_blocks(alive);
+    fn names_determine_the_layout() {
+        for is_enabled in [|_| true, |b| b == Block::Lens, |b| b == Block::Hit || b == Block::Normal2] {
+            let layout = Layout::with_blocks(is_enabled);
             let names: Vec<_> = layout.dimensions().iter().map(|d| d.name).collect();
-            assert_eq!(Layout::of_names(&names), Some(layout));
-            assert_eq!(Layout::of_names(&names[1..]), None);
+            assert_eq!(Layout::from_names(&names), Some(layout));
+            assert_eq!(Layout::from_names(&names[1..]), None);
         }
-        assert_eq!(Layout::of_names(&["film.x", "film.y", "R", "G", "B", "lens.u"]), None);
+        assert_eq!(Layout::from_names(&["film.x", "film.y", "R", "G", "B", "lens.u"]), None);
     }
 
     #[test]
-    fn writing_a_dead_block_changes_nothing() {
-        let layout = Layout::for_effects(&Effects::default());
+    fn writing_a_disabled_block_changes_nothing() {
+        let layout = Layout::with_blocks(|_| false);
         let mut sample = vec![0.0; layout.len()];
         layout.write(&mut sample, Block::Lens, &[1.0, 1.0]);
         assert!(sample.iter().all(|&v| v == 0.0));
@@ -289,24 +294,15 @@ mod tests {
     }
 
     #[test]
-    fn each_effect_brings_its_blocks_and_no_others() {
-        use Block::*;
-        let none = Effects::default();
-        for (effects, blocks) in [
-            (none, vec![]),
-            (Effects { varied_albedo: true, ..none }, vec![Albedo]),
-            (Effects { second_hit: true, ..none }, vec![Position2, Normal2, Bsdf1]),
-            (Effects { lens: true, ..none }, vec![Lens]),
-            (Effects { motion: true, ..none }, vec![Time]),
-            (Effects { extended_lights: true, ..none }, vec![Light1]),
-            (Effects { visible_emission: true, ..none }, vec![Radiance, Emission]),
-        ] {
-            let layout = Layout::for_effects(&effects);
-            let always = [Film, Colour, Position1, Normal1, Hit];
+    fn blocks_follow_each_other_without_gaps() {
+        let dropped = ALL.map(|(block, _)| block).map(|block| move |b: Block| b != block);
+        for is_enabled in dropped {
+            let layout = Layout::with_blocks(is_enabled);
+            layout.validate();
             let mut end = 0;
             for (block, dims) in ALL {
-                let expected = always.contains(&block) || blocks.contains(&block);
-                assert_eq!(layout.block(block).is_some(), expected, "{block:?} {effects:?}");
+                let expected = matches!(block, Block::Film | Block::Colour) || is_enabled(block);
+                assert_eq!(layout.block(block).is_some(), expected, "{block:?}");
                 if let Some(range) = layout.block(block) {
                     assert_eq!(range, end..end + dims.len());
                     assert_eq!(layout.dimensions()[range.clone()], *dims);
@@ -315,7 +311,7 @@ mod tests {
             }
             assert_eq!((layout.len(), layout.is_empty()), (end, false));
             assert_eq!((layout.film(), layout.colour()), (0..2, 2..5));
-            assert_eq!(layout.radiance(), layout.block(Radiance).unwrap_or(2..5));
+            assert_eq!(layout.radiance(), layout.block(Block::Radiance).unwrap_or(2..5));
         }
         assert_eq!(MAX_DIMENSIONS, 34);
     }

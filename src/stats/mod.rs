@@ -1,15 +1,19 @@
-//! What is remembered of the samples: per pixel, for each alive dimension of the sample vector,
-//! Welford's mean and sum of squared deviations, in two independent halves, and a bounded
-//! reservoir of whole sample vectors.
+//! Collects statistics of the samples of each pixel.
 //!
-//! Knows nothing of what the dimensions mean to a renderer.
+//! A sample is a vector whose dimensions a [`Layout`] describes. A [`Store`] takes sample vectors in and
+//! gives, for each pixel and dimension, Welford's mean and sum of squared deviations, of all samples and
+//! of two independent halves; and for each pixel a bounded reservoir of whole sample vectors. It does
+//! not depend on a renderer.
 
 mod layout;
 mod moments;
+mod part;
 mod reservoir;
+mod row;
 mod store;
 
 pub use layout::{Block, Dimension, Feature, Group, Layout, MAX_DIMENSIONS};
 pub use moments::Moments;
-pub(crate) use reservoir::hash;
-pub use store::{BLOCK, BlockValues, LARGEST_VALUE, Part, Row, RowError, Store};
+pub use part::Part;
+pub use row::{LARGEST_VALUE, PIXEL_BLOCK, PixelBlockValues, Row, RowError};
+pub use store::Store;

@@ -1,9 +1,9 @@
-//! Mean and sum of squared deviations of one stream of numbers.
+//! Computes mean and variance of a sequence of numbers, one at a time (Welford 1962).
 
-/// Welford's running moments (Welford 1962), merged as by Chan, Golub and LeVeque (1983).
+/// Welford's running moments. Merging follows Chan, Golub and LeVeque (1983).
 ///
-/// In `f64`: a running mean in `f32` stops moving after some thousand samples where the deviation
-/// is small beside the mean, and the deviation then comes out wrong by per cents.
+/// Values are `f64`: where the deviation is small compared with the mean, a running mean in `f32` stops
+/// changing after some thousand samples, and the deviation is wrong by some per cent.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Moments {
     pub count: u32,
@@ -13,14 +13,14 @@ pub struct Moments {
 }
 
 impl Moments {
-    /// Takes in one number.
+    /// Adds one number.
     #[inline]
     pub fn push(&mut self, value: f64) {
         self.count += 1;
         update(&mut self.mean, &mut self.m2, value, 1.0 / f64::from(self.count));
     }
 
-    /// The moments of both streams together.
+    /// The moments of both sequences together.
     #[inline]
     pub fn merge(self, other: Self) -> Self {
         let count = self.count + other.count;
@@ -39,7 +39,7 @@ impl Moments {
     }
 }
 
-/// One Welford step; `weight` is 1/n with the new number counted.
+/// One Welford step; `weight` is 1/n, where n counts the new number.
 #[inline(always)]
 pub(super) fn update(mean: &mut f64, m2: &mut f64, value: f64, weight: f64) {
     let d = value - *mean;

@@ -88,8 +88,8 @@ fn constant_in_the_pixel() -> Vec<Case> {
             sample.write(Block::Normal1, &[normal_x, 0.0, 1.0 - normal_x]);
         },
     );
-    let case = |(quality, name)| {
-        let filtered = filtered(&store, quality);
+    let case = |(denoiser, name)| {
+        let filtered = filtered(&store, denoiser);
         let beside = (0..48).flat_map(|y| [15, 16, 31, 32, 47, 48].map(|x| (x, y)));
         let off = beside.map(|(x, y)| f64::from((filtered.image.at(0, x, y) - truth(x)) / 0.6).powi(2));
         let squares = off.collect::<Vec<_>>();
@@ -129,9 +129,9 @@ fn horizon() -> Vec<Case> {
     let brightest = |image: &Planes, channel: usize, pixels: &mut dyn Iterator<Item = (usize, usize)>| {
         largest(pixels.map(|(x, y)| f64::from(image.at(channel, x, y).abs())))
     };
-    let case = |(quality, name)| {
-        let (with, without) = (filtered(&noisy, quality).image, filtered(&ground_only, quality).image);
-        let image = filtered(&noiseless, quality).image;
+    let case = |(denoiser, name)| {
+        let (with, without) = (filtered(&noisy, denoiser).image, filtered(&ground_only, denoiser).image);
+        let image = filtered(&noiseless, denoiser).image;
         let changed = largest(sky().map(|(x, y)| f64::from((image.at(2, x, y) - BLUE[2]).abs())));
         let squares = ground().map(|(x, y)| f64::from(with.at(0, x, y) - without.at(0, x, y)).powi(2));
         let difference = (squares.sum::<f64>() / 2048.0).sqrt();

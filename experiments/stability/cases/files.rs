@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use prpf::adaptive::Sampling;
 use prpf::geometry::Accel;
 use prpf::image::{Planes, exr_file};
-use prpf::progressive::Memory;
+use prpf::progressive::{Checkpoint, Position};
 use prpf::render::{Renderer, Shard};
 use prpf::scene::pbrt;
 use prpf::state::{self, ImageMetadata, RenderState, Stream};
@@ -38,20 +38,13 @@ fn state() -> RenderState {
     let scene = noisy();
     let accel = Accel::build(&scene);
     let renderer = Renderer::new(&scene, &accel, 1);
-    let memory = Memory {
-        store: render(&scene, 2, 1).into(),
-        batches: Vec::new(),
-        estimate: None,
-        rerun: None,
-        under_way: None,
-        recent: (0.0, 0.0),
-    };
+    let store = render(&scene, 2, 1);
     let streams = vec![Stream::new(1, Shard::WHOLE)];
     RenderState {
         metadata: ImageMetadata::new(&scene, &renderer),
         settings: settings(4, Sampling::Uniform, 1),
         streams,
-        memory,
+        checkpoint: Checkpoint { position: Position::Filter, ..Checkpoint::new(store) },
     }
 }
 

@@ -1,6 +1,7 @@
 //! Cases on images: their sizes, crops of them, and interpolation of weights that always or never fails.
 
-use prpf::filter::Quality;
+use prpf::filter::Denoiser;
+use prpf::filter::prpf::PRPF;
 use prpf::filter::prpf::{PrpfSettings, filter as prpf_filter};
 use prpf::stats::{Block, Part, Store};
 use rand::RngExt;
@@ -21,10 +22,10 @@ fn sizes(effort: Effort) -> Vec<Case> {
     let degenerate = [(1, 1), (1, 70), (70, 1), (2, 2), (7, 6), (55, 54), (56, 57), (70, 70)];
     // A stride coprime to 70 reaches every width and height among the 4900 sizes.
     let sizes: Vec<_> = all.step_by(effort.select(173, 1)).chain(degenerate).collect();
-    let case = |(quality, name)| {
+    let case = |(denoiser, name): (&'static dyn Denoiser, &str)| {
         let wrong = sizes.iter().filter(|&&(width, height)| {
             let store = noisy_wall((width, height), 4, |_, _| 0.5);
-            let filtered = filtered(&store, quality);
+            let filtered = filtered(&store, denoiser);
             let [unfiltered, a, b] = [Part::Whole, Part::Half(0), Part::Half(1)]
                 .map(|part| store.means(part, store.layout().radiance()));
             let (image, input) = (filtered.image.data(), unfiltered.data());
@@ -78,11 +79,11 @@ fn crops() -> Vec<Case> {
     };
 
     // Compare pixels away from the inner borders
-    let differences = |quality: Quality| {
-        let whole = filtered(&store, quality).image;
+    let differences = |denoiser: &dyn Denoiser| {
+        let whole = filtered(&store, denoiser).image;
         let mut differences = Vec::new();
         for (left, top) in corners {
-            let crop = filtered(&textured((left, top), size), quality).image;
+            let crop = filtered(&textured((left, top), size), denoiser).image;
             for y in compared(top, size.1) {
                 for x in compared(left, size.0) {
                     differences
@@ -94,10 +95,10 @@ fn crops() -> Vec<Case> {
     };
 
     // Bound the differences
-    let case = |(quality, name)| {
-        let differences = differences(quality);
+    let case = |(denoiser, name): (&'static dyn Denoiser, &str)| {
+        let differences = differences(denoiser);
         let name = format!("crops touching each border, {name}");
-        if quality == Quality::Paper {
+        if denoiser.name() == PRPF.name() {
             let rms = (differences.iter().map(|d| d * d).sum::<f64>() / differences.len() as f64).sqrt();
             Case::new(name, "rms relative difference from the whole", AtMost(0.06), rms).with_limitation(
                 "the grid of its weights starts at the image's corner, and their samples are selected by position in \
@@ -139,8 +140,9 @@ fn interpolation() -> Vec<Case> {
     let flat = store((60, 60), |_, _| 8, |_, _, _, _, _| ());
     let wall = noisy_wall((60, 60), 8, |_, _| 0.5);
     let settings = PrpfSettings::paper();
-    let fraction =
-        |store: &Store| f64::from(prpf_filter(store, &settings, 1).interpolation_success.unwrap_or(f32::NAN));
+    let fraction = |store: &Store| {
+        f64::from(prpf_filter(store, &settings, 1).interpolation.map_or(f32::NAN, |found| found.success))
+    };
     let interpolated = prpf_filter(&wall, &settings, 1).image;
     let direct = prpf_filter(&wall, &PrpfSettings { upsampling: false, ..settings.clone() }, 1).image;
     let pairs = interpolated.data().iter().zip(direct.data());

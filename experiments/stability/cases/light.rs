@@ -142,7 +142,7 @@ fn light_samplers(samples: usize) -> Vec<Case> {
             let mut ray = Ray { origin: Vec3::ZERO, direction: w, t_max: f32::INFINITY, time: 0.0 };
             let mut sum = 0.0;
             while let Some(hit) = accel.intersect(&ray) {
-                let point = accel.surface(&ray, &hit);
+                let point = accel.interaction(&ray, &hit);
                 sum += pdf_shape(&scene, 0, 0, Vec3::ZERO, &point);
                 if name == BY_CONE {
                     break;

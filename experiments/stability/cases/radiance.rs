@@ -49,8 +49,8 @@ fn holes() -> Vec<Case> {
             }
         },
     );
-    let case = |(quality, name)| {
-        let image = filtered(&store, quality).image;
+    let case = |(denoiser, name)| {
+        let image = filtered(&store, denoiser).image;
         let off = largest(image.data().iter().map(|&v| relative(v.into(), 0.5)));
         Case::new(format!("hole filling, {name}"), "relative error", AtMost(1e-4), off)
     };
@@ -71,8 +71,8 @@ fn firefly() -> Vec<Case> {
         )
     };
     let (with, without) = (image(true), image(false));
-    let case = |(quality, name)| {
-        let (with, without) = (filtered(&with, quality).image, filtered(&without, quality).image);
+    let case = |(denoiser, name)| {
+        let (with, without) = (filtered(&with, denoiser).image, filtered(&without, denoiser).image);
         let change = |(x, y): (usize, usize)| relative(with.at(0, x, y).into(), without.at(0, x, y).into());
         let others = (0..64 * 64).map(|i| (i % 64, i / 64)).filter(|&pixel| pixel != AT);
         [
@@ -97,10 +97,10 @@ fn firefly() -> Vec<Case> {
 fn exposures() -> Vec<Case> {
     let wall = |scale: f32| noisy_wall((40, 40), 8, |x, y| scale * (0.1 + 0.01 * (x + y) as f32));
     let (dark, plain, bright) = (wall(1e-6), wall(1.0), wall(1e6));
-    let case = |(quality, name)| {
-        let reference = filtered(&plain, quality).image;
+    let case = |(denoiser, name)| {
+        let reference = filtered(&plain, denoiser).image;
         let off = [(&dark, 1e6), (&bright, 1e-6)].map(|(store, back)| {
-            let image = filtered(store, quality).image;
+            let image = filtered(store, denoiser).image;
             let pairs = image.data().iter().zip(reference.data());
             largest(pairs.map(|(&v, &r)| relative(f64::from(v) * back, r.into())))
         });
@@ -115,11 +115,11 @@ fn constant_images() -> Vec<Case> {
     let constant = |value: f32| store((37, 29), |_, _| 8, |_, _, _, _, sample| sample.lit([value; 3]));
     let (black, values) = (constant(0.0), [0.123, 1e-6, 7.7e5]);
     let stores = values.map(constant);
-    let case = |(quality, name)| {
+    let case = |(denoiser, name)| {
         let off = stores.iter().zip(values).map(|(store, value)| {
-            largest(filtered(store, quality).image.data().iter().map(|&v| relative(v.into(), value.into())))
+            largest(filtered(store, denoiser).image.data().iter().map(|&v| relative(v.into(), value.into())))
         });
-        let dark = filtered(&black, quality);
+        let dark = filtered(&black, denoiser);
         let brightest = largest(dark.image.data().iter().map(|&v| f64::from(v.abs())));
         [
             Case::new(

@@ -1,14 +1,12 @@
 //! Cases on the render loop: allocation, budgets, reproducibility, interruptions, and bias.
 
-use std::cell::RefCell;
-use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 
 use prpf::adaptive::{Sampling, allocate};
-use prpf::filter::Quality;
+use prpf::filter::prpf::PRPF;
 use prpf::geometry::Accel;
 use prpf::image::Planes;
-use prpf::progressive::{Budget, Loop, Memory, Outcome, Settings, StoppedBy};
+use prpf::progressive::{Budget, Checkpoint, Host, Outcome, RenderLoop, Settings, StoppedBy, run};
 use prpf::render::Renderer;
 use prpf::scene::Scene;
 use prpf::stats::{Part, Store};
@@ -45,7 +43,7 @@ pub fn settings(samples: u32, sampling: Sampling, seed: u64) -> Settings {
 pub fn run_loop(scene: &Scene, settings: &Settings) -> Outcome {
     let accel = Accel::build(scene);
     let renderer = Renderer::new(scene, &accel, settings.seed);
-    Loop::new(&renderer, settings, Instant::now(), &AtomicBool::new(false), None).run(&mut |_| ())
+    run(RenderLoop::new(&renderer, settings, Instant::now()), &mut ())
 }
 
 /// A priority map that is zero but for one pixel.
@@ -85,7 +83,7 @@ fn no_error() -> Vec<Case> {
     let outcome = run_loop(&sky, &settings(50, Sampling::Adaptive, 1));
     let counts = outcome.store.counts(Part::Whole);
     let spread = counts.iter().max().zip(counts.iter().min()).map_or(f64::NAN, |(a, b)| f64::from(a - b));
-    let off = largest(outcome.filtered.image.data().iter().map(|&v| f64::from((v - 0.7).abs())));
+    let off = largest(outcome.result.image.data().iter().map(|&v| f64::from((v - 0.7).abs())));
     vec![
         Case::new("no error anywhere", "range of the pixels' sample counts", AtMost(1.0), spread),
         Case::new("the same", "error of the image", AtMost(1e-6), off),
@@ -97,7 +95,7 @@ fn budgets() -> Vec<Case> {
     let scene = noisy();
     let short = run_loop(&scene, &settings(1, Sampling::Adaptive, 1));
     let pixels = short.store.pixels() as f64;
-    let prpf = Settings { quality: Quality::Paper, ..settings(40, Sampling::Adaptive, 1) };
+    let prpf = Settings { denoiser: &PRPF, ..settings(40, Sampling::Adaptive, 1) };
     let long = run_loop(&scene, &prpf);
     let dims = long.store.layout().len();
     let rows = long.store.rows();
@@ -110,7 +108,7 @@ fn budgets() -> Vec<Case> {
             Exactly(1.0),
             short.store.samples() as f64 / pixels,
         ),
-        Case::new("the same", "values not finite", Exactly(0.0), not_finite(&short.filtered) as f64),
+        Case::new("the same", "values not finite", Exactly(0.0), not_finite(&short.result) as f64),
         Case::new(
             "a budget of 40 with a reservoir of 8",
             "samples per pixel",
@@ -123,7 +121,7 @@ fn budgets() -> Vec<Case> {
             Exactly(8.0),
             in_reservoir.max().map_or(f64::NAN, |n| n as f64),
         ),
-        Case::new("the same", "values not finite", Exactly(0.0), not_finite(&long.filtered) as f64),
+        Case::new("the same", "values not finite", Exactly(0.0), not_finite(&long.result) as f64),
     ]
 }
 
@@ -141,7 +139,7 @@ fn changed(a: &Planes, b: &Planes) -> f64 {
 fn reproducibility(effort: Effort) -> Vec<Case> {
     // Render with other numbers of threads
     let scene = noisy();
-    let settings = Settings { quality: Quality::Paper, ..settings(16, Sampling::Adaptive, 3) };
+    let settings = Settings { denoiser: &PRPF, ..settings(16, Sampling::Adaptive, 3) };
     let render = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
         pool.expect("threads can be started").install(|| run_loop(&scene, &settings))
@@ -151,7 +149,7 @@ fn reproducibility(effort: Effort) -> Vec<Case> {
     let (mut samples, mut image) = (0.0, 0.0);
     for outcome in threads.iter().map(|&threads| render(threads)) {
         samples += differing(&outcome.store, &reference.store);
-        image += changed(&outcome.filtered.image, &reference.filtered.image);
+        image += changed(&outcome.result.image, &reference.result.image);
     }
 
     // Render with other batch sizes
@@ -160,7 +158,9 @@ fn reproducibility(effort: Effort) -> Vec<Case> {
     let batches = |sizes: &[u32]| {
         let (width, height) = renderer.resolution();
         let mut store = Store::new(width, height, renderer.layout().clone(), 4, 3);
-        sizes.iter().for_each(|&size| renderer.render_batch(&vec![size; width * height], &mut store));
+        for &size in sizes {
+            renderer.render_batch(&vec![size; width * height], &mut store);
+        }
         store
     };
     let whole = batches(&[24]);
@@ -172,24 +172,34 @@ fn reproducibility(effort: Effort) -> Vec<Case> {
     ]
 }
 
+/// A host that records a checkpoint after every step.
+struct Recorder(Vec<Checkpoint>);
+
+impl Host for Recorder {
+    fn checkpoint_interval(&self) -> Option<f64> {
+        Some(0.0)
+    }
+
+    fn save(&mut self, _: &Settings, checkpoint: Checkpoint) {
+        self.0.push(checkpoint);
+    }
+}
+
 /// A render resumed from the checkpoint of each step.
 fn resumed() -> Case {
     let scene = noisy();
     let settings = settings(19, Sampling::Adaptive, 5);
     let accel = Accel::build(&scene);
     let renderer = Renderer::new(&scene, &accel, settings.seed);
-    let never = AtomicBool::new(false);
-    let run_loop = || Loop::new(&renderer, &settings, Instant::now(), &never, None);
-    let kept = RefCell::new(Vec::new());
-    let keep = |_: &Settings, memory: Memory| kept.borrow_mut().push(memory);
-    let whole = run_loop().keeping(0.0, &keep).run(&mut |_| ());
-    let kept = kept.into_inner();
-    let steps = kept.len();
-    let off: f64 = kept
-        .into_iter()
-        .map(|memory| {
-            let outcome = run_loop().resuming(memory).run(&mut |_| ());
-            differing(&outcome.store, &whole.store) + changed(&outcome.filtered.image, &whole.filtered.image)
+    let render_loop = || RenderLoop::new(&renderer, &settings, Instant::now());
+    let mut recorder = Recorder(Vec::new());
+    let whole = run(render_loop(), &mut recorder);
+    let steps = recorder.0.len();
+    let checkpoints = recorder.0.into_iter();
+    let off: f64 = checkpoints
+        .map(|checkpoint| {
+            let outcome = run(render_loop().resume(checkpoint), &mut ());
+            differing(&outcome.store, &whole.store) + changed(&outcome.result.image, &whole.result.image)
         })
         .sum();
     Case::new(format!("resumed at each of {steps} steps"), "rows and values that differ", Exactly(0.0), off)
@@ -203,8 +213,8 @@ fn clock_set_back() -> Case {
     let accel = Accel::build(&scene);
     let renderer = Renderer::new(&scene, &accel, settings.seed);
     let start = Instant::now() + Duration::from_millis(200);
-    let outcome = Loop::new(&renderer, &settings, start, &AtomicBool::new(false), None).run(&mut |_| ());
-    let wrong = not_finite(&outcome.filtered) + usize::from(outcome.stopped_by != StoppedBy::Time);
+    let outcome = run(RenderLoop::new(&renderer, &settings, start), &mut ());
+    let wrong = not_finite(&outcome.result) + usize::from(outcome.stopped_by != StoppedBy::Time);
     Case::new(
         "a clock that is behind the start",
         "values not finite, and other ends",

@@ -104,7 +104,7 @@ fn dark_scenes() -> Vec<Case> {
     ];
     let case = |(name, world): (&str, String)| {
         let store = render(&with_head(&world), 16, 1);
-        let filtered = FILTERS.map(|(quality, _)| filtered(&store, quality));
+        let filtered = FILTERS.map(|(denoiser, _)| filtered(&store, denoiser));
         let wrong = filtered.iter().map(not_finite).sum::<usize>() as f64;
         let light = filtered.iter().flat_map(|filtered| filtered.image.data()).map(|&v| f64::from(v));
         let dark = largest(light.chain([brightest(&store)]));
@@ -182,8 +182,8 @@ fn transformed() -> Vec<Case> {
             AtMost(0.02),
             differing as f64 / b.len() as f64,
         ));
-        for (quality, name) in FILTERS {
-            let [a, b] = [&store, &reference].map(|store| filtered(store, quality).image);
+        for (denoiser, name) in FILTERS {
+            let [a, b] = [&store, &reference].map(|store| filtered(store, denoiser).image);
             let squares = a.data().iter().zip(b.data()).map(|(&a, &b)| relative(a.into(), b.into()).powi(2));
             let rms = (squares.sum::<f64>() / b.data().len() as f64).sqrt();
             cases.push(Case::new(

@@ -1,14 +1,15 @@
 //! Makes stores of synthetic samples and filters them.
 
-use prpf::filter::{self, Filtered, Quality};
+use prpf::filter::prpf::PRPF;
+use prpf::filter::{Denoiser, FilterResult, nlm};
 use prpf::stats::{Block, Layout, Store};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg32;
 use rayon::prelude::*;
 
 /// The filters, by name.
-pub const FILTERS: [(Quality, &str); 3] =
-    [(Quality::Draft, "nlm, draft"), (Quality::Standard, "nlm"), (Quality::Paper, "prpf")];
+pub const FILTERS: [(&'static dyn Denoiser, &str); 3] =
+    [(&nlm::DRAFT, "nlm, draft"), (&nlm::STANDARD, "nlm"), (&PRPF, "prpf")];
 
 /// Reservoir capacity that P-RPF needs.
 const RESERVOIR: usize = 8;
@@ -115,13 +116,13 @@ pub fn noisy_wall(size: (usize, usize), samples: u32, light: impl Fn(usize, usiz
 }
 
 /// Filters a store.
-pub fn filtered(store: &Store, quality: Quality) -> Filtered {
-    filter::filter(store, quality, 1)
+pub fn filtered(store: &Store, denoiser: &dyn Denoiser) -> FilterResult {
+    denoiser.filter(store, 1)
 }
 
 /// Number of values of a filter's result that are not finite.
-pub fn not_finite(filtered: &Filtered) -> usize {
-    let Filtered { image, halves: [a, b], residual, variance, error, .. } = filtered;
+pub fn not_finite(filtered: &FilterResult) -> usize {
+    let FilterResult { image, halves: [a, b], residual, variance, error, .. } = filtered;
     let planes = [image, a, b, residual, variance, error];
     planes.iter().flat_map(|planes| planes.data()).filter(|v| !v.is_finite()).count()
 }

@@ -3,7 +3,7 @@
 use std::f32::consts::TAU;
 
 use glam::{Vec2, Vec3};
-use prpf::geometry::SurfacePoint;
+use prpf::geometry::SurfaceInteraction;
 use prpf::render::bsdf::Bsdf;
 use prpf::scene::{MaterialId, Scene};
 use rand::{RngExt, SeedableRng};
@@ -26,8 +26,8 @@ fn material_scene(material: &str) -> Scene {
 }
 
 /// A surface interaction whose normal is z.
-fn facing_z() -> SurfacePoint {
-    SurfacePoint {
+fn facing_z() -> SurfaceInteraction {
+    SurfaceInteraction {
         position: Vec3::ZERO,
         position_error: Vec3::ZERO,
         geometric_normal: Vec3::Z,

@@ -2,7 +2,7 @@
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-use prpf::filter::Filtered;
+use prpf::filter::FilterResult;
 use prpf::filter::rpf::{self, RpfSettings};
 use prpf::stats::{Group, LARGEST_VALUE, Layout, Part, Store};
 use rand::{RngExt, SeedableRng};
@@ -40,8 +40,8 @@ fn halves() -> Vec<Case> {
     ];
     let case = |(name, store): (&str, Store)| {
         let samples = store.counts(Part::Whole).iter().any(|&n| n > 0);
-        let wrong = FILTERS.iter().filter(|(quality, _)| {
-            let filtered = filtered(&store, *quality);
+        let wrong = FILTERS.iter().filter(|(denoiser, _)| {
+            let filtered = filtered(&store, *denoiser);
             let mean = filtered.image.data().iter().sum::<f32>() / filtered.image.data().len() as f32;
             let expected = if samples { (0.2..0.8).contains(&mean) } else { mean == 0.0 };
             not_finite(&filtered) > 0 || !expected
@@ -59,15 +59,15 @@ enum Arbitrary {
     All,
 }
 
-type Filter = Box<dyn Fn(&Store) -> Filtered>;
+type Filter = Box<dyn Fn(&Store) -> FilterResult>;
 
 /// Arbitrary values in images of any shape, up to the largest that a store accepts and beyond.
 fn arbitrary_values(count: u64) -> Vec<Case> {
     let settings = RpfSettings::report();
     let mut filters: Vec<(&str, Filter)> =
         vec![("rpf", Box::new(move |store| rpf::filter(store, &settings, 1)))];
-    for (quality, name) in FILTERS {
-        filters.push((name, Box::new(move |store| filtered(store, quality))));
+    for (denoiser, name) in FILTERS {
+        filters.push((name, Box::new(move |store| filtered(store, denoiser))));
     }
     // The last seeds once gave NaN, because negative radiance left a relative error without a reference.
     let seeds = || (0..count).chain([150, 176, 1195, 1376, 1544]);

@@ -1,9 +1,9 @@
-//! The published method as a whole.
+//! The method as a whole.
 
 use rand::RngExt;
 
-use super::super::synthetic::{store, wall};
 use super::*;
+use crate::filter::synthetic::{store, wall};
 use crate::stats::{Block, Layout};
 
 fn everything() -> Layout {
@@ -24,8 +24,8 @@ fn largest_difference(a: &Planes, b: &Planes) -> f32 {
     a.data().iter().zip(b.data()).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
 }
 
-fn assert_finite(filtered: &Filtered) {
-    let Filtered { image, halves: [a, b], residual, variance, error, .. } = filtered;
+fn assert_finite(filtered: &FilterResult) {
+    let FilterResult { image, halves: [a, b], residual, variance, error, .. } = filtered;
     for planes in [image, a, b, residual, variance, error] {
         assert!(planes.data().iter().all(|v| v.is_finite()));
     }
@@ -42,7 +42,7 @@ fn a_black_image_stays_black() {
 }
 
 #[test]
-fn an_image_of_one_colour_stays_so_to_the_last_bit() {
+fn a_constant_image_is_reproduced_exactly() {
     let layout = everything();
     let colour = [0.3, 0.123, 7.7];
     let store = store(20, 13, layout.clone(), |_, _| 8, |x, y, _, rng| wall(&layout, x, y, colour, rng));
@@ -54,7 +54,7 @@ fn an_image_of_one_colour_stays_so_to_the_last_bit() {
 }
 
 #[test]
-fn radiance_scales_the_result_and_nothing_else() {
+fn scaled_radiance_gives_a_scaled_image() {
     let settings = PrpfSettings::paper();
     let reference = filter(&noisy_wall(40, 30, 1.0, |_, _| 8), &settings, 1).image;
     for scale in [1e-6, 1e6] {
@@ -87,7 +87,7 @@ fn windows_of_any_size_are_filtered() {
 }
 
 #[test]
-fn noise_on_a_wall_goes_and_its_mean_stays() {
+fn noise_on_a_wall_is_removed_and_its_mean_kept() {
     let store = noisy_wall(64, 64, 1.0, |_, _| 8);
     let filtered = filter(&store, &PrpfSettings::paper(), 1);
     let deviation = |planes: &Planes| {
@@ -100,7 +100,7 @@ fn noise_on_a_wall_goes_and_its_mean_stays() {
 }
 
 #[test]
-fn the_image_is_the_mean_of_its_halves_by_counts() {
+fn the_image_is_the_mean_of_its_halves_weighted_by_counts() {
     let store = noisy_wall(30, 30, 1.0, |x, y| 1 + (x * y % 7) as u32);
     let filtered = filter(&store, &PrpfSettings::paper(), 1);
     let counts = [0, 1].map(|h| store.counts(crate::stats::Part::Half(h)));
@@ -124,7 +124,7 @@ fn pixels_without_samples_are_filled_from_their_neighbours() {
 }
 
 #[test]
-fn one_sample_a_pixel_is_enough_for_an_image() {
+fn images_with_one_sample_per_pixel_are_filtered() {
     let filtered = filter(&noisy_wall(40, 40, 1.0, |_, _| 1), &PrpfSettings::paper(), 1);
     assert_finite(&filtered);
     assert!(filtered.image.plane(0).iter().all(|&v| v > 0.6 && v < 1.4));
@@ -136,25 +136,22 @@ fn interpolation_succeeds_everywhere_on_a_wall_and_agrees_with_direct_weights() 
     let paper = PrpfSettings::paper();
     let even = store(60, 60, layout.clone(), |_, _| 8, |x, y, _, rng| wall(&layout, x, y, [1.0; 3], rng));
     for window in [55, 35, 17, 7] {
-        assert_eq!(interpolation_failure(&even, &paper, window).1, 1.0);
-        // Whatever windows the filter itself would have.
+        assert_eq!(interpolation(&even, &paper, window).success, 1.0);
+        // The windows in the settings have no effect.
         let other = PrpfSettings { windows: vec![1], ..paper.clone() };
-        assert_eq!(
-            interpolation_failure(&even, &other, window),
-            interpolation_failure(&even, &paper, window)
-        );
+        assert_eq!(interpolation(&even, &other, window), interpolation(&even, &paper, window));
     }
     let store = noisy_wall(60, 60, 1.0, |_, _| 8);
     let interpolated = filter(&store, &paper, 1);
-    assert!(interpolated.interpolation_success.is_some_and(|share| share > 0.999));
+    assert!(interpolated.interpolation.is_some_and(|found| found.success > 0.999));
     let direct = filter(&store, &PrpfSettings { upsampling: false, ..paper }, 1);
-    assert!(direct.interpolation_failure.is_none());
+    assert!(direct.interpolation.is_none());
     let difference = largest_difference(&interpolated.image, &direct.image);
     assert!(difference < 0.02, "{difference}");
 }
 
 #[test]
-fn interpolation_fails_everywhere_where_no_pixel_resembles_another() {
+fn interpolation_fails_everywhere_between_dissimilar_pixels() {
     let layout = everything();
     let store = store(
         60,
@@ -163,21 +160,21 @@ fn interpolation_fails_everywhere_where_no_pixel_resembles_another() {
         |_, _| 8,
         |x, y, _, rng| {
             let mut sample = wall(&layout, x, y, [rng.random(); 3], rng);
-            // A material for each pixel, none within tolerance of another.
+            // Every pixel has its own material, dissimilar to all others.
             let material = [x, y, x + 61 * y].map(|v| v as f32);
             layout.write(&mut sample, Block::Albedo, &material);
             sample
         },
     );
-    let (failure, success) = interpolation_failure(&store, &PrpfSettings::paper(), 17);
+    let Interpolation { failure, success } = interpolation(&store, &PrpfSettings::paper(), 17);
     assert_eq!(success, 0.0);
-    assert_eq!(filter(&store, &PrpfSettings::paper(), 1).interpolation_success, Some(0.0));
-    // Nodes are never interpolated, and so never fail.
+    assert_eq!(filter(&store, &PrpfSettings::paper(), 1).interpolation.map(|found| found.success), Some(0.0));
+    // Nodes are not interpolated and do not fail.
     assert_eq!(failure.plane(0).iter().sum::<f32>(), (60 * 60 - 12 * 12) as f32);
 }
 
 #[test]
-fn nothing_crosses_the_horizon() {
+fn surfaces_and_background_do_not_mix() {
     let layout = everything();
     let ground = |x, y, rng: &mut rand_pcg::Pcg32| {
         let light = rng.random::<f32>();
@@ -209,7 +206,7 @@ fn nothing_crosses_the_horizon() {
 }
 
 #[test]
-fn a_spike_leaves_no_halo() {
+fn a_firefly_leaves_no_halo() {
     let layout = everything();
     let make = |spike: f32| {
         store(
@@ -234,7 +231,7 @@ fn a_spike_leaves_no_halo() {
 }
 
 #[test]
-fn threads_do_not_matter() {
+fn the_image_does_not_depend_on_the_number_of_threads() {
     let store = noisy_wall(50, 37, 1.0, |x, _| 2 + x as u32 % 9);
     let [one, two] = [1, 2].map(|threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads can be had");
@@ -242,11 +239,11 @@ fn threads_do_not_matter() {
     });
     assert_eq!(one.image, two.image);
     assert_eq!(one.error, two.error);
-    assert_eq!(one.interpolation_failure, two.interpolation_failure);
+    assert_eq!(one.interpolation, two.interpolation);
 }
 
 #[test]
-fn a_store_that_keeps_no_samples_is_filtered() {
+fn a_store_without_reservoirs_is_filtered() {
     let layout = everything();
     let mut store = Store::new(30, 30, layout.clone(), 0, 1);
     let mut rng = rand_pcg::Pcg32::new(1, 1);
@@ -256,9 +253,9 @@ fn a_store_that_keeps_no_samples_is_filtered() {
     assert_finite(&filter(&store, &PrpfSettings::paper(), 1));
 }
 
-/// Found by fuzzing: the factor that would bring the faintest radiance near 1 is beyond `f32`.
+/// The normalisation scale of the darkest images would exceed `f32`.
 #[test]
-fn the_faintest_images_stay_finite() {
+fn the_darkest_images_are_finite() {
     for radiance in [1e-45, 1e-40, 1e-36, 1e-30] {
         let store = noisy_wall(12, 9, radiance, |_, _| 4);
         assert_finite(&filter(&store, &PrpfSettings::paper(), 1));
@@ -274,7 +271,7 @@ fn a_scene_without_random_dimensions_is_filtered() {
 }
 
 #[test]
-fn the_weights_that_are_shown_are_named_and_are_those_of_few_samples_where_samples_are_few() {
+fn feature_weights_have_names_and_with_few_samples_the_defaults() {
     let layout = everything();
     let store =
         store(3, 2, layout.clone(), |_, _| 2, |x, y, _, rng| wall(&layout, x, y, [rng.random(); 3], rng));
@@ -287,7 +284,7 @@ fn the_weights_that_are_shown_are_named_and_are_those_of_few_samples_where_sampl
     assert_eq!(planes.len(), 4);
     for planes in planes {
         assert_eq!((planes.width(), planes.height(), planes.count()), (3, 2, 20));
-        // 12 samples say nothing: features alike, no colour, and 7 of 9 numbers are random. At the node:
+        // With 12 samples features have equal weights, colours none, and 7 of 9 dimensions are random. At the node:
         let node = |k: usize| planes.at(k, 2, 1);
         assert!((0..15).all(|k| (node(k) - 1.0 / 15.0).abs() < 1e-6));
         assert_eq!([15, 16, 17].map(node), [0.0; 3]);

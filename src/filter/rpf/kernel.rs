@@ -1,33 +1,34 @@
 //! Filters each sample of a pixel over the pixel's neighbourhood (paper, Eq. 3): the inner loop.
 //!
-//! Vectors hold several of the pixel's own samples, and each neighbour is held against all of them.
+//! Vectors hold several of the pixel's own samples, which are compared with one neighbour at a time.
 
-use multiversion::multiversion;
 use multiversion::target::match_target;
 
 use super::neighbourhood::Neighbourhood;
 use super::samples::Value;
-use crate::filter::bilateral::add_product;
-use crate::filter::fast_exp::exp_negative;
-use crate::filter::mutual_information::{LANES, WORD};
+use crate::filter::common::fast_exp::exp_negative;
+use crate::filter::common::lanes::multiply_add;
+use crate::filter::prpf::bit_slices::BLOCK_SAMPLES;
+use crate::filter::prpf::sample_vector::{MAX_VARIABLES, SampleVector};
+use crate::simd::{apply, multiversioned};
 
-/// Own samples of a vector where the pixel has few, and where it has many.
+/// Own samples in a vector: for pixels with few samples, and with many.
 const FEW: usize = 8;
 const MANY: usize = 16;
 
-/// Neighbours held against a vector at once, so that additions need not wait for each other.
-const AT_ONCE: usize = 4;
+/// Neighbours that are compared with a vector together, so that additions do not depend on each other.
+const UNROLL: usize = 4;
 
-/// Memory that pixels share one after the other.
+/// Memory for the filter of one pixel after the other.
 #[derive(Default)]
-pub(super) struct Kernel {
-    /// Dimensions that count.
+pub struct Kernel {
+    /// Dimensions with weight.
     dims: Vec<usize>,
     few: Groups<FEW>,
     many: Groups<MANY>,
 }
 
-/// A pixel's own samples, `N` a group.
+/// A pixel's own samples in groups of `N`.
 #[derive(Default)]
 struct Groups<const N: usize> {
     /// `[group][dimension][sample]`.
@@ -35,7 +36,7 @@ struct Groups<const N: usize> {
     sums: Vec<Sums<N>>,
 }
 
-/// Of weights, and of weighted values.
+/// Sums of weights and of weighted values.
 #[derive(Clone, Copy)]
 struct Sums<const N: usize> {
     weights: [f32; N],
@@ -44,35 +45,36 @@ struct Sums<const N: usize> {
 
 const CHANNELS: usize = 7;
 
-/// What the samples of one pixel are filtered from.
+/// Inputs of the filter of one pixel.
 struct Input<'a> {
     neighbourhood: &'a Neighbourhood,
     values: &'a [Value],
-    scale: &'a [f32; LANES],
+    scale: &'a SampleVector,
     dims: &'a [usize],
 }
 
 impl Input<'_> {
-    /// The sample vector relative to the pixel's own, multiplied by the scale.
+    /// Returns a sample vector relative to the mean of the pixel's own, multiplied by the scale.
     #[inline(always)]
-    fn scaled(&self, row: &[f32; LANES]) -> [f32; LANES] {
+    fn scaled(&self, row: &SampleVector) -> SampleVector {
         let centre = self.neighbourhood.centre();
         std::array::from_fn(|l| (row[l] - centre[l]) * self.scale[l])
     }
 }
 
 impl Kernel {
-    /// Writes the filtered values of the pixel's own samples, the first in its neighbourhood. A pair's exponent is
-    /// the squared distance of the sample vectors multiplied by `scale`; `values` are those of all samples.
+    /// Writes the filtered values of the pixel's own samples, which come first in its neighbourhood. The
+    /// exponent of a pair is the squared distance of the sample vectors multiplied by `scale`; `values` are
+    /// those of all samples.
     pub fn filter(
         &mut self,
         neighbourhood: &Neighbourhood,
         values: &[Value],
-        scale: &[f32; LANES],
+        scale: &SampleVector,
         own: &mut [Value],
     ) {
         self.dims.clear();
-        self.dims.extend((0..LANES).filter(|&dim| scale[dim] > 0.0));
+        self.dims.extend((0..MAX_VARIABLES).filter(|&dim| scale[dim] > 0.0));
         let input = Input { neighbourhood, values, scale, dims: &self.dims };
         if own.len() <= FEW {
             run(&mut self.few, &input, own);
@@ -82,10 +84,7 @@ impl Kernel {
     }
 }
 
-#[multiversion(targets(
-    "x86_64+avx512f+avx512bw+avx512dq+avx512vl+bmi1+bmi2+fma+avx2+popcnt+lzcnt",
-    "x86_64+avx2+fma+bmi1+bmi2+popcnt+lzcnt"
-))]
+#[apply(multiversioned!)]
 fn run<const N: usize>(groups: &mut Groups<N>, input: &Input, own: &mut [Value]) {
     match_target! {
         "x86_64+fma" => groups.filter::<true>(input, own),
@@ -98,23 +97,23 @@ impl<const N: usize> Groups<N> {
     #[inline(always)]
     fn filter<const FMA: bool>(&mut self, input: &Input, own: &mut [Value]) {
         let (rows, ids, dims) = (input.neighbourhood.rows(), input.neighbourhood.ids(), input.dims);
-        // Sums are of differences from it: what is constant stays so exactly.
+        // Load the own samples. Sums are of differences from the first, which reproduces constants exactly
         let shift = input.values[ids[0] as usize];
         let groups = own.len().div_ceil(N);
         self.sums.clear();
         self.sums.resize(groups, Sums { weights: [0.0; N], values: [[0.0; N]; CHANNELS] });
         self.own.clear();
         for group in 0..groups {
-            // Where a group is not full, its last sample is in it several times.
+            // The last sample fills up its group.
             let sample = |l: usize| (group * N + l).min(own.len() - 1);
             let scaled: [_; N] = std::array::from_fn(|l| input.scaled(&rows[sample(l)]));
             self.own.extend(dims.iter().map(|&dim| std::array::from_fn(|l| scaled[l][dim])));
         }
 
-        // Some neighbours stay in the nearest cache until all groups have met them.
-        let mut near = [[0.0; LANES]; WORD];
-        let mut near_values = [shift; WORD];
-        for (rows, ids) in rows.chunks(WORD).zip(ids.chunks(WORD)) {
+        // Sum over the neighbours. A block of them stays in the first-level cache for all groups
+        let mut near = [[0.0; MAX_VARIABLES]; BLOCK_SAMPLES];
+        let mut near_values = [shift; BLOCK_SAMPLES];
+        for (rows, ids) in rows.chunks(BLOCK_SAMPLES).zip(ids.chunks(BLOCK_SAMPLES)) {
             for ((near, value), (row, &id)) in near.iter_mut().zip(&mut near_values).zip(rows.iter().zip(ids))
             {
                 *near = input.scaled(row);
@@ -124,19 +123,20 @@ impl<const N: usize> Groups<N> {
             let (rows, values) = (&near[..rows.len()], &near_values[..rows.len()]);
             for (group, sums) in self.sums.iter_mut().enumerate() {
                 let own = &self.own[group * dims.len()..][..dims.len()];
-                let (fours, rest) = rows.as_chunks::<AT_ONCE>();
-                let (four_values, rest_values) = values.as_chunks::<AT_ONCE>();
-                let mut kept = *sums;
+                let (fours, rest) = rows.as_chunks::<UNROLL>();
+                let (four_values, rest_values) = values.as_chunks::<UNROLL>();
+                let mut local = *sums;
                 for (rows, values) in fours.iter().zip(four_values) {
-                    add::<N, AT_ONCE, FMA>(&mut kept, own, dims, rows, values);
+                    add::<N, UNROLL, FMA>(&mut local, own, dims, rows, values);
                 }
                 for (row, value) in rest.iter().zip(rest_values) {
-                    add::<N, 1, FMA>(&mut kept, own, dims, &[*row], &[*value]);
+                    add::<N, 1, FMA>(&mut local, own, dims, &[*row], &[*value]);
                 }
-                *sums = kept;
+                *sums = local;
             }
         }
 
+        // Divide by the sums of weights
         for (i, own) in own.iter_mut().enumerate() {
             let (sums, l) = (&self.sums[i / N], i % N);
             for c in 0..CHANNELS {
@@ -152,17 +152,17 @@ fn add<const N: usize, const ROWS: usize, const FMA: bool>(
     sums: &mut Sums<N>,
     own: &[[f32; N]],
     dims: &[usize],
-    rows: &[[f32; LANES]; ROWS],
+    rows: &[SampleVector; ROWS],
     values: &[Value; ROWS],
 ) {
     let mut exponents = [[0.0; N]; ROWS];
     for (own, &dim) in own.iter().zip(dims) {
         for (exponents, row) in exponents.iter_mut().zip(rows) {
-            // No dimension is beyond; the compiler would test it.
-            let other = row[dim % LANES];
+            // The remainder has no effect but to remove a bounds check.
+            let other = row[dim % MAX_VARIABLES];
             for l in 0..N {
                 let d = own[l] - other;
-                exponents[l] = add_product::<FMA>(d, d, exponents[l]);
+                exponents[l] = multiply_add::<FMA>(d, d, exponents[l]);
             }
         }
     }
@@ -171,11 +171,11 @@ fn add<const N: usize, const ROWS: usize, const FMA: bool>(
     for weights in &weights {
         sums.weights = std::array::from_fn(|l| sums.weights[l] + weights[l]);
     }
-    // One channel after the other, or the compiler would put channels into vectors.
+    // Channel by channel, which keeps the compiler from putting channels into vectors
     for (c, sums) in sums.values.iter_mut().enumerate() {
         let mut sum = *sums;
         for (weights, value) in weights.iter().zip(values) {
-            sum = std::array::from_fn(|l| add_product::<FMA>(weights[l], value[c], sum[l]));
+            sum = std::array::from_fn(|l| multiply_add::<FMA>(weights[l], value[c], sum[l]));
         }
         *sums = sum;
     }
@@ -187,12 +187,11 @@ mod tests {
     use rand_pcg::Pcg32;
 
     use super::super::samples::Samples;
-    use super::super::settings::RpfSettings;
-    use super::super::tests::{draws, one_pixel};
+    use super::super::tests::{candidates, one_pixel};
     use super::*;
     use crate::stats::{Block, Layout};
 
-    /// Filters a pixel with these colours and albedos (of one channel); the scale is 1.
+    /// Filters a pixel with the given colours and albedos of one channel, at a scale of 1.
     fn filtered(samples: &[[f32; 2]]) -> Vec<f32> {
         let layout = Layout::with_blocks(|block| block == Block::Albedo);
         let vectors: Vec<Vec<f32>> = samples
@@ -205,11 +204,11 @@ mod tests {
             })
             .collect();
         let store = one_pixel(&layout, &vectors);
-        let samples = Samples::of(&store);
-        let draws = draws(&samples, &layout);
-        let mut neighbourhood = Neighbourhood::new(&draws);
-        neighbourhood.gather(&samples, &draws, &RpfSettings::report(), (0, 0), (1, 0));
-        let mut scale = [0.0; LANES];
+        let samples = Samples::from_store(&store);
+        let (sampler, clustering) = candidates(&samples, &layout);
+        let mut neighbourhood = Neighbourhood::new(&sampler, &samples);
+        neighbourhood.gather(&samples, &sampler, &clustering, (0, 0), (1, 0));
+        let mut scale = [0.0; MAX_VARIABLES];
         scale[layout.block(Block::Albedo).unwrap().start] = 1.0;
         let values = samples.values();
         let mut own = values.clone();
@@ -218,11 +217,11 @@ mod tests {
     }
 
     #[test]
-    fn two_samples_are_weighed_by_the_exponential_of_their_squared_distance() {
-        // w = e⁻¹ beside the own weight of 1.
-        let share = (-1f32).exp() / (1.0 + (-1f32).exp());
+    fn weights_are_exponentials_of_squared_distances() {
+        // The weights are e⁻¹ and, of the sample itself, 1.
+        let fraction = (-1f32).exp() / (1.0 + (-1f32).exp());
         let [a, b] = filtered(&[[0.0, 3.0], [1.0, 4.0]])[..] else { panic!("two samples") };
-        assert!((a - share).abs() < 1e-4 && (b - (1.0 - share)).abs() < 1e-4, "{a} {b}");
+        assert!((a - fraction).abs() < 1e-4 && (b - (1.0 - fraction)).abs() < 1e-4, "{a} {b}");
     }
 
     #[test]

@@ -1,34 +1,34 @@
-//! The samples of all pixels, and the colours that they carry from pass to pass.
+//! The samples of all pixels, and the filtered colours of each sample, which the passes update.
 
-use crate::filter::padded::Padded;
+use crate::filter::common::interleaved_planes::InterleavedPlanes;
 use crate::image::Planes;
 use crate::stats::Store;
 
-/// What is averaged of a sample: its colour c′; the same of the half of the samples that it belongs to, 0
-/// in the other half; and how much of it is of that half. So the result of each half is known, with the
-/// weights of both. The last is not used.
-pub(super) type Value = [f32; 8];
+/// The filtered values of a sample: its colour c′, the same if it belongs to the first half of the samples (0
+/// otherwise), and the fraction of it that comes from the first half. From these the image of each half
+/// follows, with the weights of all samples. The last value is padding.
+pub type Value = [f32; 8];
 
 const HALF_COLOUR: usize = 3;
-const HALF_SHARE: usize = 6;
+const HALF_FRACTION: usize = 6;
 
-/// The samples that a store keeps.
-pub(super) struct Samples<'a> {
+/// The samples in the reservoirs of a store.
+pub struct Samples<'a> {
     width: usize,
     dims: usize,
     radiance: usize,
-    /// Sample vectors of each pixel, one after the other.
+    /// Sample vectors of each pixel, side by side.
     pixels: Vec<&'a [f32]>,
-    /// Number of the first sample of each pixel, and of all.
+    /// Index of the first sample of each pixel, and the total number.
     starts: Vec<usize>,
 }
 
 impl<'a> Samples<'a> {
-    pub fn of(store: &'a Store) -> Self {
+    pub fn from_store(store: &'a Store) -> Self {
         let dims = store.layout().len();
-        let kept = |x: usize, y: usize| store.rows()[y].reservoir(x);
+        let reservoir = |x: usize, y: usize| store.rows()[y].reservoir(x);
         let pixels: Vec<&[f32]> =
-            (0..store.height()).flat_map(|y| (0..store.width()).map(move |x| kept(x, y))).collect();
+            (0..store.height()).flat_map(|y| (0..store.width()).map(move |x| reservoir(x, y))).collect();
         let mut total = 0;
         let mut starts = vec![0];
         starts.extend(pixels.iter().map(|pixel| {
@@ -51,51 +51,51 @@ impl<'a> Samples<'a> {
         self.starts[pixel + 1] - self.starts[pixel]
     }
 
-    /// Samples of a pixel, on average.
+    /// Mean number of samples of a pixel.
     pub fn mean_count(&self) -> f32 {
         self.starts[self.pixels.len()] as f32 / self.pixels.len().max(1) as f32
     }
 
-    /// Samples of the pixel that has most.
-    pub fn most(&self) -> usize {
+    /// Maximum number of samples of a pixel.
+    pub fn max_count(&self) -> usize {
         self.starts.windows(2).map(|pair| pair[1] - pair[0]).max().unwrap_or(0)
     }
 
-    /// Numbers of a pixel's samples.
+    /// Indices of a pixel's samples among all.
     #[inline]
-    pub fn of_pixel(&self, x: usize, y: usize) -> std::ops::Range<usize> {
+    pub fn ids(&self, x: usize, y: usize) -> std::ops::Range<usize> {
         let pixel = y * self.width + x;
         self.starts[pixel]..self.starts[pixel + 1]
     }
 
-    /// One sample vector of a pixel, which is counted row by row.
+    /// Returns a sample vector of a pixel, which is given by its index.
     #[inline]
     pub fn sample(&self, pixel: usize, slot: usize) -> &'a [f32] {
         &self.pixels[pixel][slot * self.dims..][..self.dims]
     }
 
-    /// The samples' colours as rendered.
+    /// Returns the unfiltered values of all samples.
     pub fn values(&self) -> Vec<Value> {
         let mut values = Vec::with_capacity(self.starts[self.pixels.len()]);
         for (pixel, samples) in self.pixels.iter().enumerate() {
             let (x, y) = (pixel % self.width, pixel / self.width);
             for (slot, sample) in samples.chunks_exact(self.dims).enumerate() {
-                // In a chequerboard, so that both halves have some of each region at any count.
-                let share = f32::from((x + y + slot).is_multiple_of(2));
+                // A chequerboard gives both halves samples of every region at any count.
+                let fraction = f32::from((x + y + slot).is_multiple_of(2));
                 let mut value = [0.0; 8];
                 for c in 0..3 {
                     let colour = sample[self.radiance + c];
-                    (value[c], value[HALF_COLOUR + c]) = (colour, share * colour);
+                    (value[c], value[HALF_COLOUR + c]) = (colour, fraction * colour);
                 }
-                value[HALF_SHARE] = share;
+                value[HALF_FRACTION] = fraction;
                 values.push(value);
             }
         }
         values
     }
 
-    /// Cuts what belongs to samples into the rows of the image.
-    pub fn rows_of<'v, T>(&self, mut values: &'v mut [T]) -> Vec<&'v mut [T]> {
+    /// Splits values of all samples into those of each row of the image.
+    pub fn split_rows<'v, T>(&self, mut values: &'v mut [T]) -> Vec<&'v mut [T]> {
         let mut rows = Vec::with_capacity(self.height());
         for y in 0..self.height() {
             let row = self.starts[(y + 1) * self.width] - self.starts[y * self.width];
@@ -106,36 +106,34 @@ impl<'a> Samples<'a> {
         rows
     }
 
-    /// The mean of each pixel's samples (a box filter), times `exposure`, and the difference of the halves:
-    /// 3 planes each. A pixel without samples looks like the nearest ones with some.
-    pub fn pixels(&self, values: &[Value], exposure: f32) -> Padded {
+    /// Returns the mean of each pixel's samples (a box filter) and the difference of the halves, 3 planes
+    /// each, multiplied by `scale`. Pixels without samples get the mean of the nearest pixels with samples.
+    pub fn pixel_means(&self, values: &[Value], scale: f32) -> InterleavedPlanes {
         let mut planes = Planes::new(self.width, self.height(), 6);
         let count = self.pixels.len();
         for pixel in 0..count {
             let mean = self.mean_around(values, pixel);
-            let share = mean[HALF_SHARE];
+            let fraction = mean[HALF_FRACTION];
             for c in 0..3 {
-                planes.data_mut()[c * count + pixel] = exposure * mean[c];
-                if 0.0 < share && share < 1.0 {
+                planes.data_mut()[c * count + pixel] = scale * mean[c];
+                if 0.0 < fraction && fraction < 1.0 {
                     let a = mean[HALF_COLOUR + c];
-                    let difference = a / share - (mean[c] - a) / (1.0 - share);
-                    planes.data_mut()[(3 + c) * count + pixel] = exposure * difference;
+                    let difference = a / fraction - (mean[c] - a) / (1.0 - fraction);
+                    planes.data_mut()[(3 + c) * count + pixel] = scale * difference;
                 }
             }
         }
-        Padded::from_planes(&planes, 0, 0.0)
+        InterleavedPlanes::from_planes(&planes, 0, 0.0)
     }
 
-    /// Mean over a pixel's samples, or where it has none over those of the smallest square around it that
-    /// has some.
+    /// Returns the mean over a pixel's samples, or over those of the smallest square around it that has samples.
     fn mean_around(&self, values: &[Value], pixel: usize) -> Value {
         let (x, y) = (pixel % self.width, pixel / self.width);
         for radius in 0..self.width.max(self.height()) {
             let mut around = Vec::new();
             for yj in y.saturating_sub(radius)..=(y + radius).min(self.height() - 1) {
                 let (left, right) = (x.saturating_sub(radius), (x + radius).min(self.width - 1));
-                around
-                    .extend_from_slice(&values[self.of_pixel(left, yj).start..self.of_pixel(right, yj).end]);
+                around.extend_from_slice(&values[self.ids(left, yj).start..self.ids(right, yj).end]);
             }
             if !around.is_empty() {
                 return mean(&around);
@@ -145,8 +143,8 @@ impl<'a> Samples<'a> {
     }
 }
 
-/// The mean; exactly the value where all are equal.
-pub(super) fn mean(values: &[Value]) -> Value {
+/// Returns the mean; exactly the common value if all are equal.
+pub fn mean(values: &[Value]) -> Value {
     let mut sum = [0.0; 8];
     for value in values {
         (0..8).for_each(|c| sum[c] += value[c] - values[0][c]);
@@ -172,7 +170,7 @@ mod tests {
         (100 * y + 10 * x + index) as f32
     }
 
-    fn made() -> Store {
+    fn make() -> Store {
         let layout = Layout::with_blocks(|_| true);
         store(WIDTH, HEIGHT, layout.clone(), count, |x, y, index, rng| {
             wall(&layout, x, y, [colour(x, y, index as usize), 1.0, 0.5], rng)
@@ -184,24 +182,24 @@ mod tests {
     }
 
     #[test]
-    fn samples_are_numbered_pixel_by_pixel() {
-        let store = made();
-        let samples = Samples::of(&store);
-        assert_eq!((samples.width(), samples.height(), samples.most()), (WIDTH, HEIGHT, 4));
+    fn samples_are_indexed_pixel_by_pixel() {
+        let store = make();
+        let samples = Samples::from_store(&store);
+        assert_eq!((samples.width(), samples.height(), samples.max_count()), (WIDTH, HEIGHT, 4));
         let values = samples.values();
         let mut next = 0;
         for (x, y) in pixels() {
             let own = count(x, y) as usize;
             assert_eq!(samples.count(x, y), own);
-            assert_eq!(samples.of_pixel(x, y), next..next + own);
+            assert_eq!(samples.ids(x, y), next..next + own);
             for slot in 0..own {
                 let radiance = store.layout().radiance().start;
                 assert_eq!(samples.sample(y * WIDTH + x, slot)[radiance], colour(x, y, slot));
-                let [red, green, blue, half_red, half_green, half_blue, share, _] = values[next + slot];
+                let [red, green, blue, half_red, half_green, half_blue, fraction, _] = values[next + slot];
                 assert_eq!([red, green, blue], [colour(x, y, slot), 1.0, 0.5]);
                 let first = (x + y + slot) % 2 == 0;
-                let of_half = if first { [red, green, blue] } else { [0.0; 3] };
-                assert_eq!(([half_red, half_green, half_blue], share), (of_half, f32::from(first)));
+                let half = if first { [red, green, blue] } else { [0.0; 3] };
+                assert_eq!(([half_red, half_green, half_blue], fraction), (half, f32::from(first)));
             }
             next += own;
         }
@@ -210,24 +208,24 @@ mod tests {
     }
 
     #[test]
-    fn rows_hold_what_belongs_to_their_pixels() {
-        let store = made();
-        let samples = Samples::of(&store);
+    fn rows_hold_the_values_of_their_pixels() {
+        let store = make();
+        let samples = Samples::from_store(&store);
         let mut values = samples.values();
         let all = values.clone();
-        let rows = samples.rows_of(&mut values);
+        let rows = samples.split_rows(&mut values);
         assert_eq!(rows.len(), HEIGHT);
         for (y, row) in rows.iter().enumerate() {
-            let span = samples.of_pixel(0, y).start..samples.of_pixel(WIDTH - 1, y).end;
+            let span = samples.ids(0, y).start..samples.ids(WIDTH - 1, y).end;
             assert_eq!(**row, all[span]);
         }
     }
 
     #[test]
-    fn pixels_are_means_with_the_difference_of_their_halves_and_look_around_where_they_have_none() {
-        let store = made();
-        let samples = Samples::of(&store);
-        let found = samples.pixels(&samples.values(), 2.0);
+    fn pixel_means_and_differences_of_halves_agree_with_the_definition() {
+        let store = make();
+        let samples = Samples::from_store(&store);
+        let found = samples.pixel_means(&samples.values(), 2.0);
         for (x, y) in pixels() {
             let reach = |radius: usize| {
                 pixels()
@@ -235,14 +233,14 @@ mod tests {
                     .flat_map(|(x, y)| (0..count(x, y) as usize).map(move |slot| (x, y, slot)))
                     .collect::<Vec<_>>()
             };
-            let from = (0..WIDTH).map(reach).find(|from| !from.is_empty()).expect("some are there");
+            let from = (0..WIDTH).map(reach).find(|from| !from.is_empty()).expect("some pixels have samples");
             let mean = |half: Option<usize>| {
-                let of: Vec<f32> = from
+                let values: Vec<f32> = from
                     .iter()
                     .filter(|(x, y, slot)| half.is_none_or(|half| (x + y + slot) % 2 == half))
                     .map(|&(x, y, slot)| colour(x, y, slot))
                     .collect();
-                (!of.is_empty()).then(|| of.iter().sum::<f32>() / of.len() as f32)
+                (!values.is_empty()).then(|| values.iter().sum::<f32>() / values.len() as f32)
             };
             let expected = 2.0 * mean(None).expect("not empty");
             let close = |found: f32, expected: f32| (found - expected).abs() < 1e-2;
@@ -254,13 +252,13 @@ mod tests {
     }
 
     #[test]
-    fn a_mean_of_equal_values_is_the_value_and_of_none_anywhere_black() {
+    fn the_mean_of_equal_values_is_exact_and_images_without_samples_are_black() {
         assert_eq!(mean(&[[0.1; 8]; 7]), [0.1; 8]);
         assert_eq!(mean(&[[1.0; 8], [2.0; 8], [6.0; 8]]), [3.0; 8]);
         let layout = Layout::with_blocks(|_| false);
         let empty = Store::new(3, 2, layout, 4, 1);
-        let samples = Samples::of(&empty);
-        assert!(samples.pixels(&[], 1.0).to_planes().data().iter().all(|&v| v == 0.0));
-        assert_eq!((samples.mean_count(), samples.most()), (0.0, 0));
+        let samples = Samples::from_store(&empty);
+        assert!(samples.pixel_means(&[], 1.0).to_planes().data().iter().all(|&v| v == 0.0));
+        assert_eq!((samples.mean_count(), samples.max_count()), (0.0, 0));
     }
 }

@@ -1,53 +1,54 @@
-//! Constants of random parameter filtering, and where those who published it differ.
+//! Constants of random parameter filtering, as published and as in two implementations that differ.
 
-/// One pass.
+/// Constants of a pass.
 #[derive(Clone, Copy, Debug, serde::Serialize)]
 pub struct RpfPass {
-    /// Side of the window b, in pixels.
+    /// Size b of the window, in pixels.
     pub window: usize,
-    /// Samples of a neighbourhood, before those that differ are left out, over the b²·n of its window.
-    pub share: f32,
+    /// Size of a neighbourhood before clustering, relative to the b²·n samples of its window.
+    pub fraction: f32,
 }
 
 /// Constants of the method.
 #[derive(Clone, Debug, serde::Serialize)]
 pub struct RpfSettings {
     pub passes: Vec<RpfPass>,
-    /// The deviation of draws is (b − this) ∕ 4 pixels …
+    /// The standard deviation of candidates is (b − `window_trim`) ∕ 4 pixels …
     pub window_trim: f32,
     /// … and at least this.
-    pub least_deviation: f32,
-    /// A pixel is drawn no more often than it has samples.
-    pub draws_capped: bool,
-    /// Deviations that a neighbourhood's normals and albedos may be apart.
+    pub min_deviation: f32,
+    /// Whether a pixel is selected at most as often as it has samples.
+    pub cap_candidates: bool,
+    /// Similarity threshold of normals and albedos, in standard deviations.
     pub z: f32,
-    /// The same for world positions.
+    /// Similarity threshold of world positions, in standard deviations.
     pub z_world: f32,
-    /// Normals and albedos that vary less than this within a pixel may always be this far apart.
-    pub tolerance: f32,
-    /// The same for world positions, which are of order 1.
-    pub tolerance_world: f32,
-    /// Whether features of the second hit decide on neighbours.
-    pub second_hit_decides: bool,
-    /// α = max(1 − (first + growth·t) W_c^r, 0): first and growth.
+    /// Absolute similarity threshold of normals and albedos with a smaller standard deviation than this.
+    pub min_threshold: f32,
+    /// The same for world positions, which are divided by the scene's size.
+    pub min_threshold_world: f32,
+    /// Whether clustering compares features of the second hit.
+    pub cluster_second_hit: bool,
+    /// Factor of W_c^r in α in the first pass, and its growth per pass: α = max(1 − (first + growth·t) W_c^r, 0).
     pub colour_damping: [f32; 2],
-    /// β likewise, by W_f^r.
+    /// The same for W_f^r in β.
     pub feature_damping: [f32; 2],
-    /// What β is multiplied by at albedos and at normals.
-    pub boosts: [f32; 2],
-    /// σ₈²: variance that colours and features are filtered with at 8 samples a pixel.
+    /// Factors of β for albedos and for normals.
+    pub feature_boosts: [f32; 2],
+    /// σ₈²: variance of the filter of colours and features at 8 samples per pixel.
     pub sigma8_squared: f32,
-    pub spikes: SpikeSettings,
+    pub fireflies: RpfFireflySettings,
 }
 
-/// What becomes of a filtered sample that stands out from its pixel's.
+/// Treatment of fireflies among the filtered samples of a pixel.
 #[derive(Clone, Copy, Debug, serde::Serialize)]
-pub struct SpikeSettings {
-    /// A sample stands out by more than this many deviations in any channel.
+pub struct RpfFireflySettings {
+    /// Deviation from the mean, in standard deviations of any channel, above which a sample is a firefly.
     pub deviations: f32,
-    /// Only bright ones stand out; they are brought to the limit, channel by channel, not to the mean.
+    /// Whether only bright samples are fireflies; they are clamped to the limit in each channel instead of
+    /// replaced by the mean.
     pub clamp_bright: bool,
-    /// What the mean of the pixel loses is added to all its samples.
+    /// Whether the loss of the mean is added to all samples of the pixel.
     pub keep_energy: bool,
 }
 
@@ -55,51 +56,51 @@ impl RpfSettings {
     /// As published: the paper and its technical report.
     pub fn report() -> Self {
         Self {
-            passes: [55, 35, 17, 7].map(|window| RpfPass { window, share: 0.5 }).to_vec(),
+            passes: [55, 35, 17, 7].map(|window| RpfPass { window, fraction: 0.5 }).to_vec(),
             window_trim: 0.0,
-            least_deviation: 0.0,
-            draws_capped: false,
+            min_deviation: 0.0,
+            cap_candidates: false,
             z: 3.0,
             z_world: 30.0,
-            tolerance: 0.1,
-            tolerance_world: 0.001,
-            second_hit_decides: true,
+            min_threshold: 0.1,
+            min_threshold_world: 0.001,
+            cluster_second_hit: true,
             colour_damping: [2.0, 0.2],
             feature_damping: [1.0, 0.1],
-            boosts: [1.0, 1.0],
+            feature_boosts: [1.0, 1.0],
             sigma8_squared: 0.002,
-            spikes: SpikeSettings { deviations: 1.0, clamp_bright: false, keep_energy: false },
+            fireflies: RpfFireflySettings { deviations: 1.0, clamp_bright: false, keep_energy: false },
         }
     }
 
-    /// As in the code that the authors released in 2015. Not taken over: its histograms of up to ten
-    /// bins, and its limit of 10 on radiance, which depends on the exposure.
+    /// As in the code that the authors released in 2015, without its histograms of up to ten bins and its
+    /// limit of 10 on radiance, which depends on the units of the scene.
     pub fn release() -> Self {
         const THIRD: f32 = 1.0 / 3.0;
         Self {
             passes: [(45, THIRD), (30, THIRD), (15, 0.5), (5, 0.5)]
-                .map(|(window, share)| RpfPass { window, share })
+                .map(|(window, fraction)| RpfPass { window, fraction })
                 .to_vec(),
             window_trim: 1.0,
-            least_deviation: 1.0,
-            draws_capped: true,
+            min_deviation: 1.0,
+            cap_candidates: true,
             z_world: 50.0,
-            second_hit_decides: false,
+            cluster_second_hit: false,
             colour_damping: [5.2, 0.2],
-            boosts: [25.0, 10.0],
+            feature_boosts: [25.0, 10.0],
             sigma8_squared: 0.05,
-            spikes: SpikeSettings { deviations: 0.5, clamp_bright: true, keep_energy: false },
+            fireflies: RpfFireflySettings { deviations: 0.5, clamp_bright: true, keep_energy: false },
             ..Self::report()
         }
     }
 
     /// As in the code of Lehtinen et al. 2012 (*Reconstructing the indirect light field*), which calls the
-    /// report's factor of 2 an error and keeps the energy of spikes.
+    /// report's factor of 2 an error and keeps the energy of fireflies.
     pub fn lehtinen() -> Self {
         let report = Self::report();
         Self {
             colour_damping: [1.0, 0.1],
-            spikes: SpikeSettings { keep_energy: true, ..report.spikes },
+            fireflies: RpfFireflySettings { keep_energy: true, ..report.fireflies },
             ..report
         }
     }

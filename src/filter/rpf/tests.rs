@@ -1,4 +1,4 @@
-//! The filter as a whole, and what the tests of its steps share.
+//! The filter as a whole, and helpers for the tests of its steps.
 
 use rand::RngExt;
 
@@ -11,10 +11,10 @@ fn everything() -> Layout {
     Layout::with_blocks(|_| true)
 }
 
-/// The published method with windows for images of tests.
+/// The published method with windows for small images.
 fn small() -> RpfSettings {
     let mut settings = RpfSettings::report();
-    settings.passes = [15, 7].map(|window| RpfPass { window, share: 0.5 }).to_vec();
+    settings.passes = [15, 7].map(|window| RpfPass { window, fraction: 0.5 }).to_vec();
     settings
 }
 
@@ -27,8 +27,8 @@ fn noisy_wall(width: usize, height: usize, colour: f32, count: impl Fn(usize, us
     })
 }
 
-fn assert_finite(filtered: &Filtered) {
-    let Filtered { image, halves: [a, b], residual, variance, error, .. } = filtered;
+fn assert_finite(filtered: &FilterResult) {
+    let FilterResult { image, halves: [a, b], residual, variance, error, .. } = filtered;
     for planes in [image, a, b, residual, variance, error] {
         assert!(planes.data().iter().all(|v| v.is_finite()));
     }
@@ -40,7 +40,7 @@ fn variance(values: &[f32]) -> f32 {
 }
 
 #[test]
-fn an_image_of_one_colour_stays_so_to_the_last_bit() {
+fn a_constant_image_is_reproduced_exactly() {
     let layout = everything();
     for settings in [RpfSettings::report(), RpfSettings::release(), RpfSettings::lehtinen()] {
         for colour in [[0.0; 3], [0.3, 0.123, 7.7]] {
@@ -56,7 +56,7 @@ fn an_image_of_one_colour_stays_so_to_the_last_bit() {
 }
 
 #[test]
-fn every_size_and_count_is_filtered_under_all_settings() {
+fn images_of_every_size_and_count_are_filtered_with_all_settings() {
     for (width, height) in [(1, 1), (1, 20), (9, 1), (2, 2), (6, 11)] {
         for count in [1, 2, 3, 8] {
             for settings in [RpfSettings::report(), RpfSettings::release(), RpfSettings::lehtinen()] {
@@ -71,7 +71,7 @@ fn every_size_and_count_is_filtered_under_all_settings() {
 }
 
 #[test]
-fn pixels_without_samples_look_like_those_beside_them_and_uneven_counts_do_not_harm() {
+fn pixels_without_samples_are_filled_and_counts_may_differ() {
     let count = |x: usize, y: usize| if x == 4 { 0 } else { 1 + (x * 5 + y * 3) as u32 % 8 };
     let layout = everything();
     let store = store(12, 12, layout.clone(), count, |x, y, _, rng| {
@@ -86,7 +86,7 @@ fn pixels_without_samples_look_like_those_beside_them_and_uneven_counts_do_not_h
 }
 
 #[test]
-fn noise_goes_and_edges_stay() {
+fn noise_is_removed_and_edges_are_kept() {
     let layout = everything();
     let store = store(
         24,
@@ -94,7 +94,7 @@ fn noise_goes_and_edges_stay() {
         layout.clone(),
         |_, _| 8,
         |x, y, _, rng| {
-            // All of the noise is the light sample's; the edge is that of two albedos.
+            // All noise comes from the light sample, the edge from two albedos.
             let albedo = if x < 12 { 0.8 } else { 0.2 };
             let mut sample = wall(&layout, x, y, [0.0; 3], rng);
             let light = 0.5 + sample[layout.block(Block::Light1).unwrap().start];
@@ -116,7 +116,7 @@ fn noise_goes_and_edges_stay() {
 }
 
 #[test]
-fn radiance_scales_the_result_and_nothing_else() {
+fn scaled_radiance_gives_a_scaled_image() {
     let reference = filter(&noisy_wall(12, 10, 1.0, |_, _| 8), &small(), 1).image;
     for scale in [1e-6, 1e6] {
         let image = filter(&noisy_wall(12, 10, scale, |_, _| 8), &small(), 1).image;
@@ -127,7 +127,7 @@ fn radiance_scales_the_result_and_nothing_else() {
 }
 
 #[test]
-fn the_same_seed_gives_the_same_image_whatever_the_threads_and_another_seed_another() {
+fn the_image_depends_on_the_seed_and_not_on_the_number_of_threads() {
     let store = noisy_wall(16, 12, 1.0, |_, _| 4);
     let with = |threads: usize, seed: u64| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
@@ -146,7 +146,7 @@ fn the_halves_are_independent_images_whose_mean_is_the_image() {
         let mean = 0.5 * (a.data()[i] + b.data()[i]);
         assert!((mean - filtered.image.data()[i]).abs() < 1e-5);
     }
-    // The mean of a colour that is uniform in [0, 2) over the some 450 samples of a window of 15.
+    // The mean over about 450 samples of a colour that is uniform in [0, 2)
     let deviation = (filtered.variance.plane(0).iter().sum::<f32>() / 256.0).sqrt();
     assert!((0.005..0.1).contains(&deviation), "{deviation}");
 }
@@ -158,23 +158,25 @@ pub(super) fn one_pixel(layout: &Layout, samples: &[Vec<f32>]) -> Store {
     store
 }
 
-/// Draws of a pass over a window of 7.
-pub(super) fn draws(samples: &Samples, layout: &Layout) -> Draws {
-    Draws::new(&RpfPass { window: 7, share: 0.5 }, &RpfSettings::report(), samples, layout)
+/// Candidates and clustering of a pass over a window of 7.
+pub(super) fn candidates(samples: &Samples, layout: &Layout) -> (CandidateSampler, Clustering) {
+    let settings = RpfSettings::report();
+    let pass = RpfPass { window: 7, fraction: 0.5 };
+    (CandidateSampler::new(&pass, &settings, samples), Clustering::new(&settings, layout))
 }
 
 #[test]
-fn the_weights_that_are_shown_are_those_of_few_samples_where_samples_are_few_and_none_without() {
+fn feature_weights_have_the_defaults_with_few_samples_and_are_zero_without() {
     let store = noisy_wall(3, 2, 1.0, |x, _| if x == 1 { 0 } else { 3 });
     let mut settings = small();
-    settings.passes = vec![RpfPass { window: 3, share: 0.5 }; 2];
+    settings.passes = vec![RpfPass { window: 3, fraction: 0.5 }; 2];
     let (names, planes) = feature_weights(&store, &settings, 1);
     assert_eq!((names.len(), planes.len()), (19, 2));
     for planes in planes {
         assert_eq!((planes.width(), planes.height(), planes.count()), (3, 2, 19));
         for (k, y) in (0..19).flat_map(|k| [(k, 0), (k, 1)]) {
             assert_eq!(planes.at(k, 1, y), 0.0);
-            // 9 samples say nothing: features alike, no colour, and 7 of 9 numbers are random.
+            // With 9 samples features have equal weights, colours none, and 7 of 9 dimensions are random.
             let expected = match k {
                 0..15 => 1.0 / 15.0,
                 18 => 7.0 / 9.0,

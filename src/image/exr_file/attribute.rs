@@ -1,16 +1,16 @@
-//! Header attributes, between this crate's few kinds and the `exr` crate's many.
+//! Converts header attributes between this crate's types and those of the `exr` crate.
 
 use exr::meta::attribute::{AttributeValue, Text};
 use exr::meta::header::LayerAttributes;
 
-/// The kinds of attributes that are written and read; others in a file are passed over.
+/// An attribute of a supported type. Reading ignores attributes of other types.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Attribute {
     /// UTF-8; EXR type `string`.
     Text(String),
     Int(i32),
     Float(f32),
-    /// EXR has no list of integers, so the EXR type is `stringvector`, one decimal number each.
+    /// EXR has no list of integers; the EXR type is `stringvector` with one decimal number per string.
     Ints(Vec<i64>),
 }
 
@@ -20,7 +20,7 @@ impl Attribute {
             Self::Text(value) => AttributeValue::Text(text(value)),
             Self::Int(value) => AttributeValue::I32(*value),
             Self::Float(value) => AttributeValue::F32(*value),
-            // EXR allows no empty vector: one empty text stands for it.
+            // EXR allows no empty vector, so one empty string represents it.
             Self::Ints(values) if values.is_empty() => AttributeValue::TextVector(vec![text("")]),
             Self::Ints(values) => {
                 AttributeValue::TextVector(values.iter().map(|value| text(&value.to_string())).collect())
@@ -43,16 +43,17 @@ impl Attribute {
     }
 }
 
-/// EXR's text is bytes; like the C++ library's users we put UTF-8 into it.
+/// Encodes a string as UTF-8 bytes, as is usual with EXR.
 pub(super) fn text(value: &str) -> Text {
     Text::from_slice_unchecked(value.as_bytes())
 }
 
+/// Decodes EXR text as UTF-8, replacing invalid bytes.
 pub(super) fn string(value: &Text) -> String {
     String::from_utf8_lossy(value.as_slice()).into_owned()
 }
 
-/// The standard texts, which the `exr` crate keeps in fields of their own and refuses elsewhere.
+/// The field of a standard text attribute, which the `exr` crate refuses among other attributes.
 fn standard_text<'a>(header: &'a mut LayerAttributes, name: &str) -> Option<&'a mut Option<Text>> {
     match name {
         "comments" => Some(&mut header.comments),
@@ -63,10 +64,10 @@ fn standard_text<'a>(header: &'a mut LayerAttributes, name: &str) -> Option<&'a 
     }
 }
 
-/// Names of [`standard_text`], for reading.
+/// The names that [`standard_text`] knows.
 const STANDARD_TEXTS: [&str; 4] = ["comments", "owner", "software", "capDate"];
 
-/// Puts named attributes where they belong. Of two with one name the last one holds.
+/// Adds attributes to a header. Of attributes with equal names the last one counts.
 pub(super) fn insert(header: &mut LayerAttributes, attributes: &[(String, Attribute)]) {
     for (name, attribute) in attributes {
         match (standard_text(header, name), attribute) {
@@ -78,7 +79,7 @@ pub(super) fn insert(header: &mut LayerAttributes, attributes: &[(String, Attrib
     }
 }
 
-/// All attributes of the kinds we know, sorted by name.
+/// All attributes of supported types, sorted by name.
 pub(super) fn extract(mut header: LayerAttributes) -> Vec<(String, Attribute)> {
     let mut attributes: Vec<_> = header
         .other

@@ -1,5 +1,5 @@
-//! Reading: the header is checked before anything is allocated, then blocks are decompressed side
-//! by side and only the wanted channels are kept.
+//! Reads OpenEXR files. The header is checked before memory is allocated; blocks are then decompressed in
+//! parallel, and the requested channels copied.
 
 use std::collections::HashSet;
 use std::fs::File;
@@ -22,12 +22,12 @@ use super::{Attribute, Windows};
 use crate::image::error::{MAX_SAMPLES, MAX_SIDE};
 use crate::image::{ImageError, Planes, Problem};
 
-/// What the header of a file's first part says.
+/// The contents of the header of a file's first part.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ExrInfo {
     pub width: usize,
     pub height: usize,
-    /// `None` where the pixels do not lie inside an image that starts at (0, 0).
+    /// `None` if the data window is not inside a display window that starts at (0, 0).
     pub windows: Option<Windows>,
     /// Full names, sorted.
     pub channels: Vec<String>,
@@ -35,9 +35,12 @@ pub struct ExrInfo {
     pub attributes: Vec<(String, Attribute)>,
 }
 
-/// Reads the header alone.
+/// Reads the header only.
+///
+/// # Errors
+/// As for [`read_channels`], except missing channels.
 pub fn read_info(path: &Path) -> Result<ExrInfo, ImageError> {
-    guarded(|| {
+    catch_panic(|| {
         let reader = open(BufReader::new(File::open(path)?))?;
         let header = &reader.headers()[0];
         Ok(ExrInfo {
@@ -51,44 +54,49 @@ pub fn read_info(path: &Path) -> Result<ExrInfo, ImageError> {
     .map_err(|problem| problem.at(path))
 }
 
-/// Reads the channels of these names as one plane each, in this order, whatever type they are
-/// stored in. In a file of several parts the first one that has them all is taken.
+/// Reads the channels of these names as one plane each, in this order, from any stored type. Of a file's
+/// parts, the first one that has all channels is read.
 ///
 /// # Errors
 /// [`Problem::MissingChannels`]; [`Problem::TooLarge`]; [`Problem::Unsupported`] for DWA
 /// compression, deep data and subsampled channels; [`Problem::Malformed`] for a damaged file.
 pub fn read_channels(path: &Path, names: &[&str]) -> Result<Planes, ImageError> {
-    read_first_of(path, &[names.iter().map(|name| name.to_string()).collect()])
+    read_first_present(path, &[names.iter().map(|name| name.to_string()).collect()])
 }
 
 /// Reads a layer as three planes: its `R` `G` `B`, or `X` `Y` `Z`, or its only channel (`Y` or
-/// `X`) three times. `None` is the picture itself, whose channels have no prefix.
+/// `X`) three times. `None` is the image itself, whose channels have no prefix.
 ///
 /// # Errors
 /// Those of [`read_channels`].
 pub fn read_layer(path: &Path, layer: Option<&str>) -> Result<Planes, ImageError> {
-    read_first_of(path, &layer_channels(layer))
+    read_first_present(path, &layer_channels(layer))
 }
 
-/// The sets of channels that a layer may have.
+/// The sets of channels that a layer may have, in order of preference.
 pub(super) fn layer_channels(layer: Option<&str>) -> Vec<Vec<String>> {
     let full_name = |channel: &str| layer.map_or(channel.into(), |layer| format!("{layer}.{channel}"));
     let choices = [["R", "G", "B"], ["X", "Y", "Z"], ["Y"; 3], ["X"; 3]];
     choices.map(|channels| channels.map(full_name).to_vec()).to_vec()
 }
 
-fn read_first_of(path: &Path, choices: &[Vec<String>]) -> Result<Planes, ImageError> {
+fn read_first_present(path: &Path, choices: &[Vec<String>]) -> Result<Planes, ImageError> {
     let file = File::open(path).map_err(|error| Problem::Io(error).at(path))?;
-    decode_first_of(BufReader::new(file), choices).map_err(|problem| problem.at(path))
+    decode_first_present(BufReader::new(file), choices).map_err(|problem| problem.at(path))
 }
 
-/// Reads the first of these sets of channels that a part of the file has.
-pub(super) fn decode_first_of(source: impl Read + Seek, choices: &[Vec<String>]) -> Result<Planes, Problem> {
-    guarded(|| {
+/// Reads the first of these sets of channels that some part of the file has.
+pub(super) fn decode_first_present(
+    source: impl Read + Seek,
+    choices: &[Vec<String>],
+) -> Result<Planes, Problem> {
+    catch_panic(|| {
         let reader = open(source)?;
         let parts = reader.headers().iter().enumerate();
         let found = parts
-            .flat_map(|(part, header)| choices.iter().map(move |names| (part, find(header, names))))
+            .flat_map(|(part, header)| {
+                choices.iter().map(move |names| (part, channel_indices(header, names)))
+            })
             .find_map(|(part, indices)| Some((part, indices?)));
         match found {
             Some((part, channels)) => decode(reader, part, &channels),
@@ -102,15 +110,15 @@ pub(super) fn decode_first_of(source: impl Read + Seek, choices: &[Vec<String>])
 
 /// Turns a panic inside the decoder into an error.
 ///
-/// A damaged file must not end a render. The `exr` crate forbids unsafe code but computes on trust
-/// in places: with overflow checks on, a flipped bit in a B44 block makes it panic. Nothing
-/// outlives the call, so nothing half-changed can be seen afterwards.
-fn guarded<T>(read: impl FnOnce() -> Result<T, Problem>) -> Result<T, Problem> {
+/// A damaged file must not end a render. The `exr` crate forbids unsafe code but does not check all
+/// arithmetic: with overflow checks on, a flipped bit in a B44 block makes it panic. No state outlives the
+/// call, so the caller sees none that is half changed.
+fn catch_panic<T>(read: impl FnOnce() -> Result<T, Problem>) -> Result<T, Problem> {
     catch_unwind(AssertUnwindSafe(read))
-        .unwrap_or_else(|_| Err(Problem::Malformed("its contents contradict each other".into())))
+        .unwrap_or_else(|_| Err(Problem::Malformed("its contents are inconsistent".into())))
 }
 
-/// Reads the headers and checks what they ask for.
+/// Reads and checks the headers.
 fn open<R: Read + Seek>(mut source: R) -> Result<Reader<R>, Problem> {
     let file_bytes = source.seek(SeekFrom::End(0))?;
     source.rewind()?;
@@ -121,6 +129,7 @@ fn open<R: Read + Seek>(mut source: R) -> Result<Reader<R>, Problem> {
     Ok(reader)
 }
 
+/// Checks a header's sizes, and that its features are supported.
 fn check(header: &Header, file_bytes: u64) -> Result<(), Problem> {
     let Vec2(width, height) = header.layer_size;
     let channels = header.channels.list.len();
@@ -131,19 +140,21 @@ fn check(header: &Header, file_bytes: u64) -> Result<(), Problem> {
     if width == 0 || height == 0 || channels == 0 {
         return Err(Problem::Empty);
     }
-    // Each block has an entry of eight bytes in the file's offset table.
+    // The file's offset table has eight bytes for each block.
     if header.chunk_count as u64 > file_bytes / 8 {
-        return Err(Problem::Malformed("the file is shorter than its header says".into()));
+        return Err(Problem::Malformed("the file is shorter than its header claims".into()));
     }
     if matches!(header.compression, Compression::DWAA(_) | Compression::DWAB(_)) {
-        return Err(Problem::Unsupported("DWA compression".into()));
+        return Err(Problem::Unsupported("it uses DWA compression".into()));
     }
     if header.channels.list.iter().any(|channel| channel.sampling != Vec2(1, 1)) {
-        return Err(Problem::Unsupported("subsampled channels".into()));
+        return Err(Problem::Unsupported("it has subsampled channels".into()));
     }
     Ok(())
 }
 
+/// Data and display window; `None` if the former is not inside the latter, or the latter does not start at
+/// (0, 0).
 fn windows(header: &Header) -> Option<Windows> {
     let display = header.shared_attributes.display_window;
     let Vec2(x, y) = header.own_attributes.layer_position;
@@ -162,16 +173,16 @@ fn channel_names(header: &Header) -> Vec<String> {
 }
 
 /// Indices of these channels in the header, in the order of the names; `None` if one is missing.
-fn find(header: &Header, names: &[String]) -> Option<Vec<usize>> {
+fn channel_indices(header: &Header, names: &[String]) -> Option<Vec<usize>> {
     let present = channel_names(header);
     names.iter().map(|name| present.iter().position(|present| present == name)).collect()
 }
 
 /// The full-resolution pixels of some channels of one part.
 fn decode<R: Read + Seek>(reader: Reader<R>, part: usize, channels: &[usize]) -> Result<Planes, Problem> {
-    // Enough blocks at a time to keep all threads busy, few enough to bound the memory.
+    // Some blocks per thread keep all threads busy and bound the memory.
     const BLOCKS_PER_THREAD: usize = 4;
-    let at_once = BLOCKS_PER_THREAD * rayon::current_num_threads();
+    let batch_len = BLOCKS_PER_THREAD * rayon::current_num_threads();
 
     let meta = reader.meta_data().clone();
     let Vec2(width, height) = meta.headers[part].layer_size;
@@ -180,8 +191,8 @@ fn decode<R: Read + Seek>(reader: Reader<R>, part: usize, channels: &[usize]) ->
     let mut chunks =
         reader.filter_chunks(true, |_, tile, block| block.layer == part && tile.level_index == Vec2(0, 0))?;
     loop {
-        // Rayon's current pool, not the one that `exr` would make: a panic in the latter aborts.
-        let batch: Vec<Chunk> = chunks.by_ref().take(at_once).collect::<Result<_, _>>()?;
+        // This runs in rayon's current pool: a panic in a pool of the `exr` crate would abort.
+        let batch: Vec<Chunk> = chunks.by_ref().take(batch_len).collect::<Result<_, _>>()?;
         if batch.is_empty() {
             return Ok(planes);
         }
@@ -190,23 +201,24 @@ fn decode<R: Read + Seek>(reader: Reader<R>, part: usize, channels: &[usize]) ->
             .map(|chunk| UncompressedBlock::decompress_chunk(chunk, &meta, true))
             .collect::<Result<_, _>>()?;
         for block in &blocks {
-            // As many blocks are read as there should be, so none is missing if none is misplaced.
+            // The number of blocks read is right, so none is missing if none is misplaced or repeated.
             let Vec2(x, y) = block.index.pixel_position;
             if block.index.layer != part || block.index.level != Vec2(0, 0) || !seen.insert((x, y)) {
                 return Err(Problem::Malformed("a block of pixels is missing".into()));
             }
-            keep(block, &meta.headers[part], channels, &mut planes);
+            copy_channels(block, &meta.headers[part], channels, &mut planes);
         }
     }
 }
 
-/// Copies the wanted channels of a block into their planes.
-fn keep(block: &UncompressedBlock, header: &Header, channels: &[usize], planes: &mut Planes) {
+/// Copies the requested channels of a block to their planes.
+fn copy_channels(block: &UncompressedBlock, header: &Header, channels: &[usize], planes: &mut Planes) {
     let width = planes.width();
     for line in block.lines(&header.channels) {
         let Vec2(x, y) = line.location.position;
         let sample_type = header.channels.list[line.location.channel].sample_type;
-        for (plane, _) in channels.iter().enumerate().filter(|(_, wanted)| **wanted == line.location.channel)
+        for (plane, _) in
+            channels.iter().enumerate().filter(|(_, channel)| **channel == line.location.channel)
         {
             let row = &mut planes.plane_mut(plane)[y * width + x..][..line.location.sample_count];
             convert(line.value, sample_type, row);
@@ -214,7 +226,7 @@ fn keep(block: &UncompressedBlock, header: &Header, channels: &[usize], planes: 
     }
 }
 
-/// Stored bytes to `f32`.
+/// Converts stored bytes to `f32`.
 fn convert(bytes: &[u8], sample_type: SampleType, row: &mut [f32]) {
     fn fill<const N: usize>(bytes: &[u8], row: &mut [f32], value: impl Fn([u8; N]) -> f32) {
         for (to, from) in row.iter_mut().zip(bytes.as_chunks().0) {

@@ -27,14 +27,14 @@ fn ramp(count: usize, scale: f32) -> Vec<f32> {
     (0..count).map(|i| i as f32 * scale).collect()
 }
 
-/// A folder that goes away with the test, and a file name in it.
+/// A temporary folder, deleted at the end of the test, and a file name in it.
 fn scratch() -> (tempfile::TempDir, PathBuf) {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("image.exr");
     (folder, path)
 }
 
-/// Writes R, G, B of other values each, with the `exr` crate's own writer.
+/// Writes channels R, G and B with the `exr` crate's own writer.
 fn write_foreign(path: &Path, compression: Compression, blocks: Blocks, samples: [FlatSamples; 3]) {
     let list = ["B", "G", "R"].into_iter().zip(samples).map(|(name, samples)| AnyChannel::new(name, samples));
     let channels = AnyChannels::sort(list.collect());
@@ -44,7 +44,7 @@ fn write_foreign(path: &Path, compression: Compression, blocks: Blocks, samples:
 }
 
 #[test]
-fn every_layer_and_attribute_comes_back() {
+fn every_layer_and_attribute_round_trips() {
     let (_folder, path) = scratch();
     let (width, height) = (33, 50);
     let names = ["R", "G", "B", "Noisy.R", "P.X", "P.Y", "P.Z", "SampleCount.X"];
@@ -52,9 +52,9 @@ fn every_layer_and_attribute_comes_back() {
     let channels: Vec<_> =
         names.iter().zip(&planes).map(|(name, plane)| Channel::new(*name, plane, Precision::Float)).collect();
     let mut attributes = vec![
-        (names::SAMPLES_PER_PIXEL.to_string(), Attribute::Int(64)),
-        (names::RENDER_TIME_SECONDS.to_string(), Attribute::Float(12.5)),
-        (names::MSE.to_string(), Attribute::Float(1e-3)),
+        (attribute_names::SAMPLES_PER_PIXEL.to_string(), Attribute::Int(64)),
+        (attribute_names::RENDER_TIME_SECONDS.to_string(), Attribute::Float(12.5)),
+        (attribute_names::MSE.to_string(), Attribute::Float(1e-3)),
         ("prpf.commandLine".to_string(), Attribute::Text("prpf render Küche.pbrt --spp 64".into())),
         ("prpf.batches".to_string(), Attribute::Ints(vec![4, 8, 52, 1 << 40])),
         ("prpf.none".to_string(), Attribute::Ints(vec![])),
@@ -97,7 +97,7 @@ fn float_is_exact_and_half_is_rounded() {
 }
 
 #[test]
-fn one_pixel_and_one_column_come_back() {
+fn one_pixel_and_one_column_round_trip() {
     let (_folder, path) = scratch();
     for (width, height) in [(1, 1), (1, 40), (40, 1)] {
         let plane = ramp(width * height, 1.0);
@@ -109,7 +109,7 @@ fn one_pixel_and_one_column_come_back() {
 }
 
 #[test]
-fn what_cannot_be_written_is_refused_and_the_old_file_stays() {
+fn unwritable_images_are_refused_and_the_old_file_kept() {
     let (folder, path) = scratch();
     let plane = ramp(4, 1.0);
     let channel = || Channel::new("X", &plane, Precision::Float);
@@ -127,7 +127,7 @@ fn what_cannot_be_written_is_refused_and_the_old_file_stays() {
     let message = refused(Windows::whole(3, 2), &[channel()], &[]).to_string();
     assert_eq!(message, "cannot be written: channel X has 4 values for 3x2 pixels");
     let message = refused(Windows::whole(2, 2), &[channel(), channel()], &[]).to_string();
-    assert_eq!(message, "cannot be written: channel X is given twice");
+    assert_eq!(message, "cannot be written: channel X appears twice");
     let far = Windows { data: [1 << 40, (1 << 40) + 2, 0, 2], display: [2, 2] };
     assert!(matches!(refused(far, &[channel()], &[]), Problem::Unwritable(_)));
     let reserved = [("dataWindow".to_string(), Attribute::Int(1))];
@@ -194,15 +194,15 @@ fn dwa_is_refused() {
 }
 
 #[test]
-fn a_missing_channel_is_named_with_those_that_are_there() {
+fn missing_channels_are_named_with_those_present() {
     let (_folder, path) = scratch();
     let plane = [0.0];
     let channels = [("A.X", ()), ("B.X", ())].map(|(name, ())| Channel::new(name, &plane, Precision::Half));
     write(&path, Windows::whole(1, 1), &channels, &[]).unwrap();
     let message = read_layer(&path, None).unwrap_err().problem.to_string();
-    assert_eq!(message, "no channels R, G, B; the file has A.X, B.X");
+    assert_eq!(message, "channels R, G, B are missing; the file has A.X, B.X");
     let message = read_channels(&path, &["A.X", "C.X"]).unwrap_err().problem.to_string();
-    assert_eq!(message, "no channels A.X, C.X; the file has A.X, B.X");
+    assert_eq!(message, "channels A.X, C.X are missing; the file has A.X, B.X");
 }
 
 /// Replaces the value of an attribute of the first header, of the same length.
@@ -213,12 +213,12 @@ fn patch(file: &mut [u8], attribute: &[u8], value: &[u8]) {
 }
 
 #[test]
-fn a_header_that_asks_for_too_much_is_refused_before_allocation() {
+fn a_header_with_a_too_large_size_is_refused_before_allocation() {
     let (_folder, path) = scratch();
     let plane = ramp(4, 1.0);
     let whole =
         write::encode(Windows::whole(2, 2), &[Channel::new("X", &plane, Precision::Float)], &[]).unwrap();
-    let problem_of = |last: i32| {
+    let problem = |last: i32| {
         let mut file = whole.clone();
         let window: Vec<u8> = [0, 0, last, last].into_iter().flat_map(i32::to_le_bytes).collect();
         patch(&mut file, b"dataWindow\0box2i\0", &window);
@@ -226,14 +226,14 @@ fn a_header_that_asks_for_too_much_is_refused_before_allocation() {
         std::fs::write(&path, &file).unwrap();
         read_channels(&path, &["X"]).unwrap_err().problem
     };
-    // 17 GB by its number of values; 10^18 values by its sides; within bounds, but longer than the file.
-    assert!(matches!(problem_of((1 << 16) - 1), Problem::TooLarge { .. }));
-    assert!(matches!(problem_of(1_000_000_000), Problem::TooLarge { .. }));
-    assert!(matches!(problem_of(29_999), Problem::Malformed(_)));
+    // 17 GB of values; sides of 10⁹ pixels; a valid size, but more blocks than the file can hold.
+    assert!(matches!(problem((1 << 16) - 1), Problem::TooLarge { .. }));
+    assert!(matches!(problem(1_000_000_000), Problem::TooLarge { .. }));
+    assert!(matches!(problem(29_999), Problem::Malformed(_)));
 }
 
 fn decode(file: &[u8]) -> Result<Planes, Problem> {
-    read::decode_first_of(Cursor::new(file), &read::layer_channels(None))
+    read::decode_first_present(Cursor::new(file), &read::layer_channels(None))
 }
 
 #[test]

@@ -1,4 +1,4 @@
-//! Writing: blocks are compressed side by side, then put into the file in order.
+//! Writes OpenEXR files. Blocks are compressed in parallel and written in order.
 
 use std::io::{Cursor, Write};
 use std::path::Path;
@@ -19,12 +19,12 @@ use super::{Attribute, Channel, Precision, Windows};
 use crate::files::replace_file;
 use crate::image::{ImageError, Problem};
 
-/// Writes the channels as one part, ZIP-compressed by scan lines, replacing the file whole or not
-/// at all. The same input gives the same bytes.
+/// Writes the channels as one ZIP-compressed part of scan lines, replacing the file atomically. Equal
+/// input gives equal bytes.
 ///
 /// # Errors
-/// [`Problem::Empty`] for an image without pixels, [`Problem::Unwritable`] for a channel of
-/// another size, a name given twice or an attribute name that EXR reserves, [`Problem::Io`].
+/// [`Problem::Empty`] for an image without pixels; [`Problem::Unwritable`] for a channel of another size,
+/// duplicate names, or an attribute name that EXR reserves; [`Problem::Io`].
 pub fn write(
     path: &Path,
     windows: Windows,
@@ -36,11 +36,11 @@ pub fn write(
         .map_err(|problem: Problem| problem.at(path))
 }
 
-/// The bytes of the file. They are made in memory (an image's worth is small beside the render's
-/// own store), so that nothing but plain writing can fail once the disk is touched.
+/// Encodes the channels as the bytes of a file. Encoding in memory, which is small compared with the
+/// pixel-statistics store, leaves I/O as the only failure of writing.
 ///
 /// # Errors
-/// As [`write()`], but for the disk's.
+/// As for [`write()`], except [`Problem::Io`].
 pub fn encode(
     windows: Windows,
     channels: &[Channel],
@@ -49,13 +49,13 @@ pub fn encode(
     let channels = sorted(windows, channels)?;
     let header = header(windows, &channels, attributes)?;
     let mut file = Cursor::new(Vec::new());
-    // One header, so its list can be collected from an `Option`.
+    // `Option` collects to the `SmallVec` of one header.
     let headers = Some(header).into_iter().collect();
     exr::block::write(&mut file, headers, true, |meta, writer| {
         let header = &meta.headers[0];
         let blocks: Vec<_> = meta.enumerate_ordered_header_block_indices().collect();
-        // Rayon's current pool rather than the pool that `exr` would make for itself, so that
-        // `--threads` holds here too.
+        // This runs in rayon's current pool instead of one of the `exr` crate, so that `--threads`
+        // applies.
         let chunks: Vec<_> = blocks
             .into_par_iter()
             .map(|(index, block)| {
@@ -77,7 +77,7 @@ pub fn encode(
     Ok(bytes)
 }
 
-/// The channels in the alphabetical order that EXR demands, checked.
+/// Checks the channels, and sorts them by name, as EXR requires.
 fn sorted<'a, 'b>(windows: Windows, channels: &'b [Channel<'a>]) -> Result<Vec<&'b Channel<'a>>, Problem> {
     let (width, height) = (windows.width(), windows.height());
     if width == 0 || height == 0 || channels.is_empty() {
@@ -93,18 +93,19 @@ fn sorted<'a, 'b>(windows: Windows, channels: &'b [Channel<'a>]) -> Result<Vec<&
         }
     }
     if let Some(pair) = channels.windows(2).find(|pair| pair[0].name == pair[1].name) {
-        return Err(Problem::Unwritable(format!("channel {} is given twice", pair[0].name)));
+        return Err(Problem::Unwritable(format!("channel {} appears twice", pair[0].name)));
     }
     Ok(channels)
 }
 
+/// The header of the one part.
 fn header(
     windows: Windows,
     channels: &[&Channel],
     attributes: &[(String, Attribute)],
 ) -> Result<Header, Problem> {
     let [x0, _, y0, _] = windows.data;
-    // Every coordinate fits EXR's 32 bits if the largest ones do.
+    // All coordinates fit EXR's 32 bits if the largest does.
     let largest = windows.data.into_iter().chain(windows.display).max().unwrap_or_default();
     if i32::try_from(largest).is_err() {
         return Err(Problem::Unwritable("pixel bounds are too large for EXR".into()));
@@ -126,7 +127,7 @@ fn header(
         .with_attributes(own))
 }
 
-/// One row of one channel as the bytes of its stored type.
+/// Converts one row of one channel to bytes of its stored type.
 fn fill_line(line: LineRefMut, channels: &[&Channel], width: usize) {
     let channel = channels[line.location.channel];
     let Vec2(x, y) = line.location.position;
@@ -141,16 +142,17 @@ fn fill_line(line: LineRefMut, channels: &[&Channel], width: usize) {
     }
 }
 
+/// Rounds to 16 bits; finite values stay finite.
 fn to_half(value: f32) -> f16 {
     let half = f16::from_f32(value);
     if half.is_infinite() && value.is_finite() { f16::MAX.copysign(half) } else { half }
 }
 
-/// Puts the header's attributes into alphabetical order, in place.
+/// Sorts the header's attributes by name, in place.
 ///
-/// The `exr` crate keeps them in a hash map and writes them in an order that changes from run to
-/// run; the same image has to give the same bytes. A header is a sequence of (name, 0, type, 0,
-/// size as 32-bit little endian, that many bytes), ended by an empty name.
+/// The `exr` crate stores them in a hash map, whose order changes from run to run; equal images must give
+/// equal bytes. A header is a sequence of (name, 0, type, 0, size as 32-bit little endian, that many
+/// bytes), ended by an empty name.
 fn sort_attributes(file: &mut [u8]) {
     const VERSION_BYTES: usize = 4;
     let start = super::MAGIC.len() + VERSION_BYTES;
@@ -161,13 +163,13 @@ fn sort_attributes(file: &mut [u8]) {
         attributes.push(attribute.to_vec());
         rest = after;
     }
-    // Names end in 0, so comparing whole attributes compares names first.
+    // Names end in 0, so comparing attributes bytewise compares names first.
     attributes.sort();
     let sorted = attributes.concat();
     file[start..start + sorted.len()].copy_from_slice(&sorted);
 }
 
-/// Bytes of the attribute at the start of `bytes`; `None` at the end of the header.
+/// Length in bytes of the attribute at the start of `bytes`; `None` at the end of the header.
 fn attribute_length(bytes: &[u8]) -> Option<usize> {
     let zero_after = |start: usize| Some(start + bytes.get(start..)?.iter().position(|&byte| byte == 0)?);
     let name_end = zero_after(0).filter(|&end| end > 0)?;

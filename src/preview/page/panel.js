@@ -71,6 +71,7 @@ export class Panel {
     $("pause").disabled = status.phase === "finished";
     $("clear-region").disabled = !status.region;
     this.showViews(status.views);
+    this.showDenoisers(status.denoisers, settings.denoiser);
     this.showSettings(settings, camera);
     this.showStatistics(status);
     this.showCurve();
@@ -88,7 +89,31 @@ export class Panel {
     this.fill("focus", camera.aperture > 0 ? camera.focus : camera.focus >= 1e6 ? null : camera.focus);
   }
 
-  showStatistics({ statistics, width, height }) {
+  // Builds one radio button per denoiser, and one per preset of the selected denoiser.
+  showDenoisers(denoisers, selected) {
+    const methods = denoisers.filter(({ denoiser }, i) => i === 0 || denoisers[i - 1].denoiser !== denoiser);
+    const presets = denoisers.filter(({ denoiser, quality }) => denoiser === selected && quality);
+    this.showChoices("denoiser", methods.map(({ denoiser, summary }) => [denoiser, summary]));
+    this.showChoices("quality", presets.map(({ quality, summary }) => [quality, summary]));
+    // A row that came and went would move what a user is about to click.
+    $("quality-row").style.visibility = presets.length > 0 ? "visible" : "hidden";
+  }
+
+  // Builds the radio buttons of a setting from pairs of value and description.
+  showChoices(name, choices) {
+    const group = document.querySelector(`[data-setting=${name}]`);
+    const list = choices.map(([value]) => value).join();
+    if (group.dataset.list === list) return;
+    group.dataset.list = list;
+    group.replaceChildren(...choices.map(([value, description]) => {
+      const label = Object.assign(document.createElement("label"), { title: description });
+      const input = Object.assign(document.createElement("input"), { type: "radio", name, value });
+      label.append(input, Object.assign(document.createElement("span"), { textContent: value }));
+      return label;
+    }));
+  }
+
+  showStatistics({ statistics, width, height, made_by }) {
     const { estimate } = statistics;
     const values = {
       seconds: duration(statistics.seconds),
@@ -98,6 +123,7 @@ export class Panel {
       filter: `${(100 * statistics.filter_fraction).toFixed(1)} %`,
       memory: statistics.memory_bytes === null ? "–" : `${(statistics.memory_bytes / 2 ** 20).toFixed(0)} MiB`,
       error: estimate ? (estimate.is_hidden ? "below " : "") + short(estimate.error) : "–",
+      made_by: made_by ? [made_by.denoiser, made_by.quality].filter(Boolean).join(" ") : "–",
       estimated_at: estimate ? (estimate.samples / (width * height)).toFixed(1) : "–",
     };
     for (const [name, text] of Object.entries(values)) {

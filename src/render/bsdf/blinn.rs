@@ -1,19 +1,19 @@
-//! Blinn's microfacets, as pbrt-v2 has them: normals about the mean normal by a power of the
-//! cosine, with one exponent for each tangent direction, and V-shaped cavities for masking.
+//! Blinn's microfacet distribution as in pbrt-v2: the density of normals is a power of their cosine, with an
+//! exponent for each tangent direction; masking is that of V-shaped grooves.
 //!
-//! Sources: Blinn 1977; Ashikhmin and Shirley, *An anisotropic Phong BRDF model* (2000), for two
-//! exponents and their sampling; Torrance and Sparrow 1967 for the masking.
+//! Sources: Blinn 1977; Ashikhmin and Shirley, *An anisotropic Phong BRDF model* (2000), for two exponents and
+//! their sampling; Torrance and Sparrow 1967 for the masking.
 
 use std::f32::consts::{FRAC_PI_2, PI};
 
 use glam::{Vec2, Vec3};
 
-use super::frame::{on_side_of, same_side};
+use super::directions::{same_hemisphere, to_hemisphere_of};
 
-/// Largest exponent, as in pbrt-v2. What is sharper is taken for this sharp.
+/// Upper bound of the exponents, as in pbrt-v2.
 const MAX_EXPONENT: f32 = 1e4;
 
-/// The microfacet distribution, by its exponents along x and y.
+/// The distribution with exponents along x and y.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Blinn {
     x: f32,
@@ -21,13 +21,13 @@ pub(super) struct Blinn {
 }
 
 impl Blinn {
-    /// Exponents from 0; what is no number is taken for the largest.
+    /// Exponents are clamped to [0, 10⁴]; NaN becomes 10⁴.
     pub fn new(x: f32, y: f32) -> Self {
-        let bounded = |e: f32| if e < MAX_EXPONENT { e.max(0.0) } else { MAX_EXPONENT };
-        Self { x: bounded(x), y: bounded(y) }
+        let clamped = |e: f32| if e < MAX_EXPONENT { e.max(0.0) } else { MAX_EXPONENT };
+        Self { x: clamped(x), y: clamped(y) }
     }
 
-    /// |cos|^e with the exponent in the direction of `m`.
+    /// |cos|^e with the exponent for the azimuth of `m`.
     fn power(self, m: Vec3) -> f32 {
         let sin2 = m.x * m.x + m.y * m.y;
         if sin2 == 0.0 {
@@ -37,14 +37,14 @@ impl Blinn {
         m.z.abs().powf(exponent)
     }
 
-    /// Density of microfacet normals over projected area, per steradian.
+    /// D(m): area of microfacets per solid angle of normals and surface area.
     pub fn density(self, m: Vec3) -> f32 {
         ((self.x + 2.0) * (self.y + 2.0)).sqrt() / (2.0 * PI) * self.power(m)
     }
 
-    /// f |cos wi| but for Fresnel's factor, and the cosine to the microfacet. Both directions are
-    /// on the same side.
-    pub fn reflect_eval(self, wo: Vec3, wi: Vec3) -> (f32, f32) {
+    /// f |cos wi| of reflection without the Fresnel reflectance, and the cosine to the microfacet's normal.
+    /// Both directions are in the same hemisphere.
+    pub fn reflection_eval(self, wo: Vec3, wi: Vec3) -> (f32, f32) {
         let Some(m) = (wo + wi).try_normalize() else { return (0.0, 1.0) };
         let cos = wo.dot(m);
         let least = wo.z.abs().min(wi.z.abs());
@@ -52,8 +52,8 @@ impl Blinn {
         (self.density(m) * masking / (4.0 * wo.z.abs()), cos)
     }
 
-    /// Density of [`Self::reflect_sample`], per steradian of `wi`.
-    pub fn reflect_pdf(self, wo: Vec3, wi: Vec3) -> f32 {
+    /// Density per solid angle of [`Self::sample_reflection`].
+    pub fn reflection_pdf(self, wo: Vec3, wi: Vec3) -> f32 {
         let Some(m) = (wo + wi).try_normalize() else { return 0.0 };
         let cos = wo.dot(m);
         if cos <= 0.0 {
@@ -62,14 +62,14 @@ impl Blinn {
         ((self.x + 1.0) * (self.y + 1.0)).sqrt() / (2.0 * PI) * self.power(m) / (4.0 * cos)
     }
 
-    /// Reflects at a normal of the distribution; `None` where that leads below the surface.
-    pub fn reflect_sample(self, wo: Vec3, u: Vec2) -> Option<Vec3> {
-        // The first quadrant, mirrored into the others.
+    /// Reflects `wo` at a normal of the distribution; `None` if the reflection is below the surface.
+    pub fn sample_reflection(self, wo: Vec3, u: Vec2) -> Option<Vec3> {
+        // Sample the first quadrant and mirror it into the others.
         let quadrants = 4.0 * u.x;
         let quadrant = quadrants.floor();
-        let within = FRAC_PI_2 * (quadrants - quadrant);
+        let phi = FRAC_PI_2 * (quadrants - quadrant);
         let stretch = ((self.x + 1.0) / (self.y + 1.0)).sqrt();
-        let (mut sin, mut cos) = within.sin_cos();
+        let (mut sin, mut cos) = phi.sin_cos();
         sin *= stretch;
         let length = sin.hypot(cos);
         (sin, cos) = (sin / length, cos / length);
@@ -82,10 +82,10 @@ impl Blinn {
             2 => (-cos, -sin),
             _ => (cos, -sin),
         };
-        let m = on_side_of(Vec3::new(radius * x, radius * y, height), wo);
+        let m = to_hemisphere_of(Vec3::new(radius * x, radius * y, height), wo);
         let cos = wo.dot(m);
         let wi = (m * (2.0 * cos) - wo).normalize_or(m);
-        (cos > 0.0 && same_side(wo, wi)).then_some(wi)
+        (cos > 0.0 && same_hemisphere(wo, wi)).then_some(wi)
     }
 }
 
@@ -94,8 +94,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn projected_area_of_isotropic_microfacets_is_that_of_the_surface() {
-        // ∫ (e + 2) / 2π cosᵉ cos dω = 1, by a midpoint rule in cos.
+    fn the_projected_area_of_isotropic_microfacets_is_that_of_the_surface() {
+        // ∫ (e + 2) / 2π cosᵉ cos dω = 1, by the midpoint rule in cos.
         for exponent in [0.5, 7.0, 40.0, 1000.0] {
             let blinn = Blinn::new(exponent, exponent);
             let n = 100_000;
@@ -112,7 +112,7 @@ mod tests {
     }
 
     #[test]
-    fn exponents_out_of_range_are_brought_back() {
+    fn exponents_are_clamped() {
         assert_eq!(Blinn::new(f32::INFINITY, f32::NAN), Blinn { x: 1e4, y: 1e4 });
         assert_eq!(Blinn::new(-1.0, 3.0), Blinn { x: 0.0, y: 3.0 });
     }

@@ -1,19 +1,20 @@
-//! The dielectric coat of layered materials: what it reflects itself, and what it lets through.
+//! The dielectric coat of layered materials: its own GGX reflection, and its transmittance to the base.
 //!
-//! pbrt-v4 evaluates layers by a random walk. Here a coat is its own GGX lobe, and whatever that
-//! lobe does not reflect reaches the base. So nothing is lost between the layers, unlike in a walk
-//! whose rough interface lacks multiple scattering, nor on the way through the coat, for which
-//! pbrt-v4 has an absorption of about 1 % a crossing.
+//! pbrt-v4 evaluates layers by a random walk. Here all light that the coat's lobe does not reflect reaches the
+//! base. No energy is lost between the layers, unlike in a random walk with rough interfaces, which lacks multiple
+//! scattering between microfacets, nor within the coat, where pbrt-v4 absorbs about 1 % per crossing.
 
 use std::sync::LazyLock;
 
 use glam::{Vec2, Vec3};
 
-use super::microfacet::{Ggx, Reflection};
-use super::table::{MAX_ETA, Table};
-use super::{BsdfSample, frame::mirror, fresnel};
+use super::bsdf_sample::BsdfSample;
+use super::directions::reflect;
+use super::fresnel;
+use super::ggx::{Ggx, MicrofacetReflection};
+use super::interface_table::{InterfaceTable, MAX_ETA};
 
-/// A dielectric layer in air, over both sides of whatever it covers.
+/// A dielectric layer in air, on both sides of the base.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Coat {
     /// Index of refraction, at least 1.
@@ -21,36 +22,40 @@ pub(super) struct Coat {
     pub ggx: Ggx,
 }
 
-/// Share of light that a rough interface's lobe reflects.
-static REFLECTANCE: LazyLock<Table> = LazyLock::new(|| {
-    Table::new(|cos, alpha, eta| {
+/// Directional albedo of a rough interface's reflection.
+static REFLECTANCE: LazyLock<InterfaceTable> = LazyLock::new(|| {
+    InterfaceTable::new(|cos, alpha, eta| {
         let wo = Vec3::new((1.0 - cos * cos).max(0.0).sqrt(), 0.0, cos);
         mean_over_reflections(Ggx::new(alpha, alpha), wo, |r| fresnel::dielectric(r.cos, eta))
     })
 });
 
-/// Integral over wi of a microfacet lobe without Fresnel's factor, times `factor`: its sampling
-/// routine run over a grid of numbers.
-pub(super) fn mean_over_reflections(ggx: Ggx, wo: Vec3, factor: impl Fn(&Reflection) -> f32) -> f32 {
+/// Integral over `wi` of microfacet reflection with `factor` in place of the Fresnel reflectance, estimated by
+/// sampling with a grid of sample values.
+pub(super) fn mean_over_reflections(
+    ggx: Ggx,
+    wo: Vec3,
+    factor: impl Fn(&MicrofacetReflection) -> f32,
+) -> f32 {
     const GRID: u16 = 14;
     let node = |i: u16| (f32::from(i) + 0.5) / f32::from(GRID);
     let value = |i: u16| {
-        // The other half of u.x is the mirror image; u.y = 1 - t² is dense where normals are far
-        // from the mean, in the long tails of the distribution.
+        // By symmetry, half of the range of u.x is enough. u.y = 1 - t² is dense for normals far from the mean,
+        // in the long tails of the distribution.
         let t = node(i % GRID);
-        let reflection = ggx.reflect_sample(wo, Vec2::new(node(i / GRID) / 2.0, 1.0 - t * t));
+        let reflection = ggx.sample_reflection(wo, Vec2::new(node(i / GRID) / 2.0, 1.0 - t * t));
         reflection.map_or(0.0, |r| 2.0 * t * r.weight * factor(&r))
     };
     (0..GRID * GRID).map(value).sum::<f32>() / f32::from(GRID * GRID)
 }
 
 impl Coat {
-    /// `eta` is brought into [1, 3].
+    /// `eta` is clamped to [1, 3].
     pub fn new(eta: f32, ggx: Ggx) -> Self {
         Self { eta: eta.clamp(1.0, MAX_ETA), ggx }
     }
 
-    /// Share of light at this angle that the coat's own lobe reflects.
+    /// Fraction of light at this angle that the coat itself reflects.
     pub fn reflectance(&self, cos: f32) -> f32 {
         if self.ggx.is_smooth() {
             fresnel::dielectric(cos, self.eta)
@@ -59,13 +64,13 @@ impl Coat {
         }
     }
 
-    /// The rest of it, which reaches the base; by reciprocity also what light from the base loses
-    /// on its way out.
+    /// Fraction of light at this angle that reaches the base: 1 minus [`Self::reflectance`]. By reciprocity, also
+    /// the factor of light that leaves the base at this angle.
     pub fn transmittance(&self, cos: f32) -> f32 {
         1.0 - self.reflectance(cos)
     }
 
-    /// [`Self::transmittance`] for diffuse light from outside.
+    /// Mean of [`Self::transmittance`] over diffuse (cosine-weighted) light from outside.
     pub fn mean_transmittance(&self) -> f32 {
         1.0 - if self.ggx.is_smooth() {
             fresnel::dielectric_mean(self.eta)
@@ -74,29 +79,29 @@ impl Coat {
         }
     }
 
-    /// Share of diffuse light from inside that is turned back; by reciprocity, what is let out is
-    /// 1/η² of what is let in.
-    pub fn inner_reflectance(&self) -> f32 {
+    /// Fraction of diffuse light from inside that the coat reflects back. By reciprocity, the transmittance from
+    /// inside is 1/η² of that from outside.
+    pub fn internal_reflectance(&self) -> f32 {
         1.0 - self.mean_transmittance() / (self.eta * self.eta)
     }
 
-    /// f |cos wi| of the coat's lobe, if it is rough. Both directions are on the same side.
+    /// f |cos wi| of the coat's reflection; 0 if it is smooth. Both directions are in the same hemisphere.
     pub fn eval(&self, wo: Vec3, wi: Vec3) -> f32 {
         if self.ggx.is_smooth() {
             return 0.0;
         }
-        let (value, cos) = self.ggx.reflect_eval(wo, wi);
+        let (value, cos) = self.ggx.reflection_eval(wo, wi);
         value * fresnel::dielectric(cos, self.eta)
     }
 
-    /// Density of what a rough coat's lobe reflects.
+    /// Density per solid angle of sampling the coat's reflection; 0 if it is smooth.
     pub fn pdf(&self, wo: Vec3, wi: Vec3) -> f32 {
-        if self.ggx.is_smooth() { 0.0 } else { self.ggx.reflect_pdf(wo, wi) }
+        if self.ggx.is_smooth() { 0.0 } else { self.ggx.reflection_pdf(wo, wi) }
     }
 
-    /// The mirror image seen in a smooth coat, drawn with `probability`.
-    pub fn mirror_sample(&self, wo: Vec3, probability: f32) -> BsdfSample {
-        BsdfSample::specular(mirror(wo), Vec3::splat(self.reflectance(wo.z.abs()) / probability))
+    /// The specular reflection of a smooth coat, sampled with `probability`.
+    pub fn specular_sample(&self, wo: Vec3, probability: f32) -> BsdfSample {
+        BsdfSample::specular(reflect(wo), Vec3::splat(self.reflectance(wo.z.abs()) / probability))
     }
 }
 
@@ -105,7 +110,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_table_is_near_a_fine_quadrature() {
+    fn the_table_agrees_with_a_fine_quadrature() {
         for (cos, alpha, eta) in [
             (0.12, 0.15, 1.45),
             (0.5, 0.5, 1.33),
@@ -119,7 +124,7 @@ mod tests {
             let n = 300;
             let node = |i: i32| (i as f32 + 0.5) / n as f32;
             let fine = (0..n * n)
-                .filter_map(|i| ggx.reflect_sample(wo, Vec2::new(node(i / n), node(i % n))))
+                .filter_map(|i| ggx.sample_reflection(wo, Vec2::new(node(i / n), node(i % n))))
                 .map(|r| f64::from(r.weight * fresnel::dielectric(r.cos, eta)))
                 .sum::<f64>()
                 / f64::from(n * n);
@@ -139,9 +144,9 @@ mod tests {
     }
 
     #[test]
-    fn diffuse_light_inside_glass_is_mostly_turned_back() {
-        // The known internal diffuse reflectance of an index of 1.5.
-        let inner = Coat::new(1.5, Ggx::new(0.0, 0.0)).inner_reflectance();
-        assert!((inner - 0.596).abs() < 1e-3, "{inner}");
+    fn the_internal_diffuse_reflectance_of_glass_is_the_known_one() {
+        // For an index of refraction of 1.5.
+        let internal = Coat::new(1.5, Ggx::new(0.0, 0.0)).internal_reflectance();
+        assert!((internal - 0.596).abs() < 1e-3, "{internal}");
     }
 }

@@ -1,45 +1,45 @@
 //! A diffuse base under a dielectric coat, in closed form.
 //!
-//! With T the transmittance of the coat, F the reflectance of its inside for diffuse light and k
-//! the base's albedo, light that enters, bounces between base and coat any number of times and
-//! leaves gives the geometric series
+//! Light enters the coat, bounces between base and coat any number of times and leaves. With the coat's
+//! transmittance T, the coat's internal reflectance F for diffuse light and the base's albedo k, the geometric
+//! series over the bounces is
 //!
 //! ```text
 //! f(wo, wi) = T(wo) T(wi) / η² · k / π / (1 − k F)
 //! ```
 //!
-//! (Wolff, *Diffuse-reflectance model for smooth dielectric surfaces*, 1994; exact for a smooth
-//! coat over a Lambertian base.) A white base reflects all that the coat's lobe does not.
+//! (Wolff, *Diffuse-reflectance model for smooth dielectric surfaces*, 1994; exact for a smooth coat over a
+//! Lambertian base). A white base reflects all light that the coat does not reflect.
 
 use std::f32::consts::FRAC_1_PI;
 
 use glam::{Vec2, Vec3};
 
+use super::bsdf_sample::BsdfSample;
+use super::bxdf::Bxdf;
 use super::coat::Coat;
-use super::diffuse::{cosine_pdf, cosine_sample};
-use super::frame::{on_side_of, same_side};
-use super::{BsdfSample, Scatter};
+use super::directions::{cosine_hemisphere_pdf, same_hemisphere, sample_cosine_hemisphere, to_hemisphere_of};
 
 #[derive(Clone, Copy, Debug)]
 pub(super) struct CoatedDiffuse {
     coat: Coat,
     /// k / (1 − k F) / η²
     base: Vec3,
-    /// Share of what enters the coat that leaves it again: (1 − F) k / (1 − k F).
+    /// Fraction of the light in the coat that leaves it again: (1 − F) k / (1 − k F).
     base_albedo: Vec3,
 }
 
 impl CoatedDiffuse {
     /// `reflectance` in [0, 1].
     pub fn new(coat: Coat, reflectance: Vec3) -> Self {
-        let inner = coat.inner_reflectance();
-        // 1 - k F is 0 only for a coat that lets nothing through, of an index beyond any allowed.
-        let summed = reflectance / (1.0 - reflectance * inner);
-        Self { coat, base: summed / (coat.eta * coat.eta), base_albedo: summed * (1.0 - inner) }
+        let internal = coat.internal_reflectance();
+        // 1 - k F is positive: F is 1 only for an infinite index of refraction.
+        let series = reflectance / (1.0 - reflectance * internal);
+        Self { coat, base: series / (coat.eta * coat.eta), base_albedo: series * (1.0 - internal) }
     }
 
-    /// Probability of drawing from the coat's lobe: its share of the light, by the brightest
-    /// channel. `None` if nothing scatters.
+    /// Probability of sampling the coat's lobe: its fraction of the albedo's brightest channel. `None` if nothing
+    /// scatters.
     fn coat_probability(&self, wo: Vec3) -> Option<f32> {
         let coat = self.coat.reflectance(wo.z.abs());
         let total = coat + (1.0 - coat) * self.base_albedo.max_element();
@@ -47,9 +47,9 @@ impl CoatedDiffuse {
     }
 }
 
-impl Scatter for CoatedDiffuse {
+impl Bxdf for CoatedDiffuse {
     fn eval(&self, wo: Vec3, wi: Vec3) -> Vec3 {
-        if !same_side(wo, wi) {
+        if !same_hemisphere(wo, wi) {
             return Vec3::ZERO;
         }
         let (cos_o, cos_i) = (wo.z.abs(), wi.z.abs());
@@ -59,7 +59,9 @@ impl Scatter for CoatedDiffuse {
 
     fn pdf(&self, wo: Vec3, wi: Vec3) -> f32 {
         match self.coat_probability(wo) {
-            Some(p) if same_side(wo, wi) => p * self.coat.pdf(wo, wi) + (1.0 - p) * cosine_pdf(wi),
+            Some(p) if same_hemisphere(wo, wi) => {
+                p * self.coat.pdf(wo, wi) + (1.0 - p) * cosine_hemisphere_pdf(wi)
+            }
             _ => 0.0,
         }
     }
@@ -67,11 +69,11 @@ impl Scatter for CoatedDiffuse {
     fn sample(&self, wo: Vec3, u_lobe: f32, u: Vec2) -> Option<BsdfSample> {
         let p = self.coat_probability(wo)?;
         let wi = if u_lobe >= p {
-            on_side_of(cosine_sample(u), wo)
+            to_hemisphere_of(sample_cosine_hemisphere(u), wo)
         } else if self.coat.ggx.is_smooth() {
-            return Some(self.coat.mirror_sample(wo, p));
+            return Some(self.coat.specular_sample(wo, p));
         } else {
-            self.coat.ggx.reflect_sample(wo, u)?.wi
+            self.coat.ggx.sample_reflection(wo, u)?.wi
         };
         let pdf = self.pdf(wo, wi);
         (pdf > 0.0).then(|| BsdfSample::glossy(wi, self.eval(wo, wi) / pdf, pdf))

@@ -1,13 +1,12 @@
 //! Fresnel reflectance of smooth boundaries, and refraction by Snell's law.
 //!
-//! Sources: Born and Wolf, *Principles of Optics*, sections 1.5.2 and 14.2. The hemispherical mean
-//! is Duntley's closed form, quoted as (A1.15) by Judd, *Fresnel reflection of diffusely
-//! incident light* (1942).
+//! Sources: Born and Wolf, *Principles of Optics*, sections 1.5.2 and 14.2. The hemispherical mean is Duntley's
+//! closed form, quoted as (A1.15) by Judd, *Fresnel reflection of diffusely incident light* (1942).
 
 use glam::Vec3;
 
-/// Unpolarised reflectance of a dielectric boundary. `cos` in [0, 1] is the angle of incidence's,
-/// `eta` the index of refraction of the far side over that of the near side.
+/// Unpolarised reflectance of a dielectric boundary. `cos` in [0, 1] is the cosine of incidence, `eta` the index of
+/// refraction of the far side over that of the near side.
 pub(super) fn dielectric(cos: f32, eta: f32) -> f32 {
     let cos = cos.clamp(0.0, 1.0);
     let Some(cos_far) = refracted_cos(cos, eta) else { return 1.0 };
@@ -19,26 +18,26 @@ pub(super) fn dielectric(cos: f32, eta: f32) -> f32 {
     (parallel * parallel + perpendicular * perpendicular) / 2.0
 }
 
-/// Cosine of the refracted direction; `None` at total internal reflection.
+/// Cosine of refraction; `None` at total internal reflection.
 fn refracted_cos(cos: f32, eta: f32) -> Option<f32> {
     let sin2_far = (1.0 - cos * cos).max(0.0) / (eta * eta);
     (sin2_far < 1.0).then(|| (1.0 - sin2_far).sqrt())
 }
 
-/// Direction in which light from `w` goes on behind a boundary of unit normal `m`, on `w`'s side;
-/// `None` at total internal reflection. `eta` as in [`dielectric`].
+/// Refracts `w` at a boundary with unit normal `m` on the side of `w`; `None` at total internal reflection. `eta` as
+/// in [`dielectric`].
 pub(super) fn refract(w: Vec3, m: Vec3, eta: f32) -> Option<Vec3> {
     let cos = w.dot(m).clamp(0.0, 1.0);
     let cos_far = refracted_cos(cos, eta)?;
     Some((m * (cos / eta - cos_far) - w / eta).normalize_or(-m))
 }
 
-/// Mean of [`dielectric`] over diffuse (cosine-weighted) incidence from the thin side; `eta` >= 1.
+/// Mean of [`dielectric`] over diffuse (cosine-weighted) incidence, with `eta` >= 1.
 pub(super) fn dielectric_mean(eta: f32) -> f32 {
-    // Where the closed form is 0/0; the mean itself is below 1e-3 there.
-    const NEARLY_ONE: f64 = 1.0 + 1e-4;
+    // The closed form is 0/0 at 1; the mean is below 1e-3 up to here.
+    const MIN_ETA: f64 = 1.0 + 1e-4;
     let n = f64::from(eta);
-    if n < NEARLY_ONE {
+    if n < MIN_ETA {
         return 0.0;
     }
     let (n2, n4) = (n * n, n.powi(4));
@@ -50,8 +49,8 @@ pub(super) fn dielectric_mean(eta: f32) -> f32 {
     mean.clamp(0.0, 1.0) as f32
 }
 
-/// Unpolarised reflectance of a conductor by channel, of complex index `eta` + i `k` relative to
-/// the near side.
+/// Unpolarised reflectance of a conductor for each channel. The complex index of refraction `eta` + i `k` is relative
+/// to the near side.
 #[inline(always)]
 pub(super) fn conductor(cos: f32, eta: Vec3, k: Vec3) -> Vec3 {
     let channel = |i: usize| conductor_channel(cos.clamp(0.0, 1.0), eta[i], k[i]);
@@ -64,7 +63,7 @@ fn conductor_channel(cos: f32, eta: f32, k: f32) -> f32 {
         return 1.0;
     }
     let (cos2, sin2) = (cos * cos, 1.0 - cos * cos);
-    // a + ib = √((eta + ik)² - sin²): the part without cancellation first, the other from it.
+    // a + ib = √((eta + ik)² - sin²). The larger part has no cancellation, and gives the smaller.
     let real = eta * eta - k * k - sin2;
     let imaginary = 2.0 * eta * k;
     let modulus = (real * real + imaginary * imaginary).sqrt();
@@ -78,9 +77,9 @@ fn conductor_channel(cos: f32, eta: f32, k: f32) -> f32 {
     ((perpendicular + parallel) / 2.0).clamp(0.0, 1.0)
 }
 
-/// Absorption index that, with `eta` = 1, reflects `reflectance` at normal incidence (pbrt-v4,
-/// `ConductorMaterial`; the bound keeps it finite).
-pub(super) fn absorption_of_reflectance(reflectance: Vec3) -> Vec3 {
+/// Absorption index k of a conductor of `eta` = 1 with the given reflectance at normal incidence, which is clamped to
+/// 0.9999 for a finite result (pbrt-v4's `ConductorMaterial`).
+pub(super) fn absorption_from_reflectance(reflectance: Vec3) -> Vec3 {
     const MAX_REFLECTANCE: f32 = 0.9999;
     let r = reflectance.clamp(Vec3::ZERO, Vec3::splat(MAX_REFLECTANCE));
     2.0 * (r / (1.0 - r)).map(f32::sqrt)
@@ -97,15 +96,15 @@ mod tests {
     }
 
     #[test]
-    fn glass_lets_all_parallel_light_through_at_brewsters_angle() {
-        // tan = eta: only the perpendicular half is reflected, ((eta² - 1) / (eta² + 1))².
+    fn glass_reflects_no_parallel_polarised_light_at_brewsters_angle() {
+        // tan = eta: only the perpendicular polarisation is reflected, ((eta² - 1) / (eta² + 1))².
         let cos = 1.0 / (1.0 + 1.5f32 * 1.5).sqrt();
         let expected = 0.5 * (1.25f32 / 3.25).powi(2);
         assert!((dielectric(cos, 1.5) - expected).abs() < 1e-6);
     }
 
     #[test]
-    fn beyond_the_critical_angle_everything_is_reflected() {
+    fn beyond_the_critical_angle_all_light_is_reflected() {
         let critical = (1.0 - 1.0 / 2.25f32).sqrt();
         assert_eq!(dielectric(critical - 1e-3, 1.0 / 1.5), 1.0);
         assert!(dielectric(critical + 1e-2, 1.0 / 1.5) < 0.8);
@@ -114,18 +113,18 @@ mod tests {
     }
 
     #[test]
-    fn equal_indices_reflect_nothing_and_grazing_light_is_all_reflected() {
+    fn equal_indices_reflect_nothing_and_grazing_light_is_fully_reflected() {
         assert!(dielectric(0.4, 1.0) < 1e-12);
         assert_eq!(dielectric(0.0, 1.5), 1.0);
         assert_eq!(conductor(0.0, Vec3::ONE, Vec3::ONE), Vec3::ONE);
     }
 
     #[test]
-    fn refraction_obeys_snell_and_comes_back() {
+    fn refraction_obeys_snells_law_and_is_invertible() {
         let w = Vec3::new(0.6, 0.0, 0.8);
-        let inside = refract(w, Vec3::Z, 1.5).expect("no total reflection from the thin side");
+        let inside = refract(w, Vec3::Z, 1.5).expect("no total internal reflection from outside");
         assert!((inside.x + 0.6 / 1.5).abs() < 1e-6);
-        let back = refract(inside, -Vec3::Z, 1.0 / 1.5).expect("it came in here");
+        let back = refract(inside, -Vec3::Z, 1.0 / 1.5).expect("refraction is invertible");
         assert!((back - w).length() < 1e-5);
     }
 
@@ -138,7 +137,7 @@ mod tests {
     }
 
     #[test]
-    fn copper_at_normal_incidence_has_its_known_reflectance() {
+    fn copper_has_its_known_reflectance_at_normal_incidence() {
         // ((eta - 1)² + k²) / ((eta + 1)² + k²)
         let (eta, k) = (Vec3::new(0.2, 0.92, 1.1), Vec3::new(3.9, 2.45, 2.14));
         let f = conductor(1.0, eta, k);
@@ -149,11 +148,11 @@ mod tests {
     }
 
     #[test]
-    fn a_reflectance_comes_back_at_normal_incidence() {
+    fn the_absorption_index_gives_the_reflectance_at_normal_incidence() {
         let r = Vec3::new(0.0, 0.5, 0.95);
-        let f = conductor(1.0, Vec3::ONE, absorption_of_reflectance(r));
+        let f = conductor(1.0, Vec3::ONE, absorption_from_reflectance(r));
         assert!((f - r).abs().max_element() < 1e-4, "{f}");
-        let white = conductor(1.0, Vec3::ONE, absorption_of_reflectance(Vec3::ONE));
+        let white = conductor(1.0, Vec3::ONE, absorption_from_reflectance(Vec3::ONE));
         assert!((white - 0.9999).abs().max_element() < 1e-5);
     }
 

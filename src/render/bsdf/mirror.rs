@@ -1,15 +1,17 @@
-//! A perfect mirror that reflects the same share at every angle: the `mirror` of pbrt-v2 and v3.
+//! A perfect mirror whose reflectance is independent of the angle: the `mirror` of pbrt-v2 and v3.
 
 use glam::{Vec2, Vec3};
 
-use super::{BsdfSample, Scatter, frame};
+use super::bsdf_sample::BsdfSample;
+use super::bxdf::Bxdf;
+use super::directions::reflect;
 
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Mirror {
     pub reflectance: Vec3,
 }
 
-impl Scatter for Mirror {
+impl Bxdf for Mirror {
     fn eval(&self, _wo: Vec3, _wi: Vec3) -> Vec3 {
         Vec3::ZERO
     }
@@ -19,7 +21,7 @@ impl Scatter for Mirror {
     }
 
     fn sample(&self, wo: Vec3, _u_lobe: f32, _u: Vec2) -> Option<BsdfSample> {
-        Some(BsdfSample::specular(frame::mirror(wo), self.reflectance))
+        Some(BsdfSample::specular(reflect(wo), self.reflectance))
     }
 
     fn is_specular(&self) -> bool {

@@ -1,13 +1,14 @@
-//! Rough diffuse reflection: Oren and Nayar, *Generalization of Lambert's reflectance model*
-//! (1994), the qualitative model of their equation 30, as pbrt-v2 and v3 have it.
+//! Rough diffuse reflection as in pbrt-v2 and v3: the qualitative model (equation 30) of Oren and Nayar,
+//! *Generalization of Lambert's reflectance model* (1994).
 
 use std::f32::consts::FRAC_1_PI;
 
 use glam::{Vec2, Vec3};
 
-use super::diffuse::{cosine_pdf, cosine_sample};
-use super::frame::{on_side_of, same_side};
-use super::{BsdfSample, Scatter};
+use super::bsdf_sample::BsdfSample;
+use super::bxdf::Bxdf;
+use super::clamp::clamp_or_zero;
+use super::directions::{cosine_hemisphere_pdf, same_hemisphere, sample_cosine_hemisphere, to_hemisphere_of};
 
 #[derive(Clone, Copy, Debug)]
 pub(super) struct OrenNayar {
@@ -17,32 +18,32 @@ pub(super) struct OrenNayar {
 }
 
 impl OrenNayar {
-    /// `sigma`: standard deviation of the facets' slope angle in degrees, brought into [0, 90].
+    /// `sigma`: standard deviation of the facets' slope angle in degrees, clamped to [0, 90].
     pub fn new(reflectance: Vec3, sigma: f32) -> Self {
-        let sigma = super::bounded(sigma, 90.0).to_radians();
+        let sigma = clamp_or_zero(sigma, 90.0).to_radians();
         let sigma2 = sigma * sigma;
         Self { reflectance, a: 1.0 - sigma2 / (2.0 * (sigma2 + 0.33)), b: 0.45 * sigma2 / (sigma2 + 0.09) }
     }
 }
 
-impl Scatter for OrenNayar {
+impl Bxdf for OrenNayar {
     fn eval(&self, wo: Vec3, wi: Vec3) -> Vec3 {
-        if !same_side(wo, wi) {
+        if !same_hemisphere(wo, wi) {
             return Vec3::ZERO;
         }
         let (cos_o, cos_i) = (wo.z.abs(), wi.z.abs());
-        // sin α tan β cos Δφ, both sines in the dot product: the smaller angle has the tangent.
-        let across = (wo.x * wi.x + wo.y * wi.y).max(0.0) / cos_o.max(cos_i);
-        self.reflectance * (FRAC_1_PI * (self.a + self.b * across) * cos_i)
+        // sin α tan β cos Δφ with α the larger angle; the dot product contains both sines.
+        let slope_term = (wo.x * wi.x + wo.y * wi.y).max(0.0) / cos_o.max(cos_i);
+        self.reflectance * (FRAC_1_PI * (self.a + self.b * slope_term) * cos_i)
     }
 
     fn pdf(&self, wo: Vec3, wi: Vec3) -> f32 {
-        if same_side(wo, wi) { cosine_pdf(wi) } else { 0.0 }
+        if same_hemisphere(wo, wi) { cosine_hemisphere_pdf(wi) } else { 0.0 }
     }
 
     fn sample(&self, wo: Vec3, _u_lobe: f32, u: Vec2) -> Option<BsdfSample> {
-        let wi = on_side_of(cosine_sample(u), wo);
-        let pdf = cosine_pdf(wi);
+        let wi = to_hemisphere_of(sample_cosine_hemisphere(u), wo);
+        let pdf = cosine_hemisphere_pdf(wi);
         (pdf > 0.0).then(|| BsdfSample::glossy(wi, self.eval(wo, wi) / pdf, pdf))
     }
 

@@ -1,6 +1,5 @@
-//! What every lobe owes, tested alike for all: samples follow their density, weights are `eval /
-//! pdf`, no energy comes from nowhere, light can be followed both ways, and nothing is ever
-//! negative or not a number.
+//! Tests of every scattering model: samples follow their density, weights are `eval / pdf`, energy is not created,
+//! models are reciprocal, and no result is negative or NaN.
 
 use std::f32::consts::{FRAC_1_PI, PI};
 use std::sync::LazyLock;
@@ -9,9 +8,27 @@ use glam::{Vec2, Vec3};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg32;
 
+use super::blinn::Blinn;
+use super::bxdf_sum::BxdfSum;
+use super::coat::Coat;
+use super::coated_conductor::CoatedConductor;
+use super::coated_diffuse::CoatedDiffuse;
+use super::conductor::Conductor;
+use super::dielectric::Dielectric;
+use super::diffuse::Diffuse;
+use super::directions::{on_horizon, reflect, sample_cosine_hemisphere};
+use super::fresnel_blend::FresnelBlend;
+use super::ggx::Ggx;
+use super::measured::Measured;
+use super::microfacet_distribution::MicrofacetDistribution;
+use super::microfacet_lobe::{MicrofacetFresnel, MicrofacetLobe};
+use super::null_transmission::NullTransmission;
+use super::oren_nayar::OrenNayar;
+use super::thin_dielectric::ThinDielectric;
+use super::tinted_dielectric::TintedDielectric;
 use super::*;
 use crate::render::chi_squared::{p_value, significance};
-use crate::scene::measured::MeasuredBrdf;
+use crate::scene::measured_brdf::MeasuredBrdf;
 
 fn direction(cos: f32, phi: f32) -> Vec3 {
     let sin = (1.0 - cos * cos).sqrt();
@@ -19,7 +36,7 @@ fn direction(cos: f32, phi: f32) -> Vec3 {
 }
 
 fn mirror_like() -> Conductor {
-    let k = fresnel::absorption_of_reflectance(Vec3::ONE);
+    let k = fresnel::absorption_from_reflectance(Vec3::ONE);
     Conductor { eta: Vec3::ONE, k, ggx: Ggx::new(0.0, 0.0) }
 }
 
@@ -28,15 +45,20 @@ fn gold(alpha_x: f32, alpha_y: f32) -> Conductor {
     Conductor { eta, k, ggx: Ggx::new(alpha_x, alpha_y) }
 }
 
-/// All kinds of parts, with gloss and diffuse light on both sides.
-fn sum(facets: Facets, colour: Vec3, dark: Vec3) -> Sum {
-    let (diffuse, fresnel) = (0.3 * colour, FacetFresnel::Dielectric(1.0 / 1.5));
-    let boundary = Dielectric { eta: 1.5, ggx: Ggx::new(0.0, 0.0) };
-    Sum {
+/// A sum of all four bxdfs, with reflection and transmission each.
+fn sum(distribution: MicrofacetDistribution, colour: Vec3, dark: Vec3) -> BxdfSum {
+    let (diffuse, fresnel) = (0.3 * colour, MicrofacetFresnel::Dielectric(1.0 / 1.5));
+    let dielectric = Dielectric { eta: 1.5, ggx: Ggx::new(0.0, 0.0) };
+    BxdfSum {
         diffuse: Some(Diffuse { reflectance: diffuse, transmittance: 0.2 * dark }),
-        gloss: Some(Gloss { reflectance: 0.5 * dark, transmittance: 0.2 * colour, facets, fresnel }),
-        dielectric: Some(TintedDielectric { boundary, reflected: dark, transmitted: dark }),
-        straight: Some(Straight(0.1 * colour)),
+        microfacet: Some(MicrofacetLobe {
+            reflectance: 0.5 * dark,
+            transmittance: 0.2 * colour,
+            distribution,
+            fresnel,
+        }),
+        dielectric: Some(TintedDielectric { dielectric, reflected: dark, transmitted: dark }),
+        null: Some(NullTransmission(0.1 * colour)),
     }
 }
 
@@ -48,10 +70,10 @@ static MEASURED: LazyLock<MeasuredBrdf> = LazyLock::new(|| {
     })
 });
 
-/// Lobes of every kind that are not specular only, with a name.
-fn glossy_lobes() -> Vec<(String, Box<dyn Scatter>)> {
-    let mut lobes: Vec<(String, Box<dyn Scatter>)> = Vec::new();
-    let mut add = |name: String, lobe: Box<dyn Scatter>| lobes.push((name, lobe));
+/// Models of every kind with a bxdf that is not specular, with their names.
+fn glossy_bxdfs() -> Vec<(String, Box<dyn Bxdf>)> {
+    let mut bxdfs: Vec<(String, Box<dyn Bxdf>)> = Vec::new();
+    let mut add = |name: String, bxdf: Box<dyn Bxdf>| bxdfs.push((name, bxdf));
     let (colour, dark) = (Vec3::new(0.8, 0.5, 0.1), Vec3::new(0.1, 0.3, 0.2));
     add("diffuse".into(), Box::new(Diffuse { reflectance: colour, transmittance: Vec3::ZERO }));
     add("diffuse transmission".into(), Box::new(Diffuse { reflectance: dark, transmittance: colour }));
@@ -67,24 +89,28 @@ fn glossy_lobes() -> Vec<(String, Box<dyn Scatter>)> {
     add("thin dielectric bubble".into(), Box::new(Dielectric { eta: 1.0 / 1.33, ggx: Ggx::new(0.2, 0.2) }));
     add("oren-nayar".into(), Box::new(OrenNayar::new(colour, 30.0)));
     for (x, y) in [(3.0, 3.0), (200.0, 200.0), (20.0, 500.0)] {
-        let facets = Facets::Blinn(Blinn::new(x, y));
+        let distribution = MicrofacetDistribution::Blinn(Blinn::new(x, y));
         let (eta, k) = (gold(1.0, 1.0).eta, gold(1.0, 1.0).k);
-        let fresnel = FacetFresnel::Conductor { eta, k };
-        let metal = Gloss { reflectance: Vec3::ONE, transmittance: Vec3::ZERO, facets, fresnel };
+        let fresnel = MicrofacetFresnel::Conductor { eta, k };
+        let metal =
+            MicrofacetLobe { reflectance: Vec3::ONE, transmittance: Vec3::ZERO, distribution, fresnel };
         add(format!("blinn metal {x} {y}"), Box::new(metal));
-        add(format!("blend {x} {y}"), Box::new(FresnelBlend { diffuse: colour, specular: dark, facets }));
-        add(format!("sum {x} {y}"), Box::new(sum(facets, colour, dark)));
+        add(
+            format!("blend {x} {y}"),
+            Box::new(FresnelBlend { diffuse: colour, specular: dark, distribution }),
+        );
+        add(format!("sum {x} {y}"), Box::new(sum(distribution, colour, dark)));
     }
-    let facets = Facets::Ggx(Ggx::new(0.2, 0.3));
-    add("blend ggx".into(), Box::new(FresnelBlend { diffuse: colour, specular: dark, facets }));
+    let distribution = MicrofacetDistribution::Ggx(Ggx::new(0.2, 0.3));
+    add("blend ggx".into(), Box::new(FresnelBlend { diffuse: colour, specular: dark, distribution }));
     add("measured".into(), Box::new(Measured { table: &MEASURED }));
     let smooth = Coat::new(1.5, Ggx::new(0.0, 0.0));
     add("smoothly coated diffuse".into(), Box::new(CoatedDiffuse::new(smooth, colour)));
     for alpha in [0.05, 0.5] {
-        let lobe = CoatedConductor::new(smooth, gold(alpha, alpha));
-        add(format!("smoothly coated conductor {alpha}"), Box::new(lobe));
+        let bxdf = CoatedConductor::new(smooth, gold(alpha, alpha));
+        add(format!("smoothly coated conductor {alpha}"), Box::new(bxdf));
     }
-    lobes
+    bxdfs
 }
 
 fn outgoing() -> Vec<Vec3> {
@@ -92,28 +118,27 @@ fn outgoing() -> Vec<Vec3> {
     above.into_iter().chain([direction(0.7, 1.0), direction(0.2, 4.0)].map(|w| -w)).collect()
 }
 
-/// A partition of the sphere into cells that are small around the directions where smooth glass
-/// would send light. Each hemisphere has rings around its own such pole; those that reach into the
-/// other hemisphere are cut at the horizon.
+/// A partition of the sphere into cells that are small around the directions of specular reflection and
+/// refraction. Each hemisphere has rings around one of these poles, cut at the horizon.
 struct Cells {
-    poles: [Frame; 2],
+    poles: [ShadingFrame; 2],
 }
 
 impl Cells {
     const RINGS: usize = 20;
     const SECTORS: usize = 8;
     const COUNT: usize = 2 * Self::RINGS * Self::SECTORS;
-    /// Rings are bounded by angles π tᵖ of evenly spaced t.
+    /// The rings are bounded by the angles π tᵖ of uniformly spaced t.
     const POWER: f32 = 4.0;
     /// Quadrature nodes along each side of a cell.
     const NODES: usize = 32;
 
-    fn around(wo: Vec3, eta: f32) -> Self {
+    fn new(wo: Vec3, eta: f32) -> Self {
         let normal = Vec3::Z * wo.z.signum();
         let eta = if wo.z > 0.0 { eta } else { 1.0 / eta };
-        let through = fresnel::refract(wo, normal, eta).unwrap_or(-wo);
-        let (up, down) = if wo.z > 0.0 { (frame::mirror(wo), through) } else { (through, frame::mirror(wo)) };
-        Self { poles: [up, down].map(|pole| Frame::new(pole, Vec3::X)) }
+        let refracted = fresnel::refract(wo, normal, eta).unwrap_or(-wo);
+        let (up, down) = if wo.z > 0.0 { (reflect(wo), refracted) } else { (refracted, reflect(wo)) };
+        Self { poles: [up, down].map(|pole| ShadingFrame::new(pole, Vec3::X)) }
     }
 
     fn index(&self, w: Vec3) -> usize {
@@ -153,15 +178,15 @@ impl Cells {
     }
 }
 
-/// Probability that samples of a lobe with this density would differ from it as much as they do.
-fn chi_squared(lobe: &dyn Scatter, wo: Vec3, eta: f32, pdf: impl Fn(Vec3) -> f32) -> f64 {
+/// The p-value of the hypothesis that the samples of a model follow a density.
+fn chi_squared(bxdf: &dyn Bxdf, wo: Vec3, eta: f32, pdf: impl Fn(Vec3) -> f32) -> f64 {
     const SAMPLES: usize = 40_000;
-    let cells = Cells::around(wo, eta);
+    let cells = Cells::new(wo, eta);
     let mut rng = Pcg32::seed_from_u64(7);
-    // The last cell is for what the density does not account for: specular samples and none.
+    // The last cell counts what the density excludes: specular samples, and no sample.
     let mut counts = vec![0.0; Cells::COUNT + 1];
     for _ in 0..SAMPLES {
-        let sample = lobe.sample(wo, rng.random(), Vec2::new(rng.random(), rng.random()));
+        let sample = bxdf.sample(wo, rng.random(), Vec2::new(rng.random(), rng.random()));
         let cell = sample.filter(|s| !s.specular).map_or(Cells::COUNT, |s| cells.index(s.wi));
         counts[cell] += 1.0;
     }
@@ -171,7 +196,7 @@ fn chi_squared(lobe: &dyn Scatter, wo: Vec3, eta: f32, pdf: impl Fn(Vec3) -> f32
     p_value(&counts, &mass)
 }
 
-fn index_of(name: &str) -> f32 {
+fn index_of_refraction(name: &str) -> f32 {
     match name {
         "dense dielectric" => 2.4,
         "thin dielectric bubble" => 1.0 / 1.33,
@@ -181,36 +206,36 @@ fn index_of(name: &str) -> f32 {
 
 #[test]
 fn samples_follow_their_density() {
-    let (lobes, directions) = (glossy_lobes(), outgoing());
-    let level = significance(lobes.len() * directions.len());
-    for (name, lobe) in &lobes {
+    let (bxdfs, directions) = (glossy_bxdfs(), outgoing());
+    let level = significance(bxdfs.len() * directions.len());
+    for (name, bxdf) in &bxdfs {
         for &wo in &directions {
-            let p = chi_squared(&**lobe, wo, index_of(name), |wi| lobe.pdf(wo, wi));
+            let p = chi_squared(&**bxdf, wo, index_of_refraction(name), |wi| bxdf.pdf(wo, wi));
             assert!(p > level, "{name} from {wo}: p = {p:e}");
         }
     }
 }
 
 #[test]
-fn a_density_without_its_cosine_does_not_pass() {
-    let lobe = Diffuse { reflectance: Vec3::ONE, transmittance: Vec3::ZERO };
+fn wrong_densities_are_rejected() {
+    let bxdf = Diffuse { reflectance: Vec3::ONE, transmittance: Vec3::ZERO };
     let wo = direction(0.6, 0.0);
     let wrong = |wi: Vec3| if wi.z > 0.0 { FRAC_1_PI / 2.0 } else { 0.0 };
-    assert!(chi_squared(&lobe, wo, 1.5, wrong) < 1e-9);
-    let lobe = gold(0.3, 0.3);
-    let wrong = |wi: Vec3| lobe.pdf(wo, wi) * 0.95;
-    assert!(chi_squared(&lobe, wo, 1.5, wrong) < 1e-9);
+    assert!(chi_squared(&bxdf, wo, 1.5, wrong) < 1e-9);
+    let bxdf = gold(0.3, 0.3);
+    let wrong = |wi: Vec3| bxdf.pdf(wo, wi) * 0.95;
+    assert!(chi_squared(&bxdf, wo, 1.5, wrong) < 1e-9);
 }
 
 #[test]
 fn weights_are_eval_over_pdf() {
     let mut rng = Pcg32::seed_from_u64(11);
-    for (name, lobe) in glossy_lobes() {
+    for (name, bxdf) in glossy_bxdfs() {
         for wo in outgoing() {
             for _ in 0..200 {
                 let u = Vec2::new(rng.random(), rng.random());
-                let Some(s) = lobe.sample(wo, rng.random(), u).filter(|s| !s.specular) else { continue };
-                let (eval, pdf) = (lobe.eval(wo, s.wi), lobe.pdf(wo, s.wi));
+                let Some(s) = bxdf.sample(wo, rng.random(), u).filter(|s| !s.specular) else { continue };
+                let (eval, pdf) = (bxdf.eval(wo, s.wi), bxdf.pdf(wo, s.wi));
                 assert!((pdf - s.pdf).abs() <= 1e-4 * pdf, "{name} {wo} {s:?}: pdf {pdf}");
                 let error = (eval / pdf - s.weight).abs().max_element();
                 // Microfacets at the horizon lose digits in the half vector.
@@ -220,18 +245,17 @@ fn weights_are_eval_over_pdf() {
     }
 }
 
-/// Mean weight of samples: the share of light that is scattered, with refracted radiance counted
-/// as energy.
-fn furnace(lobe: &dyn Scatter, wo: Vec3) -> (Vec3, f32) {
+/// Albedo in a white furnace, with refracted radiance converted to energy, and its standard error.
+fn furnace(bxdf: &dyn Bxdf, wo: Vec3) -> (Vec3, f32) {
     const GRID: usize = 40;
     let mut rng = Pcg32::seed_from_u64(3);
     let (mut sum, mut squares) = (Vec3::ZERO, 0.0);
     let count = (GRID * GRID) as f32;
     for i in 0..GRID * GRID {
-        // Jittered where it matters most, so that a few samples are enough.
+        // Stratification makes a few samples enough.
         let cell = Vec2::new((i / GRID) as f32, (i % GRID) as f32);
         let u = (cell + Vec2::new(rng.random(), rng.random())) / GRID as f32;
-        if let Some(s) = lobe.sample(wo, rng.random(), u) {
+        if let Some(s) = bxdf.sample(wo, rng.random(), u) {
             let energy = s.weight * (s.eta * s.eta);
             sum += energy;
             squares += energy.max_element().powi(2);
@@ -243,44 +267,44 @@ fn furnace(lobe: &dyn Scatter, wo: Vec3) -> (Vec3, f32) {
 }
 
 #[test]
-fn no_lobe_makes_energy() {
-    for (name, lobe) in glossy_lobes() {
+fn energy_is_not_created() {
+    for (name, bxdf) in glossy_bxdfs() {
         for wo in outgoing() {
-            let (energy, error) = furnace(&*lobe, wo);
+            let (energy, error) = furnace(&*bxdf, wo);
             assert!(energy.max_element() <= 1.0 + 4.0 * error + 1e-4, "{name} {wo}: {energy} ± {error}");
         }
     }
 }
 
 #[test]
-fn smooth_glass_and_panes_lose_nothing() {
+fn smooth_dielectrics_conserve_energy() {
     let glass = Dielectric { eta: 1.5, ggx: Ggx::new(0.0, 0.0) };
     let pane = ThinDielectric { eta: 1.5 };
-    let lobes: [&dyn Scatter; 2] = [&glass, &pane];
-    for lobe in lobes {
+    let bxdfs: [&dyn Bxdf; 2] = [&glass, &pane];
+    for bxdf in bxdfs {
         for wo in outgoing() {
-            let (energy, _) = furnace(lobe, wo);
+            let (energy, _) = furnace(bxdf, wo);
             assert!((energy - 1.0).abs().max_element() < 1e-4, "{wo}: {energy}");
         }
     }
 }
 
 #[test]
-fn a_white_metal_loses_only_what_microfacets_hide() {
+fn a_white_conductor_loses_the_energy_that_microfacets_mask() {
     // From straight above, alpha = 1: ∫ 2 cos / (1 + cos) / 2 dcos = 1 − ln 2.
     for (alpha, expected) in [(0.0, 0.9999), (1.0, 1.0 - 2f32.ln())] {
-        let lobe = Conductor { ggx: Ggx::new(alpha, alpha), ..mirror_like() };
-        let (energy, error) = furnace(&lobe, Vec3::Z);
+        let bxdf = Conductor { ggx: Ggx::new(alpha, alpha), ..mirror_like() };
+        let (energy, error) = furnace(&bxdf, Vec3::Z);
         assert!((energy - expected).abs().max_element() < 4.0 * error + 1e-4, "{alpha}: {energy}");
     }
 }
 
 #[test]
-fn a_white_base_under_a_coat_loses_nothing() {
+fn a_white_base_under_a_coat_conserves_energy() {
     for alpha in [0.0, 0.05, 0.4, 1.0] {
-        let lobe = CoatedDiffuse::new(Coat::new(1.5, Ggx::new(alpha, alpha)), Vec3::ONE);
+        let bxdf = CoatedDiffuse::new(Coat::new(1.5, Ggx::new(alpha, alpha)), Vec3::ONE);
         for cos in [1.0, 0.6, 0.2] {
-            let (energy, error) = furnace(&lobe, direction(cos, 0.3));
+            let (energy, error) = furnace(&bxdf, direction(cos, 0.3));
             assert!(
                 (energy - 1.0).abs().max_element() < 0.01 + 4.0 * error,
                 "{alpha} {cos}: {energy} ± {error}"
@@ -290,13 +314,13 @@ fn a_white_base_under_a_coat_loses_nothing() {
 }
 
 #[test]
-fn a_white_metal_loses_about_as_much_under_a_coat_as_without() {
+fn a_white_conductor_loses_similar_energy_with_and_without_a_coat() {
     for (coat, alpha) in [(0.0, 0.0), (0.0, 0.05), (0.0, 0.5), (0.2, 0.1), (0.5, 0.5)] {
         let base = Conductor { ggx: Ggx::new(alpha, alpha), ..mirror_like() };
-        let lobe = CoatedConductor::new(Coat::new(1.5, Ggx::new(coat, coat)), base);
+        let bxdf = CoatedConductor::new(Coat::new(1.5, Ggx::new(coat, coat)), base);
         for cos in [1.0, 0.6, 0.2] {
             let wo = direction(cos, 0.3);
-            let (energy, error) = furnace(&lobe, wo);
+            let (energy, error) = furnace(&bxdf, wo);
             let bare = furnace(&base, coated_conductor::inside(wo, 1.5)).0;
             let (energy, bare) = (energy.max_element(), bare.max_element());
             assert!(energy < 1.01 + 4.0 * error, "{coat} {alpha} {cos}: {energy} ± {error}");
@@ -305,8 +329,8 @@ fn a_white_metal_loses_about_as_much_under_a_coat_as_without() {
     }
 }
 
-/// Share of light that a flat coat over a diffuse base sends back, by following the light.
-fn walk_under_smooth_coat(cos: f32, eta: f32, albedo: f32, paths: usize) -> f32 {
+/// Albedo of a smooth coat over a diffuse base by a random walk.
+fn random_walk_albedo(cos: f32, eta: f32, albedo: f32, paths: usize) -> f32 {
     let mut rng = Pcg32::seed_from_u64(23);
     let mut sum = 0.0;
     let reflected = fresnel::dielectric(cos, eta);
@@ -317,9 +341,9 @@ fn walk_under_smooth_coat(cos: f32, eta: f32, albedo: f32, paths: usize) -> f32 
             if light < 1e-5 {
                 break;
             }
-            let up = diffuse::cosine_sample(Vec2::new(rng.random(), rng.random()));
-            let back = fresnel::dielectric(up.z, 1.0 / eta);
-            if rng.random::<f32>() >= back {
+            let up = sample_cosine_hemisphere(Vec2::new(rng.random(), rng.random()));
+            let reflectance = fresnel::dielectric(up.z, 1.0 / eta);
+            if rng.random::<f32>() >= reflectance {
                 sum += f64::from(light);
                 break;
             }
@@ -329,39 +353,40 @@ fn walk_under_smooth_coat(cos: f32, eta: f32, albedo: f32, paths: usize) -> f32 
 }
 
 #[test]
-fn a_coated_diffuse_surface_reflects_what_a_random_walk_does() {
+fn the_albedo_of_a_coated_diffuse_surface_is_that_of_a_random_walk() {
     for (eta, albedo) in [(1.5, 0.8), (1.5, 0.2), (1.8, 0.95)] {
-        let lobe = CoatedDiffuse::new(Coat::new(eta, Ggx::new(0.0, 0.0)), Vec3::splat(albedo));
+        let bxdf = CoatedDiffuse::new(Coat::new(eta, Ggx::new(0.0, 0.0)), Vec3::splat(albedo));
         for cos in [1.0, 0.5, 0.15] {
-            let walk = walk_under_smooth_coat(cos, eta, albedo, 60_000);
-            let (closed, error) = furnace(&lobe, direction(cos, 0.0));
+            let walk = random_walk_albedo(cos, eta, albedo, 60_000);
+            let (closed, error) = furnace(&bxdf, direction(cos, 0.0));
             assert!(
                 (closed.x - walk).abs() < 0.01 * walk + 4.0 * error,
                 "{eta} {albedo} {cos}: {closed} {walk}"
             );
-            assert!((lobe.albedo(direction(cos, 0.0)).x - walk).abs() < 0.01 * walk);
+            assert!((bxdf.albedo(direction(cos, 0.0)).x - walk).abs() < 0.01 * walk);
         }
     }
 }
 
 #[test]
-fn light_can_be_followed_both_ways() {
+fn models_are_reciprocal() {
     let mut rng = Pcg32::seed_from_u64(5);
     let mut random_direction = || direction(rng.random_range(-0.99..0.99), rng.random_range(0.0..2.0 * PI));
-    for (name, lobe) in glossy_lobes() {
+    for (name, bxdf) in glossy_bxdfs() {
         for _ in 0..300 {
             let (a, b) = (random_direction(), random_direction());
             if on_horizon(a) || on_horizon(b) {
                 continue;
             }
             let eta = match name.contains("dielectric") && a.z * b.z < 0.0 {
-                true if a.z > 0.0 => index_of(&name),
-                true => 1.0 / index_of(&name),
+                true if a.z > 0.0 => index_of_refraction(&name),
+                true => 1.0 / index_of_refraction(&name),
                 false => 1.0,
             };
-            let (there, back) = (lobe.eval(a, b) / b.z.abs() * (eta * eta), lobe.eval(b, a) / a.z.abs());
-            let error = (there - back).abs().max_element();
-            assert!(error <= 2e-3 * there.max_element() + 1e-6, "{name} {a} {b}: {there} {back}");
+            let (forward, backward) =
+                (bxdf.eval(a, b) / b.z.abs() * (eta * eta), bxdf.eval(b, a) / a.z.abs());
+            let error = (forward - backward).abs().max_element();
+            assert!(error <= 2e-3 * forward.max_element() + 1e-6, "{name} {a} {b}: {forward} {backward}");
         }
     }
 }
@@ -386,30 +411,30 @@ fn transmission_is_marked_as_such() {
 }
 
 #[test]
-fn extreme_values_give_no_nan_and_nothing_negative() {
+fn extreme_parameters_give_finite_non_negative_results() {
     let alphas = [(0.0, 0.0), (1e-4, 1e-4), (1e-3, 1e-3), (1e-4, 1.0), (1.0, 1.0)];
     let cosines = [1.0, 0.5, 1e-2, 2e-6, 1e-7, 0.0, -1e-7, -2e-6, -0.5, -1.0];
-    let numbers = [0.0, 1e-7, 0.5, 1.0 - f32::EPSILON];
-    let good = |v: Vec3| v.is_finite() && v.min_element() >= 0.0;
+    let sample_values = [0.0, 1e-7, 0.5, 1.0 - f32::EPSILON];
+    let is_valid = |v: Vec3| v.is_finite() && v.min_element() >= 0.0;
     for (x, y) in alphas {
         let ggx = Ggx::new(x, y);
-        let mut lobes = vec![
-            Lobe::Diffuse(Diffuse { reflectance: Vec3::ZERO, transmittance: Vec3::ZERO }),
-            Lobe::Diffuse(Diffuse { reflectance: Vec3::ZERO, transmittance: Vec3::X }),
-            Lobe::Conductor(Conductor { ggx, ..mirror_like() }),
-            Lobe::Conductor(Conductor { eta: Vec3::ONE, k: Vec3::ZERO, ggx }),
-            Lobe::Conductor(Conductor { eta: Vec3::ZERO, k: Vec3::splat(1e4), ggx }),
+        let mut bxdfs = vec![
+            AnyBxdf::Diffuse(Diffuse { reflectance: Vec3::ZERO, transmittance: Vec3::ZERO }),
+            AnyBxdf::Diffuse(Diffuse { reflectance: Vec3::ZERO, transmittance: Vec3::X }),
+            AnyBxdf::Conductor(Conductor { ggx, ..mirror_like() }),
+            AnyBxdf::Conductor(Conductor { eta: Vec3::ONE, k: Vec3::ZERO, ggx }),
+            AnyBxdf::Conductor(Conductor { eta: Vec3::ZERO, k: Vec3::splat(1e4), ggx }),
         ];
         for eta in [1.0, 1.0 + 1e-6, 1.5, 1e-3, 1e3] {
             let coat = Coat::new(eta, ggx);
-            lobes.extend([
-                Lobe::Dielectric(Dielectric { eta, ggx }),
-                Lobe::ThinDielectric(ThinDielectric { eta }),
-                Lobe::CoatedDiffuse(CoatedDiffuse::new(coat, Vec3::ZERO)),
-                Lobe::CoatedDiffuse(CoatedDiffuse::new(coat, Vec3::ONE)),
-                Lobe::CoatedConductor(CoatedConductor::new(coat, mirror_like())),
-                Lobe::CoatedConductor(CoatedConductor::new(coat, gold(1e-3, 0.5))),
-                Lobe::CoatedConductor(CoatedConductor::new(
+            bxdfs.extend([
+                AnyBxdf::Dielectric(Dielectric { eta, ggx }),
+                AnyBxdf::ThinDielectric(ThinDielectric { eta }),
+                AnyBxdf::CoatedDiffuse(CoatedDiffuse::new(coat, Vec3::ZERO)),
+                AnyBxdf::CoatedDiffuse(CoatedDiffuse::new(coat, Vec3::ONE)),
+                AnyBxdf::CoatedConductor(CoatedConductor::new(coat, mirror_like())),
+                AnyBxdf::CoatedConductor(CoatedConductor::new(coat, gold(1e-3, 0.5))),
+                AnyBxdf::CoatedConductor(CoatedConductor::new(
                     coat,
                     Conductor { eta: Vec3::ONE, k: Vec3::ZERO, ggx: Ggx::new(1.0, 1.0) },
                 )),
@@ -417,22 +442,25 @@ fn extreme_values_give_no_nan_and_nothing_negative() {
         }
         let directions: Vec<Vec3> =
             cosines.iter().flat_map(|&c| [direction(c, 0.0), direction(c, PI), direction(c, 1.0)]).collect();
-        for lobe in lobes {
+        for bxdf in bxdfs {
             for &wo in &directions {
-                let bsdf = Bsdf { frame: Frame::new(Vec3::Z, Vec3::X), lobe, wo };
-                assert!(good(bsdf.albedo()) && bsdf.albedo().max_element() <= 1.0, "{lobe:?} {wo}");
+                let bsdf = Bsdf { frame: ShadingFrame::new(Vec3::Z, Vec3::X), bxdf, wo };
+                assert!(is_valid(bsdf.albedo()) && bsdf.albedo().max_element() <= 1.0, "{bxdf:?} {wo}");
                 for &wi in &directions {
                     let (eval, pdf) = (bsdf.eval(wo, wi), bsdf.pdf(wo, wi));
-                    assert!(good(eval) && pdf.is_finite() && pdf >= 0.0, "{lobe:?} {wo} {wi}: {eval} {pdf}");
+                    assert!(
+                        is_valid(eval) && pdf.is_finite() && pdf >= 0.0,
+                        "{bxdf:?} {wo} {wi}: {eval} {pdf}"
+                    );
                 }
-                for u_lobe in numbers {
-                    for u in numbers.iter().flat_map(|&a| numbers.map(|b| Vec2::new(a, b))) {
+                for u_lobe in sample_values {
+                    for u in sample_values.iter().flat_map(|&a| sample_values.map(|b| Vec2::new(a, b))) {
                         let Some(s) = bsdf.sample(wo, u_lobe, u) else { continue };
-                        let fine = good(s.weight)
+                        let is_sample_valid = is_valid(s.weight)
                             && s.pdf.is_finite()
                             && (s.wi.length() - 1.0).abs() < 1e-5
                             && (s.specular || s.pdf > 0.0);
-                        assert!(fine, "{lobe:?} {wo} {u_lobe} {u}: {s:?}");
+                        assert!(is_sample_valid, "{bxdf:?} {wo} {u_lobe} {u}: {s:?}");
                     }
                 }
             }

@@ -1,282 +1,226 @@
-//! What happens to paths at surfaces: they find light, are remembered, gather light from a sampled
-//! light and are scattered. Plain materials ([`Plain`](crate::render::bsdf::Plain)) in lanes, others
-//! one by one.
+//! Shading of a packet's hits: adds emission and sampled light, records features, and scatters the paths.
 
-use glam::{Vec2, Vec3};
+use glam::Vec2;
 
-use super::PathTracer;
-use super::direct::{MAX_PASSES, turned};
-use super::events::{receive, scattered_on};
-use super::flights::{Flights, LIGHT_SAMPLING, SCATTERED, Waiting};
-use super::path::{Wavefront, add, place, share};
-use crate::geometry::{HitLanes, LANES, Lanes3, PointLanes, SurfacePoint, lanes_of, mask_of};
-use crate::render::bsdf::{Bsdf, Evaluated, PlainSurfaces, Scattered};
-use crate::render::lights::Receivers;
-use crate::render::record::Records;
-use crate::render::sampler::{Addresses, BounceNumbers, Source};
+use super::path_packet::{NON_SPECULAR_BOUNCE, PathPacket, REACHED_BY_LIGHT_SAMPLING};
+use super::path_tracer::{MAX_INTERFACES, PathTracer};
+use super::ray_queue::RayQueue;
+use super::scalar_interaction::ScalarInteraction;
+use super::surface_interactions::SurfaceInteractions;
+use super::wavefront::{Wavefront, record_slot};
+use crate::geometry::{HitLanes, InteractionLanes, SurfaceInteraction};
+use crate::render::bsdf::{Bsdf, SimdBsdfs};
+use crate::render::lights::LightSampleContexts;
+use crate::render::sampler::{BounceSamples, SampleAddresses, Sampler};
+use crate::scene::MaterialId;
 use crate::scene::texture::TexturePoint;
-
-/// A path on a surface that is not plain.
-pub struct Other<'s> {
-    lane: usize,
-    point: SurfacePoint,
-    bsdf: Option<Bsdf<'s>>,
-}
-
-/// What is known of the surfaces at which a packet of paths arrived.
-pub(super) struct Places<'a> {
-    pub points: PointLanes,
-    /// After bump or normal maps.
-    pub normals: Lanes3,
-    pub surfaces: PlainSurfaces<'a>,
-    /// Lanes with paths on plain surfaces.
-    pub plain: u32,
-    /// Where light is received.
-    pub receivers: Receivers,
-}
+use crate::simd::{lane_mask, lanes_in};
 
 impl<'s> PathTracer<'s> {
-    /// Shades the first `count` paths of a packet, which arrived. Those that go on wait again afterwards.
-    pub(super) fn shade<S: Source>(
+    /// Shades the first `count` paths of a packet, which have hit surfaces. Paths that go on enter the ray
+    /// queue.
+    pub(super) fn shade<S: Sampler>(
         &self,
         wave: &mut Wavefront<'s>,
-        flights: &Flights,
+        packet: &PathPacket,
         hits: &HitLanes,
         count: usize,
     ) {
+        // Compute the surface interactions
         let all = (1 << count) - 1;
-        let Wavefront { samples, records, waiting, shadows, others, next, .. } = wave;
-        let mut places = Places {
-            points: PointLanes::NONE,
-            normals: Lanes3::ZERO,
-            surfaces: PlainSurfaces::new(&self.plain_materials),
-            plain: 0,
-            receivers: Receivers::NONE,
-        };
-        self.find_places(flights, hits, all, others, &mut places);
+        let scalar = std::mem::take(&mut wave.scalar_interactions);
+        let mut interactions = self.surface_interactions(packet, hits, all, scalar);
+
+        // Add the emission of the surfaces
         for lane in 0..count {
-            if self.lights.is_light(hits.primitive[lane]) {
-                let point = point_at(others, &places.points, hits, lane);
-                self.gather_emission(flights, &point, lane, records);
+            if self.lights.is_emissive(hits.primitive[lane]) {
+                let point = interactions.at(lane, hits.primitive[lane]);
+                self.add_surface_emission(packet, lane, &point, &mut wave.records);
             }
         }
 
-        // Nothing scatters at the last hit, but light may shine through it.
-        let ends = all & mask_of(|lane| self.ends_at_hit(flights, lane));
-        let starts = mask_of(|lane| flights.depth[lane] == 0);
-        let looked_at = if self.has_interfaces { all } else { all & !(ends & !starts) };
-        for lane in lanes_of(all & !looked_at) {
-            self.record_second_hit(flights, &places.points, lane, records);
+        // Find the lanes whose materials are needed
+        // Nothing scatters at the last hit, but light may pass an interface there.
+        let last = all & lane_mask(|lane| self.ends_at_hit(packet, lane));
+        let first = lane_mask(|lane| packet.depth[lane] == 0);
+        let evaluated = if self.has_interfaces { all } else { all & !(last & !first) };
+        for lane in lanes_in(all & !evaluated) {
+            self.record_second_hit(packet, lane, &interactions, &mut wave.records);
         }
-        if looked_at == 0 {
-            return;
-        }
-        let mut addresses = Addresses::NONE;
-        for lane in 0..count {
-            let (packet, place) = place(flights.path[lane]);
-            addresses.set(lane, samples[packet].at(place));
-        }
-        let numbers = self.dimensions.bounce::<S>(&addresses, &flights.depth);
 
-        let mut stays = looked_at & places.plain;
-        for lane in lanes_of(stays) {
-            let material = self.material(hits.primitive[lane]);
-            places.surfaces.set(lane, material, &self.scene.textures, || TexturePoint {
-                uv: hits.at(lane).map_or(Vec2::ZERO, |hit| self.accel.uv_of_triangle(&hit)),
-                position: places.points.position.at(lane),
-            });
+        // Evaluate the materials and scatter the paths
+        if evaluated != 0 {
+            self.shade_materials::<S>(wave, packet, hits, evaluated, last, &mut interactions);
         }
-        let mut lit = stays;
-        for other in others.iter_mut().filter(|other| looked_at >> other.lane & 1 == 1) {
-            let lane = other.lane;
-            let wo = -flights.rays.direction.at(lane);
-            let material = self.scene.primitives[hits.primitive[lane] as usize].material;
-            other.bsdf = Bsdf::new(
-                self.scene,
-                material,
-                &other.point,
-                wo,
-                numbers.mix_after(lane, flights.passes[lane], addresses.at(lane)),
-            );
-            let Some(bsdf) = &other.bsdf else {
-                self.pass(flights, lane, &other.point, waiting);
-                continue;
+        wave.scalar_interactions = interactions.scalar;
+    }
+
+    /// Computes the surface interactions in a mask's lanes. `scalar` is an allocation to reuse.
+    fn surface_interactions(
+        &self,
+        packet: &PathPacket,
+        hits: &HitLanes,
+        mask: u32,
+        mut scalar: Vec<ScalarInteraction<'s>>,
+    ) -> SurfaceInteractions<'_, 's> {
+        let mut points = InteractionLanes::NONE;
+        let mut simd = 0;
+        for lane in lanes_in(mask) {
+            simd |= u32::from(self.has_simd_material[hits.primitive[lane] as usize]) << lane;
+        }
+        self.accel.minimal_interactions(&packet.rays, hits, simd, &mut points);
+        scalar.clear();
+        for lane in lanes_in(mask & !simd) {
+            let (ray, hit) = (packet.rays.at(lane), hits.at(lane).expect("the path has hit a surface"));
+            let point = if self.material_traits[self.material(hit.primitive) as usize].needs_parametrisation {
+                self.accel.interaction(&ray, &hit)
+            } else {
+                self.accel.minimal_interaction(&ray, &hit)
             };
-            places.normals.set(lane, bsdf.shading_normal());
-            places.receivers.transmits[lane] = u32::from(bsdf.transmits());
-            stays |= 1 << lane;
-            lit |= u32::from(!bsdf.is_specular()) << lane;
+            points.set(lane, &point);
+            scalar.push(ScalarInteraction { lane, point, bsdf: None });
         }
-        for lane in lanes_of(stays & starts) {
-            self.record_first_hit(flights, hits, &places, others, lane, records);
+        SurfaceInteractions {
+            points,
+            normals: points.shading_normal,
+            simd,
+            simd_bsdfs: SimdBsdfs::new(&self.simd_materials),
+            scalar,
+            contexts: LightSampleContexts::NONE,
         }
-        for lane in lanes_of(stays & !starts) {
-            self.record_second_hit(flights, &places.points, lane, records);
+    }
+
+    /// Evaluates the materials in the lanes of `mask`, records features, samples lights, and scatters the
+    /// paths that do not end at their `last` hit.
+    #[inline]
+    fn shade_materials<S: Sampler>(
+        &self,
+        wave: &mut Wavefront<'s>,
+        packet: &PathPacket,
+        hits: &HitLanes,
+        mask: u32,
+        last: u32,
+        interactions: &mut SurfaceInteractions<'_, 's>,
+    ) {
+        // Generate the sample values
+        let Wavefront { addresses, records, ray_queue, shadow_rays, scattered, .. } = wave;
+        let mut packet_addresses = SampleAddresses::NONE;
+        for lane in lanes_in(mask) {
+            let (record, slot) = record_slot(packet.path[lane]);
+            packet_addresses.set(lane, addresses[record].at(slot));
+        }
+        let samples = self.dimensions.bounce::<S>(&packet_addresses, &packet.depth);
+
+        // Evaluate the materials
+        let simd = mask & interactions.simd;
+        self.evaluate_simd_materials(simd, hits, interactions);
+        let (scalar, specular) = self.evaluate_scalar_materials(
+            mask,
+            packet,
+            hits,
+            &packet_addresses,
+            &samples,
+            interactions,
+            ray_queue,
+        );
+
+        // Record the first and second hits
+        let present = simd | scalar;
+        let first = lane_mask(|lane| packet.depth[lane] == 0);
+        for lane in lanes_in(present & first) {
+            self.record_first_hit(packet, lane, hits, interactions, records);
+        }
+        for lane in lanes_in(present & !first) {
+            self.record_second_hit(packet, lane, interactions, records);
         }
 
-        let scatters = stays & !ends;
+        // Sample lights, and the BSDFs
+        let scatters = present & !last;
         if scatters == 0 {
             return;
         }
-        receive(&flights.rays, &places.points, &places.normals, &mut places.receivers);
-        self.sample_lights(scatters & lit, flights, &places, others, &numbers, shadows, records);
-        if self.follows {
-            let alive = self.scatter(scatters, flights, &places, others, &numbers, next);
-            waiting.push_packet(next, alive);
+        interactions.set_contexts(&packet.rays);
+        self.sample_lights(scatters & !specular, packet, interactions, &samples, shadow_rays, records);
+        if self.samples_bsdfs {
+            let goes_on = self.scatter(scatters, packet, interactions, &samples, scattered);
+            ray_queue.push_packet(scattered, goes_on);
         }
     }
 
-    /// The points at which paths arrived, and which of them are plain; the others are listed.
-    fn find_places(
+    /// Evaluates the SIMD materials in a mask's lanes.
+    #[inline]
+    fn evaluate_simd_materials(&self, mask: u32, hits: &HitLanes, interactions: &mut SurfaceInteractions) {
+        for lane in lanes_in(mask) {
+            let material = self.material(hits.primitive[lane]);
+            let position = interactions.points.position.at(lane);
+            interactions.simd_bsdfs.set(lane, material, &self.scene.textures, || TexturePoint {
+                uv: hits.at(lane).map_or(Vec2::ZERO, |hit| self.accel.triangle_uv(&hit)),
+                position,
+            });
+        }
+    }
+
+    /// Evaluates all other materials in a mask's lanes. Paths at interfaces pass them and enter the ray queue.
+    /// Returns the lanes with BSDFs, and those of them whose BSDFs are perfectly specular.
+    #[expect(clippy::too_many_arguments, reason = "the packet's parts")]
+    #[inline]
+    fn evaluate_scalar_materials(
         &self,
-        flights: &Flights,
+        mask: u32,
+        packet: &PathPacket,
         hits: &HitLanes,
-        all: u32,
-        others: &mut Vec<Other>,
-        places: &mut Places,
-    ) {
-        for lane in lanes_of(all) {
-            places.plain |= u32::from(self.is_plain[hits.primitive[lane] as usize]) << lane;
-        }
-        self.accel.plain_surfaces(&flights.rays, hits, places.plain, &mut places.points);
-        others.clear();
-        for lane in lanes_of(all & !places.plain) {
-            let (ray, hit) = (flights.rays.at(lane), hits.at(lane).expect("the path arrived"));
-            let point = if self.parametrised[self.material(hit.primitive) as usize] {
-                self.accel.surface(&ray, &hit)
-            } else {
-                self.accel.plain_surface(&ray, &hit)
+        addresses: &SampleAddresses,
+        samples: &BounceSamples,
+        interactions: &mut SurfaceInteractions<'_, 's>,
+        ray_queue: &mut RayQueue,
+    ) -> (u32, u32) {
+        let (mut present, mut specular) = (0, 0);
+        for scalar in &mut interactions.scalar {
+            let lane = scalar.lane;
+            if mask >> lane & 1 == 0 {
+                continue;
+            }
+            let mix = samples.mix_after(lane, packet.interfaces[lane], addresses.at(lane));
+            let material = MaterialId(self.material(hits.primitive[lane]));
+            let wo = -packet.rays.direction.at(lane);
+            scalar.bsdf = Bsdf::new(self.scene, material, &scalar.point, wo, mix);
+            let Some(bsdf) = &scalar.bsdf else {
+                self.pass_interface(packet, lane, &scalar.point, ray_queue);
+                continue;
             };
-            places.points.set(lane, &point);
-            others.push(Other { lane, point, bsdf: None });
+            interactions.normals.set(lane, bsdf.shading_normal());
+            interactions.contexts.transmits[lane] = u32::from(bsdf.transmits());
+            present |= 1 << lane;
+            specular |= u32::from(bsdf.is_specular()) << lane;
         }
-        places.normals = places.points.shading_normal;
+        (present, specular)
     }
 
-    /// Draws directions to go on in; returns the lanes of the paths that do.
-    fn scatter(
-        &self,
-        mask: u32,
-        flights: &Flights,
-        places: &Places,
-        others: &[Other],
-        numbers: &BounceNumbers,
-        next: &mut Flights,
-    ) -> u32 {
-        let mut scattered = Scattered::NOTHING;
-        let (surfaces, normals) = (&places.surfaces, &places.normals);
-        surfaces.sample(mask & places.plain, &flights.rays, normals, &numbers.bsdf_uv, &mut scattered);
-        for Other { lane, bsdf, .. } in others.iter().filter(|other| mask >> other.lane & 1 == 1) {
-            let wo = -flights.rays.direction.at(*lane);
-            let u = numbers.bsdf_uv_at(*lane);
-            scattered.set(*lane, bsdf.as_ref().and_then(|bsdf| bsdf.sample(wo, numbers.lobe[*lane], u)));
-        }
-        scattered_on(mask, &self.rules, flights, places, &scattered, &numbers.roulette, next)
-    }
-
-    /// What the BSDFs of paths that are not plain say to light from `wi`.
-    pub(super) fn eval_others(
-        others: &[Other],
-        mask: u32,
-        flights: &Flights,
-        wi: &Lanes3,
-        into: &mut Evaluated,
-    ) {
-        for Other { lane, bsdf, .. } in others.iter().filter(|other| mask >> other.lane & 1 == 1) {
-            let wo = -flights.rays.direction.at(*lane);
-            let value = bsdf.as_ref().map(|bsdf| bsdf.eval_and_pdf(wo, wi.at(*lane)));
-            into.set(*lane, value.unwrap_or((Vec3::ZERO, 0.0)));
-        }
-    }
-
-    /// Whether the path may not scatter where it arrives.
+    /// Returns whether the path ends at its hit.
     #[inline(always)]
-    fn ends_at_hit(&self, flights: &Flights, lane: usize) -> bool {
-        self.rules.ends_at_hit(flights.depth[lane], flights.flags[lane] & SCATTERED != 0)
+    fn ends_at_hit(&self, packet: &PathPacket, lane: usize) -> bool {
+        self.termination.ends_at_hit(packet.depth[lane], packet.flags[lane] & NON_SPECULAR_BOUNCE != 0)
     }
 
-    /// Goes straight on through a boundary without effect.
-    fn pass(&self, flights: &Flights, lane: usize, point: &SurfacePoint, waiting: &mut Waiting) {
-        let mut next = *flights;
-        next.passes[lane] += 1;
-        if next.passes[lane] > MAX_PASSES {
+    /// Continues a path in the same direction behind an interface.
+    fn pass_interface(
+        &self,
+        packet: &PathPacket,
+        lane: usize,
+        point: &SurfaceInteraction,
+        ray_queue: &mut RayQueue,
+    ) {
+        let mut next = *packet;
+        next.interfaces[lane] += 1;
+        if next.interfaces[lane] > MAX_INTERFACES {
             return;
         }
-        let origin = point.offset_origin(flights.rays.direction.at(lane));
+        let origin = point.offset_origin(packet.rays.direction.at(lane));
         next.rays.origin.set(lane, origin);
-        // Light sampling sees through plain boundaries, but not through mixes with one.
+        // Shadow rays pass interfaces, but not mixes with one.
         if !self.is_interface(point) {
-            next.flags[lane] &= !LIGHT_SAMPLING;
+            next.flags[lane] &= !REACHED_BY_LIGHT_SAMPLING;
         }
-        waiting.push(&next, lane);
-    }
-
-    /// Light from a surface that is hit.
-    fn gather_emission(&self, flights: &Flights, point: &SurfacePoint, lane: usize, records: &mut [Records]) {
-        if let Some(emitted) = self.lights.emitted(point, -flights.rays.direction.at(lane)) {
-            let share = share(flights, lane, |from| self.lights.pdf_surface(from, point));
-            let (packet, place) = place(flights.path[lane]);
-            add(&mut records[packet], place, flights, lane, emitted * share);
-        }
-    }
-
-    fn record_first_hit(
-        &self,
-        flights: &Flights,
-        hits: &HitLanes,
-        places: &Places,
-        others: &[Other],
-        lane: usize,
-        records: &mut [Records],
-    ) {
-        let (packet, place) = place(flights.path[lane]);
-        let records = &mut records[packet];
-        let wo = -flights.rays.direction.at(lane);
-        let (position, normal) = (places.points.position.at(lane), places.normals.at(lane));
-        records.hit[place] = 1.0;
-        records.position1.set(place, position * self.inverse_diameter);
-        records.position2.set(place, position * self.inverse_diameter);
-        records.normal1.set(place, turned(normal, wo));
-        if self.records_albedo {
-            let other = others.iter().find(|other| other.lane == lane).and_then(|other| other.bsdf.as_ref());
-            let albedo = match other {
-                None => places.surfaces.albedo(lane, normal, wo),
-                Some(bsdf) if bsdf.is_specular() => Vec3::ONE,
-                Some(bsdf) => bsdf.albedo(),
-            };
-            let emits = || {
-                let point = point_at(others, &places.points, hits, lane);
-                self.lights.is_light(point.primitive) && self.lights.emitted(&point, wo).is_some()
-            };
-            let only_emits = albedo == Vec3::ZERO && emits();
-            records.albedo.set(place, if only_emits { Vec3::ONE } else { albedo });
-        }
-    }
-
-    /// Position and normal of the hit, if it is the path's second. The normal is the interpolated
-    /// one: what bends it further is not looked up where a path ends.
-    #[inline]
-    fn record_second_hit(
-        &self,
-        flights: &Flights,
-        points: &PointLanes,
-        lane: usize,
-        records: &mut [Records],
-    ) {
-        if flights.depth[lane] == 1 {
-            let (packet, place) = place(flights.path[lane]);
-            let records = &mut records[packet];
-            records.position2.set(place, points.position.at(lane) * self.inverse_diameter);
-            let normal = turned(points.shading_normal.at(lane), -flights.rays.direction.at(lane));
-            records.normal2.set(place, normal);
-        }
+        ray_queue.push(&next, lane);
     }
 }
-
-/// The point at which a path arrived, as far as it is known.
-fn point_at(others: &[Other], points: &PointLanes, hits: &HitLanes, lane: usize) -> SurfacePoint {
-    let other = others.iter().find(|other| other.lane == lane);
-    other.map_or_else(|| points.at(lane, hits.primitive[lane]), |other| other.point)
-}
-
-const _: () = assert!(LANES < u32::BITS as usize, "a mask has a bit for every lane");

@@ -1,35 +1,37 @@
-//! Independent uniform numbers: a generator for every (pixel, sample index), a stream of it for
-//! every set.
+//! Independent uniform sample values: a random number generator (PCG) for every pixel, sample index and set of
+//! dimensions.
 
 use rand::RngExt;
 use rand_pcg::Pcg32;
 
-use super::{Address, Addresses, NumberSet, SET, Source, hash, pixel_key};
-use crate::geometry::{LANES, Lanes};
+use super::sample_address::{SampleAddress, SampleAddresses, pixel_key};
+use super::sampler::{SET_SIZE, Sampler, ValueSet};
+use crate::hash::hash;
+use crate::simd::{LANES, Lanes};
 
-/// See the module.
+/// Samples one pixel with independent values.
 #[derive(Clone, Copy)]
 pub struct Independent {
     key: u64,
 }
 
-impl Source for Independent {
+impl Sampler for Independent {
     fn for_pixel(seed: u64, x: u32, y: u32) -> Self {
         Self { key: pixel_key(seed, x, y) }
     }
 
     #[inline]
-    fn address(&self, index: u32) -> Address {
-        Address { key: self.key, index }
+    fn address(&self, index: u32) -> SampleAddress {
+        SampleAddress { key: self.key, index }
     }
 
-    fn numbers(samples: &Addresses, sets: &Lanes<u32>, numbers: &mut NumberSet) {
+    fn values(samples: &SampleAddresses, sets: &Lanes<u32>, values: &mut ValueSet) {
         for lane in 0..LANES {
-            let Address { key, index } = samples.at(lane);
-            // Generators with related streams may be correlated: state and stream are both hashed.
+            let SampleAddress { key, index } = samples.at(lane);
+            // State and stream are both hashed, because generators with related streams may be correlated.
             let state = hash(key ^ (u64::from(index) << 32 | u64::from(sets[lane])));
-            let drawn: [f32; SET as usize] = Pcg32::new(state, hash(state)).random();
-            numbers.iter_mut().zip(drawn).for_each(|(lanes, number)| lanes[lane] = number);
+            let set: [f32; SET_SIZE as usize] = Pcg32::new(state, hash(state)).random();
+            values.iter_mut().zip(set).for_each(|(lanes, value)| lanes[lane] = value);
         }
     }
 }

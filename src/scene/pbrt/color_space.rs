@@ -1,11 +1,11 @@
-//! The colour spaces that pbrt-v4 names, as maps to linear sRGB in which white stays white.
+//! Conversion from pbrt-v4's colour spaces to linear sRGB. White maps to white.
 //!
-//! Sources: IEC 61966-2-1, SMPTE EG 432-1 (P3 with D65), ITU-R BT.2020, SMPTE ST 2065-1; the last
-//! one's white is adapted to D65 by Bradford's method.
+//! Sources: IEC 61966-2-1, SMPTE EG 432-1 (P3 with D65), ITU-R BT.2020, SMPTE ST 2065-1; the white
+//! point of the last is adapted to D65 by Bradford's method.
 
 use glam::{DMat3, DVec3};
 
-/// A space for the colours of a scene.
+/// A colour space for RGB parameters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ColorSpace {
     Srgb,
@@ -22,7 +22,7 @@ const NAMES: [(&str, ColorSpace); 4] = [
     ("aces2065-1", ColorSpace::Aces2065),
 ];
 
-/// Rows of the maps to linear sRGB.
+/// Rows of the matrices to linear sRGB.
 const FROM_DCI_P3: [[f64; 3]; 3] = [
     [1.224_940_176, -0.224_940_176, 0.0],
     [-0.042_056_955, 1.042_056_955, 0.0],
@@ -40,16 +40,17 @@ const FROM_ACES2065: [[f64; 3]; 3] = [
 ];
 
 impl ColorSpace {
+    /// The colour space that pbrt calls `name`.
     pub fn named(name: &str) -> Option<Self> {
         NAMES.iter().find(|(known, _)| *known == name).map(|(_, space)| *space)
     }
 
-    /// What names are accepted, for messages.
+    /// The accepted names, for messages.
     pub fn names() -> String {
         NAMES.map(|(name, _)| name).join(", ")
     }
 
-    /// Linear sRGB of a colour; what sRGB cannot show becomes the nearest by channel.
+    /// Converts a colour to linear sRGB, clamping negative channels to 0.
     pub fn to_srgb(self, rgb: DVec3) -> DVec3 {
         let rows = match self {
             ColorSpace::Srgb => return rgb,
@@ -75,7 +76,7 @@ mod tests {
     }
 
     #[test]
-    fn wider_spaces_have_stronger_colours() {
+    fn wide_gamuts_exceed_srgb() {
         for (name, space) in &NAMES[1..] {
             let red = space.to_srgb(DVec3::X);
             assert!(red.x > 1.2 && red.y == 0.0, "{name}: {red}");

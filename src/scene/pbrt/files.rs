@@ -1,4 +1,4 @@
-//! Files that a scene is made of, gzipped where their name ends in `.gz`.
+//! Opens the files of a scene. Files whose name ends in `.gz` are decompressed.
 
 use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
@@ -7,13 +7,13 @@ use flate2::bufread::MultiGzDecoder;
 
 use crate::files::open_regular;
 
-/// Most bytes that one byte of a gzip file can stand for (the limit of DEFLATE).
+/// Largest expansion of a gzip file (the limit of DEFLATE).
 pub const MAX_INFLATION: u64 = 1032;
 
-/// An open file.
+/// An open file, decompressed.
 pub struct Source {
     pub reader: Box<dyn BufRead>,
-    /// The most bytes that can come out of `reader`.
+    /// Upper bound on the bytes that `reader` yields.
     pub max_length: u64,
 }
 
@@ -42,7 +42,7 @@ pub fn read(path: &Path) -> Result<Vec<u8>, String> {
     Ok(bytes)
 }
 
-/// Length and CRC-32 of a file as it is stored, little endian; nothing if it cannot be read.
+/// Length (64 bits) and CRC-32 of a file as stored, little endian; `None` if it cannot be read.
 pub fn checksum(path: &Path) -> Option<[u8; 12]> {
     let (file, length) = open_regular(path).ok()?;
     let mut reader = BufReader::with_capacity(1 << 18, file);
@@ -75,7 +75,7 @@ pub fn numbers(path: &Path) -> Result<Vec<f64>, String> {
     words
         .map(|(line, word)| match word.parse() {
             Ok(number) if f64::is_finite(number) => Ok(number),
-            _ => Err(format!("\"{word}\" in line {line}; a number would be accepted")),
+            _ => Err(format!("\"{word}\" in line {line} is not a finite number; expected a number")),
         })
         .collect()
 }

@@ -1,4 +1,4 @@
-//! Spectra → linear sRGB (Rec. 709 primaries, D65 white).
+//! Converts spectra to linear sRGB (Rec. 709 primaries, D65 white).
 //!
 //! Colour matching functions: Wyman, Sloan and Shirley 2013, "Simple analytic approximations to
 //! the CIE XYZ color matching functions", equation 4 (the multi-lobe fit). Blackbodies: Planck's
@@ -7,7 +7,7 @@
 
 use glam::{DMat3, DVec3, Vec3};
 
-/// The visible range in nm, in steps of 1 nm.
+/// The visible range in nm, sampled in steps of 1 nm.
 const WAVELENGTHS: std::ops::RangeInclusive<u32> = 360..=830;
 
 /// XYZ → linear sRGB (IEC 61966-2-1), rows.
@@ -17,18 +17,19 @@ const RGB_FROM_XYZ: [[f64; 3]; 3] = [
     [0.055_643_4, -0.204_025_9, 1.057_225_2],
 ];
 
-/// Helium d line, nm, where glass is measured.
+/// Wavelength of the helium d line in nm, at which glass is measured.
 const D_LINE: f64 = 587.56;
 
 /// Wien's displacement constant, nm·K.
 const WIEN_DISPLACEMENT: f64 = 2.897_772e6;
 
-/// A spectrum as a scene gives it.
+/// A spectrum parameter.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Spectrum {
-    /// Linear RGB: as good as the scene gives it.
+    /// Linear sRGB.
     Rgb(Vec3),
-    /// Wavelengths in nm, none below the one before, and values; constant beyond the ends. Not empty.
+    /// Pairs of wavelength in nm and value, sorted by wavelength and not empty. The spectrum is
+    /// constant beyond the ends.
     Sampled(Vec<[f64; 2]>),
     /// Temperature in kelvin, and a factor (pbrt-v2 and v3).
     Blackbody { kelvin: f64, scale: f64 },
@@ -37,7 +38,7 @@ pub enum Spectrum {
 }
 
 impl Spectrum {
-    /// The same value everywhere.
+    /// A constant spectrum.
     pub fn constant(value: f64) -> Self {
         Spectrum::Sampled(vec![[D_LINE, value]])
     }
@@ -52,7 +53,8 @@ impl Spectrum {
         found(METALS).or_else(glass).or_else(illuminant)
     }
 
-    /// Pairs of wavelength and value, or one constant; `None` if they are no such thing.
+    /// Parses pairs of wavelength and value with rising wavelengths, or one constant. Returns `None`
+    /// for any other list.
     pub fn from_numbers(numbers: &[f64]) -> Option<Self> {
         let (pairs, rest) = numbers.as_chunks::<2>();
         match (pairs, rest) {
@@ -64,7 +66,7 @@ impl Spectrum {
         }
     }
 
-    /// As [`Self::from_numbers`], of pairs in any order and with steps (pbrt-v2 and v3).
+    /// Like [`Self::from_numbers`], but sorts the pairs and accepts equal wavelengths (pbrt-v2 and v3).
     pub fn from_unsorted_numbers(numbers: &[f64]) -> Option<Self> {
         let (pairs, rest) = numbers.as_chunks::<2>();
         if pairs.is_empty() || !rest.is_empty() {
@@ -75,8 +77,8 @@ impl Spectrum {
         Some(Spectrum::Sampled(pairs))
     }
 
-    /// The same, but 0 beyond the ends; a constant has none. An index of refraction ends nowhere.
-    pub fn ending(self) -> Self {
+    /// Makes a sampled spectrum 0 beyond its ends. A constant spectrum stays constant.
+    pub fn zero_outside(self) -> Self {
         match self {
             Spectrum::Sampled(mut samples) if samples.len() > 1 => {
                 let [first, last] = [samples[0][0], samples[samples.len() - 1][0]];
@@ -88,7 +90,7 @@ impl Spectrum {
         }
     }
 
-    /// Reflectance, or index of refraction, by channel: a constant spectrum has its value in all.
+    /// RGB of a reflectance or an index of refraction. A constant spectrum has equal channels.
     pub fn reflectance(&self) -> Vec3 {
         match self {
             Spectrum::Rgb(rgb) => *rgb,
@@ -99,8 +101,8 @@ impl Spectrum {
         }
     }
 
-    /// Colour by channel as pbrt-v2 and v3 integrate it: relative to light of equal energy, so that
-    /// a constant spectrum is not gray but reddish. Blackbodies are 1 where they are brightest.
+    /// RGB as pbrt-v2 and v3 compute it: relative to an equal-energy illuminant, so that a constant
+    /// spectrum is reddish. Blackbodies are normalised to a peak of 1.
     pub fn unadapted(&self) -> Vec3 {
         let xyz = match self {
             Spectrum::Rgb(rgb) => return *rgb,
@@ -114,7 +116,8 @@ impl Spectrum {
         rgb_from_xyz(xyz).as_vec3()
     }
 
-    /// Colour of a light. Only RGB says how bright it is; all else has luminance 1, as in pbrt-v4.
+    /// RGB of a light's emission. As in pbrt-v4, spectra other than RGB are normalised to a luminance
+    /// of 1.
     pub fn illuminant(&self) -> Vec3 {
         let xyz = match self {
             Spectrum::Rgb(rgb) => return *rgb,
@@ -124,7 +127,7 @@ impl Spectrum {
         if xyz.y > 0.0 { rgb_from_xyz(xyz / xyz.y).max(DVec3::ZERO).as_vec3() } else { Vec3::ZERO }
     }
 
-    /// Index of refraction of glass.
+    /// Index of refraction of glass at the d line, or at the nearest sample if that is 0.
     pub fn refractive_index(&self) -> f64 {
         match self {
             Spectrum::Rgb(rgb) => f64::from(rgb.y),
@@ -141,7 +144,7 @@ impl Spectrum {
         }
     }
 
-    /// Value at a wavelength in nm. RGB and chromaticities have no unique one, and give 1.
+    /// Value at a wavelength in nm; 1 for RGB and chromaticities, which have no unique spectrum.
     fn at(&self, nm: f64) -> f64 {
         match self {
             Spectrum::Sampled(samples) => {
@@ -162,7 +165,7 @@ impl Spectrum {
 fn planck(nm: f64, kelvin: f64) -> f64 {
     /// hc/k in nm·K.
     const SECOND_RADIATION_CONSTANT: f64 = 1.438_776_877e7;
-    // The factor (500 nm)⁵ keeps the numbers near 1.
+    // The factor (500 nm)⁵ keeps the values near 1
     (500.0 / nm).powi(5) / (SECOND_RADIATION_CONSTANT / (nm * kelvin)).exp_m1()
 }
 
@@ -186,7 +189,7 @@ fn xyz(spectrum: impl Fn(f64) -> f64) -> DVec3 {
     WAVELENGTHS.map(f64::from).map(|nm| matching_functions(nm) * spectrum(nm)).sum()
 }
 
-/// Linear sRGB of a colour.
+/// Converts XYZ to linear sRGB.
 pub fn rgb_from_xyz(xyz: DVec3) -> DVec3 {
     DMat3::from_cols_array_2d(&RGB_FROM_XYZ).transpose() * xyz
 }
@@ -209,7 +212,7 @@ const METALS: &[(&str, [f32; 3])] = &[
     ("metal-TiO2-k", [0.0, 0.0, 0.0]),
 ];
 
-/// Index of refraction at the d line, by the makers' catalogues. Some have two spellings.
+/// Index of refraction at the d line, from the manufacturers' catalogues. Some glasses have two names.
 const GLASSES: &[(&str, f64)] = &[
     ("glass-BK7", 1.5168),
     ("glass-BAF10", 1.6700),
@@ -287,24 +290,27 @@ mod tests {
     }
 
     #[test]
-    fn sampled_spectra_are_interpolated_and_constant_beyond_their_ends_or_end_there() {
+    fn sampled_spectra_are_interpolated_and_constant_beyond_their_ends_or_zero_there() {
         let spectrum = Spectrum::from_numbers(&[400.0, 1.0, 500.0, 3.0]).unwrap();
         assert_eq!([300.0, 400.0, 450.0, 500.0, 600.0].map(|nm| spectrum.at(nm)), [1.0, 1.0, 2.0, 3.0, 3.0]);
-        let ending = spectrum.ending();
-        assert_eq!([399.0, 400.0, 450.0, 500.0, 501.0].map(|nm| ending.at(nm)), [0.0, 1.0, 2.0, 3.0, 0.0]);
-        assert_eq!(Spectrum::constant(2.0).ending().at(400.0), 2.0);
-        assert_eq!(ending.refractive_index(), 3.0);
+        let zero_outside = spectrum.zero_outside();
+        assert_eq!(
+            [399.0, 400.0, 450.0, 500.0, 501.0].map(|nm| zero_outside.at(nm)),
+            [0.0, 1.0, 2.0, 3.0, 0.0]
+        );
+        assert_eq!(Spectrum::constant(2.0).zero_outside().at(400.0), 2.0);
+        assert_eq!(zero_outside.refractive_index(), 3.0);
         assert_eq!(Spectrum::named("glass-BK7").unwrap().refractive_index(), 1.5168);
     }
 
     #[test]
-    fn older_dialects_see_a_constant_spectrum_in_light_of_equal_energy() {
+    fn unadapted_constant_spectra_have_an_equal_energy_white() {
         // The linear sRGB of XYZ = 1, 1, 1.
         assert_close(Spectrum::constant(1.0).unadapted(), Vec3::new(1.2048, 0.9482, 0.9088), 1e-2);
     }
 
     #[test]
-    fn numbers_that_are_no_spectrum_are_refused() {
+    fn invalid_lists_are_rejected() {
         assert_eq!(Spectrum::from_numbers(&[]), None);
         assert_eq!(Spectrum::from_numbers(&[400.0, 1.0, 500.0]), None);
         assert_eq!(Spectrum::from_numbers(&[500.0, 1.0, 400.0, 1.0]), None);

@@ -11,15 +11,16 @@ use crate::scene::texture::TexturePoint;
 use crate::scene::{Integrator, Light, MaterialKind, PixelFilter, SamplerKind, Scene, Shape, TriangleMesh};
 
 mod attributes;
-mod coordinates;
-mod extremes;
-mod forgiven;
+mod bump_and_alpha;
+mod coordinate_systems;
+mod dialects;
+mod ignored_input;
 mod image_textures;
 mod lights;
-mod named_files;
 mod older_dialects;
-mod relief;
-mod warned_of;
+mod overflow;
+mod referenced_files;
+mod warnings;
 
 fn scene(text: &str) -> Scene {
     read_str(text, Path::new("")).unwrap_or_else(|error| panic!("{error}"))
@@ -98,7 +99,7 @@ fn the_header_is_read_in_any_order() {
 }
 
 #[test]
-fn render_space_has_its_origin_at_the_camera_and_keeps_small_things_far_away() {
+fn render_space_is_at_the_camera_and_keeps_precision() {
     let scene = scene(&format!(
         "LookAt 1000000 0 0  1000001 0 0  0 0 1 Camera \"perspective\" WorldBegin
          Translate 1000002 0 0 Scale .001 .001 .001 {TRIANGLE}"
@@ -129,7 +130,7 @@ fn transforms_concatenate_as_in_pbrt() {
 }
 
 #[test]
-fn blocks_restore_what_they_saved() {
+fn blocks_restore_the_graphics_state() {
     let scene = world(&format!(
         "Material \"diffuse\" AttributeBegin Translate 1 0 0 ReverseOrientation Material \"dielectric\" AttributeEnd
          TransformBegin Translate 1 0 0 TransformEnd {TRIANGLE}"
@@ -141,7 +142,7 @@ fn blocks_restore_what_they_saved() {
 }
 
 #[test]
-fn crossed_blocks_are_an_error_in_v4_and_one_stack_before() {
+fn crossed_blocks_are_an_error_in_v4_only() {
     let crossed = format!(
         "WorldBegin AttributeBegin ObjectBegin \"a\" AttributeBegin Translate 1 0 0 {TRIANGLE}
          AttributeEnd AttributeEnd ObjectEnd ObjectInstance \"a\""
@@ -163,7 +164,7 @@ fn mirroring_and_reversal_flip_the_normal_and_cancel_out() {
 }
 
 #[test]
-fn objects_appear_where_instances_put_them() {
+fn objects_appear_at_their_instances() {
     let scene = scene(&format!(
         "LookAt 0 0 -5 0 0 0 0 1 0 Camera \"perspective\" WorldBegin
          ObjectBegin \"tree\" Translate 100 0 0 {TRIANGLE} Translate 0 1 0 {TRIANGLE} ObjectEnd
@@ -185,7 +186,7 @@ fn objects_appear_where_instances_put_them() {
 }
 
 #[test]
-fn v4_may_name_materials_and_objects_before_it_makes_them() {
+fn v4_allows_forward_references_to_materials_and_objects() {
     let late = format!(
         "NamedMaterial \"m\" {TRIANGLE} Translate 1 0 0 ObjectInstance \"o\" Identity
          MakeNamedMaterial \"a\" \"string type\" \"dielectric\"
@@ -214,7 +215,7 @@ fn v4_may_name_materials_and_objects_before_it_makes_them() {
 }
 
 #[test]
-fn an_object_far_from_its_origin_keeps_its_digits() {
+fn a_distant_object_keeps_its_precision() {
     let scene = world(&format!(
         "ObjectBegin \"a\" Translate 1e8 0 0 {TRIANGLE} ObjectEnd Translate -1e8 0 0 ObjectInstance \"a\""
     ));
@@ -223,7 +224,7 @@ fn an_object_far_from_its_origin_keeps_its_digits() {
 }
 
 #[test]
-fn a_moving_shape_becomes_an_instance_that_moves() {
+fn a_moving_shape_becomes_a_moving_instance() {
     let scene = world(&format!(
         "ActiveTransform StartTime Translate 1 0 0 ActiveTransform EndTime Translate 3 0 0 ActiveTransform All
          AreaLightSource \"diffuse\" {TRIANGLE} Identity {TRIANGLE}"
@@ -237,7 +238,7 @@ fn a_moving_shape_becomes_an_instance_that_moves() {
 }
 
 #[test]
-fn the_bottom_row_of_an_image_is_at_v_0_except_in_v2() {
+fn v_0_is_the_bottom_row_except_in_v2() {
     let (folder, _) = folder(&[("unused", "")]);
     let pixels = vec![255, 0]; // White above black.
     let image = image::GrayImage::from_raw(1, 2, pixels).unwrap();
@@ -282,13 +283,13 @@ fn an_environment_image_is_square_in_v4_and_shares_the_pool() {
 }
 
 #[test]
-fn errors_say_where_and_what() {
+fn errors_have_a_location_and_a_cause() {
     let cases = [
         ("WorldBegin\n  Sphere", (2, 3), "`Sphere`"),
         ("Shape \"sphere\"", (1, 1), "after WorldBegin"),
         ("WorldBegin Camera \"perspective\"", (1, 12), "before WorldBegin"),
         ("WorldBegin\nShape \"cube\"", (2, 1), "shape \"cube\""),
-        ("WorldBegin Shape \"sphere\"\n \"float radius\" \"x\"", (2, 2), "\"radius\" is strings"),
+        ("WorldBegin Shape \"sphere\"\n \"float radius\" \"x\"", (2, 2), "\"radius\" is a list of strings"),
         ("WorldBegin Shape \"sphere\" \"float radius\" -1", (1, 27), "a number above 0"),
         ("WorldBegin Translate 1 2 Scale 1 1 1", (1, 26), "`Scale` after Translate"),
         ("WorldBegin Translate [1 2 3 4]", (1, 29), "`]` after 3 numbers"),
@@ -318,15 +319,15 @@ fn errors_say_where_and_what() {
         ),
         ("", (0, 0), "no WorldBegin"),
     ];
-    for (text, place, part) in cases {
+    for (text, loc, part) in cases {
         let error = error(text);
-        assert_eq!((error.line, error.column), place, "{error} in {text}");
+        assert_eq!((error.line, error.column), loc, "{error} in {text}");
         assert!(error.message.contains(part), "{error} in {text}");
     }
 }
 
 #[test]
-fn what_is_not_made_use_of_is_reported_once() {
+fn unused_input_is_reported_once() {
     let scene = world(
         "Shape \"sphere\" \"float size\" 1\nShape \"sphere\" \"float size\" 2 Shape \"nurbs\" \"float width\" 1
          MediumInterface \"a\" \"\"",
@@ -335,14 +336,14 @@ fn what_is_not_made_use_of_is_reported_once() {
         scene.warnings,
         [
             "<text>:2:16: parameter \"size\" of Shape \"sphere\" is not used (and 1 more)",
-            "<text>:3:31: shape \"nurbs\" is left out",
+            "<text>:3:31: shape \"nurbs\" is not supported and is ignored",
             "<text>:4:10: participating media are not simulated",
         ]
     );
 }
 
 #[test]
-fn included_files_are_relative_to_the_main_one_and_errors_in_them_name_them() {
+fn errors_in_included_files_name_the_file() {
     let (_folder, main) = folder(&[
         ("main.pbrt", "WorldBegin Include \"a.pbrt\" Import \"b.pbrt\" Shape \"sphere\""),
         ("a.pbrt", "Translate 1 0 0"),
@@ -483,7 +484,7 @@ fn the_door_ajar_is_read() {
 }
 
 #[test]
-fn a_reflectance_above_one_is_warned_of_with_its_material_and_place() {
+fn a_reflectance_above_one_is_reported_with_its_material() {
     let of = |value: &str| {
         let material =
             format!("MakeNamedMaterial \"paint\" \"string type\" \"diffuse\" \"rgb reflectance\" [{value}]");

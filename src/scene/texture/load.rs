@@ -1,7 +1,7 @@
 //! Reads image files for textures: EXR, PFM, PNG, JPEG and TGA.
 //!
-//! Sizes are taken from the header and checked against the length of the file before anything is
-//! allocated, so that a small file cannot ask for a large image.
+//! The size in the header is checked against the length of the file before anything is allocated, so
+//! that a small file cannot request a large image.
 
 use std::fs::File;
 use std::io::BufReader;
@@ -10,23 +10,24 @@ use std::path::Path;
 use ::image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
 use glam::Vec3;
 
-use super::{TextureImage, luminance};
+use super::pfm;
+use super::texture_image::TextureImage;
+use super::textures::luminance;
 use crate::files::open_regular;
 use crate::image::exr_file;
 
 /// Largest number of texels of an image: 16 384 × 16 384.
 const MAX_TEXELS: u64 = 1 << 28;
-/// Most texels that one byte of a file can stand for. A blank PNG of one bit a texel, the densest
-/// of the formats, packs 8 · 1032.
+/// Largest number of texels per byte of a file: that of a blank PNG with one bit per texel.
 const MAX_TEXELS_PER_BYTE: u64 = 8 * 1032;
-/// Most channels of an EXR file: what renderers write stays far below.
+/// Largest number of channels of an EXR file; renderers write far fewer.
 const MAX_CHANNELS: usize = 64;
-/// Values beyond are brought to this: sums of channels and of texels stay finite.
+/// Values are clamped to this magnitude, so that sums of channels and texels stay finite.
 const LARGEST: f32 = 1e30;
-/// What an infinite value becomes: the largest half float, as most such values overflowed one.
+/// Replaces infinity: the largest half float, because most infinities overflowed one.
 const LARGEST_HALF: f32 = 65504.0;
 
-/// What the stored values of an image mean. Those of integers are in [0, 1] before they are decoded.
+/// Encoding of stored values. Integer values are scaled to [0, 1] before they are decoded.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Encoding {
     Srgb,
@@ -36,7 +37,7 @@ pub enum Encoding {
 }
 
 impl Encoding {
-    /// Linear value of an encoded one.
+    /// The linear value of an encoded value.
     fn decode(self, value: f32) -> f32 {
         match self {
             Encoding::Linear => value,
@@ -47,22 +48,23 @@ impl Encoding {
         }
     }
 
+    /// Linear values of all bytes.
     fn byte_table(self) -> Box<[f32; 256]> {
         Box::new(std::array::from_fn(|byte| self.decode(byte as f32 / 255.0)))
     }
 }
 
-/// What of an image is kept.
+/// Channels of an image that are kept.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Channels {
     All,
-    /// That of the encoded values, as one channel; no alpha.
+    /// The luminance of the encoded values, without alpha.
     Luminance,
 }
 
 impl Channels {
-    /// What is kept of values of `count` channels a texel, and how many channels that are.
-    fn of_floats(self, count: usize, data: Vec<f32>) -> (usize, Vec<f32>) {
+    /// Selects channels of float texels with `count` channels. Returns the new count and the values.
+    fn select_floats(self, count: usize, data: Vec<f32>) -> (usize, Vec<f32>) {
         match self {
             Channels::Luminance if count >= 3 => {
                 let texels = data.chunks_exact(count);
@@ -72,7 +74,7 @@ impl Channels {
         }
     }
 
-    fn of_integers(self, image: DynamicImage) -> DynamicImage {
+    fn select_integers(self, image: DynamicImage) -> DynamicImage {
         match self {
             Channels::All => image,
             Channels::Luminance if image.color().bytes_per_pixel() / image.color().channel_count() > 1 => {
@@ -83,8 +85,8 @@ impl Channels {
     }
 }
 
-/// Reads an image file; its format follows from the extension. NaN becomes 0 and infinity the
-/// largest half float.
+/// Reads an image file; the extension determines the format. NaN becomes 0, and infinity the largest
+/// half float.
 ///
 /// # Errors
 /// One sentence, without the file's name, if the file is missing, damaged, or of a kind or size
@@ -96,26 +98,26 @@ pub fn load(path: &Path, encoding: Encoding, channels: Channels) -> Result<Textu
         "png" => Some(ImageFormat::Png),
         "jpg" | "jpeg" => Some(ImageFormat::Jpeg),
         "tga" => Some(ImageFormat::Tga),
-        _ => return Err(format!("image format \"{extension}\"; exr, pfm, png, jpg and tga are accepted")),
+        _ => return Err(format!("unknown image format \"{extension}\"; expected exr, pfm, png, jpg or tga")),
     };
     let (file, length) = open_regular(path)?;
     let mut reader = BufReader::new(file);
-    let of_floats = |width, height, count, data: Vec<f32>| {
+    let make_image = |width, height, count, data: Vec<f32>| {
         let data = data.into_iter().map(finite).collect();
-        let (count, mut data) = channels.of_floats(count, data);
+        let (count, mut data) = channels.select_floats(count, data);
         decode(&mut data, count, encoding);
         without_opaque_alpha(width, height, count, data, 1.0, TextureImage::from_floats)
     };
     match format {
         None if extension == "pfm" => {
-            super::pfm::read(&mut reader, |width, height| check_size(width, height, length), of_floats)
+            pfm::read(&mut reader, |width, height| check_size(width, height, length), make_image)
         }
-        None => load_exr(path, length, of_floats),
+        None => load_exr(path, length, make_image),
         Some(format) => load_integers(reader, length, format, encoding, channels),
     }
 }
 
-/// Makes values of `count` channels a texel linear, but for alpha, which is.
+/// Decodes texels with `count` channels; alpha is already linear.
 fn decode(data: &mut [f32], count: usize, encoding: Encoding) {
     if encoding != Encoding::Linear {
         for (_, value) in data.iter_mut().enumerate().filter(|(i, _)| i % count != 3) {
@@ -124,17 +126,18 @@ fn decode(data: &mut [f32], count: usize, encoding: Encoding) {
     }
 }
 
+/// Checks a size from a header against the limits for a file of `length` bytes.
 fn check_size(width: u64, height: u64, length: u64) -> Result<(), String> {
-    let justified = length.saturating_mul(MAX_TEXELS_PER_BYTE).min(MAX_TEXELS);
+    let plausible = length.saturating_mul(MAX_TEXELS_PER_BYTE).min(MAX_TEXELS);
     match width.checked_mul(height) {
-        Some(1..) if width.saturating_mul(height) <= justified => Ok(()),
+        Some(1..) if width.saturating_mul(height) <= plausible => Ok(()),
         _ => Err(format!(
-            "an image of {width}x{height} texels; at most {justified} fit a file of {length} bytes"
+            "the header states {width}x{height} texels; expected at most {plausible} in a file of {length} bytes"
         )),
     }
 }
 
-/// Reads by [`exr_file`], which guards against damaged files.
+/// Reads R, G, B and A, or Y, or the only channel of an EXR file.
 fn load_exr(
     path: &Path,
     length: u64,
@@ -143,7 +146,10 @@ fn load_exr(
     let info = exr_file::read_info(path).map_err(|error| error.problem.to_string())?;
     check_size(info.width as u64, info.height as u64, length)?;
     if info.channels.len() > MAX_CHANNELS {
-        return Err(format!("{} channels; at most {MAX_CHANNELS} are accepted", info.channels.len()));
+        return Err(format!(
+            "the image has {} channels; expected at most {MAX_CHANNELS}",
+            info.channels.len()
+        ));
     }
     let channel =
         |name: &str| info.channels.iter().find(|c| c.eq_ignore_ascii_case(name)).map(String::as_str);
@@ -151,13 +157,13 @@ fn load_exr(
         [Some(r), Some(g), Some(b)] => [r, g, b].into_iter().chain(channel("A")).collect(),
         _ => channel("Y").into_iter().collect(),
     };
-    // An image of any one channel is gray, whatever the channel's name.
+    // A single channel of any name is gray
     let names = match &info.channels[..] {
         [only] if names.is_empty() => vec![only.as_str()],
         _ => names,
     };
     if names.is_empty() {
-        return Err("channels that are neither R, G, B nor Y".into());
+        return Err("the image has none of the channels R, G, B and Y; expected R, G and B, or Y".into());
     }
     let planes = exr_file::read_channels(path, &names).map_err(|error| error.problem.to_string())?;
     let (width, height, count) = (planes.width(), planes.height(), names.len());
@@ -169,6 +175,7 @@ fn load_exr(
     Ok(make(width, height, count, data))
 }
 
+/// Replaces NaN and infinity and clamps to [`LARGEST`].
 fn finite(value: f32) -> f32 {
     match value {
         _ if value.is_nan() => 0.0,
@@ -177,6 +184,7 @@ fn finite(value: f32) -> f32 {
     }
 }
 
+/// Reads a PNG, JPEG or TGA file.
 fn load_integers(
     reader: BufReader<File>,
     length: u64,
@@ -186,16 +194,16 @@ fn load_integers(
 ) -> Result<TextureImage, String> {
     let mut reader = ImageReader::with_format(reader, format);
     let mut limits = Limits::default();
-    // Sixteen bits for four channels.
+    // Allow four channels of 16 bits
     limits.max_alloc = Some(MAX_TEXELS * 8);
     reader.limits(limits);
     let decoder = reader.into_decoder().map_err(|error| error.to_string())?;
     let (width, height) = decoder.dimensions();
     check_size(width.into(), height.into(), length)?;
     let image = DynamicImage::from_decoder(decoder).map_err(|error| error.to_string())?;
-    let image = channels.of_integers(image);
+    let image = channels.select_integers(image);
     let (width, height) = (width as usize, height as usize);
-    // As in pbrt-v4, only PNG files have alpha.
+    // As in pbrt-v4, alpha is used in PNG files only
     let png = format == ImageFormat::Png;
     let bytes = |channels, data: Vec<u8>| {
         without_opaque_alpha(width, height, channels, data, u8::MAX, |w, h, c, data| {
@@ -220,7 +228,7 @@ fn load_integers(
     })
 }
 
-/// Makes the image, leaving out an alpha channel that is opaque everywhere.
+/// Makes an image, without its alpha channel if it is opaque everywhere.
 fn without_opaque_alpha<T: Copy + PartialEq>(
     width: usize,
     height: usize,
@@ -263,7 +271,7 @@ mod tests {
     }
 
     #[test]
-    fn opaque_alpha_is_left_out_and_other_alpha_is_kept() {
+    fn opaque_alpha_is_dropped_and_other_alpha_is_kept() {
         let mut image = ::image::RgbaImage::from_pixel(2, 1, ::image::Rgba([0, 0, 0, 255]));
         let (_folder, path) = saved("a.png", &DynamicImage::ImageRgba8(image.clone()));
         assert_eq!(load(&path, Encoding::Srgb, Channels::All).unwrap().float(0, 0), 0.0);
@@ -279,7 +287,7 @@ mod tests {
     }
 
     #[test]
-    fn an_exr_keeps_its_values_and_loses_what_is_not_finite() {
+    fn an_exr_keeps_finite_values() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.exr");
         let values = [(0.5, 2.0, -1.0), (f32::NAN, f32::INFINITY, 1e9)];
@@ -290,7 +298,7 @@ mod tests {
     }
 
     #[test]
-    fn a_header_that_promises_more_than_the_file_holds_is_refused() {
+    fn a_header_with_an_implausible_size_is_an_error() {
         let (_folder, path) = saved("a.tga", &gray(1));
         let mut bytes = std::fs::read(&path).unwrap();
         bytes[12..16].fill(0xff); // width and height
@@ -309,8 +317,8 @@ mod tests {
         let (folder, path) = saved("a.png", &gray(1));
         assert!(load(&path.with_file_name("missing.exr"), Encoding::Srgb, Channels::All).is_err());
         std::fs::create_dir(folder.path().join("b.png")).unwrap();
-        let of_a_folder = load(&path.with_file_name("b.png"), Encoding::Srgb, Channels::All);
-        assert_eq!(of_a_folder.unwrap_err(), "it is a folder");
+        let folder_error = load(&path.with_file_name("b.png"), Encoding::Srgb, Channels::All);
+        assert_eq!(folder_error.unwrap_err(), "it is a folder");
         assert!(
             load(Path::new("image.xyz"), Encoding::Srgb, Channels::All)
                 .unwrap_err()
@@ -319,7 +327,7 @@ mod tests {
     }
 
     #[test]
-    fn the_luminance_of_an_image_is_that_of_its_encoded_values() {
+    fn luminance_is_computed_from_encoded_values() {
         let mut image = ::image::RgbaImage::from_pixel(1, 1, ::image::Rgba([0, 255, 0, 10]));
         let luminance =
             |path: &Path, encoding| load(path, encoding, Channels::Luminance).unwrap().float(0, 0);
@@ -336,7 +344,7 @@ mod tests {
     }
 
     #[test]
-    fn files_of_floats_are_decoded_too() {
+    fn float_files_are_decoded() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.pfm");
         let texel = [3.0f32, -1.0, 1e30].map(f32::to_le_bytes);

@@ -1,14 +1,14 @@
-//! Portable float maps (Debevec's PFM): text header, then rows of 32-bit floats from the bottom up.
+//! Reads portable float maps (PFM): a text header, then rows of 32-bit floats from the bottom up.
 
 use std::io::{BufRead, Read};
 
-use super::TextureImage;
+use super::texture_image::TextureImage;
 
-/// Longest number or magic word of a header.
+/// Length limit of a word in the header.
 const MAX_WORD: usize = 32;
 
-/// Reads an image; `check` sees the size before anything is allocated, and `make` makes the image of width, height,
-/// channels and values.
+/// Reads an image. `check` is called with the size before anything is allocated; `make` builds the
+/// image from width, height, channels and values.
 ///
 /// # Errors
 /// One sentence.
@@ -20,7 +20,7 @@ pub(super) fn read(
     let channels = match word(reader)?.as_str() {
         "PF" => 3,
         "Pf" => 1,
-        other => return Err(format!("\"{other}\" at its beginning; \"PF\" or \"Pf\" would be accepted")),
+        other => return Err(format!("the file begins with \"{other}\"; expected \"PF\" or \"Pf\"")),
     };
     let (width, height): (u32, u32) = (number(reader)?, number(reader)?);
     check(width.into(), height.into())?;
@@ -33,7 +33,7 @@ pub(super) fn read(
         reader.read_exact(&mut bytes).map_err(|error| error.to_string())?;
         let (words, _) = bytes.as_chunks::<4>();
         for (value, &word) in data[y * row..(y + 1) * row].iter_mut().zip(words) {
-            // The scale's sign tells the byte order.
+            // The sign of the scale is the byte order
             let stored = if scale < 0.0 { f32::from_le_bytes(word) } else { f32::from_be_bytes(word) };
             *value = scale.abs() * stored;
         }
@@ -41,7 +41,7 @@ pub(super) fn read(
     Ok(make(width, height, channels, data))
 }
 
-/// The next word, and one blank after it.
+/// Reads the next word and one blank after it.
 fn word(reader: &mut impl BufRead) -> Result<String, String> {
     let mut word = String::new();
     for byte in reader.by_ref().bytes() {
@@ -53,12 +53,13 @@ fn word(reader: &mut impl BufRead) -> Result<String, String> {
             false => word.push(byte.into()),
         }
     }
-    Err("a header without an end; magic word, width, height and scale would be accepted".into())
+    Err("the header has no end; expected magic word, width, height and scale".into())
 }
 
+/// Reads the next word as a number.
 fn number<T: std::str::FromStr>(reader: &mut impl BufRead) -> Result<T, String> {
     let word = word(reader)?;
-    word.parse().map_err(|_| format!("\"{word}\" in its header; a number would be accepted"))
+    word.parse().map_err(|_| format!("\"{word}\" in the header; expected a number"))
 }
 
 #[cfg(test)]

@@ -1,39 +1,38 @@
-//! Textures made of Perlin's noise (2002), with pbrt's constants (pbrt-v3, section 10.6; the
-//! fourth edition leaves it out, its program still has them).
+//! Procedural textures from Perlin noise (2002), with pbrt's constants (pbrt-v3, section 10.6).
 //!
-//! pbrt leaves out the octaves that are finer than a pixel. Here all are there, and samples average
-//! them: the same values, but for `wrinkled` ones, which pbrt brings to their mean by a rough guess.
+//! pbrt drops octaves that are finer than a pixel. Here all octaves are evaluated and pixel sampling
+//! averages them. Only `wrinkled` differs: pbrt replaces the dropped octaves by an approximate mean.
 
 use glam::{Vec2, Vec3};
 
-use super::TextureValue;
+use super::texture_value::TextureValue;
 
-/// A texture in space, by its place there.
+/// A function of the position in texture space.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Procedural {
-    /// Octaves of noise, each of which has `roughness` times the amplitude of the one before.
+    /// A sum of octaves of noise; `roughness` is the ratio of the amplitudes of successive octaves.
     Fbm { octaves: u32, roughness: f32 },
-    /// The same of the absolute value of noise.
+    /// A sum of octaves of the absolute value of noise.
     Wrinkled { octaves: u32, roughness: f32 },
-    /// Waves, higher and lower by the wind.
+    /// Waves whose height varies with the wind.
     Windy,
     /// Veins across y.
     Marble { octaves: u32, roughness: f32, scale: f32, variation: f32 },
 }
 
-/// Ratio of the frequencies of octaves: not quite 2, so that their zeros do not meet.
+/// Ratio of the frequencies of successive octaves. It is not 2, so that their zeros do not coincide.
 const LACUNARITY: f32 = 1.99;
-/// What pbrt takes for the mean of the absolute value of noise.
+/// pbrt's estimate of the mean of the absolute value of noise.
 const MEAN_ABSOLUTE: f32 = 0.2;
-/// Largest absolute value: sums and products of some stay finite.
+/// Values are clamped to this magnitude, so that sums and products stay finite.
 const LARGEST: f32 = 1e6;
-/// What marble's colours are brightened by.
+/// Scale factor of the colours of marble.
 const MARBLE_BRIGHTNESS: f32 = 1.5;
 /// Radius of a dot in a cell of side 1.
 const DOT_RADIUS: f32 = 0.35;
 
 impl Procedural {
-    /// The value at a point of the texture's space.
+    /// The value at a point in texture space.
     pub fn value<V: TextureValue>(&self, p: Vec3) -> V {
         let gray = match *self {
             Self::Fbm { octaves, roughness } => fbm(p, octaves, roughness),
@@ -41,15 +40,14 @@ impl Procedural {
             Self::Windy => fbm(0.1 * p, 3, 0.5).abs() * fbm(p, 6, 0.5),
             Self::Marble { octaves, roughness, scale, variation } => {
                 let p = scale * p;
-                return V::of_colour(marble(p.y + variation * fbm(p, octaves, roughness)));
+                return V::from_rgb(marble(p.y + variation * fbm(p, octaves, roughness)));
             }
         };
         V::splat(bounded(gray))
     }
 }
 
-/// Whether a point of the plane is inside one of the dots, of which about every second cell has
-/// one.
+/// Whether a point is inside a dot. About every second unit cell has one.
 pub fn in_dot(st: Vec2) -> bool {
     let cell = (st + 0.5).floor();
     let noise_at = |x: f32, y: f32| noise(Vec3::new(cell.x + x, cell.y + y, 0.5));
@@ -60,6 +58,7 @@ pub fn in_dot(st: Vec2) -> bool {
     st.distance_squared(cell + shift) < DOT_RADIUS * DOT_RADIUS
 }
 
+/// Clamps to [`LARGEST`] and replaces NaN by 0.
 fn bounded(value: f32) -> f32 {
     if value.is_nan() { 0.0 } else { value.clamp(-LARGEST, LARGEST) }
 }
@@ -73,7 +72,7 @@ fn turbulence(p: Vec3, octaves: u32, roughness: f32) -> f32 {
     sum + MEAN_ABSOLUTE * amplitude
 }
 
-/// The sum, and the amplitude that the next octave would have.
+/// The sum of octaves, and the amplitude of the next octave.
 fn sum_of_octaves(p: Vec3, octaves: u32, roughness: f32, shape: impl Fn(f32) -> f32) -> (f32, f32) {
     let (mut sum, mut frequency, mut amplitude) = (0.0, 1.0, 1.0);
     for _ in 0..octaves {
@@ -84,7 +83,7 @@ fn sum_of_octaves(p: Vec3, octaves: u32, roughness: f32, shape: impl Fn(f32) -> 
     (sum, amplitude)
 }
 
-/// The colour of a vein, periodic in its argument.
+/// The colour of marble, periodic in its argument.
 fn marble(phase: f32) -> Vec3 {
     const GRAY: Vec3 = Vec3::new(0.58, 0.58, 0.6);
     const COLOURS: [Vec3; 9] = [
@@ -102,7 +101,7 @@ fn marble(phase: f32) -> Vec3 {
     let along = bounded(0.5 + 0.5 * phase.sin()) * SEGMENTS as f32;
     let first = (along as usize).min(SEGMENTS - 1);
     let t = along - first as f32;
-    // A cubic Bézier curve, by de Casteljau.
+    // Evaluate a cubic Bézier curve by de Casteljau's algorithm
     let mut points = [0, 1, 2, 3].map(|i| COLOURS[first + i]);
     for rest in (1..4).rev() {
         for i in 0..rest {
@@ -112,14 +111,14 @@ fn marble(phase: f32) -> Vec3 {
     MARBLE_BRIGHTNESS * points[0]
 }
 
-/// Gradient noise: 0 at whole coordinates, between -1 and 1, with continuous curvature.
+/// Perlin noise: 0 at integer coordinates, in [-1, 1], with continuous second derivatives.
 fn noise(p: Vec3) -> f32 {
     let corner = p.floor();
     let offset = p - corner;
     if !offset.is_finite() {
         return 0.0;
     }
-    // `rem_euclid` keeps cells beyond the range of integers apart.
+    // `rem_euclid` also handles cells beyond the range of integers
     let cell = [corner.x, corner.y, corner.z].map(|x| x.rem_euclid(256.0) as usize);
     let weight = |t: f32| t * t * t * (t * (t * 6.0 - 15.0) + 10.0);
     let lerp = |a: f32, b: f32, t: f32| a + t * (b - a);
@@ -132,8 +131,8 @@ fn noise(p: Vec3) -> f32 {
     lerp(along_y(0), along_y(1), weight(offset.z))
 }
 
-/// Product of the offset from a corner and the corner's gradient, one of those to the middles of a
-/// cube's edges.
+/// Dot product of the offset from a corner and the corner's gradient, which points to the middle of
+/// an edge of the cube.
 fn gradient(corner: [usize; 3], offset: Vec3) -> f32 {
     let hash = corner.iter().fold(0, |hash, i| usize::from(PERMUTATION[(hash + i) % 256]));
     let hash = hash % 16;
@@ -142,7 +141,7 @@ fn gradient(corner: [usize; 3], offset: Vec3) -> f32 {
     (if hash & 1 == 0 { first } else { -first }) + if hash & 2 == 0 { second } else { -second }
 }
 
-/// Perlin's permutation of the numbers to 255.
+/// Perlin's permutation of 0 to 255.
 const PERMUTATION: [u8; 256] = [
     151, 160, 137, 91, 90, 15, 131, 13, 201, 95, 96, 53, 194, 233, 7, 225, 140, 36, 103, 30, 69, 142, 8, 99,
     37, 240, 21, 10, 23, 190, 6, 148, 247, 120, 234, 75, 0, 26, 197, 62, 94, 252, 219, 203, 117, 35, 11, 32,
@@ -162,20 +161,20 @@ const PERMUTATION: [u8; 256] = [
 mod tests {
     use super::*;
 
-    /// Points away from whole coordinates.
+    /// Points away from integer coordinates.
     fn points() -> impl Iterator<Item = Vec3> {
         (0..4000).map(|i| Vec3::new(0.137, 0.291, 0.413) * i as f32 - Vec3::new(70.3, 200.1, 9.9))
     }
 
     #[test]
-    fn the_permutation_has_every_number_once() {
+    fn the_permutation_is_a_bijection() {
         let mut sorted = PERMUTATION;
         sorted.sort_unstable();
         assert!(sorted.iter().enumerate().all(|(i, &n)| i == usize::from(n)));
     }
 
     #[test]
-    fn noise_is_zero_at_whole_coordinates_and_has_the_gradients_of_the_corners_there() {
+    fn noise_is_zero_at_integer_coordinates_with_the_corner_gradients() {
         for p in [Vec3::ZERO, Vec3::new(3.0, -7.0, 260.0), Vec3::splat(1e9)] {
             assert_eq!(noise(p), 0.0);
         }
@@ -189,8 +188,8 @@ mod tests {
 
     #[test]
     fn noise_is_what_pbrt_computes() {
-        // Computed apart from this program, from pbrt's formula (two of the sixteen gradients differ
-        // from Perlin's), at points that are exact in binary.
+        // Computed independently from pbrt's formula, two of whose sixteen gradients differ from
+        // Perlin's, at points that are exact in binary
         let known = [
             ([0.5, 0.25, 0.75], -0.375_078_7),
             ([3.25, -1.5, 7.125], -0.216_717_2),
@@ -203,7 +202,7 @@ mod tests {
     }
 
     #[test]
-    fn noise_repeats_after_256_and_has_no_mean() {
+    fn noise_has_period_256_and_mean_zero() {
         let sum: f32 = points().map(noise).sum();
         assert!((sum / 4000.0).abs() < 0.01, "{sum}");
         for p in points().take(100) {
@@ -222,22 +221,22 @@ mod tests {
     }
 
     #[test]
-    fn marble_without_variation_is_gray_where_its_veins_are_not() {
+    fn marble_without_variation_is_gray_between_veins() {
         let marble = Procedural::Marble { octaves: 8, roughness: 0.5, scale: 2.0, variation: 0.0 };
-        // sin = -1, the start of the colours, and sin = 1, their end.
+        // sin = -1 is the start of the colours, sin = 1 their end
         let half_turn = std::f32::consts::FRAC_PI_2 / 2.0;
         for y in [-half_turn, half_turn] {
             let value: Vec3 = marble.value(Vec3::new(7.0, y, 3.0));
             assert!((value - 1.5 * Vec3::new(0.58, 0.58, 0.6)).length() < 1e-5, "{value}");
         }
-        // Four fifths of the way from dark to light it is at its darkest.
+        // The darkest colour is four fifths along
         let darkest =
             (0..100).map(|i| marble.value::<Vec3>(Vec3::Y * (i as f32 / 32.0)).x).fold(1.0, f32::min);
         assert!(darkest > 0.3 && darkest < 0.75, "{darkest}");
     }
 
     #[test]
-    fn dots_cover_what_their_radius_and_number_say() {
+    fn dots_cover_their_area() {
         let side = 64;
         let cells = (0..side * side).map(|i| Vec2::new((i % side) as f32, (i / side) as f32));
         let dotted = cells.filter(|cell| noise(Vec3::new(cell.x + 0.5, cell.y + 0.5, 0.5)) > 0.0).count();
@@ -252,7 +251,7 @@ mod tests {
     }
 
     #[test]
-    fn no_point_is_too_far_and_no_roughness_too_large() {
+    fn extreme_points_and_parameters_give_finite_values() {
         for p in [Vec3::splat(f32::MAX), Vec3::splat(f32::NAN), Vec3::splat(1e30)] {
             for kind in [
                 Procedural::Fbm { octaves: 64, roughness: 1e30 },

@@ -1,7 +1,7 @@
-//! Hard cases of the statistics.
+//! Tests of the store on hard inputs.
 
 use super::*;
-use crate::stats::Block;
+use crate::stats::{Block, LARGEST_VALUE, PIXEL_BLOCK, RowError};
 use proptest::prelude::*;
 use rand::{RngExt, SeedableRng};
 
@@ -79,7 +79,7 @@ fn ten_million_samples_agree_with_an_exact_two_pass_sum() {
 #[test]
 fn a_deviation_of_some_steps_of_f32_is_seen_beside_a_large_mean() {
     let layout = Layout::with_blocks(|_| false);
-    // Steps are 0.06 and 8 wide there.
+    // `f32` values are 0.06 and 8 apart at these means.
     for (mean, deviation) in [(1e6, 1.0), (1e8, 40.0)] {
         let mut store = Store::new(1, 1, layout.clone(), 0, 0);
         let mut rng = rand_pcg::Pcg64::seed_from_u64(5);
@@ -152,17 +152,17 @@ fn reading_halves_at_once_equals_reading_them_one_by_one() {
 }
 
 #[test]
-fn the_bytes_that_are_promised_are_the_bytes_that_are_held() {
+fn bytes_per_pixel_matches_the_memory_held() {
     let (width, layout) = (512, layout());
     let store = Store::new(width, 1, layout.clone(), 4, 0);
     let row = &store.rows()[0];
     let held = row.halves.iter().map(|h| h.count.len() * 4 + (h.mean.len() + h.m2.len()) * 8).sum::<usize>()
-        + (row.drawn.len() + row.rejected.len()) * 4
+        + (row.next_index.len() + row.rejected.len()) * 4
         + row.keys.len() * 8
         + row.reservoir.len() * 4;
-    let promised = Store::bytes_per_pixel(&layout, 4) * width;
+    let estimated = Store::bytes_per_pixel(&layout, 4) * width;
     // Rows are padded to an odd number of cache lines.
-    assert!(held >= promised && (held as f64) < 1.03 * promised as f64, "{held} {promised}");
+    assert!(held >= estimated && (held as f64) < 1.03 * estimated as f64, "{held} {estimated}");
 }
 
 #[test]
@@ -190,15 +190,15 @@ proptest! {
         cut in 0usize..60,
     ) {
         let layout = Layout::with_blocks(|_| false);
-        // Halves go by index: an even cut keeps every sample in its half.
+        // A sample's half follows from its index: an even cut keeps every sample in its half.
         let cut = cut.min(values.len()) & !1;
-        let store_of = |values: &[f32]| {
+        let filled = |values: &[f32]| {
             let mut store = Store::new(1, 1, layout.clone(), 4, 0);
             values.iter().for_each(|&v| store.push(0, 0, &[v, v, v, v, v]));
             store
         };
-        let whole = store_of(&values);
-        let (a, b) = (store_of(&values[..cut]), store_of(&values[cut..]));
+        let whole = filled(&values);
+        let (a, b) = (filled(&values[..cut]), filled(&values[cut..]));
         for (first, second) in [(&a, &b), (&b, &a)] {
             let mut merged = first.clone();
             merged.merge(second);
@@ -228,7 +228,7 @@ proptest! {
 }
 
 #[test]
-fn a_row_comes_back_from_its_bytes_and_bytes_that_no_samples_led_to_are_refused() {
+fn rows_round_trip_through_bytes_and_invalid_bytes_are_refused() {
     let (store, _) = random_store(13, 6);
     let layout = layout();
     let len = Row::byte_len(WIDTH, layout.len(), 4).expect("small");
@@ -242,7 +242,7 @@ fn a_row_comes_back_from_its_bytes_and_bytes_that_no_samples_led_to_are_refused(
         let mut read = empty();
         assert_eq!(read.rows_mut()[y].read_bytes(&bytes), Ok(()));
         assert_eq!(read.rows()[y], *row);
-        assert_eq!((read.samples(), read.drawn()), (6 * WIDTH as u64, 6 * WIDTH as u64));
+        assert_eq!((read.samples(), read.samples_taken()), (6 * WIDTH as u64, 6 * WIDTH as u64));
     }
 
     let read = |change: &dyn Fn(&mut [u8])| {
@@ -252,8 +252,8 @@ fn a_row_comes_back_from_its_bytes_and_bytes_that_no_samples_led_to_are_refused(
     };
     let values =
         |at: usize, value: f64| read(&|bytes| bytes[at..at + 8].copy_from_slice(&value.to_le_bytes()));
-    assert_eq!(read(&|bytes| bytes[0] += 1), Err(RowError::Counts), "drawn and not counted");
-    assert_eq!(read(&|bytes| bytes[4 * WIDTH] += 1), Err(RowError::Counts), "rejected and not drawn");
+    assert_eq!(read(&|bytes| bytes[0] += 1), Err(RowError::Counts), "taken and not counted");
+    assert_eq!(read(&|bytes| bytes[4 * WIDTH] += 1), Err(RowError::Counts), "rejected and not taken");
     let (means, planes) = (4 * 3 * WIDTH, 8 * layout.len() * WIDTH);
     for bad in [f64::NAN, f64::INFINITY, 1.6e15, -1.6e15] {
         assert_eq!(values(means, bad), Err(RowError::Values), "mean {bad}");
@@ -264,7 +264,7 @@ fn a_row_comes_back_from_its_bytes_and_bytes_that_no_samples_led_to_are_refused(
     assert_eq!(values(means + 8 * radiance * WIDTH, -1e-9), Err(RowError::Values), "negative radiance");
     let kept = len - 4 * (layout.len() - radiance);
     let negative = read(&|bytes| bytes[kept..kept + 4].copy_from_slice(&(-1f32).to_le_bytes()));
-    assert_eq!(negative, Err(RowError::Values), "negative radiance in a sample that is kept");
+    assert_eq!(negative, Err(RowError::Values), "negative radiance in the reservoir");
     // Three samples in each half: 3·(1.5·10¹⁵)².
     for bad in [f64::NAN, f64::INFINITY, -1e-9, 6.8e30] {
         assert_eq!(values(means + planes, bad), Err(RowError::Values), "deviation {bad}");
@@ -277,9 +277,9 @@ fn a_row_comes_back_from_its_bytes_and_bytes_that_no_samples_led_to_are_refused(
 }
 
 #[test]
-fn rows_can_be_taken_out_and_bytes_of_kept_samples_be_told() {
+fn rows_are_selected_and_reservoir_bytes_counted() {
     let (store, _) = random_store(17, 3);
-    let some = store.of_rows([2, 0]);
+    let some = store.select_rows([2, 0]);
     assert_eq!((some.width(), some.height(), some.pixels(), some.capacity()), (WIDTH, 2, 2 * WIDTH, 4));
     assert!(some.rows()[0] == store.rows()[2] && some.rows()[1] == store.rows()[0]);
     assert_eq!(store.reservoir_bytes(), (WIDTH * HEIGHT * 3 * 4 * layout().len()) as u64);
@@ -287,7 +287,7 @@ fn rows_can_be_taken_out_and_bytes_of_kept_samples_be_told() {
 }
 
 #[test]
-fn a_merged_reservoir_takes_from_both_streams_by_their_lengths() {
+fn a_merged_reservoir_samples_both_in_proportion_to_their_counts() {
     let layout = Layout::with_blocks(|_| false);
     let (pixels, capacity) = (4000, 4);
     let made = |n: u32, value: f32, seed: u64| {
@@ -300,10 +300,10 @@ fn a_merged_reservoir_takes_from_both_streams_by_their_lengths() {
     let kept: Vec<f32> =
         (0..pixels).flat_map(|x| merged.rows()[0].reservoir(x).chunks(5).map(|s| s[0])).collect();
     assert_eq!(kept.len(), pixels * capacity);
-    let share = kept.iter().filter(|&&v| v == 2.0).count() as f64 / kept.len() as f64;
+    let fraction = kept.iter().filter(|&&v| v == 2.0).count() as f64 / kept.len() as f64;
     // A quarter, to five deviations of √(p(1 − p) ∕ n).
-    assert!((share - 0.25).abs() < 5.0 * (0.1875 / 16_000.0_f64).sqrt(), "{share}");
-    assert_eq!((merged.drawn(), merged.rows()[0].next_index(7)), (40 * pixels as u64, 40));
+    assert!((fraction - 0.25).abs() < 5.0 * (0.1875 / 16_000.0_f64).sqrt(), "{fraction}");
+    assert_eq!((merged.samples_taken(), merged.rows()[0].next_index(7)), (40 * pixels as u64, 40));
     let mut few = made(1, 1.0, 1);
     few.merge(&made(2, 2.0, 2));
     let mut all: Vec<f32> = few.rows()[0].reservoir(9).chunks(5).map(|s| s[0]).collect();
@@ -312,26 +312,26 @@ fn a_merged_reservoir_takes_from_both_streams_by_their_lengths() {
 }
 
 #[test]
-fn a_block_takes_in_what_its_pixels_would_one_by_one() {
+fn pushing_a_block_equals_pushing_its_pixels_one_by_one() {
     const WIDTH: usize = 37;
     let layout = layout();
     let mut rng = rand_pcg::Pcg64::seed_from_u64(8);
     let empty = || Store::new(WIDTH, 1, layout.clone(), 2, 1);
     let (mut by_block, mut one_by_one) = (empty(), empty());
     for step in 0..200 {
-        let block = step % WIDTH.div_ceil(BLOCK);
-        let pixels = BLOCK.min(WIDTH - block * BLOCK);
+        let block = step % WIDTH.div_ceil(PIXEL_BLOCK);
+        let pixels = PIXEL_BLOCK.min(WIDTH - block * PIXEL_BLOCK);
         let present = rng.random::<u32>() & ((1 << pixels) - 1);
-        let mut values: Vec<[f32; BLOCK]> =
+        let mut values: Vec<[f32; PIXEL_BLOCK]> =
             (0..layout.len()).map(|_| std::array::from_fn(|_| 1.0 + rng.random::<f32>())).collect();
-        // Some lanes are not sound, present or not.
+        // Some lanes are invalid, present or not.
         let dim = rng.random_range(0..layout.len());
         let hard = [f32::NAN, f32::NEG_INFINITY, -2.0, 2.0 * LARGEST_VALUE, 1.0];
-        values[dim][rng.random_range(0..BLOCK)] = hard[step % hard.len()];
+        values[dim][rng.random_range(0..PIXEL_BLOCK)] = hard[step % hard.len()];
         by_block.rows_mut()[0].push_block(block, present, &values);
         for lane in (0..pixels).filter(|lane| present >> lane & 1 == 1) {
             let sample: Vec<f32> = values.iter().map(|lanes| lanes[lane]).collect();
-            one_by_one.push(block * BLOCK + lane, 0, &sample);
+            one_by_one.push(block * PIXEL_BLOCK + lane, 0, &sample);
         }
     }
     assert!(by_block.rejected() > 20 && by_block.samples() > 500);

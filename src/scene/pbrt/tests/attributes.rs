@@ -1,4 +1,4 @@
-//! What `Attribute` sets beforehand, and parameters that are given twice.
+//! Defaults set by `Attribute`, and repeated parameters.
 
 use super::{scene, world};
 use crate::scene::Shape;
@@ -21,7 +21,7 @@ fn attributes_set_defaults_that_shapes_may_override() {
 }
 
 #[test]
-fn of_a_parameter_that_is_given_twice_the_last_counts() {
+fn the_last_of_several_equal_parameters_counts() {
     let twice = "\"float radius\" 3 \"float radius\" 2";
     for text in [
         format!("Shape \"sphere\" {twice}"),
@@ -38,7 +38,7 @@ fn of_a_parameter_that_is_given_twice_the_last_counts() {
 }
 
 #[test]
-fn shapes_keep_what_many_attributes_set() {
+fn shapes_use_the_defaults_of_many_attributes() {
     let attributes: String = (0..5000).map(|i| format!("Attribute \"shape\" \"float a{i}\" 1 ")).collect();
     let scene = world(&format!(
         "{attributes} Attribute \"shape\" \"float radius\" 2 {}",

@@ -1,4 +1,4 @@
-//! Textures of image files: how they are decoded, placed, wrapped and shared.
+//! Image textures: decoding, mapping, wrapping and sharing.
 
 use std::path::Path;
 
@@ -11,7 +11,7 @@ use crate::scene::texture::TexturePoint;
 use crate::scene::{MaterialKind, Scene};
 
 /// A world of a dialect, of which the files are in a folder.
-pub(super) fn world_of(dialect: Dialect, folder: &Path, text: &str) -> Scene {
+pub(super) fn dialect_world(dialect: Dialect, folder: &Path, text: &str) -> Scene {
     let (header, end) = match dialect {
         V2 => ("", "WorldEnd"),
         V3 => ("Integrator \"path\"", "WorldEnd"),
@@ -62,7 +62,7 @@ fn textured(params: &str) -> String {
 /// The colour that a texture of an image has at a place.
 fn colour(dialect: Dialect, image: impl Into<DynamicImage>, params: &str, at: TexturePoint) -> Vec3 {
     let folder = folder_with("a.png", image);
-    reflectance(&world_of(dialect, folder.path(), &textured(params)), 1, at)
+    reflectance(&dialect_world(dialect, folder.path(), &textured(params)), 1, at)
 }
 
 /// What a float texture of an image says, three times.
@@ -73,7 +73,7 @@ fn number(dialect: Dialect, image: DynamicImage, params: &str) -> Vec3 {
         "Texture \"f\" \"float\" \"imagemap\" \"string filename\" \"a.png\" {params}
          Material \"matte\" \"texture {relief}\" \"f\""
     );
-    let scene = world_of(dialect, folder.path(), &text);
+    let scene = dialect_world(dialect, folder.path(), &text);
     Vec3::splat(scene.textures.float(scene.materials[1].displacement.unwrap(), at_uv([0.5; 2])))
 }
 
@@ -92,7 +92,7 @@ fn linear(dialect: Dialect, params: &str, uv: [f32; 2]) -> Vec3 {
 }
 
 #[test]
-fn a_wrapped_image_repeats_or_ends_in_its_border_or_in_black() {
+fn an_image_is_wrapped_by_its_mode() {
     // Left of, right of, above and below the image.
     let outside = [[-0.25, 0.75], [1.25, 0.25], [0.25, 1.25], [0.75, -0.25]];
     for dialect in [V3, V4] {
@@ -110,7 +110,7 @@ fn a_wrapped_image_repeats_or_ends_in_its_border_or_in_black() {
 }
 
 #[test]
-fn bytes_are_decoded_as_the_parameters_say() {
+fn bytes_are_decoded_by_their_encoding() {
     let [srgb, gamma, plain] = [0.215_861, 0.219_520, 0.501_961];
     for (dialect, params, expected) in [
         (V4, "", srgb),
@@ -132,7 +132,7 @@ fn bytes_are_decoded_as_the_parameters_say() {
 }
 
 #[test]
-fn what_cannot_be_an_encoding_or_a_border_is_an_error_at_the_texture() {
+fn invalid_encodings_and_wrap_modes_are_errors() {
     let folder = folder_with("a.png", four_texels());
     for (name, value) in
         [("encoding", "rec709"), ("encoding", "gamma 0"), ("encoding", "gamma"), ("wrap", "mirror")]
@@ -163,7 +163,7 @@ fn an_image_is_scaled_then_inverted_and_never_below_zero() {
 }
 
 #[test]
-fn coordinates_are_scaled_then_moved_then_counted_from_the_dialects_end() {
+fn coordinates_are_scaled_then_offset_then_flipped() {
     let params = "\"float uscale\" .5 \"float udelta\" .25 \"float vscale\" 2 \"float vdelta\" .25";
     let places = [[0.0, 0.0], [1.0, 0.0], [0.0, 0.25], [1.0, 0.25]];
     for (dialect, expected) in
@@ -176,7 +176,7 @@ fn coordinates_are_scaled_then_moved_then_counted_from_the_dialects_end() {
 }
 
 #[test]
-fn images_mapped_from_space_start_at_the_dialects_end_too() {
+fn planar_and_spherical_mappings_are_flipped() {
     // Places where s = t = 1/4.
     for (mapping, place) in [
         (r#""planar""#, [0.25, 0.25, 3.0]),
@@ -195,7 +195,7 @@ fn images_mapped_from_space_start_at_the_dialects_end_too() {
 }
 
 #[test]
-fn a_number_of_a_coloured_image_is_its_mean_or_its_alpha() {
+fn a_float_texture_of_a_colour_image_is_its_mean_or_alpha() {
     let number = |image: DynamicImage| number(V4, image, "");
     let mean = (0.215_861 + 0.051_269) / 3.0;
     assert_near(number(RgbImage::from_pixel(1, 1, Rgb([128, 64, 0])).into()), [mean; 3], "no alpha");
@@ -207,7 +207,7 @@ fn a_number_of_a_coloured_image_is_its_mean_or_its_alpha() {
 }
 
 #[test]
-fn a_number_of_a_coloured_image_of_the_older_dialects_is_its_luminance_as_it_is_stored() {
+fn a_float_texture_of_the_older_dialects_is_the_encoded_luminance() {
     let image = || RgbaImage::from_pixel(1, 1, Rgba([0, 204, 0, 51]));
     // 0.7152 of 0.8, rounded to a byte.
     let stored: f32 = 146.0 / 255.0;
@@ -223,7 +223,7 @@ fn a_number_of_a_coloured_image_of_the_older_dialects_is_its_luminance_as_it_is_
 }
 
 #[test]
-fn files_of_floats_obey_the_gamma_of_an_older_dialect() {
+fn float_images_are_decoded_by_gamma_in_the_older_dialects() {
     for (dialect, params, expected) in [
         (V2, "\"float gamma\" 2 \"float scale\" 3", [2.25, 36.0, 0.0]),
         (V3, "\"bool gamma\" true", [0.214_041, 4.953_847, 0.0]),
@@ -234,26 +234,26 @@ fn files_of_floats_obey_the_gamma_of_an_older_dialect() {
         let path = folder.path().join("a.exr");
         exr::prelude::write_rgb_file(path, 1, 1, |_, _| (0.5f32, 2f32, 0f32)).unwrap();
         let text = textured(params).replace("a.png", "a.exr");
-        let found = reflectance(&world_of(dialect, folder.path(), &text), 1, at_uv([0.5; 2]));
+        let found = reflectance(&dialect_world(dialect, folder.path(), &text), 1, at_uv([0.5; 2]));
         assert_near(found, expected, params);
     }
 }
 
 #[test]
-fn a_file_is_an_image_for_each_way_of_decoding_it() {
+fn each_encoding_of_a_file_is_an_image() {
     let named = |file: &str, params: &str| textured(params).replace("a.png", file);
     let folder = folder_with("a.png", GrayImage::from_pixel(1, 1, image::Luma([128])));
     let texts = ["", "\"string encoding\" \"linear\"", "\"string encoding\" \"sRGB\" \"float scale\" 2"];
     let text = texts.map(|params| named("a.png", params)).join("\n");
     let float = r#"Texture "f" "float" "imagemap" "string filename" "a.png""#;
     let normals = r#"Material "diffuse" "string normalmap" "a.png""#;
-    let scene = world_of(V4, folder.path(), &format!("{text} {float} {normals}"));
+    let scene = dialect_world(V4, folder.path(), &format!("{text} {float} {normals}"));
     assert_eq!(scene.textures.images().len(), 2);
     for (i, expected) in [0.215_861, 0.501_961, 0.431_722].into_iter().enumerate() {
         assert_near(reflectance(&scene, i + 1, at_uv([0.5; 2])), [expected; 3], texts[i]);
     }
     // There is one way for a JPEG file of v4.
     let folder = folder_with("a.jpg", GrayImage::from_pixel(8, 8, image::Luma([128])));
-    let scene = world_of(V4, folder.path(), &texts.map(|params| named("a.jpg", params)).join("\n"));
+    let scene = dialect_world(V4, folder.path(), &texts.map(|params| named("a.jpg", params)).join("\n"));
     assert_eq!(scene.textures.images().len(), 1);
 }

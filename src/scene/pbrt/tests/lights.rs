@@ -1,8 +1,8 @@
-//! Where lights stand, the maps of infinite ones, and the scale of all.
+//! Positions, maps and scales of lights.
 
 use glam::Vec3;
 
-use super::image_textures::world_of;
+use super::image_textures::dialect_world;
 use super::scene;
 use crate::scene::Light;
 use crate::scene::light::{Environment, EnvironmentMap};
@@ -17,7 +17,7 @@ fn colours(dialect: Dialect, text: &str) -> Vec<Vec3> {
         Light::Distant { radiance, .. } => *radiance,
         Light::Environment(environment) => environment.scale,
     };
-    world_of(dialect, "".as_ref(), text).lights.iter().map(colour).collect()
+    dialect_world(dialect, "".as_ref(), text).lights.iter().map(colour).collect()
 }
 
 /// The light of a folder with one image, 2 by `height`, of the colour 1, 2, 3.
@@ -25,13 +25,13 @@ fn environment(dialect: Dialect, height: usize, params: &str) -> (Environment, V
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("sky.exr");
     exr::prelude::write_rgb_file(path, 2, height, |_, _| (1f32, 2f32, 3f32)).unwrap();
-    let scene = world_of(dialect, folder.path(), &format!("LightSource \"infinite\" {params}"));
+    let scene = dialect_world(dialect, folder.path(), &format!("LightSource \"infinite\" {params}"));
     let Light::Environment(environment) = &scene.lights[0] else { panic!() };
     (environment.clone(), scene.textures.images().iter().map(|image| image.rgb(1, 0)).collect())
 }
 
 #[test]
-fn the_older_dialects_name_a_map_of_latitudes_and_v4_a_square_file() {
+fn environment_maps_are_lat_long_in_the_older_dialects_and_square_in_v4() {
     let file = Vec3::new(1.0, 2.0, 3.0);
     for dialect in [V2, V3] {
         let (light, images) = environment(dialect, 1, "\"string mapname\" \"sky.exr\"");
@@ -44,7 +44,7 @@ fn the_older_dialects_name_a_map_of_latitudes_and_v4_a_square_file() {
 }
 
 #[test]
-fn an_infinite_light_without_a_map_is_even() {
+fn an_infinite_light_without_a_map_is_constant() {
     for (dialect, params) in [(V2, ""), (V3, "\"string mapname\" \"\""), (V4, "\"string filename\" \"\"")] {
         let (light, images) = environment(dialect, 2, params);
         assert_eq!((light.scale, light.map, images.len()), (Vec3::ONE, None, 0));
@@ -52,7 +52,7 @@ fn an_infinite_light_without_a_map_is_even() {
 }
 
 #[test]
-fn a_map_is_as_bright_as_its_colour_and_scale_say() {
+fn a_map_is_scaled_by_colour_and_scale() {
     let scaled = r#""string mapname" "sky.exr" "color L" [1 2 3] "color scale" [4 5 6]"#;
     let (light, images) = environment(V3, 1, scaled);
     assert_eq!((light.scale, images.len()), (Vec3::new(4.0, 10.0, 18.0), 1));
@@ -68,7 +68,7 @@ fn each(scale: &str) -> String {
 }
 
 #[test]
-fn every_light_has_a_scale_which_is_a_colour_in_the_older_dialects() {
+fn every_light_has_a_scale_and_in_the_older_dialects_a_colour_scale() {
     assert_eq!(colours(V4, &each("")), [Vec3::new(1.0, 2.0, 3.0); 4]);
     assert_eq!(colours(V4, &each("\"float scale\" 2")), [Vec3::new(2.0, 4.0, 6.0); 4]);
     for dialect in [V2, V3] {
@@ -78,7 +78,7 @@ fn every_light_has_a_scale_which_is_a_colour_in_the_older_dialects() {
 }
 
 #[test]
-fn lights_on_shapes_have_a_scale_too() {
+fn area_lights_have_a_scale() {
     for (dialect, scale, expected) in [
         (V4, "\"float scale\" 3", Some(Vec3::new(3.0, 6.0, 9.0))),
         (V3, "\"color scale\" [2 .5 0]", Some(Vec3::new(2.0, 1.0, 0.0))),
@@ -86,7 +86,7 @@ fn lights_on_shapes_have_a_scale_too() {
         (V4, "\"float scale\" 0", None),
     ] {
         let text = format!("AreaLightSource \"diffuse\" \"rgb L\" [1 2 3] {scale} Shape \"sphere\"");
-        let scene = world_of(dialect, "".as_ref(), &text);
+        let scene = dialect_world(dialect, "".as_ref(), &text);
         let radiance = scene.primitives[0].area_light.map(|light| light.radiance);
         assert_eq!(radiance, expected, "{dialect:?} {scale}");
     }

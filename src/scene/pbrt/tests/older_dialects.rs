@@ -1,4 +1,4 @@
-//! What pbrt-v2 and v3 mean otherwise than v4 does, and what tells them apart.
+//! Differences of pbrt-v2 and v3 from v4, and detection of the dialect.
 
 use glam::{Vec2, Vec3};
 
@@ -13,7 +13,7 @@ fn v3_world(text: &str) -> Scene {
 }
 
 #[test]
-fn the_older_dialects_cut_out_what_has_no_alpha_and_nothing_else() {
+fn alpha_is_binary_in_the_older_dialects() {
     let mask = "Texture \"m\" \"float\" \"checkerboard\" \"float tex1\" 0 \"float tex2\" .3";
     let shape = "Shape \"sphere\" \"texture alpha\" \"m\"";
     for (scene, elsewhere) in
@@ -30,7 +30,7 @@ fn the_older_dialects_cut_out_what_has_no_alpha_and_nothing_else() {
 }
 
 #[test]
-fn solid_and_planar_textures_of_the_older_dialects_see_the_world() {
+fn solid_and_planar_textures_of_the_older_dialects_use_world_space() {
     let texture = |kind: &str| {
         format!(
             "Scale 2 2 2 Texture \"t\" \"float\" \"checkerboard\" {kind} \"float tex1\" 0 \"float tex2\" 1
@@ -52,7 +52,7 @@ fn solid_and_planar_textures_of_the_older_dialects_see_the_world() {
 }
 
 #[test]
-fn a_film_is_exposed_as_long_as_the_shutter_is_open() {
+fn exposure_is_proportional_to_the_shutter_interval() {
     let scale = |text: &str| scene(&format!("{text} WorldBegin")).film.scale;
     let iso = "Film \"rgb\" \"float iso\" 10000";
     assert_eq!(scale(&format!("Camera \"perspective\" \"float shutterclose\" .01 {iso}")), 1.0);
@@ -62,14 +62,14 @@ fn a_film_is_exposed_as_long_as_the_shutter_is_open() {
 }
 
 #[test]
-fn media_tell_the_third_dialect_from_the_second() {
+fn media_distinguish_v3_from_v2() {
     let default_height = |text: &str| scene(&format!("{text} WorldBegin WorldEnd")).film.height;
     assert_eq!(default_height("MediumInterface \"\" \"\""), default_height("Integrator \"path\""));
     assert_ne!(default_height("MediumInterface \"\" \"\""), default_height(""));
 }
 
 #[test]
-fn a_shape_may_say_what_its_material_is_like() {
+fn shapes_may_override_material_parameters() {
     let red = "Shape \"sphere\" \"color Kd\" [1 0 0]";
     let of = |text: &str, shape: usize| {
         let v2 = scene(&format!("SurfaceIntegrator \"path\" WorldBegin {text} WorldEnd"));
@@ -107,7 +107,7 @@ fn a_shape_may_say_what_its_material_is_like() {
 }
 
 #[test]
-fn what_is_neither_the_shapes_nor_its_materials_makes_no_material() {
+fn unknown_shape_parameters_make_no_material() {
     let text = "Material \"matte\" Shape \"sphere\" \"color Ks\" [1 0 0] \"float radius\" 2";
     let scene = v3_world(text);
     assert_eq!((scene.materials.len(), scene.warnings.len()), (2, 1));
@@ -122,7 +122,7 @@ fn what_is_neither_the_shapes_nor_its_materials_makes_no_material() {
 }
 
 #[test]
-fn the_samples_of_an_older_spectrum_stand_in_any_order() {
+fn spectra_of_the_older_dialects_may_be_unsorted() {
     let light = |samples: &str| format!("LightSource \"point\" \"spectrum I\" [{samples}]");
     let intensity = |text: &str| match v3_world(text).lights[..] {
         [Light::Point { intensity, .. }] => intensity,
@@ -136,7 +136,7 @@ fn the_samples_of_an_older_spectrum_stand_in_any_order() {
 }
 
 #[test]
-fn what_tells_a_dialect_may_stand_in_an_included_file() {
+fn the_dialect_may_be_detected_in_an_included_file() {
     let of = |files: &[(&str, &str)]| {
         let (_folder, main) = folder(files);
         read(&main).unwrap().dialect.unwrap()
@@ -153,7 +153,7 @@ fn what_tells_a_dialect_may_stand_in_an_included_file() {
 }
 
 #[test]
-fn the_older_dialects_mix_by_textures_of_colour() {
+fn the_older_dialects_mix_by_colour_textures() {
     let scene = v3_world(
         "Texture \"c\" \"color\" \"checkerboard\" \"rgb tex1\" [0 .3 .6] \"rgb tex2\" [1 1 1]
          MakeNamedMaterial \"a\" \"string type\" \"matte\" MakeNamedMaterial \"b\" \"string type\" \"mirror\"
@@ -172,7 +172,7 @@ fn the_older_dialects_mix_by_textures_of_colour() {
 }
 
 #[test]
-fn infinite_lights_of_the_third_dialect_have_a_second_name() {
+fn exinfinite_is_an_infinite_light_of_v3() {
     let lights = v3_world("LightSource \"exinfinite\" \"rgb L\" [1 2 3]").lights;
     assert!(matches!(lights[..], [Light::Environment(_)]), "{lights:?}");
 }

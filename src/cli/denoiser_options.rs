@@ -1,0 +1,107 @@
+//! The options that choose a denoiser.
+
+use anyhow::bail;
+use clap::Args;
+use clap::builder::PossibleValue;
+
+use crate::filter::{DENOISERS, Denoiser, find};
+
+#[derive(Args)]
+pub(super) struct DenoiserOptions {
+    /// The denoiser [default: nlm; of `denoise`: the render's]
+    #[arg(long, value_name = "NAME", value_parser = methods())]
+    denoiser: Option<String>,
+    /// Preset of `--denoiser nlm`: draft or standard [default: standard]
+    #[arg(long, value_name = "PRESET")]
+    quality: Option<String>,
+}
+
+/// Returns the values of `--denoiser`.
+fn methods() -> Vec<PossibleValue> {
+    let mut methods: Vec<PossibleValue> = Vec::new();
+    for denoiser in DENOISERS {
+        let name = denoiser.name().method;
+        if methods.last().is_none_or(|last| last.get_name() != name) {
+            methods.push(PossibleValue::new(name).help(denoiser.summary()));
+        }
+    }
+    methods
+}
+
+/// Returns the presets of a method.
+fn presets(method: &str) -> Vec<&'static str> {
+    let names = DENOISERS.into_iter().map(Denoiser::name).filter(|name| name.method == method);
+    names.filter_map(|name| name.preset).collect()
+}
+
+impl DenoiserOptions {
+    /// Returns the chosen denoiser; `default` if none is chosen.
+    ///
+    /// # Errors
+    /// A preset that the denoiser does not have. A spelling of an earlier version gets the new one.
+    pub fn choose(&self, default: &'static dyn Denoiser) -> anyhow::Result<&'static dyn Denoiser> {
+        let Some(quality) = self.quality.as_deref() else {
+            let chosen = self.denoiser.as_deref().and_then(|method| find(method, None));
+            return Ok(chosen.unwrap_or(default));
+        };
+        // A preset alone means the method that has it.
+        let preset_of = DENOISERS.into_iter().map(Denoiser::name).find(|name| name.preset == Some(quality));
+        let implied = preset_of.map_or(default.name().method, |name| name.method);
+        let method = self.denoiser.as_deref().unwrap_or(implied);
+        if let Some(found) = find(method, Some(quality)) {
+            return Ok(found);
+        }
+        match presets(method)[..] {
+            _ if quality == "paper" => bail!("--quality paper: this is `--denoiser prpf` now"),
+            [] if method == "prpf" && presets("nlm").contains(&quality) => bail!(
+                "--denoiser prpf --quality {quality}: this is `--denoiser nlm --quality {quality}` now; `--denoiser prpf` \
+                 is the published method, which has no presets"
+            ),
+            [] => bail!(
+                "--quality {quality}: found with --denoiser {method}, which has no presets; accepted with nlm"
+            ),
+            ref presets => bail!("--quality: found `{quality}`; accepted are {}", presets.join(" and ")),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_preset_alone_chooses_its_method() {
+        let options = DenoiserOptions { denoiser: None, quality: Some("draft".to_owned()) };
+        let chosen = options.choose(crate::filter::UNFILTERED).unwrap();
+        assert_eq!(chosen.name().to_string(), "nlm draft");
+    }
+
+    fn choose(denoiser: Option<&str>, quality: Option<&str>) -> Result<String, String> {
+        let [denoiser, quality] = [denoiser, quality].map(|text| text.map(str::to_owned));
+        let options = DenoiserOptions { denoiser, quality };
+        options.choose(DENOISERS[0]).map(|found| found.name().to_string()).map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn denoisers_and_presets_are_chosen_by_their_names() {
+        for (denoiser, quality, name) in [
+            (None, None, "nlm standard"),
+            (None, Some("draft"), "nlm draft"),
+            (Some("nlm"), None, "nlm standard"),
+            (Some("prpf"), None, "prpf"),
+            (Some("none"), None, "none"),
+        ] {
+            assert_eq!(choose(denoiser, quality).as_deref(), Ok(name));
+        }
+        assert!(choose(Some("rpf"), Some("draft")).is_err_and(|error| error.contains("no presets")));
+        assert!(choose(None, Some("best")).is_err_and(|error| error.contains("draft")));
+    }
+
+    #[test]
+    fn earlier_spellings_get_the_new_one() {
+        let error = |denoiser, quality| choose(denoiser, Some(quality)).unwrap_err();
+        assert!(error(Some("prpf"), "standard").contains("`--denoiser nlm --quality standard` now"));
+        assert!(error(Some("prpf"), "paper").contains("`--denoiser prpf` now"));
+        assert!(error(None, "paper").contains("`--denoiser prpf` now"));
+    }
+}

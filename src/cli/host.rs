@@ -1,0 +1,125 @@
+//! The surroundings of a render on the command line: progress bar, signals, checkpoints and images.
+
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Instant;
+
+use indicatif::{ProgressBar, ProgressStyle};
+use rayon::prelude::*;
+
+use super::checkpoints::Checkpoints;
+use super::command_line;
+use super::viewers::next_names;
+use crate::filter::FilterResult;
+use crate::output::ImageOutput;
+use crate::preview::{PreviewHost, SavedImage};
+use crate::progressive::{Checkpoint, EstimateSummary, Host, Progress, Settings};
+use crate::state::ImageMetadata;
+use crate::stats::Store;
+
+/// Steps of the progress bar.
+const BAR_STEPS: u64 = 1000;
+
+/// See the module.
+pub(super) struct RenderHost<'a> {
+    pub metadata: &'a ImageMetadata,
+    pub outfiles: &'a [PathBuf],
+    pub checkpoints: Option<Checkpoints>,
+    /// Set by a signal.
+    pub interrupt: &'a AtomicBool,
+    /// Whether a controller asks for problems with checkpoints.
+    pub has_viewers: bool,
+    pub bar: ProgressBar,
+    /// When the program started.
+    pub start: Instant,
+}
+
+/// Returns a progress bar; a hidden one if the command is quiet.
+pub(super) fn progress_bar(is_quiet: bool) -> ProgressBar {
+    if is_quiet {
+        return ProgressBar::hidden();
+    }
+    let style =
+        ProgressStyle::with_template("{elapsed_precise} [{bar:32}] {percent:>3} %  {msg}  to go {eta}")
+            .unwrap_or_else(|_| ProgressStyle::default_bar());
+    ProgressBar::new(BAR_STEPS).with_style(style)
+}
+
+impl RenderHost<'_> {
+    /// Returns an image with its metadata.
+    fn output<'o>(
+        &'o self,
+        result: &'o FilterResult,
+        store: &'o Store,
+        settings: &'o Settings,
+        command_line: &'o str,
+    ) -> ImageOutput<'o> {
+        ImageOutput {
+            result,
+            store,
+            estimate: None,
+            passes: &[],
+            metadata: self.metadata,
+            settings,
+            reference: None,
+            seconds: self.start.elapsed().as_secs_f64(),
+            command_line,
+            layers: None,
+        }
+    }
+}
+
+impl Host for RenderHost<'_> {
+    fn listen(&mut self, progress: &Progress) {
+        let sign = |estimate: &EstimateSummary| if estimate.is_hidden { '<' } else { '~' };
+        let error = progress.estimate.map(|e| format!("  relMSE {}{:.2e}", sign(&e), e.error));
+        let error = error.unwrap_or_default();
+        let ending = if self.is_interrupted() { "  ending soon, Ctrl-C quits at once" } else { "" };
+        self.bar.set_message(format!("{:.1} spp{error}{ending}", progress.spp));
+        self.bar.set_position((progress.fraction * BAR_STEPS as f64) as u64);
+        if !self.has_viewers {
+            self.checkpoint_problem();
+        }
+    }
+
+    fn is_interrupted(&self) -> bool {
+        self.interrupt.load(Ordering::Relaxed)
+    }
+
+    fn encode_and_discard(&self, settings: &Settings, result: &FilterResult, rows: &Store) {
+        let output = self.output(result, rows, settings, "");
+        self.outfiles.par_iter().for_each(|path| output.encode_and_discard(path));
+        self.checkpoints.iter().for_each(|checkpoints| checkpoints.write_and_discard(settings, rows));
+    }
+
+    fn checkpoint_interval(&self) -> Option<f64> {
+        self.checkpoints.as_ref().map(|checkpoints| checkpoints.interval)
+    }
+
+    fn save(&mut self, settings: &Settings, checkpoint: Checkpoint) {
+        if let Some(checkpoints) = &self.checkpoints {
+            checkpoints.save(settings, checkpoint);
+        }
+    }
+}
+
+impl PreviewHost for RenderHost<'_> {
+    /// Writes EXR and PNG under the next free number.
+    fn write_image(&mut self, image: &SavedImage) -> Result<Vec<PathBuf>, String> {
+        let names = next_names(&self.outfiles[0]).ok_or("all numbers are taken")?;
+        let command_line = command_line();
+        let output = self.output(image.result, image.store, image.settings, &command_line);
+        for name in &names {
+            output.write(name).map_err(|error| error.to_string())?;
+        }
+        Ok(names.into())
+    }
+
+    fn checkpoint_problem(&mut self) -> Option<String> {
+        self.checkpoints.as_mut().and_then(Checkpoints::problem)
+    }
+
+    fn wait_for_checkpoint(&mut self) -> Result<(), String> {
+        self.checkpoints.as_ref().map_or(Ok(()), Checkpoints::wait)
+    }
+}

@@ -1,0 +1,115 @@
+//! The files that a render reads, and the paths that it writes.
+
+use std::path::{Path, PathBuf};
+
+use indicatif::ProgressBar;
+
+use super::options::RenderOptions;
+use super::output_paths::{are_distinct, can_be_written, replaces_no_state};
+use super::{escaped, print_error};
+use crate::image::OutputFormat;
+use crate::image::{self, Planes};
+use crate::scene::{Scene, pbrt};
+
+/// See the module.
+pub(super) struct Inputs {
+    pub scene: Scene,
+    pub outfiles: Vec<PathBuf>,
+    pub reference: Option<Planes>,
+}
+
+impl Inputs {
+    /// Reads the scene and the reference, and checks that outputs replace nothing but earlier outputs.
+    ///
+    /// # Errors
+    /// One line that names the file.
+    pub fn read(options: &RenderOptions) -> anyhow::Result<Self> {
+        let mut scene = read_scene(options)?;
+        options.apply(&mut scene)?;
+        let outfiles = outfiles(options, &mut scene);
+
+        // Check the outputs
+        let mut outputs: Vec<&Path> = outfiles.iter().chain(&options.report).map(PathBuf::as_path).collect();
+        outputs.iter().try_for_each(|path| replaces_no_state(path))?;
+        outputs.extend(options.state.state.as_deref());
+        outputs.iter().try_for_each(|path| can_be_written(path))?;
+        let inputs = scene.files.iter().chain(&options.reference);
+        are_distinct(inputs.map(PathBuf::as_path), &outputs)?;
+        if options.state.replaces_one()? && !options.quiet {
+            print_error("warning: --state replaces the existing state; --resume would go on from it");
+        }
+
+        let reference = options.reference.as_deref().map(|path| reference(path, &scene)).transpose()?;
+        warn(options, &scene);
+        Ok(Self { scene, outfiles, reference })
+    }
+}
+
+/// Returns the output files: those of the options, else the film's, else the scene's name with `.exr`.
+fn outfiles(options: &RenderOptions, scene: &mut Scene) -> Vec<PathBuf> {
+    if !options.outfile.is_empty() {
+        return options.outfile.clone();
+    }
+    let mut fallback = options.scene.file_stem().unwrap_or_default().to_owned();
+    fallback.push(".exr");
+    let fallback = PathBuf::from(fallback);
+    let Some(named) = scene.film.filename.as_ref().map(PathBuf::from) else {
+        return vec![fallback];
+    };
+    if OutputFormat::from_path(&named).is_ok() {
+        return vec![named];
+    }
+    scene.warnings.push(format!(
+        "the film's file name {} has an extension other than .exr and .png; {} is written",
+        escaped(&named.to_string_lossy()),
+        fallback.display()
+    ));
+    vec![fallback]
+}
+
+/// Reads the reference image, which has to have the size of the render.
+fn reference(path: &Path, scene: &Scene) -> anyhow::Result<Planes> {
+    let reference = image::read_rgb(path)?;
+    let [x0, x1, y0, y1] = scene.film.pixel_bounds;
+    let (width, height) = (x1 - x0, y1 - y0);
+    if (reference.width(), reference.height()) != (width, height) {
+        anyhow::bail!(
+            "{}: found a reference of {}x{} pixels; accepted is the size of the render, {width}x{height}",
+            path.display(),
+            reference.width(),
+            reference.height()
+        );
+    }
+    Ok(reference)
+}
+
+/// Prints the warnings about a scene.
+fn warn(options: &RenderOptions, scene: &Scene) {
+    /// Warnings shown without `-v`.
+    const SHOWN: usize = 8;
+    if options.quiet {
+        return;
+    }
+    if !scene.is_lit() {
+        print_error("warning: the scene has no light: the image will be black");
+    }
+    let shown = if options.verbose { scene.warnings.len() } else { SHOWN };
+    for warning in scene.warnings.iter().take(shown) {
+        print_error(&format!("warning: {}", escaped(warning)));
+    }
+    if let Some(more) = scene.warnings.len().checked_sub(shown).filter(|&n| n > 0) {
+        print_error(&format!("warning: {more} more, see `prpf info`"));
+    }
+}
+
+/// Reads the scene, with a progress display.
+fn read_scene(options: &RenderOptions) -> anyhow::Result<Scene> {
+    let bar = if options.quiet { ProgressBar::hidden() } else { ProgressBar::new_spinner() };
+    let shown = bar.clone();
+    let scene = pbrt::read_reporting(&options.scene, move |reading| {
+        shown.set_message(format!("reading: {} shapes, {} triangles", reading.shapes, reading.triangles));
+        shown.tick();
+    });
+    bar.finish_and_clear();
+    Ok(scene?)
+}

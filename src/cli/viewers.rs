@@ -1,0 +1,53 @@
+//! The viewers of a render: the live page, a display server, and names for the images that they save.
+
+use std::net::SocketAddr;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use super::{Failure, print};
+use crate::preview::{Hub, Server, TevClient};
+use crate::scene::Scene;
+
+/// Largest number of an image that is saved under one name.
+const LAST_NUMBER: u32 = 9999;
+
+/// Starts to serve the live page, and prints its address.
+pub(super) fn serve(hub: &Arc<Hub>, address: Option<SocketAddr>) -> Result<(), Failure> {
+    let server = Server::start(hub.clone(), address).map_err(|error| Failure::Input(error.into()))?;
+    print(&format!("preview at {}\n", server.address)).map_err(Failure::Run)
+}
+
+/// Starts to send images to a display server, if there is an address.
+pub(super) fn display(
+    hub: &Arc<Hub>,
+    address: Option<&str>,
+    scene: &Scene,
+    warn: impl FnMut(&str) + Send + 'static,
+) -> Result<Option<TevClient>, Failure> {
+    let name = Path::new(&scene.source).file_name().unwrap_or_default().to_string_lossy().into_owned();
+    let start = |address: &str| TevClient::start(hub.clone(), address.to_owned(), name, warn);
+    address.map(start).transpose().map_err(|error| Failure::Run(error.into()))
+}
+
+/// Returns the first names `NAME-0001.exr` and `.png` that no file has; `None` if all numbers are taken.
+pub(super) fn next_names(outfile: &Path) -> Option<[PathBuf; 2]> {
+    let stem = outfile.file_stem()?.to_string_lossy().into_owned();
+    (1..=LAST_NUMBER)
+        .map(|number| ["exr", "png"].map(|kind| outfile.with_file_name(format!("{stem}-{number:04}.{kind}"))))
+        .find(|names| names.iter().all(|name| !name.exists()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_saved_image_replaces_none() {
+        let folder = tempfile::tempdir().unwrap();
+        let outfile = folder.path().join("a.b.exr");
+        let [exr, png] = next_names(&outfile).unwrap();
+        assert_eq!(exr, folder.path().join("a.b-0001.exr"));
+        std::fs::write(png, b"").unwrap();
+        assert_eq!(next_names(&outfile).unwrap()[0], folder.path().join("a.b-0002.exr"));
+    }
+}

@@ -1,0 +1,171 @@
+//! Detects and clamps fireflies: pixels far brighter than their surroundings because of one sample of rare light.
+//!
+//! Takes the mean colours of all samples and of each half. A pixel is a firefly if its luminance exceeds a
+//! bound from the median of 5×5 pixels and one half of its samples holds most of it. Returns the clamped
+//! colours and, for each firefly, the radiance that was cut off, which
+//! [`firefly_redistribution`](super::firefly_redistribution) adds back.
+//!
+//! It takes the place of RPF's spike step (Sen and Darabi 2012, section 5), which works on the samples of a
+//! pixel after each pass; after the first pass of the pixel-based method there are none.
+
+use rayon::prelude::*;
+
+use crate::image::Planes;
+
+/// Constants of firefly detection and redistribution.
+#[derive(Clone, Copy, Debug, serde::Serialize)]
+pub struct FireflySettings {
+    /// The bound on luminance is this factor times the median of 5×5 pixels …
+    pub median_factor: f32,
+    /// … plus this factor times their standard deviation (1.48 median absolute deviations).
+    pub deviation_factor: f32,
+    /// Whether fireflies are clamped to the median instead of the bound, which leaves nothing to blur into a spot.
+    pub clamp_to_median: bool,
+    /// Minimum fraction of a firefly's luminance in one half of the samples. Light in both halves is no accident.
+    pub half_fraction: f32,
+    /// Size of the window over which the excess is redistributed, in pixels; 0 drops it.
+    pub redistribution_window: usize,
+    /// Maximum luminance that a pixel receives from one firefly, relative to its own. The rest is dropped: it
+    /// would show as a halo.
+    pub redistribution_limit: f32,
+}
+
+impl Default for FireflySettings {
+    fn default() -> Self {
+        Self {
+            median_factor: 8.0,
+            deviation_factor: 4.0,
+            clamp_to_median: false,
+            half_fraction: 0.8,
+            redistribution_window: 17,
+            redistribution_limit: 0.02,
+        }
+    }
+}
+
+impl FireflySettings {
+    /// Settings that clamp nothing.
+    pub fn off() -> Self {
+        Self { median_factor: f32::INFINITY, redistribution_window: 0, ..Self::default() }
+    }
+}
+
+/// Colours with clamped fireflies.
+#[derive(Clone, Debug)]
+pub struct FireflyClamp {
+    /// Mean colour of all samples: 3 planes.
+    pub whole: Planes,
+    /// Mean colour of each half of the samples: 3 planes.
+    pub halves: [Planes; 2],
+    pub fireflies: Vec<Firefly>,
+}
+
+/// A clamped firefly.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Firefly {
+    /// Index of the pixel in a plane.
+    pub pixel: usize,
+    /// Difference of the mean of all samples before and after clamping.
+    pub excess: [f32; 3],
+    /// Ratio of the luminance after and before clamping, in (0, 1).
+    pub scale: f32,
+}
+
+/// Clamps fireflies. `whole` and `halves` are means of 3 planes, `counts` the sample counts of the halves.
+pub fn clamp(
+    whole: &Planes,
+    halves: [&Planes; 2],
+    counts: [&[u32]; 2],
+    settings: &FireflySettings,
+) -> FireflyClamp {
+    // Find the fireflies
+    let (width, height) = (whole.width(), whole.height());
+    let luminances: Vec<f32> = (0..whole.pixels()).map(|i| pixel_luminance(whole, i)).collect();
+    let bounds: Vec<Option<f32>> = (0..whole.pixels())
+        .into_par_iter()
+        .map(|i| {
+            let bound = bound(&luminances, (i % width, i / width), (width, height), settings)?;
+            let [a, b] = [0, 1].map(|h| pixel_luminance(halves[h], i) * counts[h][i] as f32);
+            (a.max(b) > settings.half_fraction * (a + b)).then_some(bound)
+        })
+        .collect();
+
+    // Clamp the halves; the whole is their mean
+    let mut clamped =
+        FireflyClamp { whole: whole.clone(), halves: halves.map(Planes::clone), fireflies: Vec::new() };
+    for (pixel, bound) in bounds.iter().enumerate() {
+        let Some(bound) = *bound else { continue };
+        for half in &mut clamped.halves {
+            let scale = (bound / pixel_luminance(half, pixel).max(bound)).min(1.0);
+            half.planes_mut().for_each(|plane| plane[pixel] *= scale);
+        }
+        let [n_a, n_b] = counts.map(|counts| counts[pixel] as f32);
+        let mut excess = [0.0; 3];
+        for (k, excess) in excess.iter_mut().enumerate() {
+            let [a, b] = [0, 1].map(|h| clamped.halves[h].plane(k)[pixel]);
+            let value = &mut clamped.whole.plane_mut(k)[pixel];
+            let mean = (n_a * a + n_b * b) / (n_a + n_b);
+            *excess = *value - mean;
+            *value = mean;
+        }
+        let scale = pixel_luminance(&clamped.whole, pixel) / luminances[pixel];
+        clamped.fireflies.push(Firefly { pixel, excess, scale });
+    }
+    clamped
+}
+
+/// Returns the luminance that a pixel is clamped to, or `None` if it does not exceed its bound. Pixels whose
+/// neighbours are mostly black have no bound: all light there is rare, and clamping would leave nothing.
+fn bound(
+    luminances: &[f32],
+    (x, y): (usize, usize),
+    (width, height): (usize, usize),
+    settings: &FireflySettings,
+) -> Option<f32> {
+    // Collect the luminances of the window
+    const RADIUS: usize = 2;
+    let own = luminances[y * width + x];
+    let mut window = [0.0; (2 * RADIUS + 1).pow(2)];
+    let mut n = 0;
+    for yj in y.saturating_sub(RADIUS)..=(y + RADIUS).min(height - 1) {
+        for xj in x.saturating_sub(RADIUS)..=(x + RADIUS).min(width - 1) {
+            window[n] = luminances[yj * width + xj];
+            n += 1;
+        }
+    }
+    let window = &mut window[..n];
+
+    // Return early if the median is too large for any deviation, as at most pixels
+    let low = own / settings.median_factor;
+    if 2 * window.iter().filter(|&&l| l < low).count() <= n {
+        return None;
+    }
+
+    // Compute the bound from median and median absolute deviation
+    let median = median(window);
+    if median <= 0.0 {
+        return None;
+    }
+    window.iter_mut().for_each(|l| *l = (*l - median).abs());
+    let deviation = 1.48 * self::median(window);
+    let bound = settings.median_factor * median + settings.deviation_factor * deviation;
+    (own > bound).then_some(if settings.clamp_to_median { median } else { bound })
+}
+
+fn median(values: &mut [f32]) -> f32 {
+    let middle = values.len() / 2;
+    *values.select_nth_unstable_by(middle, f32::total_cmp).1
+}
+
+/// Luminance of pixel `i` of 3 planes.
+pub fn pixel_luminance(planes: &Planes, i: usize) -> f32 {
+    luminance([0, 1, 2].map(|k| planes.plane(k)[i]))
+}
+
+/// Luminance of linear RGB with Rec. 709 primaries.
+pub fn luminance([r, g, b]: [f32; 3]) -> f32 {
+    0.2126 * r + 0.7152 * g + 0.0722 * b
+}
+
+#[cfg(test)]
+pub(super) mod tests;

@@ -1,0 +1,78 @@
+//! The interface of a denoiser: a reconstruction method with one of its presets.
+//!
+//! A denoiser filters a store. It also states its name, the data that it reads, its cost, its reach across pixels
+//! and the cheaper denoiser that replaces it in interim passes. `denoisers` lists all of them.
+
+use super::denoiser_name::DenoiserName;
+use super::result::FilterResult;
+use crate::stats::{Block, Store};
+
+/// A method of reconstruction with one of its presets.
+pub trait Denoiser: Send + Sync {
+    /// Returns the name that image files, reports, states and the page show.
+    fn name(&self) -> DenoiserName;
+
+    /// Returns one line for lists of denoisers.
+    fn summary(&self) -> &'static str;
+
+    /// Returns what the denoiser reads of a store.
+    fn reads(&self) -> Reads;
+
+    /// Returns what a filter pass costs.
+    fn cost(&self) -> Cost;
+
+    /// Returns the distance, in pixels, from which samples contribute to a filtered pixel.
+    fn reach(&self) -> usize;
+
+    /// Returns the cheaper denoiser for interim passes; itself if there is none.
+    fn stand_in(&self) -> &'static dyn Denoiser;
+
+    /// Filters a store. The result depends on `seed` and not on the number of threads.
+    fn filter(&self, store: &Store, seed: u64) -> FilterResult;
+}
+
+/// The data of a store that a denoiser reads.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Reads {
+    /// Blocks of dimensions whose statistics it reads, where the layout has them.
+    pub blocks: &'static [Block],
+    pub sample_vectors: SampleVectors,
+}
+
+/// Number of sample vectors of a pixel that a denoiser reads.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SampleVectors {
+    None,
+    /// A reservoir of this size per pixel.
+    Reservoir(usize),
+    /// All of them; each takes this many additional bytes during a filter pass.
+    All {
+        bytes_beside: usize,
+    },
+}
+
+/// The cost of a filter pass, measured once on two cores with slow allocation of memory. It is the estimate until a
+/// pass has been timed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Cost {
+    /// Seconds of one core per pixel, from the start of the pass until the image is written, with newly allocated memory.
+    pub core_seconds: f64,
+    /// Bytes per pixel for the same, beside the store.
+    pub bytes: usize,
+    /// Time of a pass with reused memory, in units of a pass of `nlm draft`.
+    pub pass_time: f64,
+    /// Whether the times are per sample of a pixel instead of per pixel.
+    pub is_per_sample: bool,
+}
+
+impl PartialEq for dyn Denoiser {
+    fn eq(&self, other: &Self) -> bool {
+        self.name() == other.name()
+    }
+}
+
+impl std::fmt::Debug for dyn Denoiser {
+    fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
+        write!(f, "{}", self.name())
+    }
+}

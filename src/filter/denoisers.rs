@@ -1,0 +1,108 @@
+//! The list of all denoisers. To add one, implement [`Denoiser`] and add a line to [`DENOISERS`]: command line, page,
+//! report and render states know it from there.
+
+use serde::de::Error;
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+use super::denoiser::Denoiser;
+use super::denoiser_name::DenoiserName;
+use super::{nlm, none, prpf, rpf};
+use crate::stats::Store;
+
+/// All denoisers, the default one first. Of one method the first preset is its default.
+pub static DENOISERS: [&dyn Denoiser; 5] = [&nlm::STANDARD, &nlm::DRAFT, &prpf::PRPF, &rpf::RPF, &none::NONE];
+
+/// The mean of the samples: the fallback if time is short.
+pub static UNFILTERED: &dyn Denoiser = &none::NONE;
+
+/// Returns the denoiser of a method and one of its presets; without a preset the method's default.
+pub fn find(method: &str, preset: Option<&str>) -> Option<&'static dyn Denoiser> {
+    let is_it = |name: DenoiserName| name.method == method && (preset.is_none() || name.preset == preset);
+    DENOISERS.into_iter().find(|denoiser| is_it(denoiser.name()))
+}
+
+/// Returns the denoiser with which to filter a store if `denoiser` is selected: its stand-in while the store has fewer
+/// samples than pixels.
+pub fn suited_to(store: &Store, denoiser: &'static dyn Denoiser) -> &'static dyn Denoiser {
+    let is_sparse = store.samples_taken() < store.pixels() as u64;
+    if is_sparse { denoiser.stand_in() } else { denoiser }
+}
+
+/// A name in files.
+#[derive(Deserialize)]
+struct NameFields {
+    denoiser: String,
+    quality: Option<String>,
+}
+
+impl<'de> Deserialize<'de> for &'static dyn Denoiser {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let NameFields { denoiser, quality } = NameFields::deserialize(deserializer)?;
+        find(&denoiser, quality.as_deref()).ok_or_else(|| {
+            let quality = quality.map_or_else(String::new, |quality| format!(" {quality}"));
+            D::Error::custom(format!("unknown denoiser {denoiser}{quality}"))
+        })
+    }
+}
+
+impl<'de> Deserialize<'de> for DenoiserName {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        <&'static dyn Denoiser>::deserialize(deserializer).map(Denoiser::name)
+    }
+}
+
+impl Serialize for dyn Denoiser {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        self.name().serialize(serializer)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::filter::SampleVectors;
+    use crate::stats::Layout;
+
+    #[test]
+    fn every_denoiser_is_found_by_its_name_and_no_two_share_one() {
+        for (i, denoiser) in DENOISERS.into_iter().enumerate() {
+            let name = denoiser.name();
+            assert_eq!(find(name.method, name.preset), Some(denoiser));
+            assert!(DENOISERS[..i].iter().all(|other| other.name() != name), "{name}");
+            assert!(!denoiser.summary().is_empty());
+        }
+        assert_eq!(find("nlm", None).map(Denoiser::name), Some(nlm::STANDARD.name()), "the default preset");
+        assert_eq!(find("nlm", Some("paper")), None);
+        assert_eq!(find("none", Some("standard")), None);
+    }
+
+    #[test]
+    fn stand_ins_need_no_more_than_those_for_which_they_stand_in() {
+        for denoiser in DENOISERS {
+            let stand_in = denoiser.stand_in();
+            assert_eq!(stand_in.stand_in(), stand_in, "a stand-in stands in for itself");
+            assert!(stand_in.cost().pass_time <= denoiser.cost().pass_time);
+            assert_eq!(stand_in.reads().sample_vectors, SampleVectors::None);
+        }
+    }
+
+    #[test]
+    fn names_survive_files_and_unknown_ones_are_refused() {
+        for denoiser in DENOISERS {
+            let text = serde_json::to_string(denoiser).unwrap();
+            assert_eq!(serde_json::from_str::<&'static dyn Denoiser>(&text).unwrap(), denoiser, "{text}");
+        }
+        let unknown = serde_json::from_str::<DenoiserName>(r#"{"denoiser":"nlm","quality":"best"}"#);
+        assert!(unknown.unwrap_err().to_string().contains("unknown denoiser nlm best"));
+    }
+
+    #[test]
+    fn a_store_with_empty_pixels_gets_the_stand_in() {
+        let mut store = Store::new(2, 1, Layout::with_blocks(|_| false), 0, 0);
+        store.push(0, 0, &[0.5; 5]);
+        assert_eq!(suited_to(&store, &prpf::PRPF).name(), nlm::DRAFT.name());
+        assert_eq!(suited_to(&store, &none::NONE).name(), none::NONE.name());
+        store.push(1, 0, &[0.5; 5]);
+        assert_eq!(suited_to(&store, &prpf::PRPF).name(), prpf::PRPF.name());
+    }
+}

@@ -1,0 +1,235 @@
+//! Fits a weighted local linear model around every pixel: nonlinearly weighted first-order regression
+//! (Bitterli et al. 2016) in one pass.
+//!
+//! Weights and regressors of one half of the samples come from the other half, so that the fit is linear in
+//! the half's own values. For pixel i the values of its neighbours j are fitted by β·x, x = (f_j − f_i,
+//! offset, 1), with the weights of [`patch_distance`](super::patch_distance). The constant comes last: after
+//! M = LLᵀ and Lz = b the fit at i is z_K/L_KK, and the derivative by the pixel's own value 1/L_KK². The code
+//! does not divide L's columns by their roots (LDLᵀ), so that these are b_K/D_K and 1/D_K after elimination.
+
+use rayon::prelude::*;
+
+use super::patch_distance::{ColourGuide, DistanceSettings, Neighbours, PatchDistance, Tile};
+use crate::filter::common::linear_estimate::LinearEstimate;
+use crate::filter::common::padded_planes::{Margin, PaddedPlanes};
+use crate::simd::{LANES, apply, multiversioned};
+
+/// Number of features among the regressors.
+pub const FEATURES: usize = 6;
+/// Number of regressors: features, two coordinates, one constant.
+const K: usize = FEATURES + 3;
+/// Half side of the 3×3 patch of the distance.
+const PATCH: usize = 1;
+/// Size of tiles in pixels. The sums of a tile fit the second-level cache, those of a row the first.
+const TILE: (usize, usize) = (64, 32);
+const WIDTH: usize = TILE.0;
+/// Offsets that are accumulated together.
+const OFFSETS: usize = 8;
+/// Addition to the diagonal of the normal equations, relative to the diagonal …
+const RIDGE: f32 = 1e-3;
+/// … and relative to the sum of weights. Features are of order 1.
+const RIDGE_FLOOR: f32 = 1e-7;
+
+/// Number of sums: for each r = 0 … K−1, row r of the upper triangle of M and the three right-hand sides of r.
+const SUMS: usize = K * (K + 1) / 2 + 3 * K;
+/// Index of the first sum of each row.
+const STARTS: [usize; K] = starts();
+
+const fn starts() -> [usize; K] {
+    let mut starts = [0; K];
+    let mut r = 1;
+    while r < K {
+        starts[r] = starts[r - 1] + K - (r - 1) + 3;
+        r += 1;
+    }
+    starts
+}
+
+/// Values of a row of a tile. They are aligned, as access across cache lines takes twice the time.
+#[derive(Clone, Copy)]
+#[repr(align(64))]
+struct Line([f32; WIDTH]);
+
+const EMPTY: Line = Line([0.0; WIDTH]);
+
+/// Sums for a row of a tile.
+type Row = [Line; SUMS];
+
+/// Fits `original` with weights from `guide` and the given features as regressors. Results are not negative.
+/// All planes have `width`×`height` finite values.
+pub fn fit(
+    width: usize,
+    height: usize,
+    original: [&[f32]; 3],
+    guide: ColourGuide,
+    features: [&[f32]; FEATURES],
+    settings: DistanceSettings,
+) -> LinearEstimate {
+    let mut fitted = LinearEstimate::unfiltered(width, height, original);
+    if width == 0 || height == 0 {
+        return fitted;
+    }
+
+    // Solve the tiles with noise
+    let distance = PatchDistance::<PATCH>::new(width, height, guide, settings);
+    let columns: Vec<&[f32]> = features.into_iter().chain(original).collect();
+    let columns = PaddedPlanes::new(width, height, &columns, settings.radius, Margin::Nearest);
+    let tiles = distance.noisy_tiles(TILE);
+    let solved: Vec<_> =
+        tiles.par_iter().map(|&tile| fit_tile(tile, &distance, &columns, settings.radius)).collect();
+
+    // Add the differences to the values
+    for (tile, rows) in tiles.iter().zip(&solved) {
+        for (y, [r, g, b, derivative]) in rows.iter().enumerate() {
+            let start = (tile.y + y) * width + tile.x;
+            for (plane, changes) in fitted.value.planes_mut().zip([r, g, b]) {
+                let values = plane[start..][..tile.width].iter_mut().zip(changes);
+                values.for_each(|(value, change)| *value = (*value + change).max(0.0));
+            }
+            fitted.derivative[start..][..tile.width].copy_from_slice(&derivative[..tile.width]);
+        }
+    }
+    fitted
+}
+
+/// Returns, for each row of the tile, the difference of the fit from the pixel's own value in three channels,
+/// and the derivative. `columns` are the features and the values.
+fn fit_tile(
+    tile: Tile,
+    distance: &PatchDistance<PATCH>,
+    columns: &PaddedPlanes,
+    radius: usize,
+) -> Vec<[[f32; WIDTH]; 4]> {
+    let (x, y) = (tile.x as isize, tile.y as isize);
+    let scale = 1.0 / radius.max(1) as f32;
+    let mut sums = vec![[EMPTY; SUMS]; tile.height];
+    // The pixel itself has weight 1 and adds to the constant only
+    sums.iter_mut().for_each(|row| row[STARTS[K - 1]].0.fill(1.0));
+
+    // Accumulate several offsets of a row together, while its sums are in the first-level cache
+    let mut pending = vec![Vec::new(); tile.height];
+    let mut differences = [EMPTY; FEATURES + 3];
+    let mut accumulate_pending = |row: usize, pending: &mut Vec<((isize, isize), Line)>| {
+        let y = y + row as isize;
+        for ((dx, dy), weights) in pending.drain(..) {
+            for (c, difference) in differences.iter_mut().enumerate() {
+                let i = columns.span(c, x, y, tile.width);
+                let j = columns.span(c, x + dx, y + dy, tile.width);
+                subtract(j, i, difference);
+            }
+            accumulate(&weights, [dx as f32 * scale, dy as f32 * scale], &differences, &mut sums[row]);
+        }
+    };
+    distance.for_each_neighbour(tile, |Neighbours { row, offset, weights }| {
+        let mut line = EMPTY;
+        line.0[..tile.width].copy_from_slice(weights);
+        pending[row].push((offset, line));
+        if pending[row].len() == OFFSETS {
+            accumulate_pending(row, &mut pending[row]);
+        }
+    });
+    pending.iter_mut().enumerate().for_each(|(row, pending)| accumulate_pending(row, pending));
+    sums.iter().map(solve).collect()
+}
+
+#[apply(multiversioned!)]
+fn subtract(a: &[f32], b: &[f32], difference: &mut Line) {
+    difference.0.iter_mut().zip(a.iter().zip(b)).for_each(|(d, (a, b))| *d = a - b);
+}
+
+/// Adds the neighbours of a row at one offset to the normal equations. `differences` are those of features
+/// and values from the pixel's own.
+#[apply(multiversioned!)]
+fn accumulate(weights: &Line, offset: [f32; 2], differences: &[Line; FEATURES + 3], sums: &mut Row) {
+    let (features, values) = differences.split_at(FEATURES);
+    let mut weighted = EMPTY;
+    for (r, feature) in features.iter().enumerate() {
+        weighted.0.iter_mut().zip(weights.0.iter().zip(&feature.0)).for_each(|(out, (w, f))| *out = w * f);
+        let (feature_sums, rest) = sums[STARTS[r]..].split_at_mut(FEATURES - r);
+        let ([x_sum, y_sum, constant_sum], rest) = rest.split_first_chunk_mut().expect("three constants");
+        features[r..].iter().zip(feature_sums).for_each(|(f, sum)| add_product(&weighted, f, sum));
+        add_scaled(&weighted, offset[0], x_sum);
+        add_scaled(&weighted, offset[1], y_sum);
+        add_scaled(&weighted, 1.0, constant_sum);
+        values.iter().zip(rest).for_each(|(v, sum)| add_product(&weighted, v, sum));
+    }
+    let constants = [offset[0], offset[1], 1.0];
+    for (r, factor) in constants.into_iter().enumerate() {
+        weighted.0.iter_mut().zip(&weights.0).for_each(|(out, w)| *out = w * factor);
+        let (constant_sums, rest) = sums[STARTS[FEATURES + r]..].split_at_mut(3 - r);
+        constants[r..].iter().zip(constant_sums).for_each(|(&c, sum)| add_scaled(&weighted, c, sum));
+        values.iter().zip(rest).for_each(|(v, sum)| add_product(&weighted, v, sum));
+    }
+}
+
+#[inline(always)]
+fn add_product(a: &Line, b: &Line, sum: &mut Line) {
+    for x in 0..WIDTH {
+        sum.0[x] += a.0[x] * b.0[x];
+    }
+}
+
+#[inline(always)]
+fn add_scaled(a: &Line, factor: f32, sum: &mut Line) {
+    for x in 0..WIDTH {
+        sum.0[x] += a.0[x] * factor;
+    }
+}
+
+/// Solves the normal equations of a row of pixels. Returns the difference of the fit from the pixel's own
+/// value in three channels, and the derivative.
+fn solve(sums: &Row) -> [[f32; WIDTH]; 4] {
+    let mut solved = [[0.0; WIDTH]; 4];
+    for start in (0..WIDTH).step_by(LANES) {
+        let block = std::array::from_fn(|s| std::array::from_fn(|l| sums[s].0[start + l]));
+        for (out, block_solution) in solved.iter_mut().zip(solve_block(block)) {
+            out[start..][..LANES].copy_from_slice(&block_solution);
+        }
+    }
+    solved
+}
+
+/// Solves the equations of a block of pixels by Cholesky decomposition, row by row in place. Columns r … K−1
+/// of the matrix and the three right-hand sides are the columns of one elimination.
+#[apply(multiversioned!)]
+fn solve_block(sums: [[f32; LANES]; SUMS]) -> [[f32; LANES]; 4] {
+    let mut m = sums;
+    let total = m[STARTS[K - 1]];
+    let mut result = [[0.0; LANES]; 4];
+    for r in 0..K {
+        let mut inverse = [0.0; LANES];
+        for l in 0..LANES {
+            let pivot = m[STARTS[r]][l];
+            // The constant has no ridge; its pivot is at least the pixel's own weight of 1.
+            inverse[l] = 1.0
+                / if r + 1 == K {
+                    pivot.max(1.0)
+                } else {
+                    (pivot + RIDGE * sums[STARTS[r]][l]).max(0.0) + RIDGE_FLOOR * total[l]
+                };
+        }
+        for s in r + 1..K {
+            let mut factor = [0.0; LANES];
+            for l in 0..LANES {
+                factor[l] = inverse[l] * m[STARTS[r] + s - r][l];
+            }
+            for c in s..K + 3 {
+                for l in 0..LANES {
+                    m[STARTS[s] + c - s][l] -= factor[l] * m[STARTS[r] + c - r][l];
+                }
+            }
+        }
+        if r + 1 == K {
+            for c in 0..3 {
+                for l in 0..LANES {
+                    result[c][l] = inverse[l] * m[STARTS[r] + 1 + c][l];
+                }
+            }
+            result[3] = inverse;
+        }
+    }
+    result
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,64 @@
+//! No denoiser: the mean of the samples, with the variance and the error that follow from it.
+
+use super::common::hole_filling::HoleFilling;
+use super::denoiser::{Cost, Denoiser, Reads, SampleVectors};
+use super::denoiser_name::DenoiserName;
+use super::result::FilterResult;
+use super::variance_of_mean;
+use crate::image::Planes;
+use crate::stats::{Block, Part, Store};
+
+/// The mean of the samples.
+pub struct NoDenoiser;
+
+/// See [`NoDenoiser`].
+pub static NONE: NoDenoiser = NoDenoiser;
+
+const NAME: DenoiserName = DenoiserName { method: "none", preset: None };
+
+impl Denoiser for NoDenoiser {
+    fn name(&self) -> DenoiserName {
+        NAME
+    }
+
+    fn summary(&self) -> &'static str {
+        "The mean of the samples"
+    }
+
+    fn reads(&self) -> Reads {
+        Reads { blocks: &[Block::Colour, Block::Radiance], sample_vectors: SampleVectors::None }
+    }
+
+    fn cost(&self) -> Cost {
+        Cost { core_seconds: 2e-6, bytes: 150, pass_time: 1.0, is_per_sample: false }
+    }
+
+    fn reach(&self) -> usize {
+        0
+    }
+
+    fn stand_in(&self) -> &'static dyn Denoiser {
+        &NONE
+    }
+
+    fn filter(&self, store: &Store, _: u64) -> FilterResult {
+        unfiltered(store)
+    }
+}
+
+/// Returns the means of the samples as a filter's result. Pixels without samples are filled from their
+/// nearest neighbours with samples.
+pub fn unfiltered(store: &Store) -> FilterResult {
+    let radiance = store.layout().radiance();
+    let variance = variance_of_mean(store);
+    let mut error = Planes::new(store.width(), store.height(), 1);
+    let mut residual = error.clone();
+    residual.data_mut().fill(1.0);
+    for (i, error) in error.data_mut().iter_mut().enumerate() {
+        *error = (0..3).map(|c| variance.plane(c)[i]).sum::<f32>() / 3.0;
+    }
+    let mut image = store.means(Part::Whole, radiance.clone());
+    HoleFilling::new(store.width(), store.counts(Part::Whole).into_iter()).fill(&mut image);
+    let halves = [0, 1].map(|h| store.means(Part::Half(h), radiance.clone()));
+    FilterResult { made_by: NAME, image, halves, variance, error, residual, interpolation: None }
+}

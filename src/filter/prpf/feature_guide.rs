@@ -1,0 +1,223 @@
+//! Decides which pixels are similar: the statistics of pixels that all passes measure distances with, and the
+//! cluster of a pixel, which is the similar pixels of its window (paper, section 4.1).
+//!
+//! Takes a store, the colours to measure with, and the similarity thresholds. Two pixels are similar if the
+//! means of each feature differ by at most the first pixel's threshold and they hit surfaces about equally
+//! often.
+
+use rayon::prelude::*;
+
+use super::settings::PrpfSettings;
+use crate::filter::common::interleaved_planes::InterleavedPlanes;
+use crate::filter::common::lanes::lanes;
+use crate::filter::common::variance_pooling::pool;
+use crate::image::Planes;
+use crate::simd::{LANES, apply, multiversioned};
+use crate::stats::{Block, Feature, Part, Store};
+
+/// Unfiltered statistics of all pixels. Dimensions are the features, then three colours.
+#[derive(Debug)]
+pub struct FeatureGuide {
+    /// Layout indices of the features.
+    dims: Vec<usize>,
+    /// Sample means.
+    pub means: InterleavedPlanes,
+    /// Sample variances, pooled with the neighbours'.
+    pub variances: InterleavedPlanes,
+    /// Variance within the pixel, as it enters the variance over a neighbourhood (Eq. 3).
+    pub within: InterleavedPlanes,
+    /// Squared similarity thresholds of the features.
+    pub thresholds: InterleavedPlanes,
+    /// Similarity thresholds of the features, in standard deviations.
+    pub z: Vec<f32>,
+    /// Sample counts.
+    pub counts: InterleavedPlanes,
+    /// Fraction of samples that hit a surface, as neighbours compare it: [`Self::NO_PIXEL`] outside the image
+    /// and at pixels without samples.
+    pub hit: InterleavedPlanes,
+    /// The same as the pixel itself compares it: ½ without samples, which is similar to any fraction.
+    pub own_hit: InterleavedPlanes,
+}
+
+impl FeatureGuide {
+    /// Similarity threshold of hit fractions. Surfaces are never similar to the background; pixels with both are
+    /// similar to either.
+    pub const HIT_THRESHOLD: f32 = 0.5;
+
+    /// [`Self::hit`] of no pixel: farther than the threshold from every fraction.
+    pub const NO_PIXEL: f32 = 4.0;
+
+    /// Prepares the statistics of a store. `colours` are the means and sample variances of the colours to measure
+    /// with, 3 planes each.
+    pub fn new(store: &Store, colours: [Planes; 2], settings: &PrpfSettings) -> Self {
+        let (width, height) = (store.width(), store.height());
+        let kinds = store.layout().features();
+        let dims: Vec<usize> = kinds.iter().map(|&(dim, _)| dim).collect();
+        let counts = store.counts(Part::Whole);
+        let margin = settings.margin();
+
+        // Pool the sample variances
+        let features = [store.means(Part::Whole, dims.clone()), store.variances(Part::Whole, dims.clone())];
+        let [mut means, mut within] = [0, 1].map(|i| concatenate(&features[i], &colours[i]));
+        let mut variances = within.clone();
+        variances.planes_mut().enumerate().par_bridge().for_each(|(k, out)| {
+            pool(out, means.plane(k), within.plane(k), &counts, width);
+        });
+
+        // Eq. 3 uses the biased variance of a pixel's samples. With unequal counts it is not defined, and the
+        // pooled variance takes its place.
+        let n = counts.first().map_or(0, |&n| n);
+        if n >= 2 && counts.iter().all(|&m| m == n) {
+            within.data_mut().iter_mut().for_each(|v| *v *= (n - 1) as f32 / n as f32);
+        } else {
+            within = variances.clone();
+        }
+
+        // Compute similarity thresholds and hit fractions
+        let thresholds = thresholds(&kinds, &variances, &counts, settings);
+        let mut hit = hit_fractions(store);
+        let mut own_hit = hit.clone();
+        let mut count_plane = Planes::new(width, height, 1);
+        for (i, &count) in counts.iter().enumerate() {
+            count_plane.data_mut()[i] = count as f32;
+            if count == 0 {
+                hit.data_mut()[i] = Self::NO_PIXEL;
+                own_hit.data_mut()[i] = 0.5;
+                // Any finite mean will do: the pixel's thresholds are infinite.
+                means.planes_mut().for_each(|plane| plane[i] = 0.0);
+            }
+        }
+
+        Self {
+            dims,
+            z: kinds.iter().map(|&(_, kind)| limits(kind, settings).0).collect(),
+            means: InterleavedPlanes::from_planes(&means, margin, 0.0),
+            variances: InterleavedPlanes::from_planes(&variances, margin, 0.0),
+            within: InterleavedPlanes::from_planes(&within, margin, 0.0),
+            thresholds: InterleavedPlanes::from_planes(&thresholds, 0, 0.0),
+            counts: InterleavedPlanes::from_planes(&count_plane, margin, 0.0),
+            hit: InterleavedPlanes::from_planes(&hit, margin, Self::NO_PIXEL),
+            own_hit: InterleavedPlanes::from_planes(&own_hit, 0, 0.0),
+        }
+    }
+
+    pub fn width(&self) -> usize {
+        self.means.width()
+    }
+
+    pub fn height(&self) -> usize {
+        self.means.height()
+    }
+
+    /// Number of features.
+    pub fn features(&self) -> usize {
+        self.dims.len()
+    }
+
+    /// Layout indices of the features.
+    pub fn feature_dims(&self) -> &[usize] {
+        &self.dims
+    }
+
+    /// Collects the cluster of a pixel: the similar pixels of its window that have samples, row by row. It includes
+    /// the pixel itself if that has samples.
+    pub fn cluster(&self, x: usize, y: usize, window: usize, cluster: &mut Vec<(u32, u32)>) {
+        let radius = window / 2;
+        cluster.clear();
+        let (left, right) = (x.saturating_sub(radius), (x + radius).min(self.width() - 1));
+        let mut similar = [0; LANES];
+        for yj in y.saturating_sub(radius)..=(y + radius).min(self.height() - 1) {
+            for start in (left..=right).step_by(LANES) {
+                find_similar(self, (x, y), (start, yj), &mut similar);
+                for (xj, &similar) in (start..=right).zip(&similar) {
+                    if similar != 0 {
+                        cluster.push((xj as u32, yj as u32));
+                    }
+                }
+            }
+        }
+    }
+
+    /// Whether pixel `j` is similar to pixel `i`, by the thresholds of `i`.
+    pub fn is_similar(&self, i: (usize, usize), j: (usize, usize)) -> bool {
+        let is_within = |k: usize| {
+            let d = self.means.at(k, i.0, i.1) - self.means.at(k, j.0, j.1);
+            d * d <= self.thresholds.at(k, i.0, i.1)
+        };
+        let hits = self.own_hit.at(0, i.0, i.1) - self.hit.at(0, j.0, j.1);
+        hits.abs() <= Self::HIT_THRESHOLD && (0..self.features()).all(is_within)
+    }
+}
+
+/// Sets those of [`LANES`] flags to 1 whose pixels, from `start` on, are similar to pixel `i`; the others to 0.
+#[apply(multiversioned!)]
+fn find_similar(guide: &FeatureGuide, i: (usize, usize), start: (usize, usize), similar: &mut [u32; LANES]) {
+    let at = guide.means.margin() + start.0;
+    let hit = guide.own_hit.at(0, i.0, i.1);
+    let hits = lanes(&guide.hit.row_with_margins(0, start.1)[at..]);
+    for l in 0..LANES {
+        similar[l] = u32::from((hit - hits[l]).abs() <= FeatureGuide::HIT_THRESHOLD);
+    }
+    for k in 0..guide.features() {
+        let own = guide.means.at(k, i.0, i.1);
+        let threshold = guide.thresholds.at(k, i.0, i.1);
+        let others = lanes(&guide.means.row_with_margins(k, start.1)[at..]);
+        for l in 0..LANES {
+            let d = own - others[l];
+            similar[l] &= u32::from(d * d <= threshold);
+        }
+    }
+}
+
+/// Similarity threshold of a feature: in standard deviations, and the absolute minimum.
+fn limits(kind: Feature, settings: &PrpfSettings) -> (f32, f32) {
+    match kind {
+        Feature::WorldPosition => (settings.z_world, settings.min_threshold_world),
+        Feature::Normal | Feature::Albedo => (settings.z, settings.min_threshold),
+    }
+}
+
+/// Squared similarity thresholds: a plane for each feature. Pixels without samples have infinite ones.
+fn thresholds(
+    kinds: &[(usize, Feature)],
+    variances: &Planes,
+    counts: &[u32],
+    settings: &PrpfSettings,
+) -> Planes {
+    let mut thresholds = Planes::new(variances.width(), variances.height(), kinds.len());
+    for (k, (out, &(_, kind))) in thresholds.planes_mut().zip(kinds).enumerate() {
+        let (z, minimum) = limits(kind, settings);
+        for ((out, &variance), &count) in out.iter_mut().zip(variances.plane(k)).zip(counts) {
+            let minimum = if variance <= minimum * minimum { minimum * minimum } else { 0.0 };
+            *out = if count == 0 { f32::INFINITY } else { (z * z * variance).max(minimum) };
+        }
+    }
+    thresholds
+}
+
+/// Fraction of samples that hit a surface, 1 plane; 1 where the store does not record it.
+fn hit_fractions(store: &Store) -> Planes {
+    let mut hit = match store.layout().block(Block::Hit) {
+        Some(dims) => store.means(Part::Whole, dims),
+        None => {
+            let mut all = Planes::new(store.width(), store.height(), 1);
+            all.data_mut().fill(1.0);
+            all
+        }
+    };
+    // Another program may have stored other values, which would be similar to `NO_PIXEL`.
+    hit.data_mut().iter_mut().for_each(|fraction| *fraction = fraction.clamp(0.0, 1.0));
+    hit
+}
+
+/// The planes of both.
+fn concatenate(a: &Planes, b: &Planes) -> Planes {
+    let mut both = Planes::new(b.width(), b.height(), a.count() + b.count());
+    let (first, second) = both.data_mut().split_at_mut(a.data().len());
+    first.copy_from_slice(a.data());
+    second.copy_from_slice(b.data());
+    both
+}
+
+#[cfg(test)]
+pub(super) mod tests;

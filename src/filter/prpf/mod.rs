@@ -1,0 +1,196 @@
+//! Pixel-based random parameter filtering (Park, Moon, Kim and Yoon, *P-RPF: pixel-based random parameter
+//! filtering for Monte Carlo rendering*), the published method. It works on the means and variances of pixels
+//! where random parameter filtering (RPF) works on samples.
+//!
+//! Algorithm 1 of the paper, and the functions that perform its steps:
+//!
+//! ```text
+//! compute mean μ and standard deviation σ of each pixel            FeatureGuide::new, Colours::new
+//! for each pass t = 0 … 3, with window b = 55, 35, 17, 7           filter_observed
+//!     for each pixel i
+//!         P_i ← similar pixels of the window (section 4.1)         FeatureGuide::is_similar, cluster
+//!         μ̂_i, σ̂_i ← mean and deviation over P_i (Eqs. 1, 3)       Neighbourhood::new
+//!     for each node i of the sparse grid I_s (section 4.3)         Grid::nodes
+//!         α_i, β_i ← mutual information of samples in P_i          WeightInputs::evaluate
+//!             (section 4.2)                                        Variables::weigh, BitSlices
+//!     for each other pixel i
+//!         α_i, β_i ← joint bilateral mean of the 16 nodes          upsampling::weights
+//!             around it, or directly if that fails
+//!     for each pixel i
+//!         c′_i ← joint bilateral mean over P_i (Eq. 4)             bilateral::filter, inverse_bandwidths
+//! ```
+//!
+//! Where the paper is silent, the code does the following. Distances and mutual information use the original
+//! statistics in all passes; only the averaged values change. Eq. 4 has the bandwidth of RPF (Sen and Darabi
+//! 2012), see [`Bandwidth`]. Only similar pixels are averaged. Fireflies are clamped before the first pass.
+//! Two statistics are estimated from a subset: those of a neighbourhood from 9×9 of its pixels, and mutual
+//! information from at most 2048 samples.
+
+mod bilateral;
+pub(super) mod bit_slices;
+mod dissimilar_samples;
+mod feature_guide;
+mod grid;
+mod interpolation_counts;
+pub(super) mod inverse_bandwidths;
+mod mutual_information;
+mod neighbourhood;
+pub(super) mod sample_vector;
+mod settings;
+#[cfg(test)]
+mod tests;
+mod upsampling;
+pub(super) mod variables;
+mod weight_inputs;
+
+use super::common::colours::Colours;
+use super::denoiser::{Cost, Denoiser, Reads, SampleVectors};
+use super::denoiser_name::DenoiserName;
+use super::nlm;
+use super::result::{FilterResult, Interpolation};
+use super::stages::{Observer, Stage};
+use crate::image::Planes;
+use crate::stats::{Block, Store};
+pub use dissimilar_samples::dissimilar_fraction;
+use feature_guide::FeatureGuide;
+use interpolation_counts::InterpolationCounts;
+pub use mutual_information::mutual_information;
+use neighbourhood::Neighbourhood;
+pub use settings::{Bandwidth, PrpfSettings};
+use variables::weight_names;
+use weight_inputs::WeightInputs;
+
+/// Sample vectors in the reservoir of a pixel, from which mutual information is estimated: enough for the
+/// smallest window.
+pub const RESERVOIR: usize = 8;
+
+/// Size of the window for which passes of other denoisers compute [`interpolation`], in pixels: that of the
+/// third pass.
+pub const FAILURE_WINDOW: usize = 17;
+
+/// P-RPF as published.
+pub struct Prpf;
+
+/// See [`Prpf`].
+pub static PRPF: Prpf = Prpf;
+
+const NAME: DenoiserName = DenoiserName { method: "prpf", preset: None };
+
+impl Denoiser for Prpf {
+    fn name(&self) -> DenoiserName {
+        NAME
+    }
+
+    fn summary(&self) -> &'static str {
+        "Pixel-based random parameter filtering as published; two of its statistics are sampled"
+    }
+
+    fn reads(&self) -> Reads {
+        let blocks = &[
+            Block::Film,
+            Block::Colour,
+            Block::Position1,
+            Block::Normal1,
+            Block::Albedo,
+            Block::Position2,
+            Block::Normal2,
+            Block::Lens,
+            Block::Time,
+            Block::Light1,
+            Block::Bsdf1,
+            Block::Radiance,
+            Block::Hit,
+        ];
+        Reads { blocks, sample_vectors: SampleVectors::Reservoir(RESERVOIR) }
+    }
+
+    fn cost(&self) -> Cost {
+        Cost { core_seconds: 3e-5, bytes: 700, pass_time: 25.0, is_per_sample: false }
+    }
+
+    fn reach(&self) -> usize {
+        PrpfSettings::paper().windows.iter().map(|window| window / 2).sum()
+    }
+
+    fn stand_in(&self) -> &'static dyn Denoiser {
+        &nlm::DRAFT
+    }
+
+    fn filter(&self, store: &Store, seed: u64) -> FilterResult {
+        filter(store, &PrpfSettings::paper(), seed)
+    }
+}
+
+/// Filters a store. `seed` selects the samples of mutual information; the result does not depend on the
+/// number of threads.
+pub fn filter(store: &Store, settings: &PrpfSettings, seed: u64) -> FilterResult {
+    filter_observed(store, settings, seed, &|_| ())
+}
+
+/// Does the same as [`filter`] and calls `observe` at the start of each stage.
+pub fn filter_observed(store: &Store, settings: &PrpfSettings, seed: u64, observe: Observer) -> FilterResult {
+    // Prepare the unfiltered statistics
+    observe(Stage::Other);
+    let colours = Colours::new(store, &settings.fireflies);
+    observe(Stage::Neighbourhoods);
+    let guide = FeatureGuide::new(store, colours.guide(), settings);
+    let mut values = colours.values(settings.margin());
+    let mut interpolation = InterpolationCounts::new(store.width(), store.height());
+
+    // Filter once per window
+    for (pass, &window) in settings.windows.iter().enumerate() {
+        observe(Stage::Neighbourhoods);
+        let neighbourhood = Neighbourhood::new(&guide, window, settings.statistics_side);
+        let normalisation_scale = colours.normalisation_scale();
+        let inputs = WeightInputs {
+            store,
+            guide: &guide,
+            neighbourhood: &neighbourhood,
+            normalisation_scale,
+            settings,
+            pass,
+            window,
+            seed,
+        };
+        observe(Stage::Weights);
+        let weights = upsampling::weights(&inputs);
+        observe(Stage::Filtering);
+        values = bilateral::filter(&values, &guide, &neighbourhood, &weights, window, settings.bandwidth);
+        interpolation.add(&weights, settings);
+    }
+
+    // Restore the brightness and estimate the error
+    observe(Stage::Other);
+    let images = colours.finish(&values, &settings.fireflies, |i, j| guide.is_similar(i, j));
+    let interpolation = settings.upsampling.then(|| interpolation.finish());
+    FilterResult { interpolation, ..colours.assess(NAME, images) }
+}
+
+/// Returns the weights that [`filter`] uses: their names, and for each pass a plane for each of them.
+pub fn feature_weights(store: &Store, settings: &PrpfSettings, seed: u64) -> (Vec<String>, Vec<Planes>) {
+    let colours = Colours::new(store, &settings.fireflies);
+    let guide = FeatureGuide::new(store, colours.guide(), settings);
+    let normalisation_scale = colours.normalisation_scale();
+    let pass_weights = |(pass, &window): (usize, &usize)| {
+        let neighbourhood = &Neighbourhood::new(&guide, window, settings.statistics_side);
+        let guide = &guide;
+        let inputs =
+            WeightInputs { store, guide, neighbourhood, normalisation_scale, settings, pass, window, seed };
+        upsampling::weights(&inputs).to_planes()
+    };
+    let mut names = weight_names(store.layout());
+    names.push("interpolation".to_owned());
+    (names, settings.windows.iter().enumerate().map(pass_weights).collect())
+}
+
+/// Computes where interpolation of weights between grid nodes fails, for one window of `window` pixels. It
+/// does not need mutual information, and therefore no reservoirs.
+pub fn interpolation(store: &Store, settings: &PrpfSettings, window: usize) -> Interpolation {
+    let settings = &PrpfSettings { windows: vec![window], ..settings.clone() };
+    let colours = Colours::new(store, &settings.fireflies);
+    let guide = FeatureGuide::new(store, colours.guide(), settings);
+    let mut interpolation = InterpolationCounts::new(store.width(), store.height());
+    let neighbourhood = Neighbourhood::new(&guide, window, settings.statistics_side);
+    interpolation.add(&upsampling::interpolation_sums(&guide, &neighbourhood, window, settings), settings);
+    interpolation.finish()
+}

@@ -1,0 +1,177 @@
+//! Weights at all pixels from few evaluations (paper, section 4.3): computed at the nodes of a sparse grid,
+//! interpolated between them by a joint bilateral filter, and computed directly where interpolation fails.
+
+use rayon::prelude::*;
+
+use super::feature_guide::FeatureGuide;
+use super::grid::{Grid, NODES};
+use super::neighbourhood::Neighbourhood;
+use super::settings::PrpfSettings;
+use super::weight_inputs::{Scratch, WeightInputs};
+use crate::filter::common::interleaved_planes::InterleavedPlanes;
+use crate::simd::{apply, multiversioned};
+
+/// Minimum variance of a feature's mean in the interpolation weight, relative to the neighbourhood's variance.
+const MIN_FEATURE_VARIANCE: f32 = 1e-4;
+
+/// Minimum variance of a colour in the interpolation weight, relative to the squared colour.
+const MIN_COLOUR_VARIANCE: f32 = 1e-8;
+
+/// Minimum variance of any dimension.
+const MIN_VARIANCE: f32 = 1e-12;
+
+/// Computes the weights of one pass at all pixels: the planes that [`WeightInputs::evaluate`] writes, then
+/// the sum of interpolation weights, which is infinite where nothing was interpolated.
+pub fn weights(inputs: &WeightInputs) -> InterleavedPlanes {
+    let settings = inputs.settings;
+    let (width, height) = (inputs.guide.width(), inputs.guide.height());
+    let mut weights = InterleavedPlanes::new(width, height, inputs.len() + 1, 0, f32::INFINITY);
+    if !settings.upsampling {
+        let pixels: Vec<_> = (0..width * height).map(|i| (i % width, i / width)).collect();
+        write_at(&mut weights, &pixels, &evaluate(inputs, &pixels));
+        return weights;
+    }
+
+    // Compute the nodes and interpolate between them
+    let grid = Grid::new(width, height, settings.grid_spacing);
+    let nodes = grid.nodes();
+    let values = evaluate(inputs, &nodes);
+    interpolate(inputs.guide, inputs.neighbourhood, inputs.window, &grid, &values, &mut weights);
+    write_at(&mut weights, &nodes, &values);
+    nodes.iter().for_each(|&(x, y)| weights.set(inputs.len(), x, y, f32::INFINITY));
+
+    // Compute pixels directly where interpolation failed
+    let failed: Vec<_> = (0..width * height)
+        .map(|i| (i % width, i / width))
+        .filter(|&(x, y)| weights.at(inputs.len(), x, y) <= settings.interpolation_threshold)
+        .collect();
+    write_at(&mut weights, &failed, &evaluate(inputs, &failed));
+    weights
+}
+
+/// Computes the sums of interpolation weights alone: the last plane of [`weights`].
+pub fn interpolation_sums(
+    guide: &FeatureGuide,
+    neighbourhood: &Neighbourhood,
+    window: usize,
+    settings: &PrpfSettings,
+) -> InterleavedPlanes {
+    let mut sums = InterleavedPlanes::new(guide.width(), guide.height(), 1, 0, f32::INFINITY);
+    let grid = Grid::new(guide.width(), guide.height(), settings.grid_spacing);
+    interpolate(guide, neighbourhood, window, &grid, &[], &mut sums);
+    for (x, y) in grid.nodes() {
+        sums.set(0, x, y, f32::INFINITY);
+    }
+    sums
+}
+
+/// Computes the weights of some pixels directly, one pixel after the other.
+fn evaluate(inputs: &WeightInputs, pixels: &[(usize, usize)]) -> Vec<f32> {
+    let mut values = vec![0.0; pixels.len() * inputs.len()];
+    values
+        .par_chunks_mut(inputs.len())
+        .zip(pixels)
+        .for_each_init(|| Scratch::new(inputs), |scratch, (out, &i)| inputs.evaluate(i, scratch, out));
+    values
+}
+
+/// Writes directly computed weights; the last plane stays as it is.
+fn write_at(weights: &mut InterleavedPlanes, pixels: &[(usize, usize)], values: &[f32]) {
+    let count = weights.count() - 1;
+    for (&(x, y), values) in pixels.iter().zip(values.chunks(count)) {
+        values.iter().enumerate().for_each(|(k, &value)| weights.set(k, x, y, value));
+    }
+}
+
+/// Writes the interpolated `values` (all values of a node side by side) and the sums of interpolation weights.
+fn interpolate(
+    guide: &FeatureGuide,
+    neighbourhood: &Neighbourhood,
+    window: usize,
+    grid: &Grid,
+    values: &[f32],
+    out: &mut InterleavedPlanes,
+) {
+    let (row_len, stride) = (out.row_len().max(1), out.stride());
+    let film_factor = 12.0 / (window * window) as f32;
+    out.data_mut().par_chunks_mut(row_len).enumerate().for_each(|(y, out)| {
+        interpolate_row(guide, neighbourhood, grid, film_factor, values, y, stride, out);
+    });
+}
+
+/// Interpolates one row. `film_factor` is one over the variance of positions in the window.
+#[apply(multiversioned!)]
+#[expect(clippy::too_many_arguments, reason = "a function chosen at run time cannot be a closure")]
+fn interpolate_row(
+    guide: &FeatureGuide,
+    neighbourhood: &Neighbourhood,
+    grid: &Grid,
+    film_factor: f32,
+    values: &[f32],
+    y: usize,
+    stride: usize,
+    out: &mut [f32],
+) {
+    let planes = out.len() / stride - 1;
+    let dims = guide.features() + 3;
+    let mut block = None;
+    let (mut xs, mut ys, mut hits) = ([0.0; NODES], [0.0; NODES], [FeatureGuide::NO_PIXEL; NODES]);
+    let mut means = vec![[0.0; NODES]; dims];
+    let mut node_values = vec![[0.0; NODES]; planes];
+    for x in 0..guide.width() {
+        // Load the surrounding nodes of a new block
+        let here = grid.block((x, y));
+        if block != Some(here) {
+            block = Some(here);
+            hits = [FeatureGuide::NO_PIXEL; NODES];
+            for (n, node) in grid.surrounding(here).into_iter().enumerate() {
+                let Some(node) = node else { continue };
+                let (xn, yn) = grid.node(node);
+                (xs[n], ys[n], hits[n]) = (xn as f32, yn as f32, guide.hit.at(0, xn, yn));
+                means.iter_mut().enumerate().for_each(|(k, means)| means[n] = guide.means.at(k, xn, yn));
+                let values = &values[node * planes..][..planes];
+                node_values.iter_mut().zip(values).for_each(|(out, &value)| out[n] = value);
+            }
+        }
+
+        // Sum squared distances in units of variances
+        let mut exponents = [0.0; NODES];
+        for n in 0..NODES {
+            let (dx, dy) = (xs[n] - x as f32, ys[n] - y as f32);
+            exponents[n] = film_factor * (dx * dx + dy * dy);
+        }
+        for (k, means) in means.iter().enumerate() {
+            let own = guide.means.at(k, x, y);
+            let around = neighbourhood.variance(k, x, y);
+            let variance = match guide.z.get(k) {
+                Some(z) => z * z * guide.variances.at(k, x, y) + MIN_FEATURE_VARIANCE * around,
+                None => around + MIN_COLOUR_VARIANCE * own * own,
+            };
+            let factor = 1.0 / (variance + MIN_VARIANCE);
+            for n in 0..NODES {
+                let d = means[n] - own;
+                exponents[n] += factor * d * d;
+            }
+        }
+
+        // Compute the interpolation weights
+        let mut weights = [0.0; NODES];
+        let hit = guide.own_hit.at(0, x, y);
+        for n in 0..NODES {
+            if (hits[n] - hit).abs() <= FeatureGuide::HIT_THRESHOLD {
+                weights[n] = (-0.5 * exponents[n]).exp();
+            }
+        }
+
+        // Average the nodes
+        let sum: f32 = weights.iter().sum();
+        for (k, values) in node_values.iter().enumerate() {
+            let weighted: f32 = weights.iter().zip(values).map(|(w, v)| w * v).sum();
+            out[k * stride + x] = if sum > 0.0 { weighted / sum } else { 0.0 };
+        }
+        out[planes * stride + x] = sum;
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,184 @@
+//! Weights of colours and features at one pixel (paper, section 4.2): selects samples of the pixel's cluster,
+//! standardises them by the neighbourhood's statistics, and computes α, β and W_c^r from their mutual information.
+
+use rand::Rng;
+use rand_pcg::Pcg32;
+
+use super::bit_slices::{BLOCK_SAMPLES, BitSlices, NO_SAMPLE, SampleBlock, Standardisation};
+use super::feature_guide::FeatureGuide;
+use super::inverse_bandwidths::ROUNDING;
+use super::neighbourhood::Neighbourhood;
+use super::sample_vector::{MAX_VARIABLES, copy};
+use super::settings::PrpfSettings;
+use super::variables::{Damping, Variables};
+use crate::stats::{Part, Store};
+
+/// Mean and inverse standard deviation of numbers that are uniform in [0, 1).
+const UNIFORM: (f32, f32) = (0.5, 3.464_101_6);
+
+/// Variance of positions that are uniform within a pixel.
+const PIXEL_VARIANCE: f32 = 1.0 / 12.0;
+
+/// Inputs of the weights of one pass.
+pub struct WeightInputs<'a> {
+    pub store: &'a Store,
+    pub guide: &'a FeatureGuide,
+    pub neighbourhood: &'a Neighbourhood,
+    /// Factor by which colours were multiplied in guide and neighbourhood.
+    pub normalisation_scale: f32,
+    pub settings: &'a PrpfSettings,
+    pub pass: usize,
+    pub window: usize,
+    pub seed: u64,
+}
+
+/// Memory that evaluations of one pass reuse.
+pub struct Scratch<'a> {
+    variables: Variables,
+    cluster: Vec<(u32, u32)>,
+    samples: Vec<&'a [f32]>,
+    slices: BitSlices,
+    block: Box<SampleBlock>,
+}
+
+impl<'a> Scratch<'a> {
+    pub fn new(inputs: &WeightInputs<'a>) -> Self {
+        Self {
+            variables: Variables::new(inputs.store.layout(), inputs.guide.feature_dims()),
+            cluster: Vec::new(),
+            samples: Vec::new(),
+            slices: BitSlices::default(),
+            block: Box::new([[NO_SAMPLE; MAX_VARIABLES]; BLOCK_SAMPLES]),
+        }
+    }
+}
+
+impl<'a> WeightInputs<'a> {
+    /// Number of values that [`Self::evaluate`] writes: β of each feature, α of three colours, and W_c^r.
+    pub fn len(&self) -> usize {
+        self.guide.features() + 4
+    }
+
+    /// Writes the weights of a pixel.
+    pub fn evaluate(&self, (x, y): (usize, usize), scratch: &mut Scratch<'a>, weights: &mut [f32]) {
+        self.guide.cluster(x, y, self.window, &mut scratch.cluster);
+        let standardisation = self.standardisation((x, y), scratch);
+        let samples = self.slice_samples((x, y), &standardisation, scratch);
+        let growth = 1.0 + self.settings.randomness_growth * self.pass as f32;
+        let damping = Damping { colours: self.settings.colour_damping * growth, features: growth };
+        scratch.variables.weigh(&scratch.slices, samples, damping, weights);
+    }
+
+    /// Computes mean and inverse standard deviation of each dimension of the sample vector over the cluster.
+    fn standardisation(&self, (x, y): (usize, usize), scratch: &Scratch) -> Standardisation {
+        let Scratch { variables, cluster, .. } = scratch;
+        let mut standardisation = Standardisation { mean: [0.0; MAX_VARIABLES], scale: [0.0; MAX_VARIABLES] };
+
+        // Random parameters are uniform
+        for &dim in &variables.dims[variables.randoms.clone()] {
+            (standardisation.mean[dim], standardisation.scale[dim]) = UNIFORM;
+        }
+
+        // Positions: sum over the cluster, relative to the pixel
+        let n = cluster.len().max(1) as f32;
+        let offset = |(xj, yj): (u32, u32)| [xj as f32 - x as f32, yj as f32 - y as f32];
+        let mut sums = [0.0; 2];
+        let mut squares = [0.0; 2];
+        for d in cluster.iter().map(|&j| offset(j)) {
+            for axis in 0..2 {
+                sums[axis] += d[axis];
+                squares[axis] += d[axis] * d[axis];
+            }
+        }
+        for (axis, &dim) in variables.dims[variables.positions.clone()].iter().enumerate() {
+            let own = self.store.rows()[y].moments(x, dim, Part::Whole).mean as f32;
+            let shift = sums[axis] / n;
+            standardisation.mean[dim] = own + shift;
+            standardisation.scale[dim] = 1.0 / (squares[axis] / n - shift * shift + PIXEL_VARIANCE).sqrt();
+        }
+
+        // Features and colours: take the neighbourhood's statistics
+        let features = variables.dims[variables.features.clone()].iter().map(|&dim| (dim, 1.0));
+        let colours =
+            variables.dims[variables.colours.clone()].iter().map(|&dim| (dim, self.normalisation_scale));
+        for (k, (dim, scale)) in features.chain(colours).enumerate() {
+            let mean = self.neighbourhood.mean(k, x, y);
+            let deviation = self.neighbourhood.variance(k, x, y).sqrt();
+            standardisation.mean[dim] = mean / scale;
+            if deviation > ROUNDING * mean.abs().max(1.0) {
+                standardisation.scale[dim] = scale / deviation;
+            }
+        }
+        standardisation
+    }
+
+    /// Selects and bit-slices samples of the cluster. Returns their number.
+    fn slice_samples(
+        &self,
+        i: (usize, usize),
+        standardisation: &Standardisation,
+        scratch: &mut Scratch<'a>,
+    ) -> usize {
+        self.select_samples(i, scratch);
+        // Reading follows selection in a loop of its own, so that many loads from memory overlap.
+        let Scratch { variables, samples, slices, block, .. } = scratch;
+        slices.clear();
+        for samples in samples.chunks(BLOCK_SAMPLES) {
+            samples.iter().zip(&mut **block).for_each(|(sample, to)| copy(sample, to));
+            block[samples.len()..].fill([NO_SAMPLE; MAX_VARIABLES]);
+            slices.push(block, samples.len(), standardisation, &variables.dims);
+        }
+        samples.len()
+    }
+
+    /// Selects the samples in the pixel's reservoir and, up to `mi_samples` in all, samples in the reservoirs
+    /// of the rest of the cluster, every pixel of it with equal probability.
+    fn select_samples(&self, i: (usize, usize), scratch: &mut Scratch<'a>) {
+        let Scratch { cluster, samples, .. } = scratch;
+        samples.clear();
+        let store = self.store;
+        let dims = store.layout().len();
+        let reservoir = |(x, y): (usize, usize)| store.rows()[y].reservoir(x).chunks_exact(dims);
+        let at = |p: usize| (cluster[p].0 as usize, cluster[p].1 as usize);
+
+        // Select all samples if there are at most as many as wanted
+        let wanted = if store.capacity() > 0 { self.settings.mi_samples } else { 0 };
+        samples.extend(reservoir(i).take(wanted));
+        let others = wanted - samples.len();
+        let available = || (0..cluster.len()).map(|p| reservoir(at(p)).len()).sum::<usize>();
+        if cluster.len() <= wanted && available() <= wanted {
+            samples.extend((0..cluster.len()).map(at).filter(|&j| j != i).flat_map(reservoir));
+            return;
+        }
+
+        // Otherwise select a pixel from each of `others` equal parts of the cluster
+        let pixel = (i.1 * store.width() + i.0) as u64;
+        let mut rng = Pcg32::new(self.seed ^ pixel, self.pass as u64);
+        let part = cluster.len() as f64 / others as f64;
+        let (mut previous, mut repeats) = (usize::MAX, 0);
+        for s in 0..others {
+            let jitter = f64::from(rng.next_u32()) / (f64::from(u32::MAX) + 1.0);
+            let p = ((s as f64 + jitter) * part) as usize;
+            let p = if at(p) == i { (p + 1) % cluster.len() } else { p };
+            // A pixel that is selected again contributes its next sample.
+            repeats = if p == previous { repeats + 1 } else { 0 };
+            previous = p;
+            let (x, y) = at(p);
+            let row = &store.rows()[y];
+            let slot = (self.first_slot((x, y)) + repeats) % row.reservoir_len(x) as u32;
+            samples.push(&row.reservoir(x)[slot as usize * dims..][..dims]);
+        }
+    }
+
+    /// Returns a pseudo-random number that selects a pixel's first sample. It is the same in all evaluations
+    /// of a pass, so that neighbouring evaluations read the same memory.
+    fn first_slot(&self, (x, y): (usize, usize)) -> u32 {
+        /// 2³² over the golden ratio: scatters neighbouring numbers (Knuth, vol. 3, section 6.4).
+        const SCATTER: u32 = 0x9E37_79B9;
+        let pixel = (y * self.store.width() + x) as u32;
+        ((pixel ^ self.seed as u32).wrapping_mul(SCATTER) >> 16) + self.pass as u32
+    }
+}
+
+#[cfg(test)]
+mod tests;

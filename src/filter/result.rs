@@ -1,0 +1,36 @@
+//! The result of a filter pass, as maps, page, state and files use it.
+
+use super::denoiser_name::DenoiserName;
+use crate::image::Planes;
+
+/// An image and its maps. All planes have the store's size.
+#[derive(Clone, Debug)]
+pub struct FilterResult {
+    /// The denoiser that made it.
+    pub made_by: DenoiserName,
+    /// The image: 3 planes, linear RGB, directly visible emission included.
+    pub image: Planes,
+    /// The image as each half of the samples alone gives it (with weights that may come from the other half); `image`
+    /// is their mean, weighted by sample counts.
+    pub halves: [Planes; 2],
+    /// Estimated variance of the pixel: of a filtered image ¼(F_A − F_B)² from its halves, of an unfiltered one s²/n.
+    /// 3 planes, squared radiance.
+    pub variance: Planes,
+    /// Estimated squared error of the filtered pixel, mean of channels. 1 plane, squared radiance.
+    pub error: Planes,
+    /// Squared difference of the filtered from the unfiltered image over its expected value: about 1 where the filter
+    /// is unbiased, above where it is biased. 1 plane.
+    pub residual: Planes,
+    /// How interpolation of feature weights went; `None` from a denoiser that does not interpolate.
+    pub interpolation: Option<Interpolation>,
+}
+
+/// Where interpolation of feature weights between the nodes of the sparse grid failed (P-RPF, section 4.3).
+#[derive(Clone, Debug, PartialEq)]
+pub struct Interpolation {
+    /// 1 at pixels whose weights had to be computed directly, 0 at interpolated pixels and at nodes; averaged over
+    /// passes. 1 plane.
+    pub failure: Planes,
+    /// Fraction of the pixels between nodes whose weights were interpolated, in [0, 1].
+    pub success: f32,
+}

@@ -1,0 +1,53 @@
+//! What a preview is configured with: the scene, how to render it, and its surroundings.
+
+use std::path::PathBuf;
+use std::time::Instant;
+
+use crate::filter::FilterResult;
+use crate::image::Planes;
+use crate::progressive::{Checkpoint, Host, Settings};
+use crate::render::Renderer;
+use crate::scene::Scene;
+use crate::stats::Store;
+
+/// An image that a viewer wants written.
+#[derive(Clone, Copy)]
+pub struct SavedImage<'a> {
+    pub store: &'a Store,
+    pub result: &'a FilterResult,
+    pub settings: &'a Settings,
+}
+
+/// The surroundings of a preview.
+pub trait PreviewHost: Host {
+    /// Writes an image; returns its paths.
+    ///
+    /// # Errors
+    /// One line: why it could not be written.
+    fn write_image(&mut self, image: &SavedImage) -> Result<Vec<PathBuf>, String>;
+
+    /// Returns in one line what has gone wrong with checkpoints since the last call.
+    fn checkpoint_problem(&mut self) -> Option<String>;
+
+    /// Waits until the latest checkpoint is written.
+    ///
+    /// # Errors
+    /// One line: why it could not be written.
+    fn wait_for_checkpoint(&mut self) -> Result<(), String>;
+}
+
+/// See the module.
+pub struct Configuration<'a> {
+    pub scene: &'a Scene,
+    /// With the scene's own camera.
+    pub renderer: &'a Renderer<'a>,
+    pub settings: Settings,
+    pub reference: Option<&'a Planes>,
+    /// The checkpoint from which the first view goes on.
+    pub checkpoint: Option<Checkpoint>,
+    /// When the program started.
+    pub start: Instant,
+    /// Whether the preview stays when a budget is spent, until it is interrupted.
+    pub stays: bool,
+    pub host: &'a mut dyn PreviewHost,
+}

@@ -1,0 +1,366 @@
+//! Drives a render loop for its viewers: publishes frames, and handles commands between two steps, so within a tenth of
+//! a second or so.
+//!
+//! Changed settings apply where the loop is. A command that discards the samples (another view, a restart) starts a new
+//! loop with an empty store: a new *generation*. A filter pass runs on threads of its own and is given up when a new
+//! generation begins, so that no movement of the camera waits for it.
+
+mod commands;
+mod image_requests;
+mod viewer_passes;
+
+use std::collections::VecDeque;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use crossbeam::channel::RecvTimeoutError;
+
+use super::background_pass::{BackgroundPass, PassThreads};
+use super::command::Rectangle;
+use super::configuration::{Configuration, PreviewHost};
+use super::hub::Hub;
+use super::orbit_camera::OrbitCamera;
+use super::pending::Pending;
+use super::publisher::COVERED_SPP;
+use super::reporter::{Reporter, Subject};
+use super::status::{CameraStatus, Phase};
+use crate::filter::FilterResult;
+use crate::progressive::{
+    Action, Checkpoint, Conditions, Filtered, Host, Outcome, Region, RenderLoop, Settings, StoppedBy,
+};
+use crate::render::Renderer;
+use crate::stats::Store;
+use image_requests::ImageRequest;
+
+/// Longest step of a batch, in seconds: commands are handled between two.
+const STEP_SECONDS: f64 = 0.15;
+/// The same in the first seconds of an image, when a user may still be moving the camera.
+const EARLY_STEP_SECONDS: f64 = 0.05;
+/// Length of that time, in seconds.
+const EARLY: f64 = 0.5;
+/// Time between two checks whether an idle render is interrupted.
+const IDLE_POLL: Duration = Duration::from_millis(200);
+
+/// See the module.
+pub struct Controller<'a> {
+    configuration: Configuration<'a>,
+    hub: Arc<Hub>,
+    pass_threads: PassThreads,
+    reporter: Reporter,
+    camera: Option<OrbitCamera>,
+    pending: Pending,
+    is_paused: bool,
+    region: Option<Rectangle>,
+    /// Whether checkpoints are kept: those of the scene's own view until a new generation begins.
+    keeps_checkpoints: bool,
+    viewer_pass_seconds: f64,
+    /// Images to be saved before anything else.
+    requests: VecDeque<ImageRequest>,
+    /// Images that are being made in the background, to be saved.
+    background: Vec<(ImageRequest, BackgroundPass)>,
+}
+
+/// The host of one generation.
+struct GenerationHost<'h> {
+    host: &'h mut dyn PreviewHost,
+    keeps_checkpoints: bool,
+}
+
+impl Host for GenerationHost<'_> {
+    fn encode_and_discard(&self, settings: &Settings, result: &FilterResult, rows: &Store) {
+        self.host.encode_and_discard(settings, result, rows);
+    }
+
+    fn checkpoint_interval(&self) -> Option<f64> {
+        self.host.checkpoint_interval().filter(|_| self.keeps_checkpoints)
+    }
+
+    fn save(&mut self, settings: &Settings, checkpoint: Checkpoint) {
+        self.host.save(settings, checkpoint);
+    }
+}
+
+/// How a generation ends.
+enum GenerationEnd {
+    /// With an image.
+    Finished(Box<Outcome>),
+    /// The preview is closed.
+    Closed,
+    /// Another one begins.
+    Replaced,
+}
+
+impl<'a> Controller<'a> {
+    /// Controls a render for all viewers of `hub`.
+    pub fn new(hub: Arc<Hub>, configuration: Configuration<'a>) -> Self {
+        Self {
+            reporter: Reporter::new(hub.clone()),
+            hub,
+            pass_threads: PassThreads::default(),
+            configuration,
+            camera: None,
+            pending: Pending::default(),
+            is_paused: false,
+            region: None,
+            keeps_checkpoints: true,
+            viewer_pass_seconds: 0.0,
+            requests: VecDeque::new(),
+            background: Vec::new(),
+        }
+    }
+
+    /// Renders until a budget is spent or, if the preview stays, until it is interrupted: then there is no outcome. Must
+    /// not be called on a thread that others need.
+    pub fn run(mut self) -> Option<Outcome> {
+        let mut start = self.configuration.start;
+        let outcome = loop {
+            match self.run_generation(start) {
+                GenerationEnd::Finished(outcome) => break Some(*outcome),
+                GenerationEnd::Closed => break None,
+                GenerationEnd::Replaced => start = Instant::now(),
+            }
+        };
+        for (request, pass) in std::mem::take(&mut self.background) {
+            self.write_image(&request, pass.wait().ok().map(|filtered| filtered.result).as_ref());
+        }
+        outcome
+    }
+
+    /// Renders one view with one set of samples.
+    fn run_generation(&mut self, start: Instant) -> GenerationEnd {
+        // Set up the camera and the loop
+        let scene = self.configuration.scene;
+        let camera = self.camera.as_ref().map_or(&scene.camera, OrbitCamera::camera);
+        let renderer = self.configuration.renderer.with_camera(camera);
+        if self.camera.is_none() {
+            let (width, height) = renderer.resolution();
+            let pivot = renderer.seen_at(width / 2, height / 2).map(|p| p.as_dvec3());
+            self.camera = Some(OrbitCamera::new(&scene.camera, pivot, f64::from(renderer.diameter()) / 2.0));
+        }
+        let mut render_loop = RenderLoop::new(&renderer, &self.configuration.settings, start)
+            .with_reference(self.configuration.reference);
+        if let Some(checkpoint) = self.configuration.checkpoint.take() {
+            render_loop = render_loop.resume(checkpoint);
+        }
+        self.begin_generation(&renderer);
+        render_loop.set_region(self.pixel_region(renderer.resolution()));
+
+        loop {
+            // Render, or wait at a pause
+            if self.is_resting(render_loop.store()) {
+                self.reporter.enter(Phase::Paused);
+                self.report(render_loop.store(), true);
+                self.wait_idle(&mut render_loop, true);
+                self.reporter.hasten();
+            } else if let Some((filtered, stopped_by)) = self.advance(&mut render_loop) {
+                self.finish(stopped_by, render_loop.store());
+                if self.is_interrupted() || !self.configuration.stays {
+                    // Handle the commands that came during the last pass.
+                    self.receive(render_loop.store());
+                    self.save_requested_images();
+                    if !self.pending.any() {
+                        let outcome = render_loop.into_outcome(filtered.result, stopped_by);
+                        return GenerationEnd::Finished(Box::new(outcome));
+                    }
+                }
+                self.wait_idle(&mut render_loop, false);
+            }
+
+            // Carry out the commands that had to wait
+            self.save_requested_images();
+            if self.pending.quit {
+                self.save_checkpoint(&mut render_loop);
+                return GenerationEnd::Closed;
+            }
+            if self.is_interrupted() {
+                // The image as it is now is wanted, whatever was commanded before.
+                self.pending.clear_for_generation();
+                continue;
+            }
+            if self.starts_generation(&renderer, &render_loop) {
+                self.stop_keeping_checkpoints(&mut render_loop);
+                return GenerationEnd::Replaced;
+            }
+            render_loop.change(&self.configuration.settings);
+            render_loop.set_region(self.pixel_region(renderer.resolution()));
+            (self.pending.settings, self.pending.region) = (false, false);
+            self.reporter.enter(Phase::Rendering);
+        }
+    }
+
+    /// Performs one action of the loop after the other. Returns the last image, or `None` as soon as commands are pending
+    /// or the render pauses.
+    fn advance(&mut self, render_loop: &mut RenderLoop) -> Option<(Filtered, StoppedBy)> {
+        loop {
+            let conditions = self.conditions();
+            match render_loop.next_action(&conditions) {
+                Action::Filter(denoiser) => {
+                    let filtered = self.filter(render_loop.interim_pass(denoiser))?;
+                    render_loop.complete_interim(filtered);
+                }
+                Action::Finish(stopped_by) => {
+                    self.save_checkpoint(render_loop);
+                    let filtered = self.filter(render_loop.final_pass(&conditions))?;
+                    render_loop.complete_final(&filtered);
+                    return Some((filtered, stopped_by));
+                }
+                action => {
+                    render_loop.perform(action, &mut self.generation_host());
+                    if matches!(action, Action::Render { .. }) && self.leaves_after_step(render_loop) {
+                        return None;
+                    }
+                }
+            }
+        }
+    }
+
+    fn generation_host(&mut self) -> GenerationHost<'_> {
+        let keeps_checkpoints = self.keeps_checkpoints;
+        GenerationHost { host: &mut *self.configuration.host, keeps_checkpoints }
+    }
+
+    fn conditions(&mut self) -> Conditions {
+        let is_early = self.reporter.progress().is_none_or(|progress| progress.elapsed < EARLY);
+        Conditions {
+            is_interrupted: self.is_interrupted(),
+            longest_step: Some(if is_early { EARLY_STEP_SECONDS } else { STEP_SECONDS }),
+            checkpoint_interval: self.generation_host().checkpoint_interval(),
+        }
+    }
+
+    /// Reports a step, handles commands and filters for the viewers; returns whether the loop has to be left.
+    fn leaves_after_step(&mut self, render_loop: &RenderLoop) -> bool {
+        let (progress, store) = (render_loop.progress(), render_loop.store());
+        self.configuration.host.listen(&progress);
+        self.reporter.stepped(progress, store);
+        self.report(store, false);
+        self.receive(store);
+        let has_to_leave = |controller: &Self| controller.pending.any() || !controller.requests.is_empty();
+        if !has_to_leave(self) && self.should_filter(store) {
+            self.filter_for_viewers(store);
+        }
+        has_to_leave(self) || self.is_resting(store)
+    }
+
+    fn is_interrupted(&self) -> bool {
+        self.configuration.host.is_interrupted()
+    }
+
+    /// Returns whether the render is paused. After a movement an image is still rendered once, or there would be none.
+    fn is_resting(&self, store: &Store) -> bool {
+        self.is_paused && !self.is_interrupted() && is_covered(store)
+    }
+
+    /// Waits at a pause until it is over, or after the end, for a command that changes the samples. No budget counts that
+    /// time.
+    fn wait_idle(&mut self, render_loop: &mut RenderLoop, is_pause: bool) {
+        let (since, store) = (Instant::now(), render_loop.store().clone());
+        if is_pause {
+            // A pause may last for ever.
+            self.save_checkpoint(render_loop);
+        }
+        let is_idle = |controller: &Self| (controller.is_paused || !is_pause) && !controller.pending.any();
+        while is_idle(self) && !self.is_interrupted() {
+            self.save_requested_images();
+            if self.should_filter(&store) {
+                self.filter_for_viewers(&store);
+            }
+            let has_work = |controller: &Self| {
+                !is_idle(controller) || !controller.requests.is_empty() || controller.should_filter(&store)
+            };
+            self.wait(&store, has_work);
+        }
+        self.receive(&store);
+        render_loop.hold(since.elapsed());
+    }
+
+    /// Waits until `has_work` or interrupted; frames are published to viewers that are ready.
+    fn wait(&mut self, store: &Arc<Store>, has_work: impl Fn(&Self) -> bool) {
+        while !has_work(self) && !self.is_interrupted() {
+            self.reporter.publish(store);
+            self.report(store, false);
+            match self.hub.commands().recv_timeout(IDLE_POLL) {
+                Ok(command) => self.handle(command, store),
+                Err(RecvTimeoutError::Timeout | RecvTimeoutError::Disconnected) => self.check_background(),
+            }
+        }
+    }
+
+    fn save_checkpoint(&mut self, render_loop: &mut RenderLoop) {
+        render_loop.save(&mut self.generation_host());
+    }
+
+    /// Saves the last checkpoint of the scene's own view: a new generation must not replace it.
+    fn stop_keeping_checkpoints(&mut self, render_loop: &mut RenderLoop) {
+        if self.generation_host().checkpoint_interval().is_some() {
+            self.save_checkpoint(render_loop);
+            let saved = self.configuration.host.wait_for_checkpoint();
+            let is_problem = saved.is_err();
+            let what = saved.err().unwrap_or("the state file keeps the view so far".to_owned());
+            self.reporter.notice(format!("{what}; the new render is not saved to it"), is_problem);
+        }
+        self.keeps_checkpoints = false;
+    }
+
+    /// Moves the camera by the pending movements; returns whether a new generation has to begin.
+    fn starts_generation(&mut self, renderer: &Renderer, render_loop: &RenderLoop) -> bool {
+        let mut starts = self.pending.restart || !render_loop.can_change_to(&self.configuration.settings);
+        if let Some(camera) = self.camera.as_mut() {
+            let before = camera.camera().clone();
+            let (width, height) = renderer.resolution();
+            for step in self.pending.moves.drain(..) {
+                let pixel = step.focus_at.map(|[x, y]| [x as usize, y as usize]);
+                let inside = pixel.filter(|[x, y]| *x < width && *y < height);
+                let seen = inside.and_then(|[x, y]| renderer.seen_at(x, y));
+                if step.focus_at.is_some() && seen.is_none() {
+                    self.reporter.notice("nothing there to focus on".to_owned(), true);
+                }
+                camera.apply(&step, seen.map(|p| p.as_dvec3()));
+            }
+            // A movement that ends at the same view discards no sample.
+            starts |= !camera.is_equivalent(&before);
+        }
+        starts
+    }
+
+    fn begin_generation(&mut self, renderer: &Renderer) {
+        self.pending.clear_for_generation();
+        self.reporter.begin(renderer.layout(), &self.configuration.settings);
+        self.viewer_pass_seconds = 0.0;
+    }
+
+    fn finish(&mut self, stopped_by: StoppedBy, store: &Store) {
+        // There is nothing left to pause.
+        self.is_paused = false;
+        self.reporter.finish(stopped_by);
+        self.reporter.publish(store);
+        self.report(store, true);
+    }
+
+    fn pixel_region(&self, (width, height): (usize, usize)) -> Option<Region> {
+        let pixels = |[a, b]: [f32; 2], size: usize| {
+            [(a * size as f32).floor() as usize, ((b * size as f32).ceil() as usize).min(size)]
+        };
+        self.region.map(|[x, y]| Region { x: pixels(x, width), y: pixels(y, height) })
+    }
+
+    /// Publishes the status.
+    fn report(&mut self, store: &Store, at_once: bool) {
+        let camera = self.camera.as_ref().map_or(CameraStatus::default(), |camera| CameraStatus {
+            aperture: camera.camera().lens_radius,
+            focus: camera.camera().focal_distance,
+            distance: camera.distance(),
+        });
+        let (scene, settings) = (&self.configuration.scene.source, &self.configuration.settings);
+        let subject = Subject { scene, settings, camera, region: self.region };
+        self.reporter.report(&subject, store, at_once);
+    }
+}
+
+/// Returns whether every pixel has samples.
+fn is_covered(store: &Store) -> bool {
+    store.samples_taken() as f64 >= COVERED_SPP * store.pixels() as f64
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,94 @@
+//! Handles commands: at once, or by making them pending.
+
+use std::sync::Arc;
+
+use crossbeam::channel::TryRecvError;
+
+use super::Controller;
+use crate::preview::command::Command;
+use crate::preview::pixel_values::describe_pixel;
+use crate::preview::settings_change::SettingsChange;
+use crate::preview::status::Phase;
+use crate::progressive::{Host, fits_in_memory};
+use crate::stats::Store;
+
+impl Controller<'_> {
+    /// Handles all commands that have come.
+    pub(super) fn receive(&mut self, store: &Arc<Store>) {
+        while let Ok(command) = self.hub.commands().try_recv() {
+            self.handle(command, store);
+        }
+        if self.configuration.stays && self.is_interrupted() {
+            self.pending.quit = true;
+        }
+        self.request_pending_saves(store);
+        self.check_background();
+    }
+
+    /// Handles a command, or makes it pending.
+    pub(super) fn handle(&mut self, command: Command, store: &Arc<Store>) {
+        let steers = !matches!(command, Command::Wake | Command::Save | Command::Inspect { .. });
+        if steers && self.is_interrupted() {
+            // The user wants the image as it is, and not the start of another.
+            return;
+        }
+        match command {
+            Command::Wake => {}
+            Command::Pause(is_paused) => {
+                self.is_paused = is_paused && self.reporter.phase() != Phase::Finished;
+                self.reporter.hasten();
+            }
+            Command::ChangeSettings(change) => self.change_settings(&change, store),
+            Command::MoveCamera(step) => self.pending.moves.push(step),
+            Command::SetRegion(region) => {
+                self.pending.region |= region != self.region;
+                self.region = region;
+            }
+            Command::Restart => self.pending.restart = true,
+            Command::Save => {
+                self.pending.saves.push(self.configuration.settings.clone());
+                self.request_pending_saves(store);
+            }
+            Command::Inspect { pixel, reply } => {
+                // A viewer that does not read its answers misses them.
+                let _ = reply.try_send(describe_pixel(pixel, store, self.reporter.shown()));
+            }
+        }
+    }
+
+    fn change_settings(&mut self, change: &SettingsChange, store: &Store) {
+        let mut settings = self.configuration.settings.clone();
+        let is_other_method = change.apply(&mut settings);
+        if settings == self.configuration.settings {
+            return;
+        }
+        if settings.reservoir_capacity() > store.capacity() {
+            let size = (store.width(), store.height());
+            let keeps = self.generation_host().checkpoint_interval().is_some();
+            if let Err(error) = fits_in_memory(store.layout(), &settings, size, keeps) {
+                return self.reporter.notice(error.to_string(), true);
+            }
+        }
+        self.configuration.settings = settings;
+        if is_other_method {
+            self.reporter.forget_image();
+        }
+        self.reporter.change(&self.configuration.settings);
+        self.pending.settings = true;
+    }
+
+    /// Takes the results of background passes, and problems with checkpoints.
+    pub(super) fn check_background(&mut self) {
+        for (request, pass) in std::mem::take(&mut self.background) {
+            match pass.result() {
+                Err(TryRecvError::Empty) => self.background.push((request, pass)),
+                result => self.write_image(&request, result.ok().map(|filtered| filtered.result).as_ref()),
+            }
+        }
+        if self.keeps_checkpoints
+            && let Some(problem) = self.configuration.host.checkpoint_problem()
+        {
+            self.reporter.notice(problem, true);
+        }
+    }
+}

@@ -1,0 +1,88 @@
+//! Images that viewers want saved, each as it was at the moment of the command.
+
+use std::sync::Arc;
+
+use super::{Controller, is_covered};
+use crate::filter::{FilterResult, suited_to};
+use crate::preview::configuration::SavedImage;
+use crate::preview::status::Phase;
+use crate::progressive::Settings;
+use crate::stats::Store;
+
+/// Most images that are made in the background while the render has gone on to others: each holds a store.
+const MOST_IN_BACKGROUND: usize = 2;
+
+/// An image to be saved.
+pub(super) struct ImageRequest {
+    store: Arc<Store>,
+    settings: Settings,
+}
+
+impl Controller<'_> {
+    /// Makes requests of pending saves. A save means the image of now, whatever comes next; after a command that discards
+    /// the samples, the first image of the new generation. Duplicate requests are merged.
+    pub(super) fn request_pending_saves(&mut self, store: &Arc<Store>) {
+        let is_there = is_covered(store) || self.reporter.phase() == Phase::Finished || self.pending.quit;
+        if self.pending.starts_generation() || !is_there {
+            return;
+        }
+        let suffices = |settings: &Settings| settings.reservoir_capacity() <= store.capacity();
+        for settings in std::mem::take(&mut self.pending.saves) {
+            let request = ImageRequest { store: store.clone(), settings };
+            let is_same = |other: &ImageRequest| {
+                Arc::ptr_eq(&other.store, &request.store) && other.settings == request.settings
+            };
+            if !suffices(&request.settings) && !suffices(&self.configuration.settings) {
+                // A generation with the sample vectors that this denoiser needs is about to begin.
+                self.pending.saves.push(request.settings);
+            } else if !suffices(&request.settings) {
+                let text = "not saved: another denoiser was chosen before this one had its sample vectors";
+                self.reporter.notice(text.to_owned(), true);
+            } else if !self.requests.iter().any(is_same) {
+                self.requests.push_back(request);
+            }
+        }
+    }
+
+    /// Saves the requested images, at once or, if the render has to go on to another generation, in the background.
+    pub(super) fn save_requested_images(&mut self) {
+        while let Some(request) = self.requests.pop_front() {
+            let made_by = suited_to(&request.store, request.settings.denoiser).name();
+            let is_done = self.reporter.phase() == Phase::Finished
+                && self.reporter.shown_samples() == request.store.samples();
+            let is_it = |shown: &&FilterResult| is_done && shown.made_by == made_by;
+            if let Some(shown) = self.reporter.shown().filter(is_it).cloned() {
+                self.write_image(&request, Some(&shown));
+            } else if self.background.len() == MOST_IN_BACKGROUND {
+                self.reporter.notice("not saved: earlier images are still being made".to_owned(), true);
+            } else {
+                let pass = self.pass_threads.start(self.viewer_pass(&request.store, &request.settings));
+                let commands = self.hub.commands().clone();
+                let (store, settings) = (request.store.clone(), request.settings.clone());
+                match self.while_filtering(&store, &settings, |handle| pass.wait_handling(&commands, handle))
+                {
+                    Some(filtered) => self.write_image(&request, Some(&filtered.result)),
+                    None => self.background.push((request, pass)),
+                }
+                self.report(&store, true);
+            }
+        }
+    }
+
+    /// Writes a requested image; without a `result` its pass has failed.
+    pub(super) fn write_image(&mut self, request: &ImageRequest, result: Option<&FilterResult>) {
+        let ImageRequest { store, settings } = request;
+        let written = result
+            .ok_or("the filter ended early".to_owned())
+            .and_then(|result| self.configuration.host.write_image(&SavedImage { store, result, settings }));
+        match written {
+            Ok(paths) => {
+                let names: Vec<_> = paths.iter().map(|path| path.display().to_string()).collect();
+                let spp = store.samples() as f64 / store.pixels().max(1) as f64;
+                let text = format!("saved {}: {spp:.1} samples per pixel", names.join(" and "));
+                self.reporter.notice(text, false);
+            }
+            Err(problem) => self.reporter.notice(format!("not saved: {problem}"), true),
+        }
+    }
+}

@@ -1,0 +1,449 @@
+use std::cell::{Cell, RefCell};
+use std::path::Path;
+use std::sync::atomic::AtomicBool;
+
+use super::*;
+use crate::adaptive::Sampling;
+use crate::filter::{Denoiser, UNFILTERED, find, nlm, prpf, rpf};
+use crate::geometry::Accel;
+use crate::preview::camera_move::CameraMove;
+use crate::preview::command::Command;
+use crate::preview::configuration::SavedImage;
+use crate::preview::settings_change::SettingsChange;
+use crate::progressive::{Budget, Progress};
+use crate::scene::pbrt;
+use std::path::PathBuf;
+use std::sync::atomic::Ordering;
+
+const SIDE: u64 = 48;
+const SPP: u32 = 8;
+
+/// Reactions to the events of a render.
+struct Reactions<'a> {
+    stepped: &'a dyn Fn(&Progress, &Hub, &Arc<AtomicBool>),
+    checkpoint: &'a dyn Fn(&Settings, Checkpoint, &Hub),
+    saved: &'a dyn Fn(&SavedImage),
+}
+
+/// A host that reacts, with a disk that may be full.
+struct TestHost<'a> {
+    reactions: Reactions<'a>,
+    disk: &'a dyn Fn() -> Result<(), String>,
+    hub: Arc<Hub>,
+    interrupt: Arc<AtomicBool>,
+}
+
+impl Host for TestHost<'_> {
+    fn listen(&mut self, progress: &Progress) {
+        (self.reactions.stepped)(progress, &self.hub, &self.interrupt);
+    }
+
+    fn is_interrupted(&self) -> bool {
+        self.interrupt.load(Ordering::Relaxed)
+    }
+
+    fn checkpoint_interval(&self) -> Option<f64> {
+        Some(0.0)
+    }
+
+    fn save(&mut self, settings: &Settings, checkpoint: Checkpoint) {
+        (self.reactions.checkpoint)(settings, checkpoint, &self.hub);
+    }
+}
+
+impl PreviewHost for TestHost<'_> {
+    fn write_image(&mut self, image: &SavedImage) -> Result<Vec<PathBuf>, String> {
+        (self.reactions.saved)(image);
+        Ok(Vec::new())
+    }
+
+    fn checkpoint_problem(&mut self) -> Option<String> {
+        (self.disk)().err()
+    }
+
+    fn wait_for_checkpoint(&mut self) -> Result<(), String> {
+        (self.disk)()
+    }
+}
+
+/// Renders a small scene to its budget, with as many checkpoints as possible.
+fn render(reactions: Reactions) -> Outcome {
+    let settings = Settings { sampling: Sampling::Uniform, ..with_spp(SPP) };
+    render_with(&settings, false, reactions).expect("it ends by its budget")
+}
+
+fn with_spp(spp: u32) -> Settings {
+    Settings { budget: Budget { spp: Some(spp), ..Budget::default() }, ..Settings::default() }
+}
+
+/// As [`render`]; a preview that `stays` has no outcome.
+fn render_with(settings: &Settings, stays: bool, reactions: Reactions) -> Option<Outcome> {
+    render_on(&|| Ok(()), settings, stays, reactions).0
+}
+
+/// As [`render_with`], with a disk that may be full; and the last status.
+fn render_on(
+    disk: &dyn Fn() -> Result<(), String>,
+    settings: &Settings,
+    stays: bool,
+    reactions: Reactions,
+) -> (Option<Outcome>, Arc<str>) {
+    let text = include_str!("../../../experiments/stability/cases/noisy.pbrt");
+    let scene = pbrt::read_str(text, Path::new(".")).unwrap();
+    let accel = Accel::build(&scene);
+    let renderer = Renderer::new(&scene, &accel, settings.seed);
+    let hub = Arc::new(Hub::default());
+    let interrupt = Arc::new(AtomicBool::new(false));
+    let mut host = TestHost { reactions, disk, hub: hub.clone(), interrupt };
+    let configuration = Configuration {
+        scene: &scene,
+        renderer: &renderer,
+        settings: settings.clone(),
+        reference: None,
+        checkpoint: None,
+        start: Instant::now(),
+        stays,
+        host: &mut host,
+    };
+    let outcome = Controller::new(hub.clone(), configuration).run();
+    let status = hub.status().borrow().clone();
+    (outcome, status)
+}
+
+/// Chooses a method, or a method and a preset.
+fn choose(denoiser: &dyn Denoiser) -> Command {
+    let name = denoiser.name();
+    Command::ChangeSettings(SettingsChange {
+        denoiser: Some(name.method.to_owned()),
+        quality: name.preset.map(str::to_owned),
+        ..SettingsChange::default()
+    })
+}
+
+#[test]
+fn what_is_asked_for_during_the_last_pass_is_saved() {
+    let saved = RefCell::new(Vec::new());
+    let outcome = render(Reactions {
+        stepped: &|_, _, _| (),
+        // The last memory is kept when all samples are there, and the last pass comes next.
+        checkpoint: &|_, checkpoint, hub| {
+            if checkpoint.store.samples() == u64::from(SPP) * SIDE * SIDE {
+                assert!(hub.send(Command::Save));
+            }
+        },
+        saved: &|image| {
+            saved.borrow_mut().push((image.store.samples(), image.result.image.clone()));
+        },
+    });
+    assert!(saved.into_inner() == [(outcome.store.samples(), outcome.result.image)]);
+}
+
+/// Renders by this denoiser while these commands come at once, when there are 16 samples per pixel, and the program is
+/// closed then if it `stays`; returns the samples of then, and samples and denoiser of the images that were saved.
+fn saved_images(
+    denoiser: &'static dyn Denoiser,
+    commands: &[Command],
+    stays: bool,
+) -> (u64, Vec<(u64, String)>) {
+    let (sent, saved) = (Cell::new(0), RefCell::new(Vec::new()));
+    let reactions = Reactions {
+        stepped: &|progress, hub, interrupt| {
+            if progress.spp >= 16.0 && sent.get() == 0 {
+                sent.set(progress.samples);
+                commands.iter().for_each(|command| assert!(hub.send(command.clone())));
+                interrupt.store(stays, Ordering::Relaxed);
+            }
+        },
+        checkpoint: &|_, _, _| (),
+        saved: &|image| {
+            saved.borrow_mut().push((image.store.samples(), image.result.made_by.to_string()));
+        },
+    };
+    let settings = Settings { sampling: Sampling::Uniform, denoiser, ..with_spp(32) };
+    assert_eq!(render_with(&settings, stays, reactions).is_none(), stays);
+    (sent.get(), saved.into_inner())
+}
+
+#[test]
+fn what_is_saved_is_the_image_of_when_that_was_said() {
+    const PRPF: &str = "prpf";
+    const NLM: &str = "nlm standard";
+    const NONE: &str = "none";
+    let nlm = find("nlm", None).unwrap();
+    let (unfiltered, better) = (|| choose(UNFILTERED), || choose(&prpf::PRPF));
+    let moved = || Command::MoveCamera(CameraMove { orbit: Some([0.3, 0.1]), ..CameraMove::default() });
+    let saved = |denoiser, commands: &[Command], stays| {
+        let (before, saved) = saved_images(denoiser, commands, stays);
+        let all_new = saved.iter().all(|(samples, _)| (SIDE * SIDE..before).contains(samples));
+        let all_old = saved.iter().all(|&(samples, _)| samples == before);
+        assert!(all_new || all_old, "{before} {saved:?}");
+        (all_old, saved.into_iter().map(|(_, made_by)| made_by).collect::<Vec<_>>())
+    };
+    let names = |names: &[&str]| names.iter().map(|name| name.to_string()).collect::<Vec<_>>();
+    // Whatever comes after it.
+    for next in [Command::Restart, moved(), unfiltered()] {
+        assert_eq!(saved(&prpf::PRPF, &[Command::Save, next], false), (true, names(&[PRPF])));
+    }
+    assert_eq!(saved(&prpf::PRPF, &[Command::Save], true), (true, names(&[PRPF])));
+    // After a command that discards the samples, the first image of the new generation, by the denoiser of then.
+    assert_eq!(saved(&prpf::PRPF, &[unfiltered(), Command::Save], false), (true, names(&[NONE])));
+    for first in [Command::Restart, moved()] {
+        assert_eq!(saved(nlm, &[first, Command::Save, unfiltered()], false), (false, names(&[NLM])));
+    }
+    // Each once.
+    let several =
+        [Command::Save, Command::Save, unfiltered(), Command::Save, choose(UNFILTERED), Command::Save];
+    assert_eq!(saved(&prpf::PRPF, &several, false), (true, names(&[PRPF, NONE])));
+    let several = [Command::Restart, Command::Save, unfiltered(), Command::Save];
+    assert_eq!(saved(nlm, &several, false), (false, names(&[NLM, NONE])));
+
+    // Sample vectors that its denoiser needs are no longer kept.
+    let vain = [Command::Restart, Command::Save, unfiltered()];
+    assert!(saved(&prpf::PRPF, &vain, false).1.is_empty());
+    // A denoiser that needs sample vectors waits for some.
+    let (before, saved) = saved_images(nlm, &[better(), Command::Save], false);
+    let [(samples, made_by)] = &saved[..] else { panic!("{saved:?}") };
+    assert!((SIDE * SIDE..before).contains(samples) && made_by == PRPF, "{saved:?}");
+}
+
+/// At the end, too, where an image is there already.
+#[test]
+fn what_is_saved_of_a_finished_render_is_made_by_the_denoiser_that_is_chosen() {
+    let (requested, saved) = (Cell::new(0), RefCell::new(Vec::new()));
+    let all = u64::from(SPP) * SIDE * SIDE;
+    let reactions = Reactions {
+        stepped: &|_, _, _| (),
+        checkpoint: &|settings, checkpoint, hub| {
+            // Before the last pass of the first render, and of that which the new denoiser begins.
+            if checkpoint.store.samples() == all
+                && requested.get() < 2
+                && requested.get() == usize::from(settings.denoiser.name() == prpf::PRPF.name())
+            {
+                requested.set(requested.get() + 1);
+                assert!(hub.send(Command::Save));
+                if requested.get() == 1 {
+                    assert!(hub.send(choose(&prpf::PRPF)) && hub.send(Command::Save));
+                }
+            }
+        },
+        saved: &|image| saved.borrow_mut().push(image.result.made_by),
+    };
+    let settings = Settings { sampling: Sampling::Uniform, ..with_spp(SPP) };
+    let outcome = render_with(&settings, false, reactions).expect("it ends by its budget");
+    assert_eq!(outcome.settings.denoiser.name(), prpf::PRPF.name());
+    let saved = saved.into_inner();
+    assert_eq!(saved[..2], [nlm::STANDARD.name(), prpf::PRPF.name()], "{saved:?}");
+}
+
+#[test]
+fn a_state_that_could_not_be_kept_is_not_said_to_be() {
+    let restarted = Cell::new(false);
+    let moments = Reactions {
+        stepped: &|progress, hub, _| {
+            if progress.spp >= 2.0 && !restarted.replace(true) {
+                assert!(hub.send(Command::Restart));
+            }
+        },
+        checkpoint: &|_, _, _| (),
+        saved: &|_| unreachable!("nobody asked for it"),
+    };
+    let (_, told) = render_on(&|| Err("the disk is full".to_owned()), &with_spp(SPP), false, moments);
+    assert!(
+        told.contains(r#""text":"the disk is full; the new render is not saved to it","is_problem":true"#),
+        "{told}"
+    );
+    assert!(told.contains(r#""text":"the disk is full","is_problem":true"#), "{told}");
+}
+
+/// Whatever begins a render anew leaves the memory as it was then.
+#[track_caller]
+fn begins_anew_and_keeps_no_more(command: impl Fn() -> Command) {
+    let given = Cell::new(false);
+    let (before, after) = (Cell::new(0), RefCell::new(Vec::new()));
+    let outcome = render(Reactions {
+        stepped: &|progress, hub, _| {
+            if progress.spp >= 2.0 && !given.replace(true) {
+                before.set(progress.samples);
+                assert!(hub.send(command()));
+            }
+        },
+        checkpoint: &|_, checkpoint, _| {
+            if given.get() {
+                after.borrow_mut().push(checkpoint.store.samples());
+            }
+        },
+        saved: &|_| unreachable!("nobody asked for it"),
+    });
+    assert!(given.get());
+    // The last one is of the scene's own view, as far as it came.
+    assert_eq!(after.into_inner(), [before.get()]);
+    assert!(before.get() < outcome.store.samples());
+    assert_eq!(outcome.store.samples(), u64::from(SPP) * SIDE * SIDE);
+}
+
+#[test]
+fn once_the_camera_is_moved_no_memory_is_kept_of_what_it_sees() {
+    let step = CameraMove { orbit: Some([0.3, 0.1]), ..CameraMove::default() };
+    begins_anew_and_keeps_no_more(|| Command::MoveCamera(step.clone()));
+}
+
+#[test]
+fn a_filter_chosen_while_another_runs_makes_the_image() {
+    let outcome = render(Reactions {
+        stepped: &|_, _, _| (),
+        // All samples are there, and the last pass comes next: it is under way when this is heard.
+        checkpoint: &|settings, checkpoint, hub| {
+            let all = checkpoint.store.samples() == u64::from(SPP) * SIDE * SIDE;
+            if all && settings.denoiser != UNFILTERED {
+                assert!(hub.send(choose(UNFILTERED)));
+            }
+        },
+        saved: &|_| unreachable!("nobody asked for it"),
+    });
+    assert_eq!(outcome.settings.denoiser, UNFILTERED);
+    let means = outcome.store.means(crate::stats::Part::Whole, outcome.store.layout().radiance());
+    assert!(outcome.result.image == means);
+}
+
+#[test]
+fn samples_that_were_kept_are_not_replaced_by_those_of_another_start() {
+    begins_anew_and_keeps_no_more(|| Command::Restart);
+    // It needs sample vectors, which so far none were kept of.
+    begins_anew_and_keeps_no_more(|| choose(&prpf::PRPF));
+}
+
+#[test]
+fn a_filter_that_needs_more_memory_than_there_is_is_refused_and_the_render_goes_on() {
+    let asked = Cell::new(false);
+    let outcome = render(Reactions {
+        stepped: &|_, hub, _| {
+            if !asked.replace(true) {
+                // Without a budget of samples, random parameter filtering would keep any number of them.
+                let change = SettingsChange {
+                    denoiser: Some(rpf::RPF.name().method.to_owned()),
+                    spp: Some(0),
+                    ..SettingsChange::default()
+                };
+                assert!(hub.send(Command::ChangeSettings(change)));
+            }
+        },
+        checkpoint: &|_, _, _| (),
+        saved: &|_| unreachable!("nobody asked for it"),
+    });
+    assert_eq!(outcome.store.samples(), u64::from(SPP) * SIDE * SIDE);
+    assert_eq!(outcome.store.capacity(), 0);
+}
+
+#[test]
+fn a_movement_after_an_interruption_does_not_throw_the_render_away() {
+    let had = Cell::new(0);
+    let outcome = render(Reactions {
+        stepped: &|progress, hub, interrupt| {
+            if progress.spp >= f64::from(SPP) && !interrupt.swap(true, Ordering::Relaxed) {
+                had.set(progress.samples);
+                assert!(hub.send(Command::MoveCamera(CameraMove {
+                    orbit: Some([0.3, 0.1]),
+                    ..CameraMove::default()
+                })));
+            }
+        },
+        checkpoint: &|_, _, _| (),
+        saved: &|_| unreachable!("nobody asked for it"),
+    });
+    assert_eq!((had.get(), outcome.store.samples()), (u64::from(SPP) * SIDE * SIDE, had.get()));
+}
+
+#[test]
+fn a_pause_keeps_a_memory_and_costs_no_sample() {
+    let paused = Cell::new(false);
+    let at_rest = RefCell::new(Vec::new());
+    let outcome = render(Reactions {
+        stepped: &|progress, hub, _| {
+            if progress.spp >= 3.0 && !paused.replace(true) {
+                assert!(hub.send(Command::Pause(true)));
+            }
+        },
+        checkpoint: &|settings, checkpoint, hub| {
+            let during = paused.get() && checkpoint.store.samples() < u64::from(SPP) * SIDE * SIDE;
+            if during && at_rest.borrow().is_empty() {
+                at_rest.borrow_mut().push((settings.sampling, checkpoint.store.samples()));
+                // Settings are followed at rest, an image is saved, and then it goes on.
+                let change =
+                    SettingsChange { sampling: Some(Sampling::Adaptive), ..SettingsChange::default() };
+                assert!(hub.send(Command::ChangeSettings(change)) && hub.send(Command::Save));
+            } else if during && at_rest.borrow().len() == 1 {
+                at_rest.borrow_mut().push((settings.sampling, checkpoint.store.samples()));
+                assert!(hub.send(Command::Pause(false)));
+            }
+        },
+        saved: &|image| assert_eq!(image.store.samples(), at_rest.borrow()[0].1),
+    });
+    let at_rest = at_rest.into_inner();
+    assert_eq!(
+        at_rest.iter().map(|rest| rest.0).collect::<Vec<_>>(),
+        [Sampling::Uniform, Sampling::Adaptive]
+    );
+    assert_eq!(at_rest[0].1, at_rest[1].1, "no sample while it rests");
+    assert_eq!(outcome.store.samples(), u64::from(SPP) * SIDE * SIDE);
+    assert_eq!(outcome.settings.sampling, Sampling::Adaptive, "what was steered is what is reported");
+}
+
+#[test]
+fn closing_while_an_image_is_saved_keeps_what_there_was() {
+    let (asked, had, saved) = (Cell::new(false), Cell::new(0), Cell::new(0));
+    let kept = RefCell::new(Vec::new());
+    // A filter that takes long enough to be interrupted.
+    let settings = Settings { denoiser: &prpf::PRPF, ..with_spp(64) };
+    let moments = Reactions {
+        stepped: &|progress, hub, interrupt| {
+            if progress.spp >= 9.0 && !asked.replace(true) {
+                had.set(progress.samples);
+                assert!(hub.send(Command::Save));
+                let interrupt = interrupt.clone();
+                std::thread::spawn(move || {
+                    std::thread::sleep(Duration::from_millis(20));
+                    interrupt.store(true, Ordering::Relaxed);
+                });
+            }
+        },
+        checkpoint: &|_, checkpoint, _| kept.borrow_mut().push(checkpoint.store.samples()),
+        saved: &|image| {
+            assert_eq!(image.store.samples(), had.get());
+            saved.set(saved.get() + 1);
+        },
+    };
+    assert!(render_with(&settings, true, moments).is_none());
+    assert_eq!(saved.get(), 1, "whoever wants it sooner says so again");
+    assert!(kept.into_inner().last().is_some_and(|&last| last >= had.get()));
+}
+
+#[test]
+fn another_filter_chosen_at_a_pause_makes_an_image_and_forgets_the_error_of_the_first() {
+    let (paused, rested) = (Cell::new(false), Cell::new(0));
+    let settings = with_spp(64);
+    let moments = Reactions {
+        stepped: &|progress, hub, _| {
+            if progress.estimate.is_some() && !paused.replace(true) {
+                assert!(hub.send(Command::Pause(true)));
+            }
+        },
+        checkpoint: &|settings, checkpoint, hub| {
+            if !paused.get() || rested.get() == 2 {
+                return;
+            }
+            rested.set(rested.get() + 1);
+            if rested.get() == 1 {
+                assert!(checkpoint.estimate.is_some() && checkpoint.interim.is_some());
+                assert!(hub.send(choose(UNFILTERED)));
+            } else {
+                assert_eq!(settings.denoiser, UNFILTERED);
+                assert!(checkpoint.estimate.is_none() && checkpoint.interim.is_none());
+                assert!(hub.send(Command::Pause(false)));
+            }
+        },
+        saved: &|_| unreachable!("nobody asked for it"),
+    };
+    let outcome = render_with(&settings, false, moments).expect("it ends by its budget");
+    assert_eq!((rested.get(), outcome.settings.denoiser), (2, UNFILTERED));
+    assert_eq!(outcome.store.samples(), 64 * SIDE * SIDE);
+}

@@ -1,0 +1,43 @@
+//! Commands that have to wait for the end of a step, or of a filter pass.
+
+use super::camera_move::CameraMove;
+use crate::progressive::Settings;
+
+/// See the module.
+#[derive(Default)]
+pub struct Pending {
+    pub moves: Vec<CameraMove>,
+    pub restart: bool,
+    pub settings: bool,
+    pub region: bool,
+    /// Images to be saved of the generation to come, each filtered by these settings.
+    pub saves: Vec<Settings>,
+    pub quit: bool,
+}
+
+impl Pending {
+    /// Returns whether the loop has to be left.
+    pub fn any(&self) -> bool {
+        self.ends_pass() || self.changes_samples()
+    }
+
+    /// Returns whether the samples so far are discarded.
+    pub fn starts_generation(&self) -> bool {
+        !self.moves.is_empty() || self.restart
+    }
+
+    /// Returns whether a filter pass is no longer needed.
+    pub fn ends_pass(&self) -> bool {
+        self.starts_generation() || self.quit
+    }
+
+    /// Returns whether the next samples are others than without these commands.
+    pub fn changes_samples(&self) -> bool {
+        self.settings || self.region
+    }
+
+    /// A new generation fulfils all commands but saves.
+    pub fn clear_for_generation(&mut self) {
+        *self = Self { saves: std::mem::take(&mut self.saves), ..Self::default() };
+    }
+}

@@ -1,0 +1,190 @@
+//! What the render loop does next: a pure function of the situation.
+//!
+//! ```text
+//!            ┌─────────────────────────────────────────────┐
+//!            ▼                                             │
+//! Plan ── Allocate ──► Render ── EndBatch ──► Filter ── Filter
+//!                      │    ▲                   │
+//!                      └────┘ Render, Calibrate └── Finish
+//! ```
+//!
+//! The names beside the arrows are actions, those at their ends positions. `Save` comes anywhere.
+
+use super::finalisation::assumed_seconds;
+use super::schedule::Plan;
+use super::situation::{Mark, Situation, can_fall_back};
+use super::stopped_by::StoppedBy;
+use super::time_constants::{
+    FAILURE_MAP_PASS_TIME, GRACE, INTERIM_FRACTION, INTERIM_USE, LAST_INTERIM_FRACTION, LONGEST_STEP,
+    NEAR_END,
+};
+use crate::filter::{Denoiser, UNFILTERED};
+
+/// An action of the loop.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Action {
+    /// Decide where so many samples go: a new batch.
+    Allocate(Plan),
+    /// Render the batch to this fraction.
+    Render { to: f64 },
+    /// Compare the samples of the batch with the image of the latest interim pass: it is complete.
+    EndBatch,
+    /// Make an image and maps of the samples so far.
+    Filter(&'static dyn Denoiser),
+    /// Measure how long the finalisation by this denoiser takes; if it is a faster one than before, fall back on it.
+    Calibrate(&'static dyn Denoiser),
+    /// Save a checkpoint.
+    Save,
+    /// Make the last image.
+    Finish(StoppedBy),
+}
+
+/// Returns the next action.
+pub fn next_action(now: &Situation) -> Action {
+    match now.mark {
+        Mark::Plan => plan(now).map_or_else(Action::Finish, Action::Allocate),
+        Mark::Render { done, samples } => next_of_batch(now, done, samples),
+        Mark::Filter => next_after_batch(now),
+    }
+}
+
+/// Returns the next batch, or what ends the render.
+fn plan(now: &Situation) -> Result<Plan, StoppedBy> {
+    // There has to be an image.
+    if now.conditions.is_interrupted && now.samples > 0 {
+        return Err(StoppedBy::Interrupt);
+    }
+    now.schedule().next_batch(now.elapsed, now.samples, now.error)
+}
+
+/// Within a batch of so many samples, of which the fraction `done` is rendered.
+fn next_of_batch(now: &Situation, done: f64, samples: u64) -> Action {
+    // Measure the finalisation
+    if let Some(denoiser) = calibration(now) {
+        return Action::Calibrate(denoiser);
+    }
+
+    // End by an interruption
+    let rest = now.speed.seconds_for((1.0 - done) * samples as f64);
+    if done < 1.0 && now.samples > 0 && now.conditions.is_interrupted && rest > GRACE {
+        return Action::Finish(StoppedBy::Interrupt);
+    }
+
+    // Save, or render the next step
+    if save_is_due(now, 0.0) {
+        return Action::Save;
+    }
+    let schedule = now.schedule();
+    match schedule.step(now.elapsed, now.samples, samples).filter(|_| done < 1.0) {
+        Some(fraction) => {
+            let longest = now.conditions.longest_step.unwrap_or(LONGEST_STEP);
+            Action::Render { to: (done + fraction.min(schedule.short_step(longest, samples))).min(1.0) }
+        }
+        None => Action::EndBatch,
+    }
+}
+
+/// Between a batch and the interim pass that may follow it.
+fn next_after_batch(now: &Situation) -> Action {
+    if save_is_due(now, 0.0) {
+        return Action::Save;
+    }
+    let plan = match plan(now) {
+        Ok(plan) => plan,
+        Err(stopped_by) => return Action::Finish(stopped_by),
+    };
+    let Some(denoiser) = interim_pass(now, plan.is_last) else { return Action::Allocate(plan) };
+    // A pass can take longer than a checkpoint should be old.
+    let spp = now.samples as f64 / now.pixels.max(1) as f64;
+    if save_is_due(now, assumed_seconds(denoiser, now.pixels, spp, false)) {
+        return Action::Save;
+    }
+    Action::Filter(denoiser)
+}
+
+/// Returns the denoiser of the interim pass that is due before the next batch; `None` if none is.
+///
+/// Before the last batch it is the denoiser of the end, so that the error which the batch measures is that of such an
+/// image.
+fn interim_pass(now: &Situation, is_last: bool) -> Option<&'static dyn Denoiser> {
+    let interim = now.settings.interim_denoiser();
+    let is_final_affordable = now.fallback().is_none() && !now.settings.denoiser.cost().is_per_sample;
+    let ending = if is_final_affordable { now.final_denoiser() } else { interim };
+    let interim_total = now.measurements.interim_total;
+    if now.has_region && now.has_interim && interim_total > INTERIM_FRACTION * now.elapsed {
+        // The batches of a region are small: several share one interim pass.
+        return None;
+    }
+    let Some(left) = now.schedule().seconds_left(now.elapsed) else {
+        // Without a time budget the choice does not depend on times, so that the image is the same on any machine.
+        return Some(if is_last { ending } else { interim });
+    };
+    let budget = now.settings.budget.seconds.unwrap_or(0.0);
+    let [interim_seconds, ending_seconds] = pass_seconds(now, interim);
+    let is_of_use = |seconds: f64| INTERIM_USE * seconds <= left;
+    if !now.has_interim {
+        // The first pass waits for the floor of samples, and is exempt from the fraction of the time.
+        let decides = now.samples >= u64::from(now.settings.min_spp) * now.pixels;
+        return (decides && is_of_use(interim_seconds)).then_some(interim);
+    }
+    if is_last {
+        let fits = |seconds: f64| is_of_use(seconds) && seconds <= LAST_INTERIM_FRACTION * budget;
+        let choices = [(ending, ending_seconds), (interim, interim_seconds)];
+        return choices.into_iter().find_map(|(denoiser, seconds)| fits(seconds).then_some(denoiser));
+    }
+    // The time of the one before the last batch is kept for it.
+    let spent = interim_total + interim_seconds;
+    let fits = spent <= INTERIM_FRACTION * now.elapsed && spent + ending_seconds <= INTERIM_FRACTION * budget;
+    (fits && is_of_use(interim_seconds)).then_some(interim)
+}
+
+/// Returns the predicted seconds of passes by the interim and by the final denoiser: as measured last, or as follows
+/// from the calibration if that is less, since the first pass takes place in new memory.
+fn pass_seconds(now: &Situation, interim: &'static dyn Denoiser) -> [f64; 2] {
+    let measured = now.measurements.interim_seconds.unwrap_or(f64::INFINITY);
+    let Some(filter) = now.measurements.finalisation.filter_seconds() else {
+        return [measured, f64::INFINITY];
+    };
+    let last = now.final_denoiser();
+    let last_time = last.cost().pass_time;
+    let drives = now.settings.uses_failure_map();
+    let assumed_map = if drives { FAILURE_MAP_PASS_TIME / last_time * filter } else { 0.0 };
+    let map = now.measurements.failure_map_seconds.unwrap_or(f64::INFINITY).min(assumed_map);
+    let ratio = if interim == last { 1.0 } else { interim.cost().pass_time / last_time };
+    [measured.min(ratio * filter + map), filter + map]
+}
+
+/// Returns the denoiser whose finalisation has to be measured now; `None` if none has to.
+fn calibration(now: &Situation) -> Option<&'static dyn Denoiser> {
+    let schedule = now.schedule();
+    let left = schedule.seconds_left(now.elapsed)?;
+    let (finalisation, last) = (&now.measurements.finalisation, now.final_denoiser());
+    // Empty pixels add hole filling to the time, and a time that grows with the samples is soon outdated.
+    if now.is_sparse() || last.cost().is_per_sample || now.conditions.is_interrupted {
+        return None;
+    }
+    if !finalisation.is_fresh() {
+        return finalisation.is_due(now.elapsed, left, schedule.finalisation).then_some(last);
+    }
+    // Judge the calibration that was just made
+    if finalisation.is_doubtful(left) {
+        return Some(last);
+    }
+    let stand_in = last.stand_in();
+    if schedule.is_late(now.elapsed) && can_fall_back(last, stand_in) {
+        return Some(stand_in);
+    }
+    (schedule.is_far_too_late(now.elapsed) && can_fall_back(last, UNFILTERED)).then_some(UNFILTERED)
+}
+
+/// Returns whether a checkpoint is due, if the next chance comes in `ahead` seconds.
+fn save_is_due(now: &Situation, ahead: f64) -> bool {
+    let Some(every) = now.conditions.checkpoint_interval else { return false };
+    let left = now.schedule().seconds_left(now.elapsed);
+    let is_near_end = left.is_some_and(|left| left < NEAR_END * every);
+    let is_old = now.elapsed + ahead >= now.measurements.saved_at + every;
+    is_old && !is_near_end && !now.measurements.is_saved
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,309 @@
+//! Every decision as a table of situations: no thread, no clock, no renderer.
+
+use super::*;
+use crate::adaptive::Sampling;
+use crate::filter::{nlm, prpf, rpf};
+use crate::progressive::budget::Budget;
+use crate::progressive::finalisation::CalibrationTimes;
+use crate::progressive::settings::Settings;
+use crate::progressive::situation::{Conditions, Measurements};
+use crate::progressive::speed::Speed;
+
+const PIXELS: u64 = 1000;
+
+fn settings(spp: Option<u32>, seconds: Option<f64>) -> Settings {
+    Settings { budget: Budget { spp, seconds, target_error: None }, ..Settings::default() }
+}
+
+/// A render at 10 000 samples per second that has 8 samples per pixel and an interim pass behind it.
+fn situation<'a>(settings: &'a Settings, measurements: &'a Measurements, mark: Mark) -> Situation<'a> {
+    Situation {
+        settings,
+        pixels: PIXELS,
+        samples: 8 * PIXELS,
+        mark,
+        has_interim: true,
+        error: None,
+        has_region: false,
+        speed: Speed { samples: 1e4, seconds: 1.0 },
+        measurements,
+        elapsed: 1.0,
+        conditions: Conditions::default(),
+    }
+}
+
+/// Measurements of a finalisation of so many seconds, calibrated twice, and of interim passes.
+fn measured(finalisation: f64, interim: f64) -> Measurements {
+    let mut measurements = Measurements {
+        interim_seconds: Some(interim),
+        interim_total: interim,
+        failure_map_seconds: Some(0.0),
+        ..Measurements::default()
+    };
+    for _ in 0..2 {
+        let times = CalibrationTimes { filter: finalisation, total: finalisation, spent: 0.01 };
+        measurements.finalisation.add(times, f64::INFINITY);
+    }
+    measurements.finalisation.age();
+    measurements
+}
+
+fn interrupted() -> Conditions {
+    Conditions { is_interrupted: true, ..Conditions::default() }
+}
+
+fn saving(seconds: f64) -> Conditions {
+    Conditions { checkpoint_interval: Some(seconds), ..Conditions::default() }
+}
+
+#[test]
+fn a_render_begins_with_a_pilot_batch() {
+    let (settings, measurements) = (settings(Some(64), None), Measurements::default());
+    let start =
+        Situation { samples: 0, has_interim: false, ..situation(&settings, &measurements, Mark::Plan) };
+    assert_eq!(next_action(&start), Action::Allocate(Plan { samples: 8 * PIXELS, is_last: false }));
+    // There has to be an image, even of a render that is interrupted before its first sample.
+    let begins = next_action(&Situation { conditions: interrupted(), ..start });
+    assert!(matches!(begins, Action::Allocate(_)));
+}
+
+#[test]
+fn a_batch_is_rendered_in_steps_to_its_end() {
+    let (settings, measurements) = (settings(Some(64), None), Measurements::default());
+    let render = |done, samples, longest_step| {
+        let conditions = Conditions { longest_step, ..Conditions::default() };
+        let mark = Mark::Render { done, samples };
+        next_action(&Situation { conditions, ..situation(&settings, &measurements, mark) })
+    };
+    for (done, samples, longest_step, expected) in [
+        // A step has 4 samples per pixel at most, and takes a second at most.
+        (0.0, 8000, None, Action::Render { to: 0.5 }),
+        (0.75, 8000, None, Action::Render { to: 1.0 }),
+        (0.0, 100_000, None, Action::Render { to: 0.04 }),
+        // A viewer wants shorter ones, but an image in each.
+        (0.0, 8000, Some(0.1), Action::Render { to: 0.125 }),
+        (0.0, 8000, Some(1e-9), Action::Render { to: 1.0 / 64.0 }),
+        (1.0, 8000, None, Action::EndBatch),
+    ] {
+        assert_eq!(render(done, samples, longest_step), expected, "{done} {samples} {longest_step:?}");
+    }
+}
+
+#[test]
+fn an_interrupted_batch_is_finished_if_that_takes_a_second() {
+    let (settings, measurements) = (settings(Some(64), None), Measurements::default());
+    let at = |done, samples, taken| {
+        let now = situation(&settings, &measurements, Mark::Render { done, samples });
+        next_action(&Situation { conditions: interrupted(), samples: taken, ..now })
+    };
+    assert!(matches!(at(0.5, 10_000, 8000), Action::Render { .. }), "half a second is left");
+    assert_eq!(at(0.5, 40_000, 8000), Action::Finish(StoppedBy::Interrupt), "two seconds are left");
+    assert!(matches!(at(0.0, 40_000, 0), Action::Render { .. }), "there is no image yet");
+    let ended = situation(&settings, &measurements, Mark::Filter);
+    let ended = Situation { conditions: interrupted(), ..ended };
+    assert_eq!(next_action(&ended), Action::Finish(StoppedBy::Interrupt));
+}
+
+#[test]
+fn spent_budgets_end_the_render_and_name_themselves() {
+    let measurements = measured(0.5, 0.01);
+    let finish = |settings: &Settings, error, elapsed| {
+        let now = situation(settings, &measurements, Mark::Filter);
+        next_action(&Situation { error, elapsed, ..now })
+    };
+    assert_eq!(finish(&settings(Some(8), None), None, 1.0), Action::Finish(StoppedBy::Spp));
+    assert_eq!(finish(&settings(None, Some(10.0)), None, 9.3), Action::Finish(StoppedBy::Time));
+    let mut target = settings(None, None);
+    target.budget.target_error = Some(0.01);
+    assert_eq!(finish(&target, Some(0.009), 1.0), Action::Finish(StoppedBy::TargetError));
+    assert!(matches!(finish(&target, Some(0.011), 1.0), Action::Filter(_)));
+}
+
+#[test]
+fn without_a_clock_every_batch_is_followed_by_an_interim_pass() {
+    let measurements = Measurements::default();
+    for (denoiser, interim, ending) in [
+        (&nlm::STANDARD as &'static dyn Denoiser, "nlm draft", "nlm standard"),
+        (&nlm::DRAFT, "nlm draft", "nlm draft"),
+        (&prpf::PRPF, "nlm draft", "prpf"),
+        // Its time grows with the samples.
+        (&rpf::RPF, "nlm draft", "nlm draft"),
+        (UNFILTERED, "none", "none"),
+    ] {
+        // After 16 of 64 samples per pixel three batches are left; after 48 of 64, one.
+        for (spp, expected) in [(16, interim), (48, ending)] {
+            let settings = Settings { denoiser, ..settings(Some(64), None) };
+            let now = situation(&settings, &measurements, Mark::Filter);
+            let action = next_action(&Situation { samples: spp * PIXELS, ..now });
+            let Action::Filter(chosen) = action else { panic!("{action:?}") };
+            assert_eq!(chosen.name().to_string(), expected, "{denoiser:?} {spp}");
+        }
+    }
+}
+
+#[test]
+fn an_error_to_be_reached_is_that_of_the_methods_own_image() {
+    let measurements = Measurements::default();
+    for (denoiser, expected) in [
+        (&nlm::STANDARD as &'static dyn Denoiser, "nlm draft"),
+        (&prpf::PRPF, "prpf"),
+        (&rpf::RPF, "rpf"),
+        (UNFILTERED, "none"),
+    ] {
+        let mut settings = Settings { denoiser, ..settings(None, None) };
+        settings.budget.target_error = Some(1e-3);
+        let action = next_action(&situation(&settings, &measurements, Mark::Filter));
+        let Action::Filter(chosen) = action else { panic!("{action:?}") };
+        assert_eq!(chosen.name().to_string(), expected);
+    }
+}
+
+#[test]
+fn under_a_time_budget_interim_passes_take_a_tenth_of_the_time() {
+    let settings = settings(None, Some(100.0));
+    let filters = |interim_total, interim, has_interim, elapsed| {
+        let measurements = Measurements { interim_total, ..measured(1.0, interim) };
+        let now = situation(&settings, &measurements, Mark::Filter);
+        let now = Situation { elapsed, has_interim, samples: 8 * PIXELS, ..now };
+        matches!(next_action(&now), Action::Filter(_))
+    };
+    for (interim_total, interim, has_interim, elapsed, expected, why) in [
+        (0.0, 0.5, false, 1.0, true, "the first comes whatever its fraction of the time"),
+        (0.5, 0.5, true, 1.0, false, "half of the time"),
+        (0.5, 0.5, true, 20.0, true, "a twentieth of the time"),
+        (9.5, 0.5, true, 96.0, false, "nothing is kept for the one before the last batch"),
+        (0.0, 40.0, false, 1.0, true, "what a calibration says counts where it is less"),
+    ] {
+        assert_eq!(filters(interim_total, interim, has_interim, elapsed), expected, "{why}");
+    }
+}
+
+#[test]
+fn a_regions_small_batches_share_interim_passes() {
+    let settings = settings(Some(64), None);
+    let action = |interim_total| {
+        let measurements = Measurements { interim_total, ..Measurements::default() };
+        let now = situation(&settings, &measurements, Mark::Filter);
+        next_action(&Situation { has_region: true, elapsed: 10.0, ..now })
+    };
+    assert!(matches!(action(0.5), Action::Filter(_)));
+    assert!(matches!(action(1.5), Action::Allocate(_)));
+}
+
+#[test]
+fn the_finalisation_is_calibrated_when_every_pixel_has_a_sample() {
+    let (with_clock, none) = (settings(None, Some(100.0)), Measurements::default());
+    let mark = Mark::Render { done: 0.5, samples: 8000 };
+    let calibrates = |now: Situation| matches!(next_action(&now), Action::Calibrate(_));
+    let now = situation(&with_clock, &none, mark);
+    assert!(calibrates(now));
+    assert!(!calibrates(Situation { samples: 999, ..now }), "some pixels are empty");
+    assert!(!calibrates(Situation { conditions: interrupted(), ..now }));
+    assert!(!calibrates(situation(&settings(Some(64), None), &none, mark)), "there is no time budget");
+    let rpf = Settings { denoiser: &rpf::RPF, ..with_clock.clone() };
+    assert!(!calibrates(situation(&rpf, &none, mark)), "its time grows with the samples");
+    let measured = measured(1.0, 0.1);
+    assert!(!calibrates(Situation { elapsed: 0.1, ..situation(&with_clock, &measured, mark) }), "too soon");
+    assert!(calibrates(Situation { elapsed: 50.0, ..situation(&with_clock, &measured, mark) }));
+}
+
+#[test]
+fn a_calibration_that_shows_too_little_time_is_followed_by_one_of_a_faster_denoiser() {
+    let settings = Settings { denoiser: &prpf::PRPF, ..settings(None, Some(10.0)) };
+    let mark = Mark::Render { done: 0.5, samples: 8000 };
+    let after = |seconds: f64, fallback| {
+        let mut measurements = Measurements::default();
+        if let Some(fallback) = fallback {
+            measurements.finalisation.fall_back(fallback);
+        }
+        for spent in [0.01, 0.02] {
+            let times = CalibrationTimes { filter: seconds, total: seconds, spent };
+            measurements.finalisation.add(times, f64::INFINITY);
+        }
+        next_action(&Situation { elapsed: 8.0, ..situation(&settings, &measurements, mark) })
+    };
+    let calibrates = |action: Action, name: &str| match action {
+        Action::Calibrate(denoiser) => denoiser.name().to_string() == name,
+        _ => false,
+    };
+    assert!(!matches!(after(1.0, None), Action::Calibrate(_)), "one second of two");
+    assert!(calibrates(after(3.0, None), "nlm draft"));
+    assert!(calibrates(after(3.0, Some(&nlm::DRAFT)), "none"));
+    assert!(!matches!(after(3.0, Some(UNFILTERED)), Action::Calibrate(_)), "nothing is faster");
+}
+
+/// On one thread, so that the assumed times are the same on any machine.
+#[test]
+fn before_any_calibration_the_assumed_time_decides_on_a_fallback() {
+    let fallback = |denoiser, pixels: u64, elapsed| {
+        let settings = Settings { denoiser, ..settings(None, Some(100.0)) };
+        let none = Measurements::default();
+        let now = situation(&settings, &none, Mark::Filter);
+        let now = Situation { pixels, samples: 8 * pixels, elapsed, ..now };
+        now.fallback().map(|denoiser| denoiser.name().to_string())
+    };
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a thread can be had");
+    pool.install(|| {
+        // P-RPF takes 30 seconds, nlm standard 6, a draft 3.6, the mean 2, RPF 2640.
+        for (denoiser, elapsed, expected) in [
+            (&prpf::PRPF as &'static dyn Denoiser, 10.0, None),
+            (&prpf::PRPF, 80.0, Some("nlm draft")),
+            (&nlm::STANDARD, 80.0, None),
+            (&nlm::STANDARD, 95.5, Some("nlm draft")),
+            (&nlm::STANDARD, 99.5, Some("none")),
+            (&nlm::DRAFT, 99.5, Some("none")),
+            (UNFILTERED, 99.5, None),
+            (&rpf::RPF, 10.0, Some("nlm draft")),
+        ] {
+            let found = fallback(denoiser, 1_000_000, elapsed);
+            assert_eq!(found.as_deref(), expected, "{denoiser:?} {elapsed}");
+        }
+        // A few pixels take no time, but there is none left for a calibration.
+        assert_eq!(fallback(&rpf::RPF, 10, 1.0), None);
+        assert_eq!(fallback(&nlm::STANDARD, 10, 100.0).as_deref(), Some("nlm draft"));
+    });
+}
+
+#[test]
+fn a_sparse_image_is_filtered_by_the_stand_in() {
+    let (settings, none) = (settings(Some(64), None), Measurements::default());
+    let now = situation(&settings, &none, Mark::Filter);
+    assert_eq!(now.final_denoiser().name().to_string(), "nlm standard");
+    let sparse = Situation { samples: PIXELS - 1, ..now };
+    assert_eq!(sparse.final_denoiser().name().to_string(), "nlm draft");
+    assert_eq!(sparse.fallback(), None);
+}
+
+#[test]
+fn checkpoints_are_saved_when_the_latest_is_old() {
+    let none = Measurements::default();
+    let saves = |settings: &Settings, measurements: &Measurements, mark, elapsed| {
+        let now = situation(settings, measurements, mark);
+        matches!(next_action(&Situation { elapsed, conditions: saving(40.0), ..now }), Action::Save)
+    };
+    let without_clock = settings(Some(64), None);
+    for mark in [Mark::Render { done: 0.5, samples: 8000 }, Mark::Filter] {
+        assert!(!saves(&without_clock, &none, mark, 39.0));
+        assert!(saves(&without_clock, &none, mark, 41.0));
+        let saved = Measurements { saved_at: 30.0, ..Measurements::default() };
+        assert!(!saves(&without_clock, &saved, mark, 41.0));
+        let unchanged = Measurements { is_saved: true, ..Measurements::default() };
+        assert!(!saves(&without_clock, &unchanged, mark, 41.0), "nothing has changed since");
+        // The end, which saves another, is near.
+        let near_end = settings(None, Some(50.0));
+        assert!(!saves(&near_end, &measured(0.5, 0.1), mark, 41.0));
+    }
+    // A pass that takes longer than a checkpoint should be old.
+    let slow = Settings { denoiser: &prpf::PRPF, ..without_clock };
+    let now = situation(&slow, &none, Mark::Filter);
+    let now = Situation { pixels: 1_000_000_000, samples: 48_000_000_000, elapsed: 39.0, ..now };
+    assert_eq!(next_action(&Situation { conditions: saving(40.0), ..now }), Action::Save);
+}
+
+#[test]
+fn uniform_sampling_needs_no_failure_map() {
+    let with = |sampling, denoiser| Settings { sampling, denoiser, ..Settings::default() }.uses_failure_map();
+    assert!(with(Sampling::Adaptive, &nlm::STANDARD));
+    assert!(!with(Sampling::Uniform, &nlm::STANDARD));
+    assert!(!with(Sampling::Adaptive, UNFILTERED));
+}

@@ -1,0 +1,58 @@
+//! Where the samples of a batch go: the maps of the latest interim pass, the region that is rendered first, and the
+//! allocator, put together.
+
+use super::checkpoint::InterimPass;
+use super::region::Region;
+use super::settings::Settings;
+use crate::adaptive::{self, Allocation, Maps, Sampling};
+use crate::filter;
+use crate::stats::{Part, Store};
+
+/// Spreads `total` samples over the pixels of a store.
+pub(super) fn allocate(
+    store: &Store,
+    interim: Option<&InterimPass>,
+    region: Option<Region>,
+    settings: &Settings,
+    total: u64,
+) -> Allocation {
+    // Rejected samples count: a pixel that rejects all of them must not hold up the others.
+    let taken = store.next_indices();
+    let priority = match (settings.sampling, interim) {
+        (Sampling::Adaptive, Some(interim)) => Some(priority(store, interim, settings)),
+        _ => None,
+    };
+    let (floor, max_spp) = (settings.min_spp.min(settings.max_spp), settings.max_spp);
+    // Other pixels by chance in every batch.
+    let key = settings.seed.rotate_left(32) ^ store.samples_taken();
+    let spread = |priority: Option<&[f32]>, have: &[u32], width: usize, total: u64| match priority {
+        Some(priority) => adaptive::allocate_above(floor, priority, have, width, total, max_spp, key),
+        None => adaptive::uniform(total, have, max_spp, key),
+    };
+
+    // A region comes first only when every pixel has a sample.
+    let is_covered = || taken.iter().all(|&n| n > 0);
+    let batch = region
+        .filter(|_| is_covered())
+        .and_then(|region| region.batch(&taken, store.width(), total, settings));
+    match batch {
+        Some(batch) => batch.allocate(&taken, priority.as_deref(), spread),
+        None => spread(priority.as_deref(), &taken, store.width(), total),
+    }
+}
+
+/// Computes the priority of each pixel.
+fn priority(store: &Store, interim: &InterimPass, settings: &Settings) -> Vec<f32> {
+    let maps = Maps {
+        counts: &store.counts(Part::Whole),
+        image: &interim.image,
+        filtered_variance: &interim.variance,
+        raw_variance: &filter::variance_of_mean(store),
+        residual: &interim.residual,
+        interpolation_failure: interim.interpolation.as_ref().map(|found| &found.failure),
+    };
+    adaptive::priority(maps, &settings.priority)
+}
+
+#[cfg(test)]
+mod tests;

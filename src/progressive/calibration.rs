@@ -1,0 +1,70 @@
+//! Calibration: measures how long the finalisation takes, by doing it on some rows of the image.
+//!
+//! The cost of a filter and of an encoder follows from the machine, from what else runs on it, and from the layout, all
+//! of which the rows share with the image.
+
+use std::time::Instant;
+
+use rayon::prelude::*;
+
+use super::finalisation::{CalibrationTimes, ROW_RATIO};
+use super::time_constants::WHOLE_EXCESS;
+use crate::filter::{Denoiser, FilterResult};
+use crate::stats::Store;
+
+/// Number of bands of rows, evenly spread over the image.
+const BANDS: usize = 4;
+/// Least number of rows of a band: fewer are mostly borders.
+const LEAST_ROWS: usize = 12;
+/// Memory is prepared in pieces of so many bytes.
+const PIECE: usize = 8 << 20;
+
+/// Filters some rows of a store and encodes the output of them; returns the times for the whole image.
+pub(super) fn calibrate(
+    store: &Store,
+    denoiser: &dyn Denoiser,
+    seed: u64,
+    encode_and_discard: impl Fn(&FilterResult, &Store),
+) -> CalibrationTimes {
+    let started = Instant::now();
+    let rows = store.select_rows(rows(store.height()));
+    let scale = WHOLE_EXCESS * store.pixels() as f64 / rows.pixels().max(1) as f64;
+    let filtering = Instant::now();
+    let result = denoiser.filter(&rows, seed);
+    let filter = scale * filtering.elapsed().as_secs_f64();
+    encode_and_discard(&result, &rows);
+    let total = scale * filtering.elapsed().as_secs_f64();
+    CalibrationTimes { filter, total, spent: started.elapsed().as_secs_f64() }
+}
+
+/// Takes so many bytes from the system and returns them. The allocator keeps them (see `main`), so that a first pass
+/// takes as long as a calibration says: where memory is slow (a virtual machine), new pages are most of its time.
+pub(super) fn prepare_memory(bytes: usize) {
+    // The system provides a page when it is first written, and zeros are not written.
+    let pieces: Vec<_> = (0..bytes / PIECE).into_par_iter().map(|_| vec![1u8; PIECE]).collect();
+    std::hint::black_box(pieces);
+}
+
+/// Returns the rows that stand for an image of this height.
+fn rows(height: usize) -> Vec<usize> {
+    let rows = (height / (ROW_RATIO * BANDS)).max(LEAST_ROWS);
+    if rows * BANDS >= height {
+        return (0..height).collect();
+    }
+    let band = height / BANDS;
+    (0..BANDS).flat_map(|i| (0..rows).map(move |y| i * band + (band - rows) / 2 + y)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_eighth_of_a_large_image_and_all_of_a_small_one_are_calibrated() {
+        let of_large = rows(512);
+        assert_eq!(of_large.len(), 64);
+        assert!(of_large.is_sorted() && of_large[0] > 0 && of_large[63] < 511);
+        assert_eq!(rows(40), (0..40).collect::<Vec<_>>());
+        assert!(rows(0).is_empty());
+    }
+}

@@ -1,0 +1,109 @@
+//! The complete state of a render as plain data: resumed in another process, it goes on as if it had never stopped.
+//!
+//! Times are no part of it except for the sampling speed: with a budget of samples nothing else of the past decides, and
+//! under a time budget the clock starts anew with the program. `state` writes it to a file.
+
+use std::sync::Arc;
+
+use super::error_estimate::ErrorEstimate;
+use super::filter_pass::Filtered;
+use super::record::PassRecord;
+use super::snapshot::Snapshot;
+use super::speed::Speed;
+use super::steps::{self, Grain};
+use crate::adaptive::Allocation;
+use crate::filter::{DenoiserName, Interpolation};
+use crate::image::Planes;
+use crate::stats::Store;
+
+/// See the module.
+#[derive(Clone, Debug)]
+pub struct Checkpoint {
+    pub store: Arc<Store>,
+    pub position: Position,
+    /// All filter passes so far.
+    pub passes: Vec<PassRecord>,
+    /// The latest estimate of the image's error.
+    pub estimate: Option<ErrorEstimate>,
+    /// The latest interim pass, whose maps decide where samples go.
+    pub interim: Option<InterimPass>,
+    pub speed: Speed,
+}
+
+/// Where the loop stands.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub enum Position {
+    /// Before a batch is planned.
+    #[default]
+    Plan,
+    /// Within a batch.
+    Render(SampleBatch),
+    /// After a batch, before the interim pass that may follow it.
+    Filter,
+}
+
+/// A batch of samples, of which a fraction is rendered.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SampleBatch {
+    pub allocation: Allocation,
+    /// In [0, 1].
+    pub done: f64,
+    pub grain: Grain,
+}
+
+impl SampleBatch {
+    /// Returns the samples of the whole batch.
+    pub fn samples(&self) -> u64 {
+        self.allocation.counts.iter().map(|&n| u64::from(n)).sum()
+    }
+
+    /// Returns the samples per pixel to add to come from the fraction that is done to the fraction `to`.
+    pub(super) fn step(&self, store: &Store, to: f64) -> Vec<u32> {
+        steps::between(&self.allocation.counts, store, self.grain, self.done, to)
+    }
+}
+
+/// The latest interim pass: what its image and its maps were, and of which samples.
+#[derive(Clone, Debug, PartialEq)]
+pub struct InterimPass {
+    pub made_by: DenoiserName,
+    /// As in [`crate::filter::FilterResult`].
+    pub image: Planes,
+    pub variance: Planes,
+    pub residual: Planes,
+    pub interpolation: Option<Interpolation>,
+    /// The samples that the image was made of.
+    pub snapshot: Snapshot,
+    /// Pixels that have got samples regardless of their priority since.
+    pub probes: Vec<bool>,
+}
+
+impl InterimPass {
+    /// Takes what the loop needs of a pass over `store`.
+    pub(super) fn new(filtered: Filtered, store: &Store) -> Self {
+        let result = filtered.result;
+        Self {
+            made_by: result.made_by,
+            image: result.image,
+            variance: result.variance,
+            residual: result.residual,
+            interpolation: result.interpolation,
+            snapshot: Snapshot::new(store),
+            probes: vec![false; store.pixels()],
+        }
+    }
+}
+
+impl Checkpoint {
+    /// The beginning of a render.
+    pub fn new(store: Store) -> Self {
+        Self {
+            store: Arc::new(store),
+            position: Position::default(),
+            passes: Vec::new(),
+            estimate: None,
+            interim: None,
+            speed: Speed::default(),
+        }
+    }
+}

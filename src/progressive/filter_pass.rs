@@ -1,0 +1,57 @@
+//! A filter pass of the loop: a denoiser over a store, as a job for any thread.
+
+use std::sync::Arc;
+use std::time::Instant;
+
+use crate::filter::prpf::{self, FAILURE_WINDOW};
+use crate::filter::{Denoiser, FilterResult, Interpolation, PrpfSettings};
+use crate::stats::Store;
+
+/// A filter pass that is ready to run.
+#[derive(Clone, Debug)]
+pub struct FilterPass {
+    pub store: Arc<Store>,
+    pub denoiser: &'static dyn Denoiser,
+    pub seed: u64,
+    pub failure_map: FailureMap,
+}
+
+/// Where the map of interpolation failures comes from if the denoiser does not interpolate itself.
+#[derive(Clone, Debug)]
+pub enum FailureMap {
+    /// P-RPF's sparse grid over the same store.
+    Compute,
+    /// An earlier pass, if that has one.
+    Carry(Option<Interpolation>),
+}
+
+/// The output of a filter pass.
+#[derive(Clone, Debug)]
+pub struct Filtered {
+    pub result: FilterResult,
+    /// Seconds of the pass, that of the map included.
+    pub seconds: f64,
+    /// Seconds of the map of interpolation failures, if it was computed for itself.
+    pub failure_map_seconds: Option<f64>,
+}
+
+impl FilterPass {
+    /// Runs the pass on rayon's current thread pool.
+    pub fn run(self) -> Filtered {
+        let started = Instant::now();
+        let mut result = self.denoiser.filter(&self.store, self.seed);
+        let mut failure_map_seconds = None;
+        if result.interpolation.is_none() {
+            result.interpolation = match self.failure_map {
+                FailureMap::Carry(interpolation) => interpolation,
+                FailureMap::Compute => {
+                    let started = Instant::now();
+                    let found = prpf::interpolation(&self.store, &PrpfSettings::paper(), FAILURE_WINDOW);
+                    failure_map_seconds = Some(started.elapsed().as_secs_f64());
+                    Some(found)
+                }
+            };
+        }
+        Filtered { result, seconds: started.elapsed().as_secs_f64(), failure_map_seconds }
+    }
+}

@@ -1,0 +1,207 @@
+//! The prediction of the finalisation: the last filter pass, and the encoding and writing of the image.
+//!
+//! Assumed at first from the denoiser's cost, then calibrated on some rows of the image (see `calibration`). Averages of
+//! the latest calibrations, and their mean deviation from that, make the prediction.
+
+use super::time_constants::{
+    CALIBRATION_FRACTION, CALIBRATION_USE, CALIBRATIONS, CHECKPOINT_SECONDS, FIRST_CALIBRATION_EXCESS,
+    FIRST_DEVIATION, LAST_CALIBRATION,
+};
+use crate::filter::Denoiser;
+
+/// Ratio of an image's rows to those on which a calibration is made.
+pub(super) const ROW_RATIO: usize = 8;
+
+/// Times of one calibration, in seconds.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CalibrationTimes {
+    /// Of the filter pass, extrapolated to the whole image.
+    pub filter: f64,
+    /// Of the whole finalisation, likewise.
+    pub total: f64,
+    /// That the calibration itself took.
+    pub spent: f64,
+}
+
+/// The predicted time of the finalisation.
+#[derive(Clone, Debug, Default)]
+pub struct Finalisation {
+    /// The faster denoiser that the last pass has fallen back on.
+    pub fallback: Option<&'static dyn Denoiser>,
+    /// Predicted seconds, mean deviation from it, and number of calibrations behind both.
+    predicted: f64,
+    deviation: f64,
+    averaged: f64,
+    /// The latest calibration; its `filter` is replaced by that of a whole pass.
+    latest: Option<CalibrationTimes>,
+    /// Seconds of all calibrations.
+    spent: f64,
+    /// Whether the last calibration before the end has been made.
+    is_last_made: bool,
+    /// Whether nothing has happened since the latest calibration.
+    is_fresh: bool,
+}
+
+/// Returns the seconds of a finalisation of so many pixels that is assumed as long as none is measured. `spp`: samples
+/// per pixel; `saves`: whether a checkpoint is written.
+pub(super) fn assumed_seconds(denoiser: &dyn Denoiser, pixels: u64, spp: f64, saves: bool) -> f64 {
+    let cost = denoiser.cost();
+    let times = if cost.is_per_sample { spp } else { 1.0 };
+    let checkpoint = if saves { CHECKPOINT_SECONDS } else { 0.0 };
+    pixels as f64 * (times * cost.core_seconds / rayon::current_num_threads() as f64 + checkpoint)
+}
+
+impl Finalisation {
+    /// Returns whether it has been calibrated.
+    pub fn is_calibrated(&self) -> bool {
+        self.latest.is_some()
+    }
+
+    /// Returns the predicted seconds, once calibrated.
+    pub fn seconds(&self) -> f64 {
+        self.predicted + self.deviation
+    }
+
+    /// Returns the seconds of the last filter pass, once calibrated.
+    pub fn filter_seconds(&self) -> Option<f64> {
+        self.latest.map(|latest| latest.filter)
+    }
+
+    /// Adds a calibration; `left`: seconds that were left for samples.
+    pub fn add(&mut self, times: CalibrationTimes, left: f64) {
+        self.is_last_made |= self.is_last(left);
+        self.spent += times.spent;
+        self.latest = Some(times);
+        self.is_fresh = true;
+
+        self.averaged += 1.0;
+        // The first one takes longer than the others: its data is in no cache.
+        let warm = (self.averaged - 1.0).max(1.0);
+        let weight = 1.0 / warm.min(CALIBRATIONS);
+        let deviation =
+            if warm > 1.0 { (times.total - self.predicted).abs() } else { FIRST_DEVIATION * times.total };
+        self.deviation += weight * (deviation - self.deviation);
+        self.predicted += weight * (times.total - self.predicted);
+    }
+
+    /// Replaces the extrapolated seconds of the last filter pass by those of a pass over the whole image.
+    pub fn correct(&mut self, filter_seconds: f64) {
+        let Some(latest) = &mut self.latest else { return };
+        let excess = latest.filter - filter_seconds;
+        latest.filter = filter_seconds;
+        self.predicted = (self.predicted - excess).max(0.0);
+        self.deviation = 0.0;
+        // That is no less than a first calibration says.
+        self.averaged = self.averaged.max(CALIBRATIONS);
+    }
+
+    /// Falls back on a faster denoiser: the next calibration alone predicts.
+    pub fn fall_back(&mut self, denoiser: &'static dyn Denoiser) {
+        self.fallback = Some(denoiser);
+        (self.predicted, self.deviation, self.averaged) = (0.0, 0.0, 0.0);
+    }
+
+    /// Marks the latest calibration as judged.
+    pub fn age(&mut self) {
+        self.is_fresh = false;
+    }
+
+    /// Returns whether nothing has happened since the latest calibration.
+    pub fn is_fresh(&self) -> bool {
+        self.is_fresh
+    }
+
+    /// Returns whether another calibration is due, with so many seconds `left` for samples and a finalisation of
+    /// `predicted` seconds.
+    pub fn is_due(&self, elapsed: f64, left: f64, predicted: f64) -> bool {
+        let first = FIRST_CALIBRATION_EXCESS * predicted / ROW_RATIO as f64;
+        let next = self.latest.map_or(first, |latest| latest.spent);
+        let is_affordable = self.latest.is_none() || self.spent + next <= CALIBRATION_FRACTION * elapsed;
+        left > CALIBRATION_USE * next && (is_affordable || !self.is_last_made && self.is_last(left))
+    }
+
+    /// Returns whether the only calibration so far has to be repeated at once: it may have been too slow, and by it
+    /// hardly any time is left.
+    pub fn is_doubtful(&self, left: f64) -> bool {
+        let is_only = self.latest.is_some_and(|latest| latest.spent == self.spent);
+        is_only && !self.is_last_made && self.is_last(left)
+    }
+
+    /// Returns whether so little time is left that a calibration is the last one before the end.
+    fn is_last(&self, left: f64) -> bool {
+        left <= LAST_CALIBRATION * self.latest.map_or(0.0, |latest| latest.total)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn calibrated(times: &[(f64, f64)], left: f64) -> Finalisation {
+        let mut finalisation = Finalisation::default();
+        for &(total, spent) in times {
+            finalisation.add(CalibrationTimes { filter: 0.9 * total, total, spent }, left);
+        }
+        finalisation
+    }
+
+    #[test]
+    fn later_calibrations_replace_the_first_and_a_whole_pass_replaces_all() {
+        let seconds = |finalisation: &Finalisation| finalisation.seconds();
+        let near = |a: f64, b: f64| (a - b).abs() < 1e-9;
+        assert!(near(seconds(&calibrated(&[(5.0, 1.0)], 9.0)), 5.5), "the first is doubted");
+        assert!(near(seconds(&calibrated(&[(5.0, 1.0), (1.0, 1.0)], 9.0)), 1.1), "the first is forgotten");
+        let mut three = calibrated(&[(5.0, 1.0), (1.0, 1.0), (2.0, 1.0)], 9.0);
+        assert!(near(three.seconds(), 1.5 + 0.55), "mean and deviation");
+        // 1.8 seconds were extrapolated; a measured pass has no deviation.
+        three.correct(1.5);
+        assert!(near(three.seconds(), 1.2));
+        assert_eq!(three.filter_seconds(), Some(1.5));
+        three.correct(0.0);
+        assert!(near(three.seconds(), 0.0), "nothing takes less than no time");
+    }
+
+    #[test]
+    fn the_first_calibration_comes_if_enough_time_is_left_for_it_to_be_of_use() {
+        let none = Finalisation::default();
+        // It takes 2 ∕ 8 of 0.8 seconds.
+        assert!(none.is_due(0.0, 0.41, 0.8) && !none.is_due(9.0, 0.39, 0.8));
+    }
+
+    #[test]
+    fn calibrations_take_their_fraction_of_the_time_and_no_more() {
+        let once = calibrated(&[(0.8, 0.1)], 9.0);
+        let due = |elapsed, left| once.is_due(elapsed, left, 0.8);
+        assert!(!due(3.0, 9.0) && due(4.0, 9.0) && !due(4.0, 0.1));
+    }
+
+    #[test]
+    fn one_more_calibration_comes_before_the_end() {
+        let once = calibrated(&[(0.8, 0.1)], 9.0);
+        assert!(!once.is_due(2.5, 1.0, 0.8) && once.is_due(2.6, 0.7, 0.8));
+        assert!(!once.is_doubtful(1.0) && once.is_doubtful(-3.0), "the first one may be far off");
+        let twice = calibrated(&[(0.8, 0.1), (0.8, 0.2)], 9.0);
+        assert!(!twice.is_doubtful(-3.0));
+        let mut late = once;
+        late.add(CalibrationTimes { filter: 0.7, total: 0.8, spent: 0.1 }, 0.7);
+        assert!(!late.is_due(2.6, 0.7, 0.8), "the last one is made");
+    }
+
+    #[test]
+    fn a_fallback_forgets_the_slower_denoisers_prediction() {
+        let mut finalisation = calibrated(&[(5.0, 1.0), (4.0, 1.0)], 9.0);
+        finalisation.fall_back(crate::filter::UNFILTERED);
+        finalisation.add(CalibrationTimes { filter: 0.0, total: 0.1, spent: 0.1 }, 9.0);
+        assert!((finalisation.seconds() - 0.11).abs() < 1e-9);
+    }
+
+    #[test]
+    fn what_is_assumed_grows_with_the_samples_only_where_these_are_filtered_one_by_one() {
+        let seconds = |denoiser: &dyn Denoiser, spp| assumed_seconds(denoiser, 1000, spp, false);
+        use crate::filter::{nlm, rpf};
+        assert!((seconds(&rpf::RPF, 8.0) / seconds(&rpf::RPF, 4.0) - 2.0).abs() < 1e-9);
+        assert_eq!(seconds(&nlm::DRAFT, 8.0), seconds(&nlm::DRAFT, 4.0));
+        let checkpoint = assumed_seconds(&nlm::DRAFT, 1000, 4.0, true) - seconds(&nlm::DRAFT, 4.0);
+        assert!((checkpoint - 2e-3).abs() < 1e-9);
+    }
+}

@@ -1,0 +1,32 @@
+//! What the driver of a render loop asks of the program around it: progress, interruption, checkpoints.
+
+use super::checkpoint::Checkpoint;
+use super::record::Progress;
+use super::settings::Settings;
+use crate::filter::FilterResult;
+use crate::stats::Store;
+
+/// The program around a render loop. All methods have defaults: `()` is a host.
+pub trait Host {
+    /// Called after every step.
+    fn listen(&mut self, _progress: &Progress) {}
+
+    /// Returns whether the render should end soon.
+    fn is_interrupted(&self) -> bool {
+        false
+    }
+
+    /// Does with the image of some rows, and with their store, everything that will be done with the whole image at
+    /// the end, and discards the result: the loop measures how long that takes.
+    fn encode_and_discard(&self, _settings: &Settings, _rows_result: &FilterResult, _rows: &Store) {}
+
+    /// Returns the seconds between two checkpoints; `None` if none are kept.
+    fn checkpoint_interval(&self) -> Option<f64> {
+        None
+    }
+
+    /// Keeps a checkpoint.
+    fn save(&mut self, _settings: &Settings, _checkpoint: Checkpoint) {}
+}
+
+impl Host for () {}

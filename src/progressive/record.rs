@@ -1,0 +1,102 @@
+//! The record of a render: its filter passes, its progress, and its outcome.
+
+use super::error_estimate::{ErrorEstimate, EstimateSummary};
+use super::forecast::{Forecast, Point, forecast};
+use super::settings::Settings;
+use super::stopped_by::StoppedBy;
+use crate::filter::FilterResult;
+use crate::render::RejectedSample;
+use crate::stats::Store;
+
+/// A filter pass of the loop.
+#[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct PassRecord {
+    pub index: usize,
+    /// Seconds from the program's start to the pass's end, time on hold excluded.
+    pub seconds: f64,
+    pub samples_total: u64,
+    pub filter_seconds: f64,
+    /// Fraction of the pixels between grid nodes whose weights were interpolated.
+    pub interpolation_success: Option<f32>,
+    /// Latest estimate of the relMSE, of an earlier image.
+    pub estimated_error: Option<f64>,
+    /// Samples that that image was made of.
+    pub estimated_error_samples: Option<u64>,
+    /// True errors of the filtered image and of the unfiltered mean, with a reference.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub mse: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub relmse: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub noisy_mse: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub noisy_relmse: Option<f64>,
+}
+
+/// Seconds of the loop's stages.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Seconds {
+    pub render: f64,
+    pub filter: f64,
+    pub allocate: f64,
+}
+
+/// A finished render.
+pub struct Outcome {
+    /// The image. Its interpolation is that of the last interim pass if its denoiser does not interpolate.
+    pub result: FilterResult,
+    pub store: Store,
+    /// Samples of the store that this run took: all, unless it resumed a checkpoint.
+    pub own_samples: u64,
+    pub passes: Vec<PassRecord>,
+    pub stopped_by: StoppedBy,
+    pub seconds: Seconds,
+    /// The first sample of this run that the store has rejected.
+    pub first_rejected: Option<RejectedSample>,
+    /// The latest estimate of the image's relMSE; of an image with fewer samples than the final one.
+    pub estimate: Option<ErrorEstimate>,
+    /// The settings at the end: a user may have changed them on the way.
+    pub settings: Settings,
+}
+
+impl Outcome {
+    /// Returns whether another denoiser than the one asked for has made the image, because time or samples were few.
+    pub fn is_fallback(&self) -> bool {
+        self.result.made_by != self.settings.denoiser.name()
+    }
+
+    /// Returns how the error is expected to fall, from the estimates on the way; `halving_seconds` counts from the final
+    /// image. Time is taken as proportional to samples, so that an interruption or a change of speed does not count.
+    pub fn forecast(&self) -> Option<Forecast> {
+        let spent = self.seconds.render + self.seconds.filter + self.seconds.allocate;
+        let seconds_per_sample = (self.own_samples > 0).then(|| spent / self.own_samples as f64)?;
+        let mut points: Vec<Point> = Vec::new();
+        for pass in &self.passes {
+            if let (Some(error), Some(samples)) = (pass.estimated_error, pass.estimated_error_samples) {
+                let seconds = samples as f64 * seconds_per_sample;
+                if points.last().is_none_or(|last| last.seconds < seconds) {
+                    points.push(Point { seconds, error });
+                }
+            }
+        }
+        let found = forecast(&points)?;
+        Some(Forecast {
+            halving_seconds: found.halving_after(seconds_per_sample * self.store.samples() as f64),
+            ..found
+        })
+    }
+}
+
+/// How far a render has come, after a step.
+#[derive(Clone, Copy, Debug)]
+pub struct Progress {
+    /// Fraction of the nearest budget that is spent, in [0, 1].
+    pub fraction: f64,
+    /// Seconds since the start, time on hold excluded.
+    pub elapsed: f64,
+    /// Samples in the store.
+    pub samples: u64,
+    /// The same per pixel.
+    pub spp: f64,
+    pub estimate: Option<EstimateSummary>,
+}

@@ -1,0 +1,385 @@
+//! The render loop: holds the checkpoint and the measurements, and performs actions on them.
+//!
+//! It decides nothing: [`super::next_action`] does. A driver asks it for the next action, and performs it here or, for
+//! filter passes, wherever it likes.
+
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use super::action::{Action, next_action};
+use super::allocation::allocate;
+use super::calibration::{calibrate, prepare_memory};
+use super::checkpoint::{Checkpoint, InterimPass, Position, SampleBatch};
+use super::clock::Clock;
+use super::error_estimate::ErrorEstimate;
+use super::filter_pass::{FailureMap, FilterPass, Filtered};
+use super::host::Host;
+use super::record::{Outcome, PassRecord, Progress};
+use super::region::Region;
+use super::schedule::Plan;
+use super::settings::Settings;
+use super::situation::{Conditions, Mark, Measurements, Situation};
+use super::steps::Grain;
+use super::stopped_by::StoppedBy;
+use crate::filter::{Denoiser, FilterResult};
+use crate::image::Planes;
+use crate::image::metrics::Pair;
+use crate::render::Renderer;
+use crate::stats::{Part, Store};
+
+/// See the module.
+pub struct RenderLoop<'a> {
+    renderer: &'a Renderer<'a>,
+    settings: Settings,
+    clock: Clock,
+    checkpoint: Checkpoint,
+    measurements: Measurements,
+    /// The region that is rendered first.
+    region: Option<Region>,
+    /// Samples of the store that an earlier run took.
+    resumed_samples: u64,
+    /// The image that every filtered one is compared with: 3 planes.
+    reference: Option<&'a Planes>,
+}
+
+impl<'a> RenderLoop<'a> {
+    /// Starts a new render. `start`: when the program started, from which time budgets count.
+    pub fn new(renderer: &'a Renderer<'a>, settings: &Settings, start: Instant) -> Self {
+        let (width, height) = renderer.resolution();
+        let (layout, capacity) = (renderer.layout().clone(), settings.reservoir_capacity());
+        let clock = Clock::new(start);
+        Self {
+            renderer,
+            settings: settings.clone(),
+            clock,
+            checkpoint: Checkpoint::new(Store::new(width, height, layout, capacity, settings.seed)),
+            measurements: Measurements { saved_at: clock.elapsed(), ..Measurements::default() },
+            region: None,
+            resumed_samples: 0,
+            reference: None,
+        }
+    }
+
+    /// Compares every filtered image with a reference of the same size.
+    pub fn with_reference(mut self, reference: Option<&'a Planes>) -> Self {
+        self.reference = reference;
+        self
+    }
+
+    /// Goes on from a checkpoint. With the same budget of samples the image is the same to the last bit as if that
+    /// render had gone on; with a smaller one the rest of an unfinished batch is planned anew.
+    ///
+    /// # Panics
+    /// If the checkpoint is not of the renderer's size and layout.
+    pub fn resume(mut self, checkpoint: Checkpoint) -> Self {
+        let store = &checkpoint.store;
+        assert_eq!((store.width(), store.height()), self.renderer.resolution(), "a checkpoint of this image");
+        assert_eq!(store.layout(), self.renderer.layout(), "a checkpoint of this scene");
+        self.resumed_samples = store.samples();
+        let budget = self.settings.budget.spp.map_or(u64::MAX, |spp| u64::from(spp) * store.pixels() as u64);
+        let is_too_large = |batch: &SampleBatch| {
+            let rest: u64 = batch.step(store, 1.0).iter().map(|&n| u64::from(n)).sum();
+            store.samples_taken() + rest > budget
+        };
+        let gives_up = matches!(&checkpoint.position, Position::Render(batch) if is_too_large(batch));
+        self.checkpoint = checkpoint;
+        if gives_up {
+            self.checkpoint.position = Position::Filter;
+        }
+        self
+    }
+
+    /// Applies new settings from now on. The seed stays, and so does the size of the reservoir.
+    pub fn change(&mut self, settings: &Settings) {
+        let old = self.settings.clone();
+        self.settings = Settings { seed: old.seed, ..settings.clone() };
+        let new = &self.settings;
+        if *new == old {
+            return;
+        }
+        let Measurements { finalisation, interim_seconds, failure_map_seconds, .. } = &mut self.measurements;
+        if (new.budget, new.denoiser) != (old.budget, old.denoiser) {
+            *finalisation = Default::default();
+        }
+        let pass = |s: &Settings| (s.denoiser, s.sampling, s.budget.target_error.is_some());
+        if pass(new) != pass(&old) {
+            (*interim_seconds, *failure_map_seconds) = (None, None);
+        }
+        let shown = |s: &Settings| (s.denoiser.name().method, s.interim_denoiser());
+        let is_other_image = shown(new) != shown(&old);
+        self.give_up_batch();
+        if is_other_image {
+            // The image and the error of another denoiser are not those of this one.
+            (self.checkpoint.estimate, self.checkpoint.interim) = (None, None);
+        }
+    }
+
+    /// Returns whether the samples so far can be filtered as these settings ask for.
+    pub fn can_change_to(&self, settings: &Settings) -> bool {
+        settings.reservoir_capacity() <= self.store().capacity()
+    }
+
+    /// Gives a region all samples until each of its pixels has the budget's on average, or until the region is taken
+    /// back. The estimate of the image's error does not change meanwhile.
+    pub fn set_region(&mut self, region: Option<Region>) {
+        if region != self.region {
+            self.give_up_batch();
+            self.region = region;
+        }
+    }
+
+    /// Excludes time that has just passed from all budgets.
+    pub fn hold(&mut self, duration: Duration) {
+        self.clock.hold(duration);
+    }
+
+    /// Returns the pixel statistics.
+    pub fn store(&self) -> &Arc<Store> {
+        &self.checkpoint.store
+    }
+
+    /// Returns the next action.
+    pub fn next_action(&self, conditions: &Conditions) -> Action {
+        next_action(&self.situation(conditions))
+    }
+
+    /// Performs an action that needs no filter pass.
+    ///
+    /// # Panics
+    /// By [`Action::Filter`] and [`Action::Finish`], for which there are [`Self::interim_pass`] and
+    /// [`Self::final_pass`].
+    pub fn perform(&mut self, action: Action, host: &mut dyn Host) {
+        if !matches!(action, Action::Save) {
+            self.measurements.is_saved = false;
+        }
+        if !matches!(action, Action::Calibrate(_)) {
+            self.measurements.finalisation.age();
+        }
+        match action {
+            Action::Allocate(plan) => self.allocate(plan),
+            Action::Render { to } => self.render(to),
+            Action::EndBatch => self.end_batch(),
+            Action::Calibrate(denoiser) => self.calibrate(denoiser, host),
+            Action::Save => self.save(host),
+            Action::Filter(_) | Action::Finish(_) => unreachable!("the driver runs filter passes"),
+        }
+    }
+
+    /// Returns how far the render has come.
+    pub fn progress(&self) -> Progress {
+        let situation = self.situation(&Conditions::default());
+        let samples = self.store().samples();
+        Progress {
+            fraction: situation.schedule().fraction(situation.elapsed, situation.samples),
+            elapsed: situation.elapsed,
+            samples,
+            spp: samples as f64 / self.store().pixels().max(1) as f64,
+            estimate: self.checkpoint.estimate.as_ref().map(ErrorEstimate::summary),
+        }
+    }
+
+    /// Hands a checkpoint to the host.
+    pub fn save(&mut self, host: &mut dyn Host) {
+        if host.checkpoint_interval().is_some() {
+            host.save(&self.settings, self.checkpoint.clone());
+        }
+        (self.measurements.saved_at, self.measurements.is_saved) = (self.clock.elapsed(), true);
+    }
+
+    /// Returns the filter pass of [`Action::Filter`].
+    pub fn interim_pass(&self, denoiser: &'static dyn Denoiser) -> FilterPass {
+        let computes = self.settings.uses_failure_map();
+        self.pass(denoiser, if computes { FailureMap::Compute } else { FailureMap::Carry(None) })
+    }
+
+    /// Takes the result of [`Self::interim_pass`]: its maps decide where the next samples go.
+    pub fn complete_interim(&mut self, filtered: Filtered) {
+        let (made_by, filter_seconds) = (filtered.result.made_by, filtered.seconds);
+        let failure_map_seconds = filtered.failure_map_seconds;
+        self.measurements.seconds.filter += filter_seconds;
+        self.record(&filtered.result, filter_seconds);
+        let started = Instant::now();
+        self.checkpoint.interim = Some(InterimPass::new(filtered, self.store()));
+        self.checkpoint.position = Position::Plan;
+
+        // Learn from the time that the pass took
+        let snapshot_seconds = started.elapsed().as_secs_f64();
+        let seconds = filter_seconds + snapshot_seconds;
+        let last = self.situation(&Conditions::default()).final_denoiser().name();
+        let measured = &mut self.measurements;
+        measured.is_saved = false;
+        measured.seconds.filter += snapshot_seconds;
+        measured.interim_total += seconds;
+        measured.failure_map_seconds = failure_map_seconds;
+        if made_by == self.settings.interim_denoiser().name() {
+            measured.interim_seconds = Some(seconds);
+        }
+        if made_by == last {
+            // The time of the whole image is known better now than by some of its rows.
+            measured.finalisation.correct(filter_seconds - failure_map_seconds.unwrap_or(0.0));
+        }
+    }
+
+    /// Returns the filter pass of [`Action::Finish`].
+    pub fn final_pass(&self, conditions: &Conditions) -> FilterPass {
+        let earlier = self.checkpoint.interim.as_ref().and_then(|interim| interim.interpolation.clone());
+        self.pass(self.situation(conditions).final_denoiser(), FailureMap::Carry(earlier))
+    }
+
+    /// Takes the result of [`Self::final_pass`], with which the render may end, or go on after a change.
+    pub fn complete_final(&mut self, filtered: &Filtered) {
+        // The samples of an interrupted batch count as well.
+        if let Position::Render(batch) = &self.checkpoint.position {
+            let probes = batch.allocation.probes.clone();
+            self.estimate_error(&probes);
+        }
+        self.measurements.seconds.filter += filtered.seconds;
+        self.record(&filtered.result, filtered.seconds);
+    }
+
+    /// Ends the render with the result of [`Self::final_pass`].
+    pub fn finish(mut self, filtered: Filtered, stopped_by: StoppedBy) -> Outcome {
+        self.complete_final(&filtered);
+        self.into_outcome(filtered.result, stopped_by)
+    }
+
+    /// Ends the render with the image of [`Self::complete_final`].
+    pub fn into_outcome(self, result: FilterResult, stopped_by: StoppedBy) -> Outcome {
+        let Checkpoint { store, passes, estimate, .. } = self.checkpoint;
+        Outcome {
+            result,
+            own_samples: store.samples() - self.resumed_samples,
+            store: Arc::unwrap_or_clone(store),
+            passes,
+            stopped_by,
+            seconds: self.measurements.seconds,
+            first_rejected: self.measurements.first_rejected,
+            estimate,
+            settings: self.settings,
+        }
+    }
+
+    fn situation(&self, conditions: &Conditions) -> Situation<'_> {
+        let Checkpoint { store, position, estimate, interim, speed, .. } = &self.checkpoint;
+        Situation {
+            settings: &self.settings,
+            pixels: store.pixels() as u64,
+            samples: store.samples_taken(),
+            mark: match position {
+                Position::Plan => Mark::Plan,
+                Position::Render(batch) => Mark::Render { done: batch.done, samples: batch.samples() },
+                Position::Filter => Mark::Filter,
+            },
+            has_interim: interim.is_some(),
+            error: estimate.as_ref().map(ErrorEstimate::upper_bound),
+            has_region: self.region.is_some(),
+            speed: *speed,
+            measurements: &self.measurements,
+            elapsed: self.clock.elapsed(),
+            conditions: *conditions,
+        }
+    }
+
+    fn pass(&self, denoiser: &'static dyn Denoiser, failure_map: FailureMap) -> FilterPass {
+        FilterPass { store: self.store().clone(), denoiser, seed: self.settings.seed, failure_map }
+    }
+
+    /// Begins a batch.
+    fn allocate(&mut self, plan: Plan) {
+        let started = Instant::now();
+        let Checkpoint { store, interim, .. } = &self.checkpoint;
+        let grain = if store.samples_taken() == 0 { Grain::Pixel } else { Grain::Block };
+        let allocation = allocate(store, interim.as_ref(), self.region, &self.settings, plan.samples);
+        self.checkpoint.position = Position::Render(SampleBatch { allocation, done: 0.0, grain });
+        self.measurements.seconds.allocate += started.elapsed().as_secs_f64();
+    }
+
+    /// Renders the batch up to a fraction.
+    fn render(&mut self, to: f64) {
+        let started = Instant::now();
+        let Checkpoint { store, position: Position::Render(batch), speed, .. } = &mut self.checkpoint else {
+            unreachable!("a step is part of a batch")
+        };
+        let (before, counts) = (store.samples_taken(), batch.step(store, to));
+        // Copies only while a filter pass that was given up still reads the store.
+        let rejected = self.renderer.render_batch(&counts, Arc::make_mut(store));
+        batch.done = to;
+        let seconds = started.elapsed().as_secs_f64();
+        speed.add(store.samples_taken() - before, seconds);
+        self.measurements.seconds.render += seconds;
+        self.measurements.first_rejected = self.measurements.first_rejected.or(rejected);
+    }
+
+    /// Ends the batch with the samples that it has.
+    fn end_batch(&mut self) {
+        if let Position::Render(batch) = std::mem::replace(&mut self.checkpoint.position, Position::Filter) {
+            self.estimate_error(&batch.allocation.probes);
+        }
+    }
+
+    /// Ends an unfinished batch, so that the next one is planned anew.
+    fn give_up_batch(&mut self) {
+        if matches!(self.checkpoint.position, Position::Render(_)) {
+            self.measurements.is_saved = false;
+            self.end_batch();
+        }
+    }
+
+    /// Compares the samples since the latest interim pass with its image.
+    fn estimate_error(&mut self, probes: &[bool]) {
+        let Checkpoint { store, estimate, interim: Some(interim), .. } = &mut self.checkpoint else { return };
+        if interim.made_by.method != self.settings.denoiser.name().method {
+            // The error of another method's image is not that of the last one.
+            return;
+        }
+        interim.probes.iter_mut().zip(probes).for_each(|(all, &new)| *all |= new);
+        let new = ErrorEstimate::new(&interim.image, &interim.snapshot, store, &interim.probes);
+        // A state from elsewhere may hold an image with NaN.
+        if let Some(new) = new.filter(|new| new.image.is_finite()) {
+            *estimate = Some(new.or_keep(estimate.take()));
+        }
+    }
+
+    /// Measures the finalisation by this denoiser.
+    fn calibrate(&mut self, denoiser: &'static dyn Denoiser, host: &dyn Host) {
+        let elapsed = self.clock.elapsed();
+        let situation = self.situation(&Conditions::default());
+        let left = situation.schedule().seconds_left(elapsed).unwrap_or(f64::INFINITY);
+        if !self.measurements.finalisation.is_calibrated() {
+            prepare_memory(denoiser.cost().bytes * self.store().pixels());
+        }
+        let current = self.measurements.finalisation.fallback.unwrap_or(self.settings.denoiser);
+        if denoiser != current {
+            self.measurements.finalisation.fall_back(denoiser);
+        }
+        let output =
+            |result: &FilterResult, rows: &Store| host.encode_and_discard(&self.settings, result, rows);
+        let times = calibrate(self.store(), denoiser, self.settings.seed, output);
+        self.measurements.finalisation.add(times, left);
+        self.measurements.seconds.filter += self.clock.elapsed() - elapsed;
+    }
+
+    fn record(&mut self, result: &FilterResult, filter_seconds: f64) {
+        let store = self.store();
+        let noisy = self.reference.map(|_| store.means(Part::Whole, store.layout().radiance()));
+        let compare = |image: Option<&Planes>, metric: fn(&Pair) -> f64| {
+            let pair = image.zip(self.reference);
+            pair.and_then(|(image, reference)| Some(metric(&Pair::new(image, reference).ok()?)))
+        };
+        let estimate = self.checkpoint.estimate.as_ref();
+        let pass = PassRecord {
+            index: self.checkpoint.passes.len(),
+            seconds: self.clock.elapsed(),
+            samples_total: store.samples(),
+            filter_seconds,
+            interpolation_success: result.interpolation.as_ref().map(|found| found.success),
+            estimated_error: estimate.map(|estimate| estimate.image),
+            estimated_error_samples: estimate.map(|estimate| estimate.samples),
+            mse: compare(Some(&result.image), |pair| pair.mse()),
+            relmse: compare(Some(&result.image), |pair| pair.relmse()),
+            noisy_mse: compare(noisy.as_ref(), |pair| pair.mse()),
+            noisy_relmse: compare(noisy.as_ref(), |pair| pair.relmse()),
+        };
+        self.checkpoint.passes.push(pass);
+    }
+}

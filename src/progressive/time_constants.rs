@@ -1,0 +1,65 @@
+//! Every constant of time keeping: how long steps are, when filter passes, calibrations and checkpoints are due, and how
+//! far predictions are trusted. Seconds, or fractions of a time.
+
+// Steps of a sample batch
+
+/// Longest step where nobody asks for shorter ones, in seconds: an interruption is noticed between two.
+pub const LONGEST_STEP: f64 = 1.0;
+/// Under a time budget, the longest step and the shortest one that is begun, in seconds.
+pub const STEP_SECONDS: (f64, f64) = (0.01, 0.25);
+/// Largest fraction of the time left for samples that a step takes.
+pub const STEP_FRACTION: f64 = 0.5;
+/// An interrupted batch is finished if that takes at most this long, in seconds.
+pub const GRACE: f64 = 1.0;
+/// Fading time of the measured sampling speed, in seconds: other programs come and go.
+pub const SPEED_MEMORY: f64 = 0.5;
+
+// Time budgets
+
+/// Fraction of a time budget that is kept back for wrong predictions. A budget that is exceeded by a hundredth is
+/// broken, and one of which a twentieth is left is wasted: this is between.
+pub const MARGIN: f64 = 0.02;
+/// A time budget is broken if it is exceeded by more than the larger of these seconds and this fraction of it.
+pub const TOLERANCE: (f64, f64) = (0.1, 0.01);
+/// The last batch under a time budget is planned larger by this factor than its expected size: the clock ends it.
+pub const LAST_BATCH_EXCESS: f64 = 1.25;
+
+// Interim filter passes
+
+/// Largest fraction of the time that interim passes take under a time budget.
+pub const INTERIM_FRACTION: f64 = 0.1;
+/// Largest fraction of the budget that the pass before the last batch takes by itself, however short the budget:
+/// without it the error of an image like the last one is unknown.
+pub const LAST_INTERIM_FRACTION: f64 = 0.08;
+/// An interim pass is followed by at least this many times its own time for the samples that it directs.
+pub const INTERIM_USE: f64 = 3.0;
+
+/// Time that the map of interpolation failures takes, in passes of `nlm draft` (see
+/// [`crate::filter::Cost::pass_time`]).
+pub const FAILURE_MAP_PASS_TIME: f64 = 2.5;
+
+// Calibration of the finalisation
+
+/// Largest fraction of the time that calibrations take.
+pub const CALIBRATION_FRACTION: f64 = 0.06;
+/// A calibration is followed by more than this many times its own time for samples.
+pub const CALIBRATION_USE: f64 = 2.0;
+/// The first calibration takes about this many times as long as later ones: memory is prepared before it.
+pub const FIRST_CALIBRATION_EXCESS: f64 = 2.0;
+/// A last calibration is due when this many times its result is left for samples: the machine may be busier by then.
+pub const LAST_CALIBRATION: f64 = 1.0;
+/// Ratio of the time for a whole image to the time extrapolated from some of its rows (measured: 1 to 1.18, growing
+/// with the image): less of it is in the cache, and it needs a disk. The budget's margin covers what this leaves.
+pub const WHOLE_EXCESS: f64 = 1.06;
+/// Number of the latest calibrations that a prediction averages.
+pub const CALIBRATIONS: f64 = 2.0;
+/// Assumed relative deviation of the first calibration (measured on 0.9 megapixels: 0.1 to 0.2).
+pub const FIRST_DEVIATION: f64 = 0.1;
+/// Assumed seconds per pixel to write a checkpoint at the end.
+pub const CHECKPOINT_SECONDS: f64 = 2e-6;
+
+// Checkpoints
+
+/// No checkpoint is saved for its age alone if the end, which saves another, is nearer than this fraction of the time
+/// between two: it would still be on its way to the disk.
+pub const NEAR_END: f64 = 0.25;

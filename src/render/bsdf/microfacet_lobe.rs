@@ -1,0 +1,100 @@
+//! A rough microfacet lobe (Torrance and Sparrow 1967): the glossy part of pbrt-v2's and v3's `plastic`, `uber`,
+//! `translucent` and `metal` materials.
+
+use glam::{Vec2, Vec3};
+
+use super::bsdf_sample::BsdfSample;
+use super::bxdf::Bxdf;
+use super::directions::same_hemisphere;
+use super::fresnel;
+use super::microfacet_distribution::MicrofacetDistribution;
+
+/// The Fresnel reflectance of microfacets (pbrt-v3's `Fresnel`).
+#[derive(Clone, Copy, Debug)]
+pub(super) enum MicrofacetFresnel {
+    /// Index of refraction of the far side over that of the near side. It is below 1 for pbrt-v2's and v3's
+    /// `plastic`, which reflects everything beyond the critical angle.
+    Dielectric(f32),
+    Conductor {
+        eta: Vec3,
+        k: Vec3,
+    },
+}
+
+impl MicrofacetFresnel {
+    fn reflectance(self, cos: f32) -> Vec3 {
+        match self {
+            Self::Dielectric(eta) => Vec3::splat(fresnel::dielectric(cos, eta)),
+            Self::Conductor { eta, k } => fresnel::conductor(cos, eta, k),
+        }
+    }
+}
+
+/// Glossy reflection, and glossy transmission as its mirror image below the surface.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct MicrofacetLobe {
+    pub reflectance: Vec3,
+    pub transmittance: Vec3,
+    pub distribution: MicrofacetDistribution,
+    pub fresnel: MicrofacetFresnel,
+}
+
+impl MicrofacetLobe {
+    fn reflection_probability(&self) -> f32 {
+        let (r, t) = (self.reflectance.max_element(), self.transmittance.max_element());
+        if r + t > 0.0 { r / (r + t) } else { 0.0 }
+    }
+
+    /// The colour of the hemisphere of `wi`, and `wi` mirrored to the hemisphere of `wo`.
+    fn as_reflection(&self, wo: Vec3, wi: Vec3) -> (Vec3, Vec3) {
+        if same_hemisphere(wo, wi) { (self.reflectance, wi) } else { (self.transmittance, mirrored(wi)) }
+    }
+}
+
+/// The mirror image of a direction below the surface's plane.
+fn mirrored(w: Vec3) -> Vec3 {
+    Vec3::new(w.x, w.y, -w.z)
+}
+
+impl Bxdf for MicrofacetLobe {
+    fn eval(&self, wo: Vec3, wi: Vec3) -> Vec3 {
+        let (colour, wi) = self.as_reflection(wo, wi);
+        if colour == Vec3::ZERO {
+            return Vec3::ZERO;
+        }
+        let (value, cos) = self.distribution.reflection_eval(wo, wi);
+        colour * self.fresnel.reflectance(cos) * value
+    }
+
+    fn pdf(&self, wo: Vec3, wi: Vec3) -> f32 {
+        let p_reflection = self.reflection_probability();
+        let p = if same_hemisphere(wo, wi) { p_reflection } else { 1.0 - p_reflection };
+        if p == 0.0 {
+            return 0.0;
+        }
+        p * self.distribution.reflection_pdf(wo, self.as_reflection(wo, wi).1)
+    }
+
+    fn sample(&self, wo: Vec3, u_lobe: f32, u: Vec2) -> Option<BsdfSample> {
+        let is_reflection = u_lobe < self.reflection_probability();
+        let wi = self.distribution.sample_reflection(wo, u)?;
+        let wi = if is_reflection { wi } else { mirrored(wi) };
+        let pdf = self.pdf(wo, wi);
+        (pdf > 0.0).then(|| BsdfSample {
+            transmission: !is_reflection,
+            ..BsdfSample::glossy(wi, self.eval(wo, wi) / pdf, pdf)
+        })
+    }
+
+    fn is_specular(&self) -> bool {
+        false
+    }
+
+    fn transmits(&self) -> bool {
+        self.transmittance != Vec3::ZERO
+    }
+
+    fn albedo(&self, wo: Vec3) -> Vec3 {
+        (self.reflectance + self.transmittance) * self.fresnel.reflectance(wo.z.abs())
+    }
+}

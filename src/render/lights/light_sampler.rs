@@ -1,0 +1,148 @@
+//! Chooses one light at a point with a probability in proportion to its estimated irradiance there: one of
+//! the infinite lights, or one from the light tree, which holds all others.
+//!
+//! Takes the [`EmissionBounds`] of all lights once, then a [`LightSampleContext`] and a sample value for each
+//! choice; gives the index of a light and the discrete probability of choosing it. Unlike pbrt-v4's
+//! `BVHLightSampler` (section 12.6.3), which gives all infinite lights and the tree the same probability,
+//! these are weighted by irradiance too.
+
+use glam::Vec3;
+
+use super::angle::Angle;
+use super::emission_bounds::EmissionBounds;
+use super::light_bounds::LightBounds;
+use super::light_sample_context::LightSampleContext;
+use super::light_tree::{LightTree, ONE_MINUS_EPSILON};
+
+/// Fraction of the choices between infinite lights and the tree that is uniform, since the estimated
+/// irradiance ignores occlusion.
+const UNIFORM_FRACTION: f32 = 0.1;
+
+/// Chooses among lights, which are numbered in the order given to [`Self::new`].
+pub struct LightSampler {
+    infinite: Vec<InfiniteLight>,
+    tree: LightTree,
+}
+
+struct InfiniteLight {
+    light: usize,
+    direction: Option<Vec3>,
+    irradiance: f32,
+}
+
+impl LightSampler {
+    pub fn new(lights: impl Iterator<Item = EmissionBounds>) -> Self {
+        let (mut infinite, mut finite) = (Vec::new(), Vec::new());
+        for (light, bounds) in lights.enumerate() {
+            finite.push(None);
+            match bounds.non_zero() {
+                Some(EmissionBounds::Finite(bounds)) => finite[light] = Some(bounds),
+                Some(EmissionBounds::Infinite { direction, irradiance }) => {
+                    infinite.push(InfiniteLight { light, direction, irradiance });
+                }
+                None => {}
+            }
+        }
+        Self { infinite, tree: LightTree::new(&finite) }
+    }
+
+    /// Number of lights whose probability is not 0 everywhere.
+    pub fn len(&self) -> usize {
+        self.infinite.len() + self.tree.len()
+    }
+
+    /// Bounds of all finite lights together. `None` if there are none, or no infinite light, whose
+    /// probabilities would depend on them.
+    #[inline]
+    pub fn finite_bounds(&self) -> Option<&LightBounds> {
+        self.tree.bounds().filter(|_| !self.infinite.is_empty())
+    }
+
+    /// Estimated irradiance from all finite lights: the importance of [`Self::finite_bounds`], 0 if there
+    /// are none.
+    #[inline]
+    pub fn finite_irradiance(&self, context: &LightSampleContext) -> f32 {
+        self.finite_bounds().map_or(0.0, |bounds| bounds.importance(context))
+    }
+
+    /// Chooses a light by `u` in [0, 1) and returns its index and probability; `None` if no light can
+    /// illuminate the point. `finite` is [`Self::finite_irradiance`].
+    #[inline]
+    pub fn sample(&self, context: &LightSampleContext, finite: f32, mut u: f32) -> Option<(usize, f32)> {
+        if self.infinite.is_empty() {
+            return self.tree.sample(context, u);
+        }
+        let probabilities = self.probabilities(context, finite);
+        for infinite in &self.infinite {
+            let probability = probabilities.for_irradiance(infinite.irradiance_at(context));
+            if u < probability {
+                return Some((infinite.light, probability));
+            }
+            u -= probability;
+        }
+        let tree_probability = probabilities.for_irradiance(probabilities.finite);
+        if tree_probability <= 0.0 {
+            // Rounding has carried `u` past the last of the infinite lights.
+            let last = self.infinite.iter().rev().map(|infinite| {
+                (infinite.light, probabilities.for_irradiance(infinite.irradiance_at(context)))
+            });
+            return last.into_iter().find(|(_, probability)| *probability > 0.0);
+        }
+        let (light, probability) =
+            self.tree.sample(context, (u / tree_probability).min(ONE_MINUS_EPSILON))?;
+        Some((light, tree_probability * probability))
+    }
+
+    /// Probability with which [`Self::sample`] chooses a light.
+    #[inline]
+    pub fn probability(&self, light: usize, context: &LightSampleContext, finite: f32) -> f32 {
+        if self.infinite.is_empty() {
+            return self.tree.probability(light, context);
+        }
+        let probabilities = self.probabilities(context, finite);
+        match self.infinite.iter().find(|infinite| infinite.light == light) {
+            Some(infinite) => probabilities.for_irradiance(infinite.irradiance_at(context)),
+            None => {
+                probabilities.for_irradiance(probabilities.finite) * self.tree.probability(light, context)
+            }
+        }
+    }
+
+    #[inline]
+    fn probabilities(&self, context: &LightSampleContext, finite: f32) -> Probabilities {
+        let infinite = self.infinite.iter().map(|infinite| infinite.irradiance_at(context));
+        let (mut total, mut count) = (0.0, 0.0);
+        for irradiance in infinite.chain([finite]).filter(|&e| e > 0.0) {
+            total += irradiance;
+            count += 1.0;
+        }
+        Probabilities {
+            per_irradiance: (1.0 - UNIFORM_FRACTION) / total,
+            uniform: UNIFORM_FRACTION / count,
+            finite,
+        }
+    }
+}
+
+/// The linear function from estimated irradiance to probability at one point.
+struct Probabilities {
+    per_irradiance: f32,
+    uniform: f32,
+    /// Estimated irradiance from all finite lights.
+    finite: f32,
+}
+
+impl Probabilities {
+    #[inline]
+    fn for_irradiance(&self, irradiance: f32) -> f32 {
+        if irradiance > 0.0 { irradiance * self.per_irradiance + self.uniform } else { 0.0 }
+    }
+}
+
+impl InfiniteLight {
+    /// Estimated irradiance; 0 only if the light cannot illuminate the point.
+    #[inline]
+    fn irradiance_at(&self, context: &LightSampleContext) -> f32 {
+        self.irradiance * self.direction.map_or(1.0, |direction| context.bound_cosine(direction, Angle::ZERO))
+    }
+}

@@ -1,0 +1,140 @@
+//! A light tree: a binary hierarchy over many lights whose traversal chooses one light at a point, taking
+//! each child with a probability in proportion to its importance there.
+//!
+//! Takes the [`LightBounds`] of the lights, then a [`LightSampleContext`] and a sample value for each choice;
+//! gives the index of a light and the discrete probability of choosing it.
+//!
+//! Sources: Conty Estevez and Kulla, *Importance Sampling of Many Lights with Adaptive Tree Splitting* (2018);
+//! pbrt-v4, section 12.6.3.
+
+mod split;
+
+use self::split::{Item, NodeBounds, partition};
+use super::light_bounds::LightBounds;
+use super::light_sample_context::LightSampleContext;
+
+/// The largest number below 1.
+pub const ONE_MINUS_EPSILON: f32 = 1.0 - 0.5 * f32::EPSILON;
+
+/// A tree with one light in every leaf.
+#[derive(Clone, Debug, Default)]
+pub struct LightTree {
+    /// The root is the first; the children of a node are adjacent.
+    nodes: Vec<Node>,
+    /// For each light the index of its leaf, or [`NO_LEAF`].
+    leaves: Vec<u32>,
+}
+
+const NO_LEAF: u32 = u32::MAX;
+
+#[derive(Clone, Copy, Debug)]
+struct Node {
+    bounds: LightBounds,
+    parent: u32,
+    content: Content,
+}
+
+#[derive(Clone, Copy, Debug)]
+enum Content {
+    /// Index of the first of the two.
+    Children(u32),
+    Light(u32),
+}
+
+impl LightTree {
+    /// Lights are numbered in the given order; `None` is never chosen.
+    pub fn new(lights: &[Option<LightBounds>]) -> Self {
+        let mut items: Vec<Item> = (0..)
+            .zip(lights)
+            .filter_map(|(light, bounds)| bounds.map(|bounds| Item { light, bounds }))
+            .collect();
+        let mut tree = Self { nodes: Vec::new(), leaves: vec![NO_LEAF; lights.len()] };
+        if let [first, ..] = items[..] {
+            tree.nodes.push(Node { bounds: first.bounds, parent: 0, content: Content::Light(0) });
+            tree.build(0, &mut items);
+        }
+        tree
+    }
+
+    /// Builds the subtree of the items below `node`.
+    fn build(&mut self, node: usize, items: &mut [Item]) {
+        if let [item] = items {
+            self.nodes[node].bounds = item.bounds;
+            self.nodes[node].content = Content::Light(item.light);
+            self.leaves[item.light as usize] = node as u32;
+            return;
+        }
+        let middle = partition(items);
+        let (left, right) = items.split_at_mut(middle);
+        let first = self.nodes.len();
+        let child = Node { parent: node as u32, ..self.nodes[node] };
+        self.nodes.extend([child, child]);
+        self.build(first, left);
+        self.build(first + 1, right);
+        let centre = NodeBounds::new(items).centre();
+        self.nodes[node].bounds = self.nodes[first].bounds.union(&self.nodes[first + 1].bounds, centre);
+        self.nodes[node].content = Content::Children(first as u32);
+    }
+
+    /// Number of lights that may be chosen.
+    pub fn len(&self) -> usize {
+        self.nodes.len().div_ceil(2)
+    }
+
+    /// Bounds of all lights together; `None` without lights.
+    #[inline]
+    pub fn bounds(&self) -> Option<&LightBounds> {
+        self.nodes.first().map(|root| &root.bounds)
+    }
+
+    /// Chooses a light by `u` in [0, 1) and returns its index and probability; `None` if the traversal
+    /// reaches a node whose lights cannot illuminate the point.
+    #[inline]
+    pub fn sample(&self, context: &LightSampleContext, mut u: f32) -> Option<(usize, f32)> {
+        let mut node = self.nodes.first()?;
+        let mut probability = 1.0;
+        loop {
+            let first = match node.content {
+                Content::Light(light) => return Some((light as usize, probability)),
+                Content::Children(first) => first as usize,
+            };
+            let p_first = self.child_probability(first, first + 1, context)?;
+            if u < p_first {
+                u /= p_first;
+                probability *= p_first;
+                node = &self.nodes[first];
+            } else {
+                u = ((u - p_first) / (1.0 - p_first)).min(ONE_MINUS_EPSILON);
+                probability *= 1.0 - p_first;
+                node = &self.nodes[first + 1];
+            }
+        }
+    }
+
+    /// Probability with which [`Self::sample`] chooses a light.
+    #[inline]
+    pub fn probability(&self, light: usize, context: &LightSampleContext) -> f32 {
+        let leaf = self.leaves[light];
+        if leaf == NO_LEAF {
+            return 0.0;
+        }
+        let mut node = leaf as usize;
+        let mut probability = 1.0;
+        while node > 0 {
+            // Siblings have the indices 1 and 2, 3 and 4, and so on.
+            let sibling = ((node - 1) ^ 1) + 1;
+            let Some(p) = self.child_probability(node, sibling, context) else { return 0.0 };
+            probability *= p;
+            node = self.nodes[node].parent as usize;
+        }
+        probability
+    }
+
+    /// Probability of `node` against its sibling; `None` if neither can illuminate the point.
+    #[inline]
+    fn child_probability(&self, node: usize, sibling: usize, context: &LightSampleContext) -> Option<f32> {
+        let importance = self.nodes[node].bounds.importance(context);
+        let sum = importance + self.nodes[sibling].bounds.importance(context);
+        (sum > 0.0).then(|| importance / sum)
+    }
+}

@@ -1,0 +1,142 @@
+//! Renders the samples of one scene, in parallel over the rows of the film.
+
+use std::sync::Arc;
+
+use glam::{Vec2, Vec3};
+use rayon::prelude::*;
+
+use super::camera_rays::CameraRays;
+use super::filter_sampler::FilterSampler;
+use super::integrator::{PathEvent, PathRadiance, PathTracer};
+use super::lights::Lights;
+use super::rejected_sample::RejectedSample;
+use super::row_renderer::RowRenderer;
+use super::sample_layout::sample_layout;
+use super::sample_records::SampleRecords;
+use super::sampler::{Independent, Sobol};
+use super::shard::Shard;
+use crate::geometry::Accel;
+use crate::scene::{Camera, Effects, SamplerKind, Scene};
+use crate::stats::{Layout, Store};
+
+/// Renders samples of one scene.
+pub struct Renderer<'s> {
+    sampler: SamplerKind,
+    resolution: (usize, usize),
+    layout: Layout,
+    rows: RowRenderer<'s>,
+}
+
+impl<'s> Renderer<'s> {
+    /// Prepares what all batches share: light sampling, and the layout of the scene's effects. All sample
+    /// values depend on `seed`.
+    pub fn new(scene: &'s Scene, accel: &'s Accel<'s>, seed: u64) -> Self {
+        Self::with_lights(scene, accel, Arc::new(Lights::new(scene)), &scene.camera, seed)
+    }
+
+    /// Returns this renderer with another camera. The layout may change, because the camera's lens decides
+    /// whether there is depth of field.
+    pub fn with_camera(&self, camera: &Camera) -> Self {
+        let PathTracer { scene, accel, lights, .. } = &self.rows.tracer;
+        Self::with_lights(scene, accel, lights.clone(), camera, self.rows.seed).with_shard(self.rows.shard)
+    }
+
+    fn with_lights(
+        scene: &'s Scene,
+        accel: &'s Accel<'s>,
+        lights: Arc<Lights<'s>>,
+        camera: &Camera,
+        seed: u64,
+    ) -> Self {
+        let effects = Effects { lens: camera.lens_radius > 0.0, ..scene.effects() };
+        let layout = sample_layout(&effects);
+        let [x0, x1, y0, y1] = scene.film.pixel_bounds;
+        Self {
+            sampler: scene.sampler,
+            resolution: (x1 - x0, y1 - y0),
+            rows: RowRenderer {
+                seed,
+                shard: Shard::WHOLE,
+                corner: [x0, y0],
+                exposure: scene.film.scale,
+                filter: FilterSampler::new(&scene.film.filter),
+                camera: CameraRays::new(camera, &scene.film),
+                tracer: PathTracer::new(scene, accel, lights, &effects, &layout),
+                enabled: SampleRecords::enabled_dimensions(&layout),
+            },
+            layout,
+        }
+    }
+
+    /// Restricts the renderer to a shard of every pixel's samples.
+    pub fn with_shard(mut self, shard: Shard) -> Self {
+        self.rows.shard = shard;
+        self
+    }
+
+    /// Returns the sample vector's layout, which stores to render into must have.
+    pub fn layout(&self) -> &Layout {
+        &self.layout
+    }
+
+    /// Returns width and height of the film's pixel bounds, which stores to render into must have.
+    pub fn resolution(&self) -> (usize, usize) {
+        self.resolution
+    }
+
+    /// Returns the length that positions in sample vectors are divided by, in scene units.
+    pub fn diameter(&self) -> f32 {
+        self.rows.tracer.diameter()
+    }
+
+    /// Returns the nearest surface point on the ray through the centre of a pixel of [`Self::resolution`], the
+    /// centre of the lens and the time when the shutter opens; in render space, `None` if there is none.
+    pub fn seen_at(&self, x: usize, y: usize) -> Option<Vec3> {
+        let [x0, y0] = self.rows.corner;
+        let film = Vec2::new((x + x0) as f32 + 0.5, (y + y0) as f32 + 0.5);
+        let ray = self.rows.camera.ray(film, Vec2::splat(0.5), 0.0);
+        self.rows.tracer.accel.intersect(&ray).map(|hit| ray.origin + hit.t * ray.direction)
+    }
+
+    /// Returns the radiance of the `index`-th sample of a pixel of [`Self::resolution`], before the film's factor
+    /// from radiance to pixel value. The scalar reference path tracer computes it, which tests compare with
+    /// [`Self::render_batch`]. `events` is called with every event of the path.
+    pub fn reference_radiance(
+        &self,
+        x: usize,
+        y: usize,
+        index: u32,
+        events: &mut dyn FnMut(PathEvent),
+    ) -> PathRadiance {
+        match self.sampler {
+            SamplerKind::Sobol => self.rows.reference_radiance::<Sobol>(x, y, index, events),
+            SamplerKind::Independent => self.rows.reference_radiance::<Independent>(x, y, index, events),
+        }
+    }
+
+    /// Renders `counts[pixel]` more samples into every pixel, row by row over the film's pixel bounds, in
+    /// parallel on rayon's current pool. Returns the first sample, in the order of rows, columns and indices,
+    /// that the store rejected; `None` if there is none.
+    ///
+    /// # Panics
+    /// If there is not one count for each of the store's pixels, or the store's layout is not
+    /// [`Self::layout`].
+    pub fn render_batch(&self, counts: &[u32], store: &mut Store) -> Option<RejectedSample> {
+        assert_eq!(counts.len(), store.pixels(), "one count for each pixel");
+        assert_eq!(*store.layout(), self.layout, "the store must have the renderer's layout");
+        let width = store.width().max(1);
+        // One row a task, because rows differ much in cost where sampling is adaptive.
+        let rows = store.rows_mut().par_iter_mut().zip(counts.par_chunks(width)).enumerate().with_max_len(1);
+        match self.sampler {
+            SamplerKind::Sobol => {
+                rows.filter_map(|(y, (row, counts))| self.rows.render::<Sobol>(y, counts, row)).min()
+            }
+            SamplerKind::Independent => {
+                rows.filter_map(|(y, (row, counts))| self.rows.render::<Independent>(y, counts, row)).min()
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,32 @@
+//! Blocks that save and restore the graphics state.
+
+use super::GraphicsState;
+use crate::scene::pbrt::parser::FileLoc;
+
+/// The kind of a block, such as `AttributeBegin` ... `AttributeEnd`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Block {
+    Attribute,
+    Transform,
+    Object,
+}
+
+impl Block {
+    /// The directive's name without `Begin` or `End`.
+    pub fn name(self) -> &'static str {
+        match self {
+            Block::Attribute => "Attribute",
+            Block::Transform => "Transform",
+            Block::Object => "Object",
+        }
+    }
+}
+
+/// An open block.
+pub struct ParserScope {
+    /// The graphics state at the block's beginning.
+    pub saved: GraphicsState,
+    pub block: Block,
+    /// Location of the directive that opened the block.
+    pub loc: FileLoc,
+}

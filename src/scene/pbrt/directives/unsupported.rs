@@ -1,0 +1,44 @@
+//! Directives without effect on the image.
+
+use crate::scene::pbrt::builder::SceneBuilder;
+use crate::scene::pbrt::parser::{Result, Statement};
+
+/// Options that do not change the converged image. Sampling is unaffected by them, textures are not
+/// filtered, and the seed comes from the command line.
+const IGNORED_OPTIONS: [&str; 12] = [
+    "disablepixeljitter",
+    "disabletexturefiltering",
+    "disablewavelengthjitter",
+    "displacementedgescale",
+    "interactive",
+    "msereferenceimage",
+    "msereferenceout",
+    "pixelstats",
+    "quiet",
+    "rendercoordsys",
+    "seed",
+    "wavefront",
+];
+
+impl SceneBuilder {
+    /// Ignores a directive, such as `Accelerator`.
+    pub fn ignore(&mut self, _: &Statement) -> Result<()> {
+        Ok(())
+    }
+
+    /// Warns that participating media are not simulated.
+    pub fn medium(&mut self, statement: &Statement) -> Result<()> {
+        self.warnings.add(statement.loc, "participating media are not simulated");
+        statement.params.mark_all_used();
+        Ok(())
+    }
+
+    /// `Option`: ignores options that do not change the image and warns about the others.
+    pub fn option(&mut self, statement: &Statement) -> Result<()> {
+        for name in IGNORED_OPTIONS {
+            statement.params.get(name);
+        }
+        self.report_unused(statement);
+        Ok(())
+    }
+}

@@ -1,0 +1,161 @@
+//! Meshes as files describe them, and their conversion to [`TriangleMesh`]: transformed in f64 and
+//! validated.
+
+use glam::{DAffine3, DVec2, DVec3, Vec3};
+
+use crate::scene::TriangleMesh;
+
+/// A mesh in shape space, not yet validated.
+#[derive(Debug, Default)]
+pub struct MeshDescription {
+    pub positions: Vec<DVec3>,
+    /// Empty, or one for each position.
+    pub normals: Vec<DVec3>,
+    /// Empty, or one for each position.
+    pub uvs: Vec<DVec2>,
+    pub indices: Vec<[u32; 3]>,
+}
+
+impl MeshDescription {
+    /// Transforms the mesh, validates it and drops triangles without area.
+    ///
+    /// As in pbrt, normals determine the front of a triangle; triangles with the opposite winding are
+    /// flipped. `flip_normal` says whether the front is opposite to the winding's normal, and
+    /// `reverse` whether the given normals are reversed.
+    ///
+    /// # Errors
+    /// One sentence, if a value is not finite, an index is out of range, or a list has the wrong
+    /// length.
+    pub fn bake(
+        &self,
+        transform: DAffine3,
+        flip_normal: bool,
+        reverse: bool,
+    ) -> Result<TriangleMesh, String> {
+        // Validate the vertices and indices
+        let count = self.positions.len();
+        for (name, length) in [("normals", self.normals.len()), ("uvs", self.uvs.len())] {
+            if length != 0 && length != count {
+                return Err(format!("{length} {name} for {count} vertices; expected none or as many"));
+            }
+        }
+        let positions: Vec<Vec3> =
+            self.positions.iter().map(|&p| transform.transform_point3(p).as_vec3()).collect();
+        if let Some(vertex) = positions.iter().position(|p| !p.is_finite()) {
+            return Err(format!("vertex {vertex} is not finite; expected finite coordinates"));
+        }
+        if let Some(uv) = self.uvs.iter().position(|uv| !uv.as_vec2().is_finite()) {
+            return Err(format!("uv {uv} is not finite; expected finite coordinates"));
+        }
+        if let Some(index) = self.indices.as_flattened().iter().find(|&&index| index as usize >= count) {
+            return Err(format!("index {index} of {count} vertices; expected 0 to {}", count as i64 - 1));
+        }
+
+        // Transform the normals and orient the triangles
+        let to_normal = transform.matrix3.inverse().transpose();
+        let sign = if reverse { -1.0 } else { 1.0 };
+        let normals: Vec<Vec3> =
+            self.normals.iter().map(|&n| (sign * (to_normal * n)).normalize_or_zero().as_vec3()).collect();
+        let uvs = self.uvs.iter().map(|uv| uv.as_vec2()).collect();
+        let mut mesh =
+            TriangleMesh { positions, normals, uvs, indices: Vec::with_capacity(self.indices.len()) };
+        for &triangle in &self.indices {
+            mesh.add(triangle, flip_normal);
+        }
+        Ok(mesh)
+    }
+}
+
+impl TriangleMesh {
+    /// Removes triangles with a coordinate of `limit` or more. Returns whether there were any.
+    pub fn remove_triangles_beyond(&mut self, limit: f32) -> bool {
+        let count = self.indices.len();
+        let positions = &self.positions;
+        let is_near = |&vertex: &u32| positions[vertex as usize].abs().max_element() < limit;
+        self.indices.retain(|triangle| triangle.iter().all(is_near));
+        self.indices.len() < count
+    }
+
+    /// Adds a triangle unless it has no area, with its front on the side of the normals.
+    fn add(&mut self, [a, b, c]: [u32; 3], flip_normal: bool) {
+        let [pa, pb, pc] = [a, b, c].map(|i| self.positions[i as usize].as_dvec3());
+        // The area of a small triangle may underflow in f32
+        let Some(cross) = (pb - pa).cross(pc - pa).try_normalize() else { return };
+        let normal = (if flip_normal { -cross } else { cross }).as_vec3();
+        if self.normals.is_empty() {
+            self.indices.push([a, b, c]);
+            return;
+        }
+        // Replace zero normals by the triangle's
+        for vertex in [a, b, c] {
+            let stored = &mut self.normals[vertex as usize];
+            if *stored == Vec3::ZERO {
+                *stored = normal;
+            }
+        }
+        let mean: Vec3 = [a, b, c].iter().map(|&i| self.normals[i as usize]).sum();
+        self.indices.push(if mean.dot(normal) < 0.0 { [a, c, b] } else { [a, b, c] });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn triangle() -> MeshDescription {
+        MeshDescription {
+            positions: vec![DVec3::ZERO, DVec3::X, DVec3::Y],
+            indices: vec![[0, 1, 2]],
+            ..Default::default()
+        }
+    }
+
+    #[test]
+    fn a_distant_mesh_is_transformed_before_it_is_rounded() {
+        let far = DVec3::new(1e7, 1e7, 1e7);
+        let mut mesh = triangle();
+        mesh.positions.iter_mut().for_each(|p| *p = *p * 1e-3 + far);
+        let baked = mesh.bake(DAffine3::from_translation(-far), false, false).unwrap();
+        assert!((baked.positions[1].x - 1e-3).abs() < 1e-8);
+    }
+
+    #[test]
+    fn normals_follow_the_inverse_transpose() {
+        let mut mesh = triangle();
+        mesh.normals = vec![DVec3::new(1.0, 0.0, 1.0); 3];
+        let baked = mesh.bake(DAffine3::from_scale(DVec3::new(2.0, 1.0, 1.0)), false, false).unwrap();
+        assert!((baked.normals[0] - Vec3::new(1.0, 0.0, 2.0).normalize()).length() < 1e-6);
+    }
+
+    #[test]
+    fn normals_determine_the_front() {
+        let mut mesh = triangle();
+        mesh.normals = vec![-DVec3::Z; 3];
+        assert_eq!(mesh.bake(DAffine3::IDENTITY, false, false).unwrap().indices, [[0, 2, 1]]);
+        assert_eq!(mesh.bake(DAffine3::IDENTITY, true, true).unwrap().indices, [[0, 2, 1]]);
+        assert_eq!(mesh.bake(DAffine3::IDENTITY, true, false).unwrap().indices, [[0, 1, 2]]);
+    }
+
+    #[test]
+    fn zero_normals_are_replaced_and_degenerate_triangles_dropped() {
+        let mut mesh = triangle();
+        mesh.normals = vec![DVec3::ZERO, DVec3::NAN, DVec3::Z];
+        mesh.indices.push([0, 1, 1]);
+        let baked = mesh.bake(DAffine3::IDENTITY, false, false).unwrap();
+        assert_eq!(baked.normals, [Vec3::Z; 3]);
+        assert_eq!(baked.indices, [[0, 1, 2]]);
+    }
+
+    #[test]
+    fn non_finite_values_and_invalid_indices_are_errors() {
+        let error = |change: fn(&mut MeshDescription)| {
+            let mut mesh = triangle();
+            change(&mut mesh);
+            mesh.bake(DAffine3::IDENTITY, false, false).unwrap_err()
+        };
+        assert!(error(|m| m.positions[1].y = f64::NAN).contains("vertex 1"));
+        assert!(error(|m| m.positions[2].y = 1e300).contains("vertex 2"));
+        assert!(error(|m| m.indices[0][2] = 3).contains("index 3 of 3"));
+        assert!(error(|m| m.uvs = vec![DVec2::ZERO]).contains("1 uvs for 3 vertices"));
+    }
+}

@@ -1,0 +1,120 @@
+//! Materials, films and integrators that differ between the dialects.
+
+use std::path::Path;
+
+use crate::scene::Integrator;
+use crate::scene::film::PixelFilter;
+use crate::scene::material::{Additive, MaterialKind, RoughnessScale};
+use crate::scene::pbrt::Dialect;
+use crate::scene::pbrt::read_str;
+use crate::scene::texture::Encoding;
+
+/// The materials that a main file of each older dialect makes, without the default one.
+fn materials(dialect: Dialect, world: &str) -> Vec<MaterialKind> {
+    let header = if dialect == Dialect::V2 { "" } else { "Integrator \"path\"" };
+    let scene = read_str(&format!("{header} WorldBegin {world} WorldEnd"), Path::new(""));
+    let scene = scene.unwrap_or_else(|error| panic!("{error}"));
+    scene.materials.into_iter().skip(1).map(|material| material.kind).collect()
+}
+
+fn additive(dialect: Dialect, world: &str) -> Additive {
+    match &materials(dialect, world)[..] {
+        [MaterialKind::Additive(parts)] => **parts,
+        other => panic!("{other:?}"),
+    }
+}
+
+#[test]
+fn plastic_is_diffuse_and_glossy_with_an_inverted_index() {
+    for (dialect, scale) in
+        [(Dialect::V2, RoughnessScale::InverseExponent), (Dialect::V3, RoughnessScale::Logarithm)]
+    {
+        let parts = additive(dialect, "Material \"plastic\" \"color Kd\" [.4 .2 .2]");
+        assert!(parts.diffuse[0].is_some() && parts.diffuse[1].is_none() && parts.dielectric.is_none());
+        let gloss = parts.gloss.unwrap();
+        assert_eq!((gloss.eta, gloss.roughness.scale), (1.0 / 1.5, scale));
+    }
+}
+
+#[test]
+fn uber_and_translucent_differ_between_the_dialects() {
+    let uber = |dialect| additive(dialect, "Material \"uber\" \"float index\" 2 \"color Kr\" [1 1 1]");
+    assert_eq!(uber(Dialect::V2).dielectric.unwrap().eta, 0.5);
+    assert_eq!(uber(Dialect::V3).dielectric.unwrap().eta, 2.0);
+    let translucent = |dialect| additive(dialect, "Material \"translucent\"");
+    assert!(translucent(Dialect::V2).dielectric.is_none() && translucent(Dialect::V2).gloss.is_some());
+    assert!(translucent(Dialect::V3).dielectric.is_some() && translucent(Dialect::V3).gloss.is_none());
+}
+
+#[test]
+fn the_amount_of_an_older_mix_weights_its_first_material() {
+    let named = "MakeNamedMaterial \"a\" \"string type\" \"matte\"
+        MakeNamedMaterial \"b\" \"string type\" \"mirror\"";
+    let mix = "Material \"mix\" \"string namedmaterial1\" \"a\" \"string namedmaterial2\" \"b\"
+        \"color amount\" [.2 .2 .2]";
+    let kinds = materials(Dialect::V3, &format!("{named} {mix}"));
+    let MaterialKind::Mix { first, second, .. } = kinds[2] else { panic!("{:?}", kinds[2]) };
+    assert_eq!((first.0, second.0), (2, 1));
+}
+
+#[test]
+fn rough_matte_is_oren_nayar_and_coloured_glass_keeps_its_colours() {
+    let world = "Material \"matte\" \"float sigma\" 20 Material \"matte\" Material \"glass\"
+        Material \"glass\" \"color Kt\" [1 .5 .5] Material \"substrate\"";
+    let kinds = materials(Dialect::V2, world);
+    assert!(matches!(kinds[0], MaterialKind::OrenNayar { .. }));
+    assert!(matches!(kinds[1], MaterialKind::Diffuse { .. }));
+    assert!(matches!(kinds[2], MaterialKind::Dielectric { .. }));
+    assert!(matches!(&kinds[3], MaterialKind::Additive(parts) if parts.dielectric.is_some()));
+    assert!(matches!(kinds[4], MaterialKind::FresnelBlend { .. }));
+}
+
+#[test]
+fn filters_and_film_have_the_dialects_names_and_defaults() {
+    let film = |header: &str, end: &str| {
+        let text = format!("{header} PixelFilter \"gaussian\" WorldBegin {end}");
+        read_str(&text, Path::new("")).unwrap().film
+    };
+    let old = film("", "WorldEnd");
+    assert_eq!((old.width, old.filter), (640, PixelFilter::Gaussian { radius: [2.0; 2], sigma: 0.5 }));
+    assert_eq!(film("Integrator \"path\"", "WorldEnd").width, 1280);
+    assert_eq!(film("", "").filter, PixelFilter::Gaussian { radius: [1.5; 2], sigma: 0.5 });
+    let wide = "PixelFilter \"box\" \"float xwidth\" 2 WorldBegin WorldEnd";
+    let wide = read_str(wide, Path::new("")).unwrap().film.filter;
+    assert_eq!(wide, PixelFilter::Box { radius: [2.0, 0.5] });
+}
+
+#[test]
+fn paths_of_v2_have_one_more_scattering_event() {
+    let integrator =
+        |header: &str| read_str(&format!("{header} WorldBegin WorldEnd"), Path::new("")).unwrap().integrator;
+    let depth = "\"integer maxdepth\" 3";
+    let path = |max_depth| Integrator::Path { max_depth };
+    assert_eq!(integrator("SurfaceIntegrator \"path\""), path(6));
+    assert_eq!(integrator(&format!("SurfaceIntegrator \"path\" {depth}")), path(4));
+    assert_eq!(integrator(&format!("Integrator \"path\" {depth}")), path(3));
+    let direct = format!("SurfaceIntegrator \"directlighting\" {depth}");
+    assert_eq!(integrator(&direct), Integrator::Direct { max_depth: 3 });
+}
+
+#[test]
+fn only_v4_ignores_the_encoding_of_jpeg_files() {
+    let of = |dialect: Dialect, name| dialect.image_encoding(Path::new(name), Some(Encoding::Linear));
+    assert_eq!(of(Dialect::V4, "a.jpg"), Encoding::Srgb);
+    assert_eq!(of(Dialect::V4, "a.PNG"), Encoding::Linear);
+    assert_eq!(of(Dialect::V3, "a.jpg"), Encoding::Linear);
+}
+
+#[test]
+fn float_images_are_linear_except_with_gamma_in_the_older_dialects() {
+    let gamma = Encoding::Gamma(2.0);
+    let of = |dialect: Dialect, wanted| dialect.image_encoding(Path::new("a.exr"), wanted);
+    for (dialect, asked) in [(Dialect::V2, gamma), (Dialect::V3, gamma), (Dialect::V4, Encoding::Linear)] {
+        assert_eq!([of(dialect, None), of(dialect, Some(gamma))], [Encoding::Linear, asked], "{dialect:?}");
+    }
+    let png = |dialect: Dialect| dialect.image_encoding(Path::new("a.png"), None);
+    assert_eq!(
+        [png(Dialect::V2), png(Dialect::V3), png(Dialect::V4)],
+        [Encoding::Linear, Encoding::Srgb, Encoding::Srgb]
+    );
+}

@@ -1,0 +1,66 @@
+//! Parameters that are colours or spectra.
+
+use glam::{DVec3, Vec3};
+
+use crate::scene::pbrt::builder::SceneBuilder;
+use crate::scene::pbrt::files;
+use crate::scene::pbrt::parser::{Parameter, ParameterDictionary, ParameterType, Result};
+use crate::scene::pbrt::spectrum::{Spectrum, rgb_from_xyz};
+
+impl SceneBuilder {
+    /// The colour or spectrum called `name`, if given.
+    pub fn spectrum(&mut self, params: &ParameterDictionary, name: &str) -> Result<Option<Spectrum>> {
+        let Some(param) = params.get(name) else { return Ok(None) };
+        Ok(Some(match (param.kind, param.numbers()) {
+            (ParameterType::Rgb, &[r, g, b]) => {
+                Spectrum::Rgb(self.state.color_space.to_srgb(DVec3::new(r, g, b)).as_vec3())
+            }
+            (ParameterType::Xyz, &[x, y, z]) => Spectrum::Rgb(rgb_from_xyz(DVec3::new(x, y, z)).as_vec3()),
+            (ParameterType::Rgb | ParameterType::Xyz, numbers) => {
+                return Err(param.error(format_args!("a list of {} numbers", numbers.len()), "three numbers"));
+            }
+            (ParameterType::Float, &[value]) => Spectrum::Rgb(Vec3::splat(value as f32)),
+            (ParameterType::Blackbody, &[kelvin]) if kelvin > 0.0 => {
+                Spectrum::Blackbody { kelvin, scale: 1.0 }
+            }
+            (ParameterType::Blackbody, &[kelvin, scale]) if kelvin > 0.0 => {
+                Spectrum::Blackbody { kelvin, scale }
+            }
+            (ParameterType::Blackbody, _) => return Err(param.error("not a temperature", "kelvins above 0")),
+            (ParameterType::Spectrum, numbers) => match param.strings() {
+                [] => self.sampled_spectrum(param, numbers)?,
+                [name] => self.named_spectrum(param, name)?,
+                names => return Err(param.error(format_args!("a list of {} names", names.len()), "one name")),
+            },
+            _ => return Err(param.error("of an unsuitable type", "rgb, spectrum, blackbody or texture")),
+        }))
+    }
+
+    /// One of pbrt's named spectra, or a file of wavelengths and values.
+    fn named_spectrum(&mut self, param: &Parameter, name: &str) -> Result<Spectrum> {
+        if let Some(spectrum) = Spectrum::named(name) {
+            return Ok(spectrum);
+        }
+        let path = self.resolve_content(name);
+        let shown = path.display();
+        let numbers = files::numbers(&path).map_err(|error| {
+            param.error(format_args!("the file \"{shown}\" ({error})"), "a spectrum's name or file")
+        })?;
+        self.sampled_spectrum(param, &numbers)
+    }
+
+    fn sampled_spectrum(&self, param: &Parameter, numbers: &[f64]) -> Result<Spectrum> {
+        let spectrum = match self.dialect.sorts_spectra() {
+            true => Spectrum::from_unsorted_numbers(numbers),
+            false => Spectrum::from_numbers(numbers),
+        };
+        match spectrum {
+            Some(spectrum) if self.dialect.spectra_are_zero_outside() => Ok(spectrum.zero_outside()),
+            Some(spectrum) => Ok(spectrum),
+            None => {
+                let expected = "pairs of wavelength (nm) and value, in rising order";
+                Err(param.error(format_args!("a list of {} numbers", numbers.len()), expected))
+            }
+        }
+    }
+}

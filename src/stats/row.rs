@@ -1,0 +1,215 @@
+//! One row of the pixel-statistics store, which takes samples in.
+
+mod bytes;
+mod merge;
+mod pixel_block;
+
+pub use bytes::RowError;
+pub use pixel_block::{LARGEST_VALUE, PIXEL_BLOCK, PixelBlockValues};
+
+use super::layout::{Group, Layout};
+use super::moments::Moments;
+use super::part::Part;
+use super::reservoir;
+use pixel_block::CACHE_LINE;
+
+/// The statistics of one row of pixels.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Row {
+    width: usize,
+    /// Offset from one dimension to the next in `HalfRow`: the pixels of all blocks and one cache line,
+    /// so that the dimensions of a pixel do not compete for the same cache sets. Elements behind the
+    /// last pixel stay 0.
+    stride: usize,
+    dims: usize,
+    /// Dimensions whose values must be non-negative.
+    radiance: Vec<usize>,
+    capacity: usize,
+    /// Index of each pixel's next sample: the number of samples taken, rejected ones included.
+    pub(super) next_index: Vec<u32>,
+    pub(super) rejected: Vec<u32>,
+    pub(super) halves: [HalfRow; 2],
+    /// Sample vectors, `[pixel][slot][dimension]`.
+    pub(super) reservoir: Vec<f32>,
+    /// Keys of the pixels' reservoirs.
+    pub(super) keys: Vec<u64>,
+}
+
+/// Moments of one half of the samples.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct HalfRow {
+    /// Number of valid samples, `[pixel]`.
+    pub(super) count: Vec<u32>,
+    /// `[dimension][pixel]`.
+    pub(super) mean: Vec<f64>,
+    /// Sum of squared deviations from the mean, `[dimension][pixel]`.
+    pub(super) m2: Vec<f64>,
+}
+
+impl Row {
+    /// Row `y` of an empty store; see [`Store::new`](super::Store::new).
+    pub(super) fn new(width: usize, y: usize, layout: &Layout, capacity: usize, seed: u64) -> Self {
+        let dims = layout.len();
+        let blocks = width.next_multiple_of(PIXEL_BLOCK);
+        let stride = blocks + CACHE_LINE;
+        let half = || HalfRow {
+            count: vec![0; blocks],
+            mean: vec![0.0; stride * dims],
+            m2: vec![0.0; stride * dims],
+        };
+        Self {
+            width,
+            stride,
+            dims,
+            radiance: layout
+                .dimensions()
+                .iter()
+                .enumerate()
+                .filter_map(|(i, d)| (d.group == Group::Colour).then_some(i))
+                .chain(layout.radiance())
+                .collect(),
+            capacity,
+            next_index: vec![0; blocks],
+            rejected: vec![0; blocks],
+            halves: [half(), half()],
+            reservoir: vec![0.0; width * capacity * dims],
+            keys: (0..width).map(|x| reservoir::key(seed, x, y)).collect(),
+        }
+    }
+
+    /// Index of the pixel's next sample.
+    pub fn next_index(&self, x: usize) -> u32 {
+        self.next_index[x]
+    }
+
+    /// Adds a pixel's next samples, in the order of their indices. `samples` is a concatenation of
+    /// sample vectors. See [`Self::push_block`].
+    ///
+    /// # Panics
+    /// If the row has no pixel `x`.
+    pub fn push(&mut self, x: usize, samples: &[f32]) {
+        assert!(x < self.width, "pixel {x} of a row of {}", self.width);
+        let lane = x % PIXEL_BLOCK;
+        let mut values = vec![[0.0; PIXEL_BLOCK]; self.dims];
+        for sample in samples.chunks_exact(self.dims) {
+            values.iter_mut().zip(sample).for_each(|(lanes, &value)| lanes[lane] = value);
+            self.push_block(x / PIXEL_BLOCK, 1 << lane, &values);
+        }
+    }
+
+    /// Adds the next sample of some of the [`PIXEL_BLOCK`] pixels from `PIXEL_BLOCK * block` on: those
+    /// whose bit is set in `present`. A sample with a value that is not finite or larger than
+    /// [`LARGEST_VALUE`], or with negative radiance, is counted as rejected and changes no statistic;
+    /// its index is used up. Returns the pixels whose samples were rejected, a bit each.
+    pub fn push_block(&mut self, block: usize, present: u32, values: &PixelBlockValues) -> u32 {
+        let first = block * PIXEL_BLOCK;
+        let valid = pixel_block::valid_lanes(values, &self.radiance);
+        let mut weights = [[0.0; PIXEL_BLOCK]; 2];
+        let mut rejected = 0;
+        for lane in (0..PIXEL_BLOCK).filter(|lane| present >> lane & 1 == 1) {
+            let x = first + lane;
+            let index = self.next_index[x];
+            // Samples beyond the range of the counter are ignored.
+            let Some(next) = index.checked_add(1) else { continue };
+            self.next_index[x] = next;
+            if valid >> lane & 1 == 0 {
+                self.rejected[x] += 1;
+                rejected |= 1 << lane;
+                continue;
+            }
+            self.push_to_reservoir(x, values.iter().map(|lanes| lanes[lane]));
+            let half = index as usize & 1;
+            let count = &mut self.halves[half].count[x];
+            *count += 1;
+            weights[half][lane] = 1.0 / f64::from(*count);
+        }
+        for (half, weights) in self.halves.iter_mut().zip(&weights) {
+            if weights.iter().any(|&weight| weight > 0.0) {
+                pixel_block::update(
+                    &mut half.mean[first..],
+                    &mut half.m2[first..],
+                    self.stride,
+                    values,
+                    weights,
+                );
+            }
+        }
+        rejected
+    }
+
+    /// Number of valid samples of a pixel.
+    #[inline]
+    pub fn count(&self, x: usize, part: Part) -> u32 {
+        match part {
+            Part::Half(h) => self.halves[h].count[x],
+            Part::Whole => self.halves[0].count[x] + self.halves[1].count[x],
+        }
+    }
+
+    /// Number of rejected samples of a pixel.
+    pub fn rejected(&self, x: usize) -> u32 {
+        self.rejected[x]
+    }
+
+    /// Moments of one dimension of a pixel.
+    #[inline]
+    pub fn moments(&self, x: usize, dim: usize, part: Part) -> Moments {
+        let half = |h: usize| {
+            let half = &self.halves[h];
+            let i = dim * self.stride + x;
+            Moments { count: half.count[x], mean: half.mean[i], m2: half.m2[i] }
+        };
+        match part {
+            Part::Half(h) => half(h),
+            Part::Whole => half(0).merge(half(1)),
+        }
+    }
+
+    /// Reads the means of both halves and the unbiased variance of all samples of one dimension, in a
+    /// loop over pixels without branches.
+    pub(super) fn read_halves(
+        &self,
+        dim: usize,
+        mean_a: &mut [f32],
+        mean_b: &mut [f32],
+        variance: &mut [f32],
+    ) {
+        let width = self.width;
+        let [a, b] = &self.halves;
+        let span = dim * self.stride..dim * self.stride + width;
+        let (n_a, n_b) = (&a.count[..width], &b.count[..width]);
+        let (m_a, m_b) = (&a.mean[span.clone()], &b.mean[span.clone()]);
+        let (s_a, s_b) = (&a.m2[span.clone()], &b.m2[span]);
+        let (mean_a, mean_b, variance) = (&mut mean_a[..width], &mut mean_b[..width], &mut variance[..width]);
+        for x in 0..width {
+            let (n, k) = (f64::from(n_a[x]), f64::from(n_b[x]));
+            let d = m_a[x] - m_b[x];
+            let m2 = s_a[x] + s_b[x] + d * d * (n * k) / (n + k).max(1.0);
+            mean_a[x] = m_a[x] as f32;
+            mean_b[x] = m_b[x] as f32;
+            variance[x] = (m2 / (n + k - 1.0).max(1.0)) as f32;
+        }
+    }
+
+    /// Number of sample vectors in a pixel's reservoir.
+    #[inline]
+    pub fn reservoir_len(&self, x: usize) -> usize {
+        (self.count(x, Part::Whole) as usize).min(self.capacity)
+    }
+
+    /// The sample vectors in a pixel's reservoir, concatenated: a uniform choice among its valid samples.
+    #[inline]
+    pub fn reservoir(&self, x: usize) -> &[f32] {
+        &self.reservoir[x * self.capacity * self.dims..][..self.reservoir_len(x) * self.dims]
+    }
+
+    /// Offers the pixel's next valid sample to its reservoir.
+    #[inline]
+    fn push_to_reservoir(&mut self, x: usize, sample: impl Iterator<Item = f32>) {
+        let index = self.count(x, Part::Whole);
+        if let Some(slot) = reservoir::slot(self.keys[x], index, self.capacity) {
+            let start = (x * self.capacity + slot) * self.dims;
+            self.reservoir[start..][..self.dims].iter_mut().zip(sample).for_each(|(to, from)| *to = from);
+        }
+    }
+}

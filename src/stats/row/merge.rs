@@ -1,0 +1,57 @@
+//! Merges the statistics of two rows (moments after Chan, Golub and LeVeque 1983; reservoirs by
+//! sampling without replacement).
+
+use super::Row;
+use crate::hash::hash;
+use crate::stats::moments::Moments;
+use crate::stats::part::Part;
+
+impl Row {
+    /// Adds the samples of the same row of another store.
+    ///
+    /// # Panics
+    /// If a pixel would have more than `u32::MAX` samples.
+    pub(in crate::stats) fn merge(&mut self, other: &Self) {
+        for x in 0..self.width {
+            self.merge_reservoir(x, other);
+            self.next_index[x] = self.next_index[x].saturating_add(other.next_index[x]);
+            self.rejected[x] = self.rejected[x].saturating_add(other.rejected[x]);
+        }
+        for (h, half) in self.halves.iter_mut().enumerate() {
+            let other = &other.halves[h];
+            for (dim, x) in (0..self.dims).flat_map(|dim| (0..self.width).map(move |x| (dim, x))) {
+                let i = dim * self.stride + x;
+                let a = Moments { count: half.count[x], mean: half.mean[i], m2: half.m2[i] };
+                let b = Moments { count: other.count[x], mean: other.mean[i], m2: other.m2[i] };
+                let m = a.merge(b);
+                (half.mean[i], half.m2[i]) = (m.mean, m.m2);
+            }
+            for (a, b) in half.count.iter_mut().zip(&other.count) {
+                *a = a.checked_add(*b).expect("a pixel has at most u32::MAX samples");
+            }
+        }
+    }
+
+    /// Fills the reservoir by sampling without replacement from the union of both pixels' samples. Each
+    /// vector in a reservoir represents an equal fraction of its pixel's samples.
+    fn merge_reservoir(&mut self, x: usize, other: &Self) {
+        let (mut left_a, mut left_b) =
+            (u64::from(self.count(x, Part::Whole)), u64::from(other.count(x, Part::Whole)));
+        let (a, b) = (self.reservoir(x).to_vec(), other.reservoir(x));
+        let (mut a, mut b) = (a.chunks_exact(self.dims), b.chunks_exact(self.dims));
+        let mut merged = Vec::with_capacity(self.capacity * self.dims);
+        for slot in 0..self.capacity as u64 {
+            let total = left_a + left_b;
+            if total == 0 {
+                break;
+            }
+            // Choose the source in proportion to the samples that are left in each.
+            let from_a = hash(self.keys[x] ^ other.keys[x].rotate_left(1) ^ slot) % total < left_a;
+            let vector = if from_a { a.next() } else { b.next() };
+            let left = if from_a { &mut left_a } else { &mut left_b };
+            *left -= 1;
+            merged.extend_from_slice(vector.expect("a reservoir holds all samples, up to its capacity"));
+        }
+        self.reservoir[x * self.capacity * self.dims..][..merged.len()].copy_from_slice(&merged);
+    }
+}
