@@ -11,7 +11,7 @@ pub(super) struct DenoiserOptions {
     /// The denoiser [default: nlm; of `denoise`: the render's]
     #[arg(long, value_name = "NAME", value_parser = methods())]
     denoiser: Option<String>,
-    /// Preset of `--denoiser nlm`: draft or standard [default: standard]
+    /// Preset: draft or standard of `nlm` [default: standard], interim of `prpf`
     #[arg(long, value_name = "PRESET")]
     quality: Option<String>,
 }
@@ -53,12 +53,12 @@ impl DenoiserOptions {
         }
         match presets(method)[..] {
             _ if quality == "paper" => bail!("--quality paper: this is `--denoiser prpf` now"),
-            [] if method == "prpf" && presets("nlm").contains(&quality) => bail!(
+            _ if method == "prpf" && presets("nlm").contains(&quality) => bail!(
                 "--denoiser prpf --quality {quality}: this is `--denoiser nlm --quality {quality}` now; `--denoiser prpf` \
-                 is the published method, which has no presets"
+                 is the published method"
             ),
             [] => bail!(
-                "--quality {quality}: found with --denoiser {method}, which has no presets; accepted with nlm"
+                "--quality {quality}: found with --denoiser {method}, which has no presets; accepted with nlm and prpf"
             ),
             ref presets => bail!("--quality: found `{quality}`; accepted are {}", presets.join(" and ")),
         }
@@ -89,6 +89,7 @@ mod tests {
             (None, Some("draft"), "nlm draft"),
             (Some("nlm"), None, "nlm standard"),
             (Some("prpf"), None, "prpf"),
+            (Some("prpf"), Some("interim"), "prpf interim"),
             (Some("none"), None, "none"),
         ] {
             assert_eq!(choose(denoiser, quality).as_deref(), Ok(name));

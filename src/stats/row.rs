@@ -165,6 +165,30 @@ impl Row {
         }
     }
 
+    /// Writes a function of the moments of one dimension, in a loop over pixels that becomes vector code.
+    #[inline]
+    pub(super) fn read(&self, dim: usize, part: Part, out: &mut [f32], value: impl Fn(Moments) -> f32) {
+        let width = out.len();
+        let [a, b] = self.halves.each_ref().map(|half| {
+            let span = dim * self.stride..dim * self.stride + width;
+            (&half.count[..width], &half.mean[span.clone()], &half.m2[span])
+        });
+        let at = |half: (&[u32], &[f64], &[f64]), x: usize| Moments {
+            count: half.0[x],
+            mean: half.1[x],
+            m2: half.2[x],
+        };
+        match part {
+            Part::Half(h) => {
+                let half = [a, b][h];
+                out.iter_mut().enumerate().for_each(|(x, out)| *out = value(at(half, x)));
+            }
+            Part::Whole => {
+                out.iter_mut().enumerate().for_each(|(x, out)| *out = value(at(a, x).merge(at(b, x))));
+            }
+        }
+    }
+
     /// Reads the means of both halves and the unbiased variance of all samples of one dimension, in a
     /// loop over pixels without branches.
     pub(super) fn read_halves(

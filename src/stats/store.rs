@@ -177,9 +177,7 @@ impl Store {
         let width = self.width.max(1);
         planes.planes_mut().zip(&dims).for_each(|(plane, &dim)| {
             plane.par_chunks_mut(width).zip(&self.rows).for_each(|(out, row)| {
-                for (x, out) in out.iter_mut().enumerate() {
-                    *out = value(row.moments(x, dim, part)) as f32;
-                }
+                row.read(dim, part, out, |moments| value(moments) as f32);
             });
         });
         planes

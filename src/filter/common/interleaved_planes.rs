@@ -5,6 +5,8 @@
 //! The planes are read with vector loads of [`LANES`] pixels. [`PaddedPlanes`](super::padded_planes)
 //! have margins on all four sides and store plane after plane.
 
+use rayon::prelude::*;
+
 use super::lanes::lanes;
 use crate::image::Planes;
 use crate::simd::{LANES, Lanes};
@@ -34,11 +36,12 @@ impl InterleavedPlanes {
     /// Copies planes; the margins are `fill`.
     pub fn from_planes(planes: &Planes, margin: usize, fill: f32) -> Self {
         let mut interleaved = Self::new(planes.width(), planes.height(), planes.count(), margin, fill);
-        for plane in 0..planes.count() {
-            for y in 0..planes.height() {
-                interleaved.row_mut(plane, y).copy_from_slice(planes.row(plane, y));
+        let (stride, row_len) = (interleaved.stride, interleaved.row_len().max(1));
+        interleaved.data_mut().par_chunks_mut(row_len).enumerate().for_each(|(y, row)| {
+            for (plane, out) in row.chunks_mut(stride).enumerate() {
+                out[margin..][..planes.width()].copy_from_slice(planes.row(plane, y));
             }
-        }
+        });
         interleaved
     }
 
@@ -98,6 +101,7 @@ impl InterleavedPlanes {
         &self.row_with_margins(plane, y)[self.margin..][..self.width]
     }
 
+    #[cfg(test)]
     pub fn row_mut(&mut self, plane: usize, y: usize) -> &mut [f32] {
         &mut self.data[(y * self.count + plane) * self.stride + self.margin..][..self.width]
     }

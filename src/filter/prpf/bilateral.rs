@@ -11,7 +11,7 @@ use rayon::prelude::*;
 use super::feature_guide::FeatureGuide;
 use super::inverse_bandwidths::inverse_bandwidths;
 use super::neighbourhood::Neighbourhood;
-use super::settings::Bandwidth;
+use super::settings::{Bandwidth, PrpfSettings};
 use crate::filter::common::fast_exp::exp_negative_precise;
 use crate::filter::common::interleaved_planes::InterleavedPlanes;
 use crate::filter::common::lanes::{lanes, multiply_add};
@@ -34,6 +34,10 @@ const TILE_BLOCKS: usize = 8;
 /// and smaller weights would be denormal, which is slow.
 const MAX_EXPONENT: f32 = 40.0;
 
+/// Features after which the distances of a block are looked at for the first time: most dissimilar pixels lie elsewhere
+/// in the world, and its position comes first.
+const FIRST_FEATURES: usize = 3;
+
 /// Maximum number of features and colours.
 const MAX_DIMENSIONS: usize = 18;
 
@@ -48,10 +52,11 @@ pub fn filter(
     neighbourhood: &Neighbourhood,
     weights: &InterleavedPlanes,
     window: usize,
-    bandwidth: Bandwidth,
+    settings: &PrpfSettings,
 ) -> InterleavedPlanes {
-    let bandwidths = inverse_bandwidths(guide, neighbourhood, weights, bandwidth);
-    let spatial = SpatialGaussian::new(window, bandwidth);
+    let bandwidths = inverse_bandwidths(guide, neighbourhood, weights, settings.bandwidth);
+    let row_step = if window >= settings.alternate_rows_from { 2 } else { 1 };
+    let spatial = SpatialGaussian::new(window, row_step, settings.bandwidth);
     let mut filtered = values.clone();
     let rows = values.row_len() * TASK_ROWS;
     if rows > 0 {
@@ -65,12 +70,14 @@ pub fn filter(
 /// The Gaussian of the film distance, as exponents by offset along one axis.
 struct SpatialGaussian {
     radius: usize,
+    /// Distance of the rows that contribute, of which the pixel's own is one.
+    row_step: usize,
     /// For offsets from −radius to radius.
     exponents: Vec<f32>,
 }
 
 impl SpatialGaussian {
-    fn new(window: usize, bandwidth: Bandwidth) -> Self {
+    fn new(window: usize, row_step: usize, bandwidth: Bandwidth) -> Self {
         let half = window / 2;
         let (deviation, radius) = match bandwidth {
             Bandwidth::RpfSigma { .. } => (window as f32 / 4.0, half),
@@ -84,7 +91,7 @@ impl SpatialGaussian {
             let d = i as f32 - radius as f32;
             d * d / (2.0 * deviation * deviation)
         };
-        Self { radius, exponents: (0..=2 * radius).map(exponent).collect() }
+        Self { radius, row_step, exponents: (0..=2 * radius).map(exponent).collect() }
     }
 }
 
@@ -175,27 +182,35 @@ fn filter_block<const FMA: bool>(
         }
     }
     let (features, colours) = dims[..guide.means.count()].split_at(guide.features());
+    let (first_features, other_features) = features.split_at(features.len().min(FIRST_FEATURES));
 
     // Sum over the window
-    let radius = spatial.radius;
-    let (first, last) = (y.saturating_sub(radius), (y + radius).min(values.height() - 1));
-    for top in (first..=last).step_by(ROWS) {
+    let SpatialGaussian { radius, row_step, .. } = *spatial;
+    let first = y - radius.min(y) / row_step * row_step;
+    let last = (y + radius).min(values.height() - 1);
+    for top in (first..=last).step_by(ROWS * row_step) {
         // Rows past the end of the window repeat its last row with an infinite exponent.
-        let rows: [usize; ROWS] = std::array::from_fn(|r| (top + r).min(last));
+        let row = |r: usize| top + r * row_step;
+        let rows: [usize; ROWS] = std::array::from_fn(|r| row(r).min(last));
         let vertical: [f32; ROWS] = std::array::from_fn(|r| {
-            if top + r <= last { spatial.exponents[top + r + radius - y] } else { f32::INFINITY }
+            if row(r) <= last { spatial.exponents[row(r) + radius - y] } else { f32::INFINITY }
         });
-        for (column, horizontal) in spatial.exponents.iter().enumerate() {
+        'columns: for (column, horizontal) in spatial.exponents.iter().enumerate() {
             let at = values.margin() + x + column - radius;
             // The compiler would keep an array of exponents in memory, four variables stay in registers.
             let [mut e0, mut e1, mut e2, mut e3] = vertical.map(|vertical| [vertical + horizontal; LANES]);
             let [r0, r1, r2, r3] = rows.map(|row| guide.means.row_planes(row, at));
             let mut others = r0.zip(r1).zip(r2).zip(r3);
-            for ([own, bandwidth, threshold], (((r0, r1), r2), r3)) in features.iter().zip(&mut others) {
-                add_distance::<FMA, true>(&mut e0, own, lanes(r0), bandwidth, threshold);
-                add_distance::<FMA, true>(&mut e1, own, lanes(r1), bandwidth, threshold);
-                add_distance::<FMA, true>(&mut e2, own, lanes(r2), bandwidth, threshold);
-                add_distance::<FMA, true>(&mut e3, own, lanes(r3), bandwidth, threshold);
+            for features in [first_features, other_features] {
+                for ([own, bandwidth, threshold], (((r0, r1), r2), r3)) in features.iter().zip(&mut others) {
+                    add_distance::<FMA, true>(&mut e0, own, lanes(r0), bandwidth, threshold);
+                    add_distance::<FMA, true>(&mut e1, own, lanes(r1), bandwidth, threshold);
+                    add_distance::<FMA, true>(&mut e2, own, lanes(r2), bandwidth, threshold);
+                    add_distance::<FMA, true>(&mut e3, own, lanes(r3), bandwidth, threshold);
+                }
+                if are_negligible([&e0, &e1, &e2, &e3]) {
+                    continue 'columns;
+                }
             }
             for ([own, bandwidth, threshold], (((r0, r1), r2), r3)) in colours.iter().zip(&mut others) {
                 add_distance::<FMA, false>(&mut e0, own, lanes(r0), bandwidth, threshold);
@@ -235,6 +250,13 @@ fn add_distance<const FMA: bool, const TEST: bool>(
         let sum = multiply_add::<FMA>(bandwidth[l], d2, exponents[l]);
         exponents[l] = if TEST && d2 > threshold[l] { f32::INFINITY } else { sum };
     }
+}
+
+/// Returns whether all weights of these exponents are 0.
+#[inline(always)]
+fn are_negligible(exponents: [&Lanes; ROWS]) -> bool {
+    let [a, b, c, d] = exponents;
+    (0..LANES).fold(true, |all, l| all & (a[l].min(b[l]).min(c[l].min(d[l])) > MAX_EXPONENT))
 }
 
 /// Adds one neighbour of each pixel of a block to the sums.

@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use super::settings::PrpfSettings;
 use crate::filter::common::interleaved_planes::InterleavedPlanes;
 use crate::filter::common::lanes::lanes;
-use crate::filter::common::variance_pooling::pool;
+use crate::filter::common::variance_pooling::pool_planes;
 use crate::image::Planes;
 use crate::simd::{LANES, apply, multiversioned};
 use crate::stats::{Block, Feature, Part, Store};
@@ -60,9 +60,9 @@ impl FeatureGuide {
         let features = [store.means(Part::Whole, dims.clone()), store.variances(Part::Whole, dims.clone())];
         let [mut means, mut within] = [0, 1].map(|i| concatenate(&features[i], &colours[i]));
         let mut variances = within.clone();
-        variances.planes_mut().enumerate().par_bridge().for_each(|(k, out)| {
-            pool(out, means.plane(k), within.plane(k), &counts, width);
-        });
+        let mut count_plane = Planes::new(width, height, 1);
+        count_plane.data_mut().iter_mut().zip(&counts).for_each(|(out, &n)| *out = n as f32);
+        pool_planes(&mut variances, &means, count_plane.data());
 
         // Eq. 3 uses the biased variance of a pixel's samples. With unequal counts it is not defined, and the
         // pooled variance takes its place.
@@ -77,9 +77,7 @@ impl FeatureGuide {
         let thresholds = thresholds(&kinds, &variances, &counts, settings);
         let mut hit = hit_fractions(store);
         let mut own_hit = hit.clone();
-        let mut count_plane = Planes::new(width, height, 1);
         for (i, &count) in counts.iter().enumerate() {
-            count_plane.data_mut()[i] = count as f32;
             if count == 0 {
                 hit.data_mut()[i] = Self::NO_PIXEL;
                 own_hit.data_mut()[i] = 0.5;
@@ -185,13 +183,13 @@ fn thresholds(
     settings: &PrpfSettings,
 ) -> Planes {
     let mut thresholds = Planes::new(variances.width(), variances.height(), kinds.len());
-    for (k, (out, &(_, kind))) in thresholds.planes_mut().zip(kinds).enumerate() {
+    thresholds.planes_mut().zip(kinds).enumerate().par_bridge().for_each(|(k, (out, &(_, kind)))| {
         let (z, minimum) = limits(kind, settings);
         for ((out, &variance), &count) in out.iter_mut().zip(variances.plane(k)).zip(counts) {
             let minimum = if variance <= minimum * minimum { minimum * minimum } else { 0.0 };
             *out = if count == 0 { f32::INFINITY } else { (z * z * variance).max(minimum) };
         }
-    }
+    });
     thresholds
 }
 

@@ -23,8 +23,9 @@
 //! Where the paper is silent, the code does the following. Distances and mutual information use the original
 //! statistics in all passes; only the averaged values change. Eq. 4 has the bandwidth of RPF (Sen and Darabi
 //! 2012), see [`Bandwidth`]. Only similar pixels are averaged. Fireflies are clamped before the first pass.
-//! Two statistics are estimated from a subset: those of a neighbourhood from 9×9 of its pixels, and mutual
-//! information from at most 2048 samples.
+//! Three sums are sampled: the statistics of a neighbourhood are those of 9×9 of its pixels, mutual information
+//! is that of at most 1024 samples, and the two large windows of Eq. 4 contribute every second row. Where
+//! interpolation fails, one pixel of a block of 2×2 is a node to the others.
 
 mod bilateral;
 pub(super) mod bit_slices;
@@ -46,7 +47,6 @@ mod weight_inputs;
 use super::common::colours::Colours;
 use super::denoiser::{Cost, Denoiser, Reads, SampleVectors};
 use super::denoiser_name::DenoiserName;
-use super::nlm;
 use super::result::{FilterResult, Interpolation};
 use super::stages::{Observer, Stage};
 use crate::image::Planes;
@@ -68,21 +68,39 @@ pub const RESERVOIR: usize = 8;
 /// third pass.
 pub const FAILURE_WINDOW: usize = 17;
 
-/// P-RPF as published.
-pub struct Prpf;
+/// P-RPF with one of its presets.
+pub struct Prpf {
+    preset: Option<&'static str>,
+    summary: &'static str,
+    cost: Cost,
+    settings: fn() -> PrpfSettings,
+}
 
-/// See [`Prpf`].
-pub static PRPF: Prpf = Prpf;
+/// The published method.
+pub static PRPF: Prpf = Prpf {
+    preset: None,
+    summary: "Pixel-based random parameter filtering as published; three of its sums are sampled",
+    cost: Cost { core_seconds: 2.5e-5, bytes: 700, pass_time: 18.0, is_per_sample: false },
+    settings: PrpfSettings::paper,
+};
 
-const NAME: DenoiserName = DenoiserName { method: "prpf", preset: None };
+/// The preset for interim passes.
+pub static INTERIM: Prpf = Prpf {
+    preset: Some("interim"),
+    summary: "The same with one window and fewer samples in its statistics: for passes between batches",
+    cost: Cost { core_seconds: 4.5e-6, bytes: 500, pass_time: 2.5, is_per_sample: false },
+    settings: PrpfSettings::interim,
+};
+
+const METHOD: &str = "prpf";
 
 impl Denoiser for Prpf {
     fn name(&self) -> DenoiserName {
-        NAME
+        DenoiserName { method: METHOD, preset: self.preset }
     }
 
     fn summary(&self) -> &'static str {
-        "Pixel-based random parameter filtering as published; two of its statistics are sampled"
+        self.summary
     }
 
     fn reads(&self) -> Reads {
@@ -105,19 +123,19 @@ impl Denoiser for Prpf {
     }
 
     fn cost(&self) -> Cost {
-        Cost { core_seconds: 3e-5, bytes: 700, pass_time: 25.0, is_per_sample: false }
+        self.cost
     }
 
     fn reach(&self) -> usize {
-        PrpfSettings::paper().windows.iter().map(|window| window / 2).sum()
+        (self.settings)().windows.iter().map(|window| window / 2).sum()
     }
 
     fn stand_in(&self) -> &'static dyn Denoiser {
-        &nlm::DRAFT
+        &INTERIM
     }
 
     fn filter(&self, store: &Store, seed: u64) -> FilterResult {
-        filter(store, &PrpfSettings::paper(), seed)
+        FilterResult { made_by: self.name(), ..filter(store, &(self.settings)(), seed) }
     }
 }
 
@@ -155,7 +173,7 @@ pub fn filter_observed(store: &Store, settings: &PrpfSettings, seed: u64, observ
         observe(Stage::Weights);
         let weights = upsampling::weights(&inputs);
         observe(Stage::Filtering);
-        values = bilateral::filter(&values, &guide, &neighbourhood, &weights, window, settings.bandwidth);
+        values = bilateral::filter(&values, &guide, &neighbourhood, &weights, window, settings);
         interpolation.add(&weights, settings);
     }
 
@@ -163,7 +181,8 @@ pub fn filter_observed(store: &Store, settings: &PrpfSettings, seed: u64, observ
     observe(Stage::Other);
     let images = colours.finish(&values, &settings.fireflies, |i, j| guide.is_similar(i, j));
     let interpolation = settings.upsampling.then(|| interpolation.finish());
-    FilterResult { interpolation, ..colours.assess(NAME, images) }
+    let made_by = DenoiserName { method: METHOD, preset: None };
+    FilterResult { interpolation, ..colours.assess(made_by, images) }
 }
 
 /// Returns the weights that [`filter`] uses: their names, and for each pass a plane for each of them.

@@ -8,6 +8,7 @@ use super::grid::{Grid, NODES};
 use super::neighbourhood::Neighbourhood;
 use super::settings::PrpfSettings;
 use super::weight_inputs::{Scratch, WeightInputs};
+use crate::filter::common::fast_exp::exp_negative_precise;
 use crate::filter::common::interleaved_planes::InterleavedPlanes;
 use crate::simd::{apply, multiversioned};
 
@@ -19,6 +20,9 @@ const MIN_COLOUR_VARIANCE: f32 = 1e-8;
 
 /// Minimum variance of any dimension.
 const MIN_VARIANCE: f32 = 1e-12;
+
+/// Exponent above which an interpolation weight is 0.
+const MAX_EXPONENT: f32 = 40.0;
 
 /// Computes the weights of one pass at all pixels: the planes that [`WeightInputs::evaluate`] writes, then
 /// the sum of interpolation weights, which is infinite where nothing was interpolated.
@@ -41,12 +45,86 @@ pub fn weights(inputs: &WeightInputs) -> InterleavedPlanes {
     nodes.iter().for_each(|&(x, y)| weights.set(inputs.len(), x, y, f32::INFINITY));
 
     // Compute pixels directly where interpolation failed
-    let failed: Vec<_> = (0..width * height)
+    let failed = (0..width * height)
         .map(|i| (i % width, i / width))
-        .filter(|&(x, y)| weights.at(inputs.len(), x, y) <= settings.interpolation_threshold)
-        .collect();
-    write_at(&mut weights, &failed, &evaluate(inputs, &failed));
+        .filter(|&(x, y)| weights.at(inputs.len(), x, y) <= settings.interpolation_threshold);
+    let Failed { direct, copies } = Failed::new(inputs, failed);
+    write_at(&mut weights, &direct, &evaluate(inputs, &direct));
+    for (to, from) in copies {
+        (0..inputs.len()).for_each(|k| weights.set(k, to.0, to.1, weights.at(k, from.0, from.1)));
+    }
     weights
+}
+
+/// Pixels between whose nodes interpolation failed.
+struct Failed {
+    /// Those whose weights are computed.
+    direct: Vec<(usize, usize)>,
+    /// Those that take over the weights of a pixel of `direct` in their block of 2×2.
+    copies: Vec<((usize, usize), (usize, usize))>,
+}
+
+impl Failed {
+    /// Divides `pixels`, which are in row order. The first of a block is a node to the others, which are interpolated
+    /// where its interpolation weight alone exceeds the threshold.
+    fn new(inputs: &WeightInputs, pixels: impl Iterator<Item = (usize, usize)>) -> Self {
+        const SIDE: usize = 2;
+        let blocks = inputs.guide.width().div_ceil(SIDE);
+        let mut nodes = vec![None; blocks * inputs.guide.height().div_ceil(SIDE)];
+        let mut failed = Self { direct: Vec::new(), copies: Vec::new() };
+        for pixel in pixels {
+            let node = &mut nodes[pixel.1 / SIDE * blocks + pixel.0 / SIDE];
+            match *node {
+                Some(node)
+                    if interpolation_weight(inputs, pixel, node)
+                        > inputs.settings.interpolation_threshold =>
+                {
+                    failed.copies.push((pixel, node));
+                }
+                _ => {
+                    node.get_or_insert(pixel);
+                    failed.direct.push(pixel);
+                }
+            }
+        }
+        failed
+    }
+}
+
+/// Returns the interpolation weight between a pixel and a node.
+fn interpolation_weight(inputs: &WeightInputs, (x, y): (usize, usize), node: (usize, usize)) -> f32 {
+    let guide = inputs.guide;
+    let (dx, dy) = (node.0.abs_diff(x) as f32, node.1.abs_diff(y) as f32);
+    let distance = |k: usize| {
+        let d = guide.means.at(k, node.0, node.1) - guide.means.at(k, x, y);
+        d * d * inverse_variance(guide, inputs.neighbourhood, k, (x, y))
+    };
+    let exponent = film_factor(inputs.window) * (dx * dx + dy * dy)
+        + (0..guide.features() + 3).map(distance).sum::<f32>();
+    let hits = guide.hit.at(0, node.0, node.1) - guide.own_hit.at(0, x, y);
+    if hits.abs() <= FeatureGuide::HIT_THRESHOLD { (-0.5 * exponent).exp() } else { 0.0 }
+}
+
+/// Returns one over the variance by which the squared differences of dimension `k` are divided.
+#[inline(always)]
+fn inverse_variance(
+    guide: &FeatureGuide,
+    neighbourhood: &Neighbourhood,
+    k: usize,
+    (x, y): (usize, usize),
+) -> f32 {
+    let own = guide.means.at(k, x, y);
+    let around = neighbourhood.variance(k, x, y);
+    let variance = match guide.z.get(k) {
+        Some(z) => z * z * guide.variances.at(k, x, y) + MIN_FEATURE_VARIANCE * around,
+        None => around + MIN_COLOUR_VARIANCE * own * own,
+    };
+    1.0 / (variance + MIN_VARIANCE)
+}
+
+/// Returns one over the variance of positions in a window.
+fn film_factor(window: usize) -> f32 {
+    12.0 / (window * window) as f32
 }
 
 /// Computes the sums of interpolation weights alone: the last plane of [`weights`].
@@ -93,7 +171,7 @@ fn interpolate(
     out: &mut InterleavedPlanes,
 ) {
     let (row_len, stride) = (out.row_len().max(1), out.stride());
-    let film_factor = 12.0 / (window * window) as f32;
+    let film_factor = film_factor(window);
     out.data_mut().par_chunks_mut(row_len).enumerate().for_each(|(y, out)| {
         interpolate_row(guide, neighbourhood, grid, film_factor, values, y, stride, out);
     });
@@ -142,12 +220,7 @@ fn interpolate_row(
         }
         for (k, means) in means.iter().enumerate() {
             let own = guide.means.at(k, x, y);
-            let around = neighbourhood.variance(k, x, y);
-            let variance = match guide.z.get(k) {
-                Some(z) => z * z * guide.variances.at(k, x, y) + MIN_FEATURE_VARIANCE * around,
-                None => around + MIN_COLOUR_VARIANCE * own * own,
-            };
-            let factor = 1.0 / (variance + MIN_VARIANCE);
+            let factor = inverse_variance(guide, neighbourhood, k, (x, y));
             for n in 0..NODES {
                 let d = means[n] - own;
                 exponents[n] += factor * d * d;
@@ -158,9 +231,10 @@ fn interpolate_row(
         let mut weights = [0.0; NODES];
         let hit = guide.own_hit.at(0, x, y);
         for n in 0..NODES {
-            if (hits[n] - hit).abs() <= FeatureGuide::HIT_THRESHOLD {
-                weights[n] = (-0.5 * exponents[n]).exp();
-            }
+            let is_similar = (hits[n] - hit).abs() <= FeatureGuide::HIT_THRESHOLD;
+            let exponent = 0.5 * exponents[n];
+            let weight = exp_negative_precise::<false>(exponent.min(MAX_EXPONENT));
+            weights[n] = if is_similar & (exponent <= MAX_EXPONENT) { weight } else { 0.0 };
         }
 
         // Average the nodes

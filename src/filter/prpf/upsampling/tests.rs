@@ -76,3 +76,42 @@ fn interpolation_is_the_joint_bilateral_mean_of_the_surrounding_nodes() {
         }
     }
 }
+
+#[test]
+fn of_a_block_in_which_interpolation_failed_similar_pixels_share_their_weights() {
+    // An edge between columns 2 and 3 divides every second block
+    let layout = Layout::with_blocks(|b| matches!(b, Block::Albedo));
+    let store = store(
+        8,
+        4,
+        layout.clone(),
+        |_, _| 8,
+        |x, y, _, rng| {
+            let mut sample = wall(&layout, x, y, [0.5 + 0.1 * rng.random::<f32>(); 3], rng);
+            layout.write(&mut sample, Block::Albedo, &[if x < 3 { 0.2 } else { 0.8 }; 3]);
+            sample
+        },
+    );
+    let settings = PrpfSettings::paper();
+    let guide = &FeatureGuide::new(&store, Colours::new(&store, &settings.fireflies).guide(), &settings);
+    let neighbourhood = &Neighbourhood::new(guide, 17, 9);
+    let inputs = WeightInputs {
+        store: &store,
+        guide,
+        neighbourhood,
+        normalisation_scale: 1.0,
+        settings: &settings,
+        pass: 0,
+        window: 17,
+        seed: 0,
+    };
+    let failed = Failed::new(&inputs, (0..32).map(|i| (i % 8, i / 8)));
+    let expected: Vec<_> = [0, 2].iter().flat_map(|&y| [(0, y), (2, y), (3, y), (4, y), (6, y)]).collect();
+    let direct: Vec<_> = failed.direct.iter().copied().filter(|&(_, y)| y % 2 == 0).collect();
+    assert_eq!(direct, expected);
+    for (to, from) in &failed.copies {
+        assert_eq!((to.0 / 2, to.1 / 2), (from.0 / 2, from.1 / 2), "one block");
+        assert_eq!(to.0 < 3, from.0 < 3, "one side of the edge");
+    }
+    assert_eq!(failed.direct.len() + failed.copies.len(), 32);
+}
