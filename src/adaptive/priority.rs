@@ -1,9 +1,14 @@
 //! Computes the priority of each pixel from the maps of a filtered image: total sample counts should be
 //! proportional to it.
 //!
+//! A pixel's own maps have no part in its priority, only those of the pixels around: a rare bright sample would draw
+//! further samples that dilute it, and the image would get darker where light is rare.
+//!
 //! If a pixel contributes e/n to the relative error of the image after n samples, the total error for a given
 //! number of samples is minimal for n ∝ √e. A weighted sum of the maps estimates e/n, and the priority is
 //! √(n·(e/n)).
+
+use std::f32::consts::PI;
 
 use crate::filter::blur;
 use crate::image::Planes;
@@ -17,8 +22,7 @@ pub struct PrioritySettings {
     pub raw_variance: f32,
     /// Added to the weight of the filtered variance where interpolation of feature weights failed.
     pub interpolation_failure: f32,
-    /// Added to the weight of the filtered variance per unit by which the residual exceeds 1, its value from
-    /// noise alone.
+    /// Added to the weight of the filtered variance per unit by which the residual exceeds what noise explains.
     pub residual: f32,
     /// Standard deviation of the blur of the maps, in pixels.
     pub blur: f32,
@@ -35,7 +39,7 @@ impl Default for PrioritySettings {
             filtered_variance: 1.0,
             raw_variance: 1.0,
             interpolation_failure: 0.5,
-            residual: 0.1,
+            residual: 0.3,
             blur: 3.0,
             epsilon: 0.05,
             cap_quantile: 0.995,
@@ -67,9 +71,9 @@ pub struct Maps<'a> {
 /// Computes the priority of each pixel; 0 at all pixels if the maps show no error.
 pub fn priority(maps: Maps, settings: &PrioritySettings) -> Vec<f32> {
     let (width, height) = (maps.image.width(), maps.image.height());
-    let smooth = |plane: &[f32]| blur::gaussian(width, height, plane, settings.blur);
+    let smooth = |plane: &[f32]| blur::gaussian_of_others(width, height, plane, settings.blur);
     // Compute the variances relative to the squared brightness
-    let level = brightness(maps.image, settings.blur);
+    let level = level(maps.image, settings.blur);
     let average = level.iter().map(|&v| f64::from(v)).sum::<f64>() / level.len().max(1) as f64;
     let epsilon = (f64::from(settings.epsilon) * average * average) as f32;
     let relative = |variance: &Planes| {
@@ -83,8 +87,11 @@ pub fn priority(maps: Maps, settings: &PrioritySettings) -> Vec<f32> {
     raw.iter_mut().for_each(|v| *v *= settings.raw_variance * scale);
 
     // Raise the filtered variance by residual and failure
-    let excess = |&r: &f32| (r - 1.0).clamp(0.0, MAX_RESIDUAL_EXCESS);
-    let excess = smooth(&maps.residual.plane(0).iter().map(excess).collect::<Vec<_>>());
+    // The noise of a residual has variance 2, and a Gaussian averages about 4πσ² of them
+    let noise = (2.0 / (4.0 * PI * settings.blur * settings.blur).max(1.0)).sqrt();
+    let limited = |&r: &f32| r.min(1.0 + MAX_RESIDUAL_EXCESS);
+    let mut excess = smooth(&maps.residual.plane(0).iter().map(limited).collect::<Vec<_>>());
+    excess.iter_mut().for_each(|r| *r = (*r - 1.0 - 2.0 * noise).max(0.0));
     let failure = maps.interpolation_failure.map(|failure| smooth(failure.plane(0)));
     for (i, v) in filtered.iter_mut().enumerate() {
         let failed = failure.as_ref().map_or(0.0, |failure| failure[i]);
@@ -100,11 +107,14 @@ pub fn priority(maps: Maps, settings: &PrioritySettings) -> Vec<f32> {
     priority
 }
 
-/// Returns the blurred mean of the channels, an estimate of the true radiance.
-fn brightness(image: &Planes, sigma: f32) -> Vec<f32> {
+/// Returns the mean of the channels that errors are relative to, or that of the pixels around if it is smaller: a pixel
+/// that is dark beside a light counts as dark, and a bright one that owes it to noise does not.
+fn level(image: &Planes, sigma: f32) -> Vec<f32> {
     let mean = |i: usize| (image.plane(0)[i] + image.plane(1)[i] + image.plane(2)[i]) / 3.0;
-    let plane: Vec<f32> = (0..image.pixels()).map(mean).collect();
-    blur::gaussian(image.width(), image.height(), &plane, sigma)
+    let own: Vec<f32> = (0..image.pixels()).map(mean).collect();
+    let mut around = blur::gaussian(image.width(), image.height(), &own, sigma);
+    around.iter_mut().zip(&own).for_each(|(around, &own)| *around = around.min(own));
+    around
 }
 
 fn mean(plane: &[f32]) -> f32 {
@@ -165,6 +175,32 @@ mod tests {
     }
 
     #[test]
+    fn the_rim_of_a_light_is_judged_by_its_own_darkness() {
+        let (mut image, v, residual) = constant_maps(64, 64, 5.0, |_, _| 0.01);
+        image.planes_mut().for_each(|plane| (0..64).for_each(|y| plane[y * 64 + 32] = 0.05));
+        let maps = Maps {
+            counts: &[4; 64 * 64],
+            image: &image,
+            filtered_variance: &v,
+            raw_variance: &v,
+            residual: &residual,
+            interpolation_failure: None,
+        };
+        let settings = PrioritySettings { cap_quantile: 1.0, ..PrioritySettings::default() };
+        let p = priority(maps, &settings);
+        assert!(p[32 * 64 + 31] > 1.8 * p[32 * 64 + 8], "{} {}", p[32 * 64 + 31], p[32 * 64 + 8]);
+    }
+
+    #[test]
+    fn a_pixels_own_variance_draws_no_samples_to_it() {
+        let with_spike = |x: usize, y: usize| if (x, y) == (40, 20) { 50.0 } else { 0.01 };
+        let p = constant_priority(1.0, with_spike);
+        let (own, beside) = (p[20 * 64 + 40], p[20 * 64 + 41]);
+        assert!(own < 0.5 * beside, "{own} {beside}");
+        assert!((own / p[50 * 64 + 8] - 1.0).abs() < 1e-2, "{own} {}", p[50 * 64 + 8]);
+    }
+
+    #[test]
     fn the_scale_of_radiance_does_not_matter() {
         let dark = constant_priority(1e-3, |x, _| if x < 32 { 1e-8 } else { 4e-8 });
         let bright = constant_priority(1e3, |x, _| if x < 32 { 1e4 } else { 4e4 });
@@ -184,6 +220,8 @@ mod tests {
         let mut failure = Planes::new(64, 64, 1);
         (0..64 * 64).filter(|i| i % 64 >= 48).for_each(|i| failure.data_mut()[i] = 1.0);
         (0..64 * 64).filter(|i| i % 64 < 16).for_each(|i| residual.data_mut()[i] = 5.0);
+        // What noise explains changes nothing.
+        (0..64 * 64).filter(|i| (20..44).contains(&(i % 64))).for_each(|i| residual.data_mut()[i] = 1.2);
         let maps = Maps {
             counts: &[4; 64 * 64],
             image: &image,
@@ -195,6 +233,12 @@ mod tests {
         let p = priority(maps, &PrioritySettings::default());
         assert!(p[32 * 64 + 60] > 1.05 * p[32 * 64 + 32]);
         assert!(p[32 * 64 + 4] > 1.05 * p[32 * 64 + 32]);
+        assert!(
+            (p[32 * 64 + 32] / p[32 * 64 + 46] - 1.0).abs() < 0.05,
+            "{} {}",
+            p[32 * 64 + 32],
+            p[32 * 64 + 46]
+        );
     }
 
     #[test]
@@ -231,19 +275,21 @@ mod tests {
 
         // Evaluate the formula
         let smooth = |value: &dyn Fn(usize) -> f32| {
-            blur::gaussian(width, height, &(0..pixels).map(value).collect::<Vec<_>>(), 1.5)
+            blur::gaussian_of_others(width, height, &(0..pixels).map(value).collect::<Vec<_>>(), 1.5)
         };
         let mean = |planes: &Planes, i: usize| (0..3).map(|c| planes.plane(c)[i]).sum::<f32>() / 3.0;
-        let level = smooth(&|i| mean(&image, i));
+        let means: Vec<f32> = (0..pixels).map(|i| mean(&image, i)).collect();
+        let around = blur::gaussian(width, height, &means, 1.5);
+        let level: Vec<f32> = around.iter().zip(&means).map(|(&around, &own)| around.min(own)).collect();
         let average = level.iter().sum::<f32>() / pixels as f32;
         let relative = |v: &Planes| smooth(&|i| mean(v, i) / (level[i].powi(2) + 0.1 * average * average));
         let (f, r) = (relative(&filtered), relative(&raw));
         let scale = f.iter().sum::<f32>() / r.iter().sum::<f32>();
-        let excess = smooth(&|i| (residual.data()[i] - 1.0).clamp(0.0, 10.0));
+        let excess = |i: usize| (smooth(&|j| residual.data()[j].min(11.0))[i] - 1.0 - 2.0 * 0.266).max(0.0);
         let failed = smooth(&|i| failure.data()[i]);
         let expected: Vec<f32> = (0..pixels)
             .map(|i| {
-                let e = f[i] * (0.8 + 0.7 * failed[i] + 0.2 * excess[i]) + 0.3 * scale * r[i];
+                let e = f[i] * (0.8 + 0.7 * failed[i] + 0.2 * excess(i)) + 0.3 * scale * r[i];
                 (counts[i].max(1) as f32 * e).sqrt()
             })
             .collect();

@@ -15,8 +15,7 @@ use super::schedule::Plan;
 use super::situation::{Mark, Situation, can_fall_back};
 use super::stopped_by::StoppedBy;
 use super::time_constants::{
-    FAILURE_MAP_PASS_TIME, GRACE, INTERIM_FRACTION, INTERIM_USE, LAST_INTERIM_FRACTION, LONGEST_STEP,
-    NEAR_END,
+    GRACE, INTERIM_FRACTION, INTERIM_USE, LAST_INTERIM_FRACTION, LONGEST_STEP, NEAR_END,
 };
 use crate::filter::{Denoiser, UNFILTERED};
 
@@ -103,13 +102,8 @@ fn next_after_batch(now: &Situation) -> Action {
 }
 
 /// Returns the denoiser of the interim pass that is due before the next batch; `None` if none is.
-///
-/// Before the last batch it is the denoiser of the end, so that the error which the batch measures is that of such an
-/// image.
 fn interim_pass(now: &Situation, is_last: bool) -> Option<&'static dyn Denoiser> {
     let interim = now.settings.interim_denoiser();
-    let is_final_affordable = now.fallback().is_none() && !now.settings.denoiser.cost().is_per_sample;
-    let ending = if is_final_affordable { now.final_denoiser() } else { interim };
     let interim_total = now.measurements.interim_total;
     if now.has_region && now.has_interim && interim_total > INTERIM_FRACTION * now.elapsed {
         // The batches of a region are small: several share one interim pass.
@@ -117,41 +111,32 @@ fn interim_pass(now: &Situation, is_last: bool) -> Option<&'static dyn Denoiser>
     }
     let Some(left) = now.schedule().seconds_left(now.elapsed) else {
         // Without a time budget the choice does not depend on times, so that the image is the same on any machine.
-        return Some(if is_last { ending } else { interim });
+        return Some(interim);
     };
     let budget = now.settings.budget.seconds.unwrap_or(0.0);
-    let [interim_seconds, ending_seconds] = pass_seconds(now, interim);
-    let is_of_use = |seconds: f64| INTERIM_USE * seconds <= left;
-    if !now.has_interim {
+    let seconds = pass_seconds(now, interim);
+    let is_of_use = INTERIM_USE * seconds <= left;
+    let is_due = if !now.has_interim {
         // The first pass waits for the floor of samples, and is exempt from the fraction of the time.
-        let decides = now.samples >= u64::from(now.settings.min_spp) * now.pixels;
-        return (decides && is_of_use(interim_seconds)).then_some(interim);
-    }
-    if is_last {
-        let fits = |seconds: f64| is_of_use(seconds) && seconds <= LAST_INTERIM_FRACTION * budget;
-        let choices = [(ending, ending_seconds), (interim, interim_seconds)];
-        return choices.into_iter().find_map(|(denoiser, seconds)| fits(seconds).then_some(denoiser));
-    }
-    // The time of the one before the last batch is kept for it.
-    let spent = interim_total + interim_seconds;
-    let fits = spent <= INTERIM_FRACTION * now.elapsed && spent + ending_seconds <= INTERIM_FRACTION * budget;
-    (fits && is_of_use(interim_seconds)).then_some(interim)
+        now.samples >= u64::from(now.settings.min_spp) * now.pixels
+    } else if is_last {
+        seconds <= LAST_INTERIM_FRACTION * budget
+    } else {
+        // The time of the one before the last batch is kept for it.
+        let spent = interim_total + seconds;
+        spent <= INTERIM_FRACTION * now.elapsed && spent + seconds <= INTERIM_FRACTION * budget
+    };
+    (is_due && is_of_use).then_some(interim)
 }
 
-/// Returns the predicted seconds of passes by the interim and by the final denoiser: as measured last, or as follows
-/// from the calibration if that is less, since the first pass takes place in new memory.
-fn pass_seconds(now: &Situation, interim: &'static dyn Denoiser) -> [f64; 2] {
+/// Returns the predicted seconds of an interim pass: as measured last, or as follows from the calibration if that is less,
+/// since the first pass takes place in new memory.
+fn pass_seconds(now: &Situation, interim: &'static dyn Denoiser) -> f64 {
     let measured = now.measurements.interim_seconds.unwrap_or(f64::INFINITY);
-    let Some(filter) = now.measurements.finalisation.filter_seconds() else {
-        return [measured, f64::INFINITY];
-    };
+    let Some(filter) = now.measurements.finalisation.filter_seconds() else { return measured };
     let last = now.final_denoiser();
-    let last_time = last.cost().pass_time;
-    let drives = now.settings.uses_failure_map();
-    let assumed_map = if drives { FAILURE_MAP_PASS_TIME / last_time * filter } else { 0.0 };
-    let map = now.measurements.failure_map_seconds.unwrap_or(f64::INFINITY).min(assumed_map);
-    let ratio = if interim == last { 1.0 } else { interim.cost().pass_time / last_time };
-    [measured.min(ratio * filter + map), filter + map]
+    let ratio = if interim == last { 1.0 } else { interim.cost().pass_time / last.cost().pass_time };
+    measured.min(ratio * filter)
 }
 
 /// Returns the denoiser whose finalisation has to be measured now; `None` if none has to.

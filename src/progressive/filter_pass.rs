@@ -16,7 +16,8 @@ pub struct FilterPass {
     pub failure_map: FailureMap,
 }
 
-/// Where the map of interpolation failures comes from if the denoiser does not interpolate itself.
+/// Where the map of interpolation failures comes from if the denoiser does not interpolate itself. It then drives no
+/// samples.
 #[derive(Clone, Debug)]
 pub enum FailureMap {
     /// P-RPF's sparse grid over the same store.
@@ -31,8 +32,6 @@ pub struct Filtered {
     pub result: FilterResult,
     /// Seconds of the pass, that of the map included.
     pub seconds: f64,
-    /// Seconds of the map of interpolation failures, if it was computed for itself.
-    pub failure_map_seconds: Option<f64>,
 }
 
 impl FilterPass {
@@ -40,18 +39,14 @@ impl FilterPass {
     pub fn run(self) -> Filtered {
         let started = Instant::now();
         let mut result = self.denoiser.filter(&self.store, self.seed);
-        let mut failure_map_seconds = None;
         if result.interpolation.is_none() {
             result.interpolation = match self.failure_map {
                 FailureMap::Carry(interpolation) => interpolation,
                 FailureMap::Compute => {
-                    let started = Instant::now();
-                    let found = prpf::interpolation(&self.store, &PrpfSettings::paper(), FAILURE_WINDOW);
-                    failure_map_seconds = Some(started.elapsed().as_secs_f64());
-                    Some(found)
+                    Some(prpf::interpolation(&self.store, &PrpfSettings::paper(), FAILURE_WINDOW))
                 }
             };
         }
-        Filtered { result, seconds: started.elapsed().as_secs_f64(), failure_map_seconds }
+        Filtered { result, seconds: started.elapsed().as_secs_f64() }
     }
 }

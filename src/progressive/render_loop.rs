@@ -97,13 +97,13 @@ impl<'a> RenderLoop<'a> {
         if *new == old {
             return;
         }
-        let Measurements { finalisation, interim_seconds, failure_map_seconds, .. } = &mut self.measurements;
+        let Measurements { finalisation, interim_seconds, .. } = &mut self.measurements;
         if (new.budget, new.denoiser) != (old.budget, old.denoiser) {
             *finalisation = Default::default();
         }
         let pass = |s: &Settings| (s.denoiser, s.sampling, s.budget.target_error.is_some());
         if pass(new) != pass(&old) {
-            (*interim_seconds, *failure_map_seconds) = (None, None);
+            *interim_seconds = None;
         }
         let shown = |s: &Settings| (s.denoiser.name().method, s.interim_denoiser());
         let is_other_image = shown(new) != shown(&old);
@@ -188,14 +188,12 @@ impl<'a> RenderLoop<'a> {
 
     /// Returns the filter pass of [`Action::Filter`].
     pub fn interim_pass(&self, denoiser: &'static dyn Denoiser) -> FilterPass {
-        let computes = self.settings.uses_failure_map();
-        self.pass(denoiser, if computes { FailureMap::Compute } else { FailureMap::Carry(None) })
+        self.pass(denoiser, FailureMap::Carry(None))
     }
 
     /// Takes the result of [`Self::interim_pass`]: its maps decide where the next samples go.
     pub fn complete_interim(&mut self, filtered: Filtered) {
         let (made_by, filter_seconds) = (filtered.result.made_by, filtered.seconds);
-        let failure_map_seconds = filtered.failure_map_seconds;
         self.measurements.seconds.filter += filter_seconds;
         self.record(&filtered.result, filter_seconds);
         let started = Instant::now();
@@ -210,13 +208,12 @@ impl<'a> RenderLoop<'a> {
         measured.is_saved = false;
         measured.seconds.filter += snapshot_seconds;
         measured.interim_total += seconds;
-        measured.failure_map_seconds = failure_map_seconds;
         if made_by == self.settings.interim_denoiser().name() {
             measured.interim_seconds = Some(seconds);
         }
         if made_by == last {
             // The time of the whole image is known better now than by some of its rows.
-            measured.finalisation.correct(filter_seconds - failure_map_seconds.unwrap_or(0.0));
+            measured.finalisation.correct(filter_seconds);
         }
     }
 

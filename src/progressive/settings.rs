@@ -2,7 +2,7 @@
 
 use super::budget::Budget;
 use crate::adaptive::{self, PrioritySettings, Sampling};
-use crate::filter::{DENOISERS, Denoiser, SampleVectors, UNFILTERED};
+use crate::filter::{DENOISERS, Denoiser, SampleVectors};
 use crate::stats::{Layout, Store};
 
 /// Everything that the loop follows.
@@ -108,13 +108,6 @@ impl Settings {
         let (asked, stand_in) = (self.denoiser, self.denoiser.stand_in());
         let is_other_method = stand_in.name().method != asked.name().method;
         if self.budget.target_error.is_some() && is_other_method { asked } else { stand_in }
-    }
-
-    /// Returns whether failures of interpolation drive the samples.
-    pub(super) fn uses_failure_map(&self) -> bool {
-        self.denoiser != UNFILTERED
-            && self.sampling == Sampling::Adaptive
-            && self.priority.interpolation_failure > 0.0
     }
 
     /// Returns the sample vectors per pixel that a render with these settings keeps at most.

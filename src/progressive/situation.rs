@@ -37,8 +37,6 @@ pub struct Measurements {
     /// Seconds of all interim passes, and of the latest one by the interim denoiser.
     pub interim_total: f64,
     pub interim_seconds: Option<f64>,
-    /// Seconds of the latest map of interpolation failures.
-    pub failure_map_seconds: Option<f64>,
     pub finalisation: Finalisation,
     /// The first sample that the store has rejected.
     pub first_rejected: Option<RejectedSample>,

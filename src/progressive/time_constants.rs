@@ -34,10 +34,6 @@ pub const LAST_INTERIM_FRACTION: f64 = 0.08;
 /// An interim pass is followed by at least this many times its own time for the samples that it directs.
 pub const INTERIM_USE: f64 = 3.0;
 
-/// Time that the map of interpolation failures takes, in passes of `nlm draft` (see
-/// [`crate::filter::Cost::pass_time`]).
-pub const FAILURE_MAP_PASS_TIME: f64 = 2.5;
-
 // Calibration of the finalisation
 
 /// Largest fraction of the time that calibrations take.

@@ -13,34 +13,60 @@ pub fn gaussian(width: usize, height: usize, plane: &[f32], sigma: f32) -> Vec<f
     }
     let kernel = Kernel::new(sigma);
     let (norm_x, norm_y) = (kernel.norms(width), kernel.norms(height));
-
-    // Blur the columns
     let mut vertical = vec![0.0; plane.len()];
     vertical.par_chunks_mut(width).enumerate().for_each(|(y, out)| {
-        for (tap, weight) in kernel.taps() {
-            let Some(y) = y.checked_add_signed(tap).filter(|&y| y < height) else { continue };
-            let row = &plane[y * width..][..width];
-            add_scaled(out, row, weight);
-        }
+        kernel.taps().for_each(|tap| add_row(out, plane, y, tap));
         out.iter_mut().for_each(|v| *v *= norm_y[y]);
     });
-
-    // Blur the rows
     let mut blurred = vec![0.0; plane.len()];
     blurred.par_chunks_mut(width).zip(vertical.par_chunks(width)).for_each(|(out, row)| {
-        for (tap, weight) in kernel.taps() {
-            let shift = tap.unsigned_abs().min(width);
-            let inside = width - shift;
-            let (out, row) = if tap < 0 {
-                (&mut out[shift..], &row[..inside])
-            } else {
-                (&mut out[..inside], &row[shift..])
-            };
-            add_scaled(out, row, weight);
-        }
+        kernel.taps().for_each(|tap| add_shifted(out, row, tap));
         out.iter_mut().zip(&norm_x).for_each(|(v, norm)| *v *= norm);
     });
     blurred
+}
+
+/// Does the same as [`gaussian`], with a weight of 0 for the pixel itself: the result at a pixel does not depend on its
+/// own value, however large.
+pub fn gaussian_of_others(width: usize, height: usize, plane: &[f32], sigma: f32) -> Vec<f32> {
+    if width * height <= 1 || sigma <= 0.0 {
+        return plane.to_vec();
+    }
+    let kernel = Kernel::new(sigma);
+    let (norm_x, norm_y) = (kernel.norms(width), kernel.norms(height));
+    let is_other = |&(tap, _): &(isize, f32)| tap != 0;
+    // The sums over columns, and those without the pixel, whose weight is 1
+    let mut others = vec![0.0; plane.len()];
+    let mut vertical = vec![0.0; plane.len()];
+    others.par_chunks_mut(width).zip(vertical.par_chunks_mut(width)).enumerate().for_each(
+        |(y, (others, all))| {
+            kernel.taps().filter(is_other).for_each(|tap| add_row(others, plane, y, tap));
+            all.copy_from_slice(others);
+            add_row(all, plane, y, (0, 1.0));
+        },
+    );
+    others.par_chunks_mut(width).zip(vertical.par_chunks(width)).enumerate().for_each(|(y, (out, row))| {
+        kernel.taps().filter(is_other).for_each(|tap| add_shifted(out, row, tap));
+        out.iter_mut().zip(&norm_x).for_each(|(v, norm_x)| *v /= 1.0 / (norm_x * norm_y[y]) - 1.0);
+    });
+    others
+}
+
+/// Adds the row of a plane that lies `tap` below row `y`, if there is one.
+fn add_row(sum: &mut [f32], plane: &[f32], y: usize, (tap, weight): (isize, f32)) {
+    let width = sum.len();
+    if let Some(y) = y.checked_add_signed(tap).filter(|&y| y < plane.len() / width) {
+        add_scaled(sum, &plane[y * width..][..width], weight);
+    }
+}
+
+/// Adds the values of a row that lie `tap` to the right, where there are some.
+fn add_shifted(sum: &mut [f32], row: &[f32], (tap, weight): (isize, f32)) {
+    let shift = tap.unsigned_abs().min(row.len());
+    let inside = row.len() - shift;
+    let (sum, row) =
+        if tap < 0 { (&mut sum[shift..], &row[..inside]) } else { (&mut sum[..inside], &row[shift..]) };
+    add_scaled(sum, row, weight);
 }
 
 #[apply(multiversioned!)]
@@ -87,6 +113,28 @@ mod tests {
         for (w, h) in [(0, 0), (0, 3), (3, 0)] {
             assert!(gaussian(w, h, &[], 4.0).is_empty());
         }
+    }
+
+    #[test]
+    fn without_the_pixel_itself_its_value_does_not_matter() {
+        for (w, h) in [(1, 9), (5, 2), (17, 12)] {
+            let mut plane: Vec<f32> = (0..w * h).map(|i| (i * 37 % 101) as f32).collect();
+            let blurred = gaussian_of_others(w, h, &plane, 1.5);
+            for (i, &found) in blurred.iter().enumerate() {
+                let (mut sum, mut total) = (0.0, 0.0);
+                for j in (0..w * h).filter(|&j| j != i) {
+                    let (dx, dy) = ((j % w).abs_diff(i % w), (j / w).abs_diff(i / w));
+                    if dx.max(dy) <= 5 {
+                        let weight = (-((dx * dx + dy * dy) as f32) / (2.0 * 1.5 * 1.5)).exp();
+                        (sum, total) = (sum + weight * plane[j], total + weight);
+                    }
+                }
+                assert!((found - sum / total).abs() < 1e-3 * found, "{w}x{h} {i}: {found}");
+            }
+            plane[0] = 1e30;
+            assert_eq!(gaussian_of_others(w, h, &plane, 1.5)[0], blurred[0]);
+        }
+        assert_eq!(gaussian_of_others(1, 1, &[3.0], 4.0), [3.0]);
     }
 
     #[test]

@@ -1,7 +1,6 @@
 //! Every decision as a table of situations: no thread, no clock, no renderer.
 
 use super::*;
-use crate::adaptive::Sampling;
 use crate::filter::{nlm, prpf, rpf};
 use crate::progressive::budget::Budget;
 use crate::progressive::finalisation::CalibrationTimes;
@@ -34,12 +33,8 @@ fn situation<'a>(settings: &'a Settings, measurements: &'a Measurements, mark: M
 
 /// Measurements of a finalisation of so many seconds, calibrated twice, and of interim passes.
 fn measured(finalisation: f64, interim: f64) -> Measurements {
-    let mut measurements = Measurements {
-        interim_seconds: Some(interim),
-        interim_total: interim,
-        failure_map_seconds: Some(0.0),
-        ..Measurements::default()
-    };
+    let mut measurements =
+        Measurements { interim_seconds: Some(interim), interim_total: interim, ..Measurements::default() };
     for _ in 0..2 {
         let times = CalibrationTimes { filter: finalisation, total: finalisation, spent: 0.01 };
         measurements.finalisation.add(times, f64::INFINITY);
@@ -122,16 +117,15 @@ fn spent_budgets_end_the_render_and_name_themselves() {
 #[test]
 fn without_a_clock_every_batch_is_followed_by_an_interim_pass() {
     let measurements = Measurements::default();
-    for (denoiser, interim, ending) in [
-        (&nlm::STANDARD as &'static dyn Denoiser, "nlm draft", "nlm standard"),
-        (&nlm::DRAFT, "nlm draft", "nlm draft"),
-        (&prpf::PRPF, "prpf interim", "prpf"),
-        // Its time grows with the samples.
-        (&rpf::RPF, "nlm draft", "nlm draft"),
-        (UNFILTERED, "none", "none"),
+    for (denoiser, expected) in [
+        (&nlm::STANDARD as &'static dyn Denoiser, "nlm draft"),
+        (&nlm::DRAFT, "nlm draft"),
+        (&prpf::PRPF, "prpf interim"),
+        (&rpf::RPF, "nlm draft"),
+        (UNFILTERED, "none"),
     ] {
         // After 16 of 64 samples per pixel three batches are left; after 48 of 64, one.
-        for (spp, expected) in [(16, interim), (48, ending)] {
+        for spp in [16, 48] {
             let settings = Settings { denoiser, ..settings(Some(64), None) };
             let now = situation(&settings, &measurements, Mark::Filter);
             let action = next_action(&Situation { samples: spp * PIXELS, ..now });
@@ -298,12 +292,4 @@ fn checkpoints_are_saved_when_the_latest_is_old() {
     let now = situation(&slow, &none, Mark::Filter);
     let now = Situation { pixels: 1_000_000_000, samples: 48_000_000_000, elapsed: 39.0, ..now };
     assert_eq!(next_action(&Situation { conditions: saving(40.0), ..now }), Action::Save);
-}
-
-#[test]
-fn uniform_sampling_needs_no_failure_map() {
-    let with = |sampling, denoiser| Settings { sampling, denoiser, ..Settings::default() }.uses_failure_map();
-    assert!(with(Sampling::Adaptive, &nlm::STANDARD));
-    assert!(!with(Sampling::Uniform, &nlm::STANDARD));
-    assert!(!with(Sampling::Adaptive, UNFILTERED));
 }
