@@ -29,11 +29,10 @@ pub const ORACLE: &str = "true error";
 /// Accesses the weight of a map.
 type Weight = fn(&mut PrioritySettings) -> &mut f32;
 
-/// The maps, by name.
-pub const MAPS: [(&str, Weight); 4] = [
+/// The maps of a denoiser that does not interpolate, by name.
+pub const MAPS: [(&str, Weight); 3] = [
     ("filtered variance", |settings| &mut settings.filtered_variance),
     ("unfiltered variance", |settings| &mut settings.raw_variance),
-    ("interpolation failure", |settings| &mut settings.interpolation_failure),
     ("filter residual", |settings| &mut settings.residual),
 ];
 
@@ -110,7 +109,7 @@ mod tests {
             let mut priority = ablation.priority;
             MAPS.map(|(_, weight)| *weight(&mut priority) > 0.0)
         };
-        assert_eq!(weights(&ablations[0]), [true; 4]);
+        assert_eq!(weights(&ablations[0]), [true; 3]);
         for (i, (map, _)) in MAPS.iter().enumerate() {
             let [alone, left_out] = names(map);
             let weights_of =

@@ -116,7 +116,13 @@ mod tests {
         let store = Store::new(10, 10, Layout::with_blocks(|_| false), 0, 0);
         let of = |image, standard_error| {
             describe(
-                &ErrorEstimate { image, standard_error, samples: 800, tiles: Planes::new(1, 1, 1) },
+                &ErrorEstimate {
+                    image,
+                    standard_error,
+                    samples: 800,
+                    weight: 1.0,
+                    tiles: Planes::new(1, 1, 1),
+                },
                 &store,
             )
         };

@@ -7,7 +7,9 @@ use serde::Serialize;
 use super::sample_counts::SampleCounts;
 use crate::files;
 use crate::filter::DenoiserName;
-use crate::progressive::{Forecast, Outcome, PassRecord, Seconds, Settings, StoppedBy, memory_bytes};
+use crate::progressive::{
+    ErrorEstimate, Forecast, Outcome, PassRecord, Seconds, Settings, StoppedBy, memory_bytes,
+};
 use crate::state::ImageMetadata;
 
 /// Seconds of the stages of a whole command.
@@ -62,6 +64,8 @@ pub struct Report<'a> {
     peak_memory_bytes: Option<u64>,
     reservoir_bytes: u64,
     estimated_error: Option<f64>,
+    estimated_error_low: Option<f64>,
+    estimated_error_high: Option<f64>,
     estimated_error_samples: Option<u64>,
     forecast: Option<Forecast>,
     batches: &'a [PassRecord],
@@ -72,6 +76,7 @@ impl<'a> Report<'a> {
     pub fn new(metadata: &'a ImageMetadata, outcome: &'a Outcome, seconds: Times) -> Self {
         let Outcome { store, settings, estimate, .. } = outcome;
         let counts = SampleCounts::new(store);
+        let interval = estimate.as_ref().map(ErrorEstimate::interval);
         Self {
             version: VERSION,
             scene: &metadata.source,
@@ -95,7 +100,9 @@ impl<'a> Report<'a> {
                 .map(|sample| [sample.x as u64, sample.y as u64, sample.index.into()]),
             peak_memory_bytes: memory_bytes("VmHWM"),
             reservoir_bytes: store.reservoir_bytes(),
-            estimated_error: estimate.as_ref().map(|estimate| estimate.image),
+            estimated_error: estimate.as_ref().map(ErrorEstimate::value),
+            estimated_error_low: interval.map(|[low, _]| low),
+            estimated_error_high: interval.map(|[_, high]| high),
             estimated_error_samples: estimate.as_ref().map(|estimate| estimate.samples),
             forecast: outcome.forecast(),
             batches: &outcome.passes,

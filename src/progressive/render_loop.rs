@@ -333,7 +333,7 @@ impl<'a> RenderLoop<'a> {
         let new = ErrorEstimate::new(&interim.image, &interim.snapshot, store, &interim.probes);
         // A state from elsewhere may hold an image with NaN.
         if let Some(new) = new.filter(|new| new.image.is_finite()) {
-            *estimate = Some(new.or_keep(estimate.take()));
+            *estimate = Some(new.combined_with(estimate.take()));
         }
     }
 
@@ -370,7 +370,7 @@ impl<'a> RenderLoop<'a> {
             samples_total: store.samples(),
             filter_seconds,
             interpolation_success: result.interpolation.as_ref().map(|found| found.success),
-            estimated_error: estimate.map(|estimate| estimate.image),
+            estimated_error: estimate.map(ErrorEstimate::value),
             estimated_error_samples: estimate.map(|estimate| estimate.samples),
             mse: compare(Some(&result.image), |pair| pair.mse()),
             relmse: compare(Some(&result.image), |pair| pair.relmse()),

@@ -121,6 +121,7 @@ fn decode_estimate(header: &EstimateHeader, tiles: [usize; 2], arrays: &mut Arra
         image: header.image,
         standard_error: header.standard_error,
         samples: header.samples,
+        weight: header.weight,
         tiles: arrays.planes(tiles[0], tiles[1], 1),
     }
 }

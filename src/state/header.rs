@@ -40,6 +40,7 @@ pub struct EstimateHeader {
     pub image: f64,
     pub standard_error: f64,
     pub samples: u64,
+    pub weight: f64,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -71,6 +72,7 @@ impl Header {
                 image: estimate.image,
                 standard_error: estimate.standard_error,
                 samples: estimate.samples,
+                weight: estimate.weight,
             }),
             interim: interim.as_ref().map(|interim| InterimHeader {
                 made_by: interim.made_by,

@@ -94,6 +94,7 @@ fn state(seed: u64, shard: Shard) -> RenderState {
                 image: 0.1 + 0.2,
                 standard_error: 1e-300,
                 samples: 1 << 60,
+                weight: 1e300,
                 tiles,
             }),
             interim: Some(interim),
@@ -120,8 +121,8 @@ fn what_is_read_is_what_was_written_to_the_last_bit() {
     assert_eq!((&read.metadata, &read.streams), (&written.metadata, &written.streams));
     let (a, b) = (read.checkpoint.estimate.as_ref().unwrap(), written.checkpoint.estimate.as_ref().unwrap());
     assert_eq!(
-        (a.image, a.standard_error, a.samples, &a.tiles),
-        (b.image, b.standard_error, b.samples, &b.tiles)
+        (a.image, a.standard_error, a.samples, a.weight, &a.tiles),
+        (b.image, b.standard_error, b.samples, b.weight, &b.tiles)
     );
     assert_eq!(encoded(&read), *FILE, "filter passes and settings too");
 }

@@ -1,7 +1,7 @@
 //! Filters the image once with the joint bilateral weights of one pass (paper, Eq. 4).
 //!
 //! For pixel i, with inverse bandwidths g and its cluster P_i, the filtered value is Σ_j ω_ij x_j ∕ Σ_j ω_ij
-//! over the similar pixels j of the window, with ω_ij = n_j exp(−|Δp|² ∕ 2σ_p² − Σ_k g_ik Δ_k²). Differences
+//! over the similar pixels j of the window, with ω_ij = exp(−|Δp|² ∕ 2σ_p² − Σ_k g_ik Δ_k²). Differences
 //! Δ of normalised values equal differences of values over the neighbourhood's standard deviation, so
 //! normalisation is part of g and no normalised plane is stored.
 
@@ -40,9 +40,6 @@ const FIRST_FEATURES: usize = 3;
 
 /// Maximum number of features and colours.
 const MAX_DIMENSIONS: usize = 18;
-
-/// Maximum ratio, in either direction, between the sample count with which a neighbour is weighted and the pixel's.
-const MAX_COUNT_RATIO: f32 = 4.0;
 
 /// Filters all channels of `values` with the same weights. `weights` are α, β and W_c^r of the pass, as
 /// [`WeightInputs::evaluate`](super::weights::WeightInputs::evaluate) writes them.
@@ -139,9 +136,6 @@ fn filter_tiles<const FMA: bool>(
 /// Values of a block of pixels that enter all its pairs.
 struct Centre {
     hit: Lanes,
-    /// Limits of a neighbour's sample count.
-    min_count: Lanes,
-    max_count: Lanes,
     values: [Lanes; CHANNELS],
 }
 
@@ -163,12 +157,8 @@ fn filter_block<const FMA: bool>(
     y: usize,
 ) -> [Lanes; CHANNELS] {
     // Load the pixels' own values
-    let counts = guide.counts.lanes(0, y, x);
     let centre = Centre {
         hit: *guide.own_hit.lanes(0, y, x),
-        min_count: counts.map(|n| n / MAX_COUNT_RATIO),
-        // Without samples there is no count to compare with.
-        max_count: counts.map(|n| if n > 0.0 { n * MAX_COUNT_RATIO } else { f32::INFINITY }),
         values: std::array::from_fn(|c| *values.lanes(c, y, x)),
     };
     let mut sums = Sums { weights: [0.0; LANES], values: [[0.0; LANES]; CHANNELS] };
@@ -271,11 +261,9 @@ fn add_neighbours<const FMA: bool>(
     at: usize,
 ) {
     let hits = lanes(&guide.hit.row_with_margins(0, y)[at..]);
-    let counts = lanes(&guide.counts.row_with_margins(0, y)[at..]);
     let mut weights = [0.0; LANES];
     for l in 0..LANES {
-        let count = counts[l].max(centre.min_count[l]).min(centre.max_count[l]);
-        let weight = count * exp_negative_precise::<FMA>(exponents[l]);
+        let weight = exp_negative_precise::<FMA>(exponents[l]);
         let is_similar = (centre.hit[l] - hits[l]).abs() <= FeatureGuide::HIT_THRESHOLD;
         weights[l] = if is_similar & (exponents[l] <= MAX_EXPONENT) { weight } else { 0.0 };
         sums.weights[l] += weights[l];

@@ -32,6 +32,8 @@ pub struct FeatureGuide {
     pub z: Vec<f32>,
     /// Sample counts.
     pub counts: InterleavedPlanes,
+    /// Their mean.
+    pub mean_count: f32,
     /// Fraction of samples that hit a surface, as neighbours compare it: [`Self::NO_PIXEL`] outside the image
     /// and at pixels without samples.
     pub hit: InterleavedPlanes,
@@ -94,6 +96,7 @@ impl FeatureGuide {
             within: InterleavedPlanes::from_planes(&within, margin, 0.0),
             thresholds: InterleavedPlanes::from_planes(&thresholds, 0, 0.0),
             counts: InterleavedPlanes::from_planes(&count_plane, margin, 0.0),
+            mean_count: store.samples() as f32 / counts.len().max(1) as f32,
             hit: InterleavedPlanes::from_planes(&hit, margin, Self::NO_PIXEL),
             own_hit: InterleavedPlanes::from_planes(&own_hit, 0, 0.0),
         }

@@ -1,7 +1,8 @@
 //! Inverse bandwidths of Eq. 4: the factors of squared differences in the exponent of the bilateral weight.
 //!
 //! Takes α, β and W_c^r of every pixel and the statistics of its neighbourhood. Returns a plane for each
-//! feature and each colour, in units of one over the squared dimension. [`Bandwidth`] documents the two
+//! feature and each colour, in units of one over the squared dimension. RPF's bandwidth is that of the image's mean
+//! number of samples: a pixel that got few because it has little noise must not be blurred for it. [`Bandwidth`] documents the two
 //! readings of the equation.
 
 use rayon::prelude::*;
@@ -33,18 +34,20 @@ pub fn inverse_bandwidths(
             let means = neighbourhood.means(k, y);
             let own = guide.variances.row(k, y);
             for x in 0..counts.len() {
-                if variances[x] <= (ROUNDING * means[x].abs().max(1.0)).powi(2) {
+                // A pixel without samples has no values to measure distances from.
+                if counts[x] == 0.0 || variances[x] <= (ROUNDING * means[x].abs().max(1.0)).powi(2) {
                     continue;
                 }
                 let factor = match bandwidth {
                     Bandwidth::RpfSigma { sigma8_squared } => {
-                        rpf_inverse_bandwidth(colour_randomness[x], sigma8_squared) / variances[x]
+                        let for_one = rpf_inverse_bandwidth(colour_randomness[x], sigma8_squared);
+                        guide.mean_count * for_one / variances[x]
                     }
                     Bandwidth::MeanVariance { kappa, rho } => {
-                        1.0 / (2.0 * kappa * (own[x] + rho * variances[x]))
+                        counts[x] / (2.0 * kappa * (own[x] + rho * variances[x]))
                     }
                 };
-                out[x] = weight[x] * counts[x] * factor;
+                out[x] = weight[x] * factor;
             }
         }
     });
@@ -96,6 +99,10 @@ mod tests {
                 let variance = neighbourhood.variance(k, x, y);
                 // Standard deviations below 10⁻⁶ of the mean, or of 1, are rounding.
                 let is_constant = variance.sqrt() <= 1e-6 * neighbourhood.mean(k, x, y).abs().max(1.0);
+                let samples = match bandwidth {
+                    Bandwidth::RpfSigma { .. } => 6.0,
+                    Bandwidth::MeanVariance { .. } => (2 + x) as f32,
+                };
                 let measure = match bandwidth {
                     // 2σ_c² of one sample times the neighbourhood's variance
                     Bandwidth::RpfSigma { .. } => {
@@ -105,7 +112,7 @@ mod tests {
                         2.0 * 3.0 * (guide.variances.at(k, x, y) + 0.2 * variance)
                     }
                 };
-                let expected = if is_constant { 0.0 } else { weights.at(k, x, y) * (2 + x) as f32 / measure };
+                let expected = if is_constant { 0.0 } else { weights.at(k, x, y) * samples / measure };
                 let error = (found.at(k, x, y) - expected).abs();
                 assert!(
                     error <= 1e-4 * expected,

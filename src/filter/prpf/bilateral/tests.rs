@@ -29,9 +29,7 @@ fn filter_pixel(
                 let d = f64::from(guide.means.at(k, x, y)) - f64::from(guide.means.at(k, xj, yj));
                 exponent += f64::from(bandwidths.at(k, x, y)) * d * d;
             }
-            let n = f64::from(guide.counts.at(0, x, y));
-            let count = f64::from(guide.counts.at(0, xj, yj)).clamp(n / 4.0, n * 4.0);
-            let weight = count * (-exponent).exp();
+            let weight = (-exponent).exp();
             total += weight;
             for (c, sum) in sums.iter_mut().enumerate() {
                 *sum += weight * f64::from(values.at(c, xj, yj));
