@@ -1,9 +1,9 @@
 //! Inverse bandwidths of Eq. 4: the factors of squared differences in the exponent of the bilateral weight.
 //!
 //! Takes α, β and W_c^r of every pixel and the statistics of its neighbourhood. Returns a plane for each
-//! feature and each colour, in units of one over the squared dimension. RPF's bandwidth is that of the image's mean
-//! number of samples: a pixel that got few because it has little noise must not be blurred for it. [`Bandwidth`] documents the two
-//! readings of the equation.
+//! feature and each colour, in units of one over the squared dimension. [`Bandwidth`] documents the two
+//! readings of the equation. RPF's bandwidth is that of the image's mean number of samples: a pixel that got few
+//! because it has little noise must not be blurred for it.
 
 use rayon::prelude::*;
 
