@@ -39,7 +39,7 @@ fn render<'a>(more: &[&'a str]) -> Vec<&'a str> {
 }
 
 fn image(folder: &Path, name: &str) -> Planes {
-    let channels = ["R", "G", "B", "Noisy.R", "SampleCount.X", "InterpolationFailure.X", "TileError.X"];
+    let channels = ["R", "G", "B", "Noisy.R", "SampleCount.X", "FilterResidual.X", "TileError.X"];
     exr_file::read_channels(&folder.join(name), &channels).expect("an image")
 }
 

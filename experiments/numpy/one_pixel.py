@@ -16,13 +16,12 @@ WINDOW = 55  # of the first pass
 Z, Z_WORLD = 3.0, 30.0  # similarity thresholds in standard deviations
 MIN_THRESHOLD, MIN_THRESHOLD_WORLD = 0.1, 0.001  # absolute
 SIDE = 9  # columns and rows of the window that statistics come from
-SAMPLES = 2048  # for mutual information
+SAMPLES = 1024  # for mutual information
 SPACING = 5  # of the grid's nodes
 DAMPING = 2.0  # factor of randomness in the weights of colours
 SIGMA8_SQUARED = 0.002
 MIN_INFORMATION = 1e-4  # bits, added to each estimate
 MIN_SAMPLES = 32
-COUNT_RATIO = 4.0  # limit of the ratio of a neighbour's sample count to the pixel's
 EXPONENT_CUT = 40.0
 CONSTANT = 1e-6  # relative standard deviation below which a dimension is constant
 MEDIANS, DEVIATIONS, HALF_FRACTION = 8.0, 4.0, 0.8  # firefly clamp
@@ -118,17 +117,15 @@ def pool(mean, variance, count):
     """Pools each pixel's variance with those of its 3×3 neighbourhood, which counts as two more samples."""
     height, width = count.shape
     count = count.astype(np.float32)
-    known, total, pairs, squares = (np.zeros_like(mean) for _ in range(4))
+    known, total = np.zeros_like(mean), np.zeros_like(mean)
     for dy in (-1, 0, 1):
         for dx in (-1, 0, 1):
             to = np.s_[max(0, -dy) : height - max(0, dy), max(0, -dx) : width - max(0, dx)]
             of = np.s_[max(0, dy) : height - max(0, -dy), max(0, dx) : width - max(0, -dx)]
             known[to] += count[of] >= 2
             total[to] += np.where(count[of] >= 2, variance[of], np.float32(0))
-            if (dx, dy) != (0, 0):
-                pairs[to] += count[of] == 1
-                squares[to] += np.where(count[of] == 1, (mean[of] - mean[to]) ** 2 / 2, np.float32(0))
-    single = np.where((pairs > 0) & (count > 0), squares / np.maximum(pairs, 1), np.float32(0))
+    left = np.concatenate([mean[:, 1:2] if width > 1 else mean, mean[:, :-1]], axis=1)
+    single = (mean - left) ** 2 / 2 * count
     pooled = np.where(known > 0, total / np.maximum(known, 1), single)
     own = np.maximum(count - 1, 0)
     return (2 * pooled + own * variance) / (2 + own)
@@ -234,21 +231,18 @@ def filtered(guide, x, y, weight):
     height, width = guide.count.shape
     radius = WINDOW // 2
     rows = np.arange(max(0, y - radius), min(height, y + radius + 1))
+    rows = rows[(rows - y) % 2 == 0]  # every second one contributes
     columns = np.arange(max(0, x - radius), min(width, x + radius + 1))
     mean, variance = guide.neighbourhood(x, y)
-    n, randomness = guide.count[y, x], weight[-1]
+    n, randomness = guide.count.mean() * (guide.count[y, x] > 0), weight[-1]
     factor = (1 - randomness) ** 2 / (16 * SIGMA8_SQUARED)
     inverse_bandwidth = np.where(guide.constant(mean, variance), 0.0, weight[:-1] * n * factor / np.maximum(variance, 1e-300))
     others = guide.means[:, rows][:, :, columns].astype(float)
     exponent = np.tensordot(inverse_bandwidth, (others - guide.means[:, y, x][:, None, None]) ** 2, 1)
     deviation = WINDOW / 4
     exponent += ((rows - y)[:, None] ** 2 + (columns - x)[None, :] ** 2) / (2 * deviation**2)
-    counts = guide.count[np.ix_(rows, columns)]
-    counts = np.maximum(counts, n / COUNT_RATIO)
-    if n > 0:
-        counts = np.minimum(counts, n * COUNT_RATIO)
     similar = guide.is_similar(x, y, rows, columns) & (exponent <= EXPONENT_CUT)
-    weights = np.where(similar, counts * np.exp(-exponent), 0.0)
+    weights = np.where(similar, np.exp(-exponent), 0.0)
     return (others[-3:] * weights).sum(axis=(1, 2)) / weights.sum() / guide.normalisation
 
 
