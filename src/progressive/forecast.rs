@@ -2,7 +2,7 @@
 //!
 //! Error falls as a power of the time spent on samples: t⁻¹ for independent samples, more slowly where a
 //! filter has already taken the easy part. The power is fitted to the latest estimates (least squares
-//! in logarithms, newer points counting more), and kept within what renders show.
+//! in logarithms, relative to the latest, newer points counting more), and kept within what renders show.
 
 use serde::Serialize;
 
@@ -47,7 +47,7 @@ pub fn forecast(points: &[Point]) -> Option<Forecast> {
     let weighted = recent.iter().scan(1.0, |weight, p| {
         let now = *weight;
         *weight *= FADING;
-        Some((now, p.seconds.ln(), p.error.ln()))
+        Some((now, (p.seconds / latest.seconds).ln(), (p.error / latest.error).ln()))
     });
     let (mut w, mut x, mut y, mut xx, mut xy) = (0.0, 0.0, 0.0, 0.0, 0.0);
     for (weight, t, e) in weighted {

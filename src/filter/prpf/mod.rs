@@ -24,7 +24,7 @@
 //! statistics in all passes; only the averaged values change. Eq. 4 has the bandwidth of RPF (Sen and Darabi
 //! 2012), see [`Bandwidth`]. Only similar pixels are averaged. Fireflies are clamped before the first pass.
 //! Three sums are sampled: the statistics of a neighbourhood are those of 9×9 of its pixels, mutual information
-//! is that of at most 1024 samples, and the two large windows of Eq. 4 contribute every second row. Where
+//! is that of at most 2048 samples, and the two large windows of Eq. 4 contribute every second row. Where
 //! interpolation fails, one pixel of a block of 2×2 is a node to the others.
 
 mod bilateral;
