@@ -32,28 +32,23 @@ pub struct Point {
 pub struct Curves {
     /// By index of [`CONFIGURATIONS`].
     pub points: [Vec<Point>; 4],
-    /// Of the filtered configurations: uniform, adaptive.
-    pub checks: [Vec<EstimateCheck>; 2],
+    /// Likewise; none of the first, which is no render of its own.
+    pub checks: [Vec<EstimateCheck>; 4],
 }
 
-/// Measures all configurations at ascending sample counts, and checks the loop's error estimates in the renders
-/// of `checked_spp`. The unfiltered uniform image is the mean of the filtered render's samples; its time leaves
+/// Measures all configurations at ascending sample counts, and checks the program's error estimates. The unfiltered uniform image is the mean of the filtered render's samples; its time leaves
 /// the filter out.
 pub fn measure(
     session: &mut Session,
     test_scene: &TestScene,
     accel: &Accel,
     (spps, seeds): (&[u32], u64),
-    checked_spp: Option<u32>,
 ) -> anyhow::Result<Curves> {
     let mut curves = Curves::default();
     for (seed, &spp) in (0..seeds).flat_map(|seed| spps.iter().map(move |spp| (seed, spp))) {
         for (i, configuration) in CONFIGURATIONS.iter().enumerate().skip(1) {
             let denoiser = if configuration.filtered { DENOISERS[0] } else { UNFILTERED };
-            let trial = Trial {
-                records_estimates: Some(spp) == checked_spp,
-                ..Trial::new(configuration.sampling, denoiser, spp, seed)
-            };
+            let trial = Trial::new(configuration.sampling, denoiser, spp, seed);
             let measured = measure_trial(session, test_scene, accel, &trial, configuration.name())?;
             let point = |error: &str, seconds: &str| Point {
                 spp,
@@ -65,10 +60,7 @@ pub fn measure(
             if configuration.sampling == Sampling::Uniform {
                 curves.points[0].push(point("unfiltered relmse", "seconds of samples"));
             }
-            if configuration.filtered {
-                let checks = &mut curves.checks[usize::from(configuration.sampling == Sampling::Adaptive)];
-                checks.extend(EstimateCheck::from_values(&measured));
-            }
+            curves.checks[i].extend(EstimateCheck::from_values(spp, &measured));
         }
     }
     curves.points.iter_mut().for_each(|points| use_median_seconds(points));
@@ -128,8 +120,8 @@ pub fn measure_trial(
             ("seconds", render + filter + allocate),
             ("seconds of samples", render + allocate),
         ]);
-        for (i, estimated) in rendered.estimates.iter().enumerate() {
-            measured.extend(EstimateCheck::new(estimated, test_scene).to_values(i));
+        if let Some(estimate) = &rendered.estimate {
+            measured.extend(EstimateCheck::measure(estimate, &rendered.result.image, test_scene));
         }
         Ok(measured)
     })

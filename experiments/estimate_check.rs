@@ -1,24 +1,22 @@
-//! Compares the loop's error estimates with the true error, for images and for their tiles.
+//! Compares the program's error estimate with the true error, for an image and for its tiles.
 //!
-//! Takes the images that the estimates belong to and the reference; gives values for the ledger.
+//! Takes an image with its estimate and the reference; gives values for the ledger.
 
 use prpf::image::Planes;
-use prpf::progressive::TILE;
+use prpf::progressive::{ErrorEstimate, TILE};
 
-use crate::ledger::Values;
+use crate::ledger::{Values, values};
 use crate::statistics::rank_correlation;
 use crate::test_scene::TestScene;
-use crate::trial::EstimatedImage;
 
 /// An error estimate beside the true error of its image.
 #[derive(Clone, Copy, Debug)]
 pub struct EstimateCheck {
-    /// Samples per pixel of the image.
-    pub spp: f64,
-    /// Estimated relMSE.
+    pub spp: u32,
+    /// Estimated relMSE, and its 95 % interval.
     pub estimate: f64,
-    /// The estimate's own standard error.
-    pub standard_error: f64,
+    pub low: f64,
+    pub high: f64,
     /// True relMSE.
     pub truth: f64,
     /// Spearman's rank correlation between estimated and true relMSE of the tiles.
@@ -26,49 +24,31 @@ pub struct EstimateCheck {
 }
 
 impl EstimateCheck {
-    /// Compares an estimate with the scene's reference.
-    pub fn new(estimated: &EstimatedImage, test_scene: &TestScene) -> Self {
-        let (true_tiles, mean) = relmse_of_tiles(&estimated.image, &test_scene.reference.image);
-        let tiles: Vec<f64> = estimated.estimate.tiles.plane(0).iter().map(|&v| f64::from(v)).collect();
-        Self {
-            spp: estimated.spp,
-            estimate: estimated.estimate.image,
-            standard_error: estimated.estimate.standard_error,
-            truth: (mean - test_scene.reference.relmse).max(f64::MIN_POSITIVE),
-            rank_correlation: rank_correlation(&tiles, &true_tiles),
-        }
+    /// Returns the values to record of an image's estimate.
+    pub fn measure(estimate: &ErrorEstimate, image: &Planes, test_scene: &TestScene) -> Values {
+        let (true_tiles, _) = relmse_of_tiles(image, &test_scene.reference.image);
+        let tiles: Vec<f64> = estimate.tiles.plane(0).iter().map(|&v| f64::from(v)).collect();
+        let [low, high] = estimate.interval();
+        values([
+            ("estimate", estimate.value),
+            ("estimate low", low),
+            ("estimate high", high),
+            ("rank correlation", rank_correlation(&tiles, &true_tiles)),
+        ])
     }
 
-    /// The values to record for the check with this index.
-    pub fn to_values(self, index: usize) -> Values {
-        let values = [
-            ("spp", self.spp),
-            ("estimate", self.estimate),
-            ("standard error", self.standard_error),
-            ("truth", self.truth),
-            ("rank correlation", self.rank_correlation),
-        ];
-        values.map(|(name, value)| (quantity(index, name), value)).into()
+    /// Reads a check from recorded values; `None` if there was no estimate.
+    pub fn from_values(spp: u32, values: &Values) -> Option<Self> {
+        let value = |name: &str| values.get(name).copied();
+        Some(Self {
+            spp,
+            estimate: value("estimate")?,
+            low: value("estimate low")?,
+            high: value("estimate high")?,
+            truth: value("relmse")?.max(f64::MIN_POSITIVE),
+            rank_correlation: value("rank correlation")?,
+        })
     }
-
-    /// Reads all checks from recorded values, in the order of their indices.
-    pub fn from_values(values: &Values) -> Vec<Self> {
-        let value = |i: usize, name: &str| values.get(&quantity(i, name)).copied();
-        let check = |i: usize| {
-            Some(Self {
-                spp: value(i, "spp")?,
-                estimate: value(i, "estimate")?,
-                standard_error: value(i, "standard error")?,
-                truth: value(i, "truth")?,
-                rank_correlation: value(i, "rank correlation")?,
-            })
-        };
-        (0..).map_while(check).collect()
-    }
-}
-
-fn quantity(index: usize, name: &str) -> String {
-    format!("check {index}: {name}")
 }
 
 /// relMSE of each tile, and of the image. Tiles are those of the loop's estimate.

@@ -1,7 +1,7 @@
 //! Renders an image by the library's render loop, with an experiment's changes to its interim passes.
 //!
 //! Takes a [`TestScene`] and a [`Trial`]; gives the filtered image, the store, the times of the loop's stages
-//! and, if asked for, the loop's error estimates with the images that they belong to.
+//! and the estimate of the image's error.
 
 use std::time::Instant;
 
@@ -10,8 +10,7 @@ use prpf::filter::{Denoiser, FilterResult};
 use prpf::geometry::Accel;
 use prpf::image::Planes;
 use prpf::progressive::{
-    Action, Budget, Checkpoint, Conditions, ErrorEstimate, FilterPass, Filtered, Host, InterimPass, Outcome,
-    Position, RenderLoop, Settings,
+    Action, Budget, Conditions, ErrorEstimate, FilterPass, Filtered, Host, Outcome, RenderLoop, Settings,
 };
 use prpf::render::Renderer;
 use prpf::stats::{Part, Store};
@@ -28,8 +27,6 @@ pub struct Trial {
     pub seed: u64,
     pub priority: PrioritySettings,
     pub interim_passes: InterimPasses,
-    /// Whether to record the loop's error estimates.
-    pub records_estimates: bool,
 }
 
 /// How the loop's interim filter passes are run.
@@ -43,22 +40,14 @@ pub enum InterimPasses {
     EveryNth(usize),
 }
 
-/// An error estimate of the loop, with the image that it belongs to.
-#[derive(Clone, Debug)]
-pub struct EstimatedImage {
-    /// Samples per pixel of the image.
-    pub spp: f64,
-    pub estimate: ErrorEstimate,
-    pub image: Planes,
-}
-
 /// The result of a trial.
 pub struct Rendered {
     pub result: FilterResult,
     pub store: Store,
     /// Seconds spent in rendering, filtering and allocation.
     pub seconds: [f64; 3],
-    pub estimates: Vec<EstimatedImage>,
+    /// The program's estimate of the filtered image's error.
+    pub estimate: Option<ErrorEstimate>,
 }
 
 impl Rendered {
@@ -72,15 +61,7 @@ impl Trial {
     /// A render with the default priority maps and interim passes.
     pub fn new(sampling: Sampling, denoiser: &'static dyn Denoiser, spp: u32, seed: u64) -> Self {
         let priority = PrioritySettings::default();
-        Self {
-            sampling,
-            denoiser,
-            spp,
-            seed,
-            priority,
-            interim_passes: InterimPasses::EveryBatch,
-            records_estimates: false,
-        }
+        Self { sampling, denoiser, spp, seed, priority, interim_passes: InterimPasses::EveryBatch }
     }
 
     fn settings(&self) -> Settings {
@@ -98,48 +79,21 @@ impl Trial {
     pub fn run(&self, test_scene: &TestScene, accel: &Accel) -> Rendered {
         let renderer = Renderer::new(&test_scene.scene, accel, self.seed);
         let render_loop = RenderLoop::new(&renderer, &self.settings(), Instant::now());
-        let mut recorder = EstimateRecorder { records: self.records_estimates, estimates: Vec::new() };
-        let mut driver = TrialDriver { trial: self, test_scene, passes: 0, latest: None };
-        let outcome = driver.run(render_loop, &mut recorder);
+        let outcome = TrialDriver { trial: self, test_scene, passes: 0, latest: None }.run(render_loop);
         let seconds = outcome.seconds;
-        let mut estimates = recorder.estimates;
-        estimates.dedup_by_key(|recorded: &mut EstimatedImage| recorded.estimate.samples);
         Rendered {
             result: outcome.result,
             store: outcome.store,
             seconds: [seconds.render, seconds.filter, seconds.allocate],
-            estimates,
+            estimate: outcome.estimate,
         }
     }
 }
 
-/// Records the error estimates in the checkpoints of a render.
-struct EstimateRecorder {
-    records: bool,
-    estimates: Vec<EstimatedImage>,
-}
+/// A host that keeps nothing.
+struct NoHost;
 
-impl Host for EstimateRecorder {
-    fn checkpoint_interval(&self) -> Option<f64> {
-        self.records.then_some(0.0)
-    }
-
-    fn save(&mut self, _: &Settings, checkpoint: Checkpoint) {
-        self.estimates.extend(estimated_image(checkpoint));
-    }
-}
-
-/// Returns the error estimate of a checkpoint and its image; `None` if the estimate belongs to another image.
-fn estimated_image(checkpoint: Checkpoint) -> Option<EstimatedImage> {
-    let Checkpoint { store, position, estimate, interim, .. } = checkpoint;
-    if matches!(position, Position::Render(_)) {
-        return None;
-    }
-    let (estimate, InterimPass { image, snapshot, .. }) = (estimate?, interim?);
-    let samples: u64 = snapshot.count.iter().flatten().map(|&n| u64::from(n)).sum();
-    let spp = samples as f64 / store.pixels() as f64;
-    (estimate.samples == samples).then_some(EstimatedImage { spp, estimate, image })
-}
+impl Host for NoHost {}
 
 /// Drives the render loop of a trial, with its own interim passes.
 struct TrialDriver<'a> {
@@ -151,9 +105,8 @@ struct TrialDriver<'a> {
 }
 
 impl TrialDriver<'_> {
-    fn run(&mut self, mut render_loop: RenderLoop, host: &mut dyn Host) -> Outcome {
-        let conditions =
-            Conditions { checkpoint_interval: host.checkpoint_interval(), ..Conditions::default() };
+    fn run(&mut self, mut render_loop: RenderLoop) -> Outcome {
+        let conditions = Conditions::default();
         loop {
             match render_loop.next_action(&conditions) {
                 Action::Filter(denoiser) => {
@@ -161,11 +114,10 @@ impl TrialDriver<'_> {
                     render_loop.complete_interim(filtered);
                 }
                 Action::Finish(stopped_by) => {
-                    render_loop.save(host);
                     let filtered = render_loop.final_pass(&conditions).run();
                     return render_loop.finish(filtered, stopped_by);
                 }
-                action => render_loop.perform(action, host),
+                action => render_loop.perform(action, &mut NoHost),
             }
         }
     }

@@ -242,7 +242,7 @@ fn check(store: &Store, filtered: &FilterResult) {
     let priority = adaptive::priority(maps, &PrioritySettings::default());
     let total = 3 * counts.len() as u64 + 1;
     let plan = adaptive::allocate(&priority, &counts, store.width(), total, u32::MAX, 0);
-    let planned: u64 = plan.counts.iter().map(|&n| u64::from(n)).sum();
+    let planned: u64 = plan.iter().map(|&n| u64::from(n)).sum();
     let room: u64 = counts.iter().map(|&n| u64::from(u32::MAX - n)).sum();
     assert_eq!(planned, total.min(room));
 }

@@ -33,7 +33,7 @@ pub fn run(session: &mut Session) -> anyhow::Result<()> {
         let filters = filter_costs::measure(session, &test_scene, &accel, &settings.filters)?;
         let interim_passes = interim_passes::measure(session, &test_scene, &accel, &settings.interim_passes)?;
         let CurveSettings { spp, seeds } = &settings.curves;
-        let curves = curves::measure(session, &test_scene, &accel, (spp, *seeds), spp.last().copied())?;
+        let curves = curves::measure(session, &test_scene, &accel, (spp, *seeds))?;
         let (scene, reference_relmse) = (test_scene.name, test_scene.reference.relmse);
         all.push(SceneResults { scene, reference_relmse, curves, filters, interim_passes });
     }

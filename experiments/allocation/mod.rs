@@ -31,7 +31,7 @@ pub fn run(session: &mut Session) -> anyhow::Result<()> {
     for file in session.scenes(&settings.scenes)? {
         let test_scene = TestScene::new(session, &file, &settings.size)?;
         let accel = Accel::build(&test_scene.scene);
-        let curves = curves::measure(session, &test_scene, &accel, (&settings.spp, settings.seeds), None)?;
+        let curves = curves::measure(session, &test_scene, &accel, (&settings.spp, settings.seeds))?;
         let ablations = ablation::measure(session, &test_scene, &accel, settings.maps)?;
         let (picture, optimal_ratio) = sample_maps::write(session, &test_scene, &accel, settings.maps.spp)?;
         let (scene, reference_relmse) = (test_scene.name, test_scene.reference.relmse);

@@ -10,26 +10,16 @@ use rand_pcg::Pcg64Mcg;
 use crate::hash;
 
 /// Fraction of an adaptive batch that is distributed regardless of priority, so that every pixel goes on to
-/// be sampled. The pixels that receive it are an unbiased selection for measuring error.
+/// be sampled.
 const UNIFORM_FRACTION: f64 = 0.15;
 /// Maximum number of samples of a pixel in units of the batch's mean, apart from two samples of the uniform
 /// fraction.
 pub const CEILING: f64 = 8.0;
 
-/// The samples of a batch.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Allocation {
-    /// Number of samples of each pixel.
-    pub counts: Vec<u32>,
-    /// Pixels that were selected regardless of priority.
-    pub probes: Vec<bool>,
-}
-
 /// Distributes `total` samples as evenly as possible over the pixels with fewer than `max_spp` samples. The
 /// remainder of the division goes to the pixels with the fewest samples (`have`), and among equals to random
-/// ones, selected by `key`: the first rows would show as a border in the image, and the error would be
-/// estimated there only.
-pub fn uniform(total: u64, have: &[u32], max_spp: u32, key: u64) -> Allocation {
+/// ones, selected by `key`: the first rows would show as a border in the image. Returns the samples of each pixel.
+pub fn uniform(total: u64, have: &[u32], max_spp: u32, key: u64) -> Vec<u32> {
     let pixels = have.len();
     let mut open: Vec<usize> = (0..pixels).filter(|&i| have[i] < max_spp).collect();
     if !total.is_multiple_of(open.len().max(1) as u64) {
@@ -45,14 +35,13 @@ pub fn uniform(total: u64, have: &[u32], max_spp: u32, key: u64) -> Allocation {
         counts[i] = count;
         remaining -= u64::from(count);
     }
-    let probes = counts.iter().map(|&n| n > 0).collect();
-    Allocation { counts, probes }
+    counts
 }
 
 /// Distributes `total` samples so that the total counts, including the samples that pixels already have
 /// (`have`), become proportional to `priority`. No pixel exceeds `max_spp`. Counts are even, so that both
 /// halves of a pixel's samples grow equally; if `total` is odd, one pixel gets an odd count. `width` is that
-/// of the image; `key` selects the pixels of the uniform fraction.
+/// of the image; `key` selects the pixels of the uniform fraction. Returns the samples of each pixel.
 pub fn allocate(
     priority: &[f32],
     have: &[u32],
@@ -60,7 +49,7 @@ pub fn allocate(
     total: u64,
     max_spp: u32,
     key: u64,
-) -> Allocation {
+) -> Vec<u32> {
     let pixels = priority.len();
     let sum: f64 = priority.iter().map(|&p| f64::from(p)).sum();
     if sum.is_nan() || sum <= 0.0 || !sum.is_finite() {
@@ -71,17 +60,18 @@ pub fn allocate(
 
     // Select random pixels for the uniform fraction
     let chance = (UNIFORM_FRACTION * pairs as f64 / pixels as f64).min(1.0);
-    let probes: Vec<bool> = (0..pixels).map(|i| room(i) >= 1.0 && uniform_number(i, key) < chance).collect();
-    let probed = probes.iter().filter(|&&probe| probe).count() as u64;
-    let probed = probed.min(pairs);
+    let is_selected: Vec<bool> =
+        (0..pixels).map(|i| room(i) >= 1.0 && uniform_number(i, key) < chance).collect();
+    let selected = is_selected.iter().filter(|&&is_selected| is_selected).count() as u64;
+    let selected = selected.min(pairs);
 
     // Distribute the other pairs by priority
-    let unprobed = |i: usize| (room(i) - f64::from(u8::from(probes[i]))).max(0.0);
+    let other_room = |i: usize| (room(i) - f64::from(u8::from(is_selected[i]))).max(0.0);
     let max_pairs = (CEILING * pairs as f64 / pixels as f64).max(1.0);
-    let targets = targets(priority, have, (pairs - probed) as f64, |i| max_pairs.min(unprobed(i)));
-    let mut counts = round(&targets, width, pairs - probed, unprobed);
-    let mut remaining = probed;
-    for (count, _) in counts.iter_mut().zip(&probes).filter(|(_, probe)| **probe) {
+    let targets = targets(priority, have, (pairs - selected) as f64, |i| max_pairs.min(other_room(i)));
+    let mut counts = round(&targets, width, pairs - selected, other_room);
+    let mut remaining = selected;
+    for (count, _) in counts.iter_mut().zip(&is_selected).filter(|(_, is_selected)| **is_selected) {
         if remaining == 0 {
             break;
         }
@@ -96,7 +86,7 @@ pub fn allocate(
     place_remaining(&mut counts, total.saturating_sub(placed), ceiling, priority, |counts, i| {
         max_spp.saturating_sub(have[i] + counts[i])
     });
-    Allocation { counts, probes }
+    counts
 }
 
 /// Adds `remaining` samples to the counts, by descending priority: pairs below the ceiling, then pairs
@@ -136,16 +126,16 @@ pub fn allocate_above(
     total: u64,
     max_spp: u32,
     key: u64,
-) -> Allocation {
+) -> Vec<u32> {
     let lacking: u64 = have.iter().map(|&n| u64::from(floor.saturating_sub(n))).sum();
     if lacking == 0 {
         return allocate(priority, have, width, total, max_spp, key);
     }
-    let raised = uniform(lacking.min(total), have, floor, key).counts;
+    let raised = uniform(lacking.min(total), have, floor, key);
     let have: Vec<u32> = have.iter().zip(&raised).map(|(have, n)| have + n).collect();
-    let mut allocation = allocate(priority, &have, width, total.saturating_sub(lacking), max_spp, key);
-    allocation.counts.iter_mut().zip(raised).for_each(|(n, raised)| *n += raised);
-    allocation
+    let mut counts = allocate(priority, &have, width, total.saturating_sub(lacking), max_spp, key);
+    counts.iter_mut().zip(raised).for_each(|(n, raised)| *n += raised);
+    counts
 }
 
 /// Returns fractional numbers of pairs: max(0, λ·priority − have/2), limited by the ceiling of each pixel,

@@ -6,7 +6,7 @@
 mod allocate;
 mod priority;
 
-pub use allocate::{Allocation, CEILING, allocate, allocate_above, uniform};
+pub use allocate::{CEILING, allocate, allocate_above, uniform};
 pub use priority::{Maps, PrioritySettings, priority};
 
 /// How the samples of a batch are distributed over the pixels.

@@ -8,11 +8,12 @@ use clap::Args;
 
 use super::denoiser_options::DenoiserOptions;
 use super::output_paths::{are_distinct, can_be_written, replaces_no_state};
+use super::summary::describe;
 use super::{Failure, command_line, in_pool, parse, print};
-use crate::filter::{FilterResult, suited_to};
+use crate::filter::suited_to;
 use crate::image::OutputFormat;
 use crate::output::{ImageOutput, Layers};
-use crate::progressive::{Checkpoint, FailureMap, FilterPass, Settings};
+use crate::progressive::{Checkpoint, FailureMap, FilterPass, Filtered, Settings};
 use crate::state::RenderState;
 
 /// `prpf denoise`.
@@ -55,14 +56,12 @@ fn denoise(options: &DenoiseOptions, start: Instant) -> Result<u8, Failure> {
     let RenderState { metadata, settings, checkpoint, .. } =
         RenderState::read(&options.state).map_err(|error| Failure::Input(error.into()))?;
     let denoiser = options.denoiser.choose(settings.denoiser).map_err(Failure::Input)?;
-    let is_same_method = denoiser.name().method == settings.denoiser.name().method;
     let settings = Settings { denoiser, ..settings };
-    let result = filter(&checkpoint, &settings).map_err(Failure::Input)?;
+    let Filtered { result, estimate, .. } = filter(&checkpoint, &settings).map_err(Failure::Input)?;
 
     // Write the images
-    let Checkpoint { store, estimate, passes, .. } = &checkpoint;
-    // The error of another method's image is not that of this one.
-    let estimate = estimate.as_ref().filter(|_| is_same_method);
+    let Checkpoint { store, passes, .. } = &checkpoint;
+    let estimate = estimate.as_ref();
     if let Some(names) = &options.layers {
         let layers = Layers::new(&result, store, estimate, &metadata, None);
         layers.check_present(names).map_err(|error| Failure::Input(error.into()))?;
@@ -84,7 +83,8 @@ fn denoise(options: &DenoiseOptions, start: Instant) -> Result<u8, Failure> {
         let files: String = outfiles.iter().map(|path| format!("{}\n", path.display())).collect();
         let spp = store.samples() as f64 / store.pixels().max(1) as f64;
         let seconds = start.elapsed().as_secs_f64();
-        print(&format!("{seconds:.2} s, {spp:.1} samples per pixel, by {}\n{files}", result.made_by))
+        let error = estimate.map(|estimate| format!("{}, ", describe(estimate))).unwrap_or_default();
+        print(&format!("{seconds:.2} s, {spp:.1} samples per pixel, {error}by {}\n{files}", result.made_by))
             .map_err(Failure::Run)?;
     }
     Ok(0)
@@ -129,7 +129,7 @@ fn is_exr(path: &Path) -> bool {
 ///
 /// # Errors
 /// Fewer sample vectors than the denoiser needs.
-pub(super) fn filter(checkpoint: &Checkpoint, settings: &Settings) -> anyhow::Result<FilterResult> {
+pub(super) fn filter(checkpoint: &Checkpoint, settings: &Settings) -> anyhow::Result<Filtered> {
     let store = &checkpoint.store;
     let needed = Settings { reservoir: 0, ..settings.clone() }.reservoir_capacity();
     if store.capacity() < needed {
@@ -147,5 +147,5 @@ pub(super) fn filter(checkpoint: &Checkpoint, settings: &Settings) -> anyhow::Re
         seed: settings.seed,
         failure_map: FailureMap::Carry(earlier),
     };
-    Ok(pass.run().result)
+    Ok(pass.run())
 }

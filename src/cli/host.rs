@@ -13,7 +13,7 @@ use super::viewers::next_names;
 use crate::filter::FilterResult;
 use crate::output::ImageOutput;
 use crate::preview::{PreviewHost, SavedImage};
-use crate::progressive::{Checkpoint, EstimateSummary, Host, Progress, Settings};
+use crate::progressive::{Checkpoint, Host, Progress, Settings};
 use crate::state::ImageMetadata;
 use crate::stats::Store;
 
@@ -71,8 +71,7 @@ impl RenderHost<'_> {
 
 impl Host for RenderHost<'_> {
     fn listen(&mut self, progress: &Progress) {
-        let sign = |estimate: &EstimateSummary| if estimate.is_hidden { '<' } else { '~' };
-        let error = progress.estimate.map(|e| format!("  relMSE {}{:.2e}", sign(&e), e.error));
+        let error = progress.estimate.map(|e| format!("  relMSE {:.1e} to {:.1e}", e.low, e.high));
         let error = error.unwrap_or_default();
         let ending = if self.is_interrupted() { "  ending soon, Ctrl-C quits at once" } else { "" };
         self.bar.set_message(format!("{:.1} spp{error}{ending}", progress.spp));

@@ -6,7 +6,7 @@ use super::escaped;
 use crate::output::{SampleCounts, Times};
 use crate::progressive::{ErrorEstimate, Outcome, PassRecord};
 use crate::render::RejectedSample;
-use crate::stats::{LARGEST_VALUE, Part, Store};
+use crate::stats::{LARGEST_VALUE, Part};
 
 /// Returns the summary: times, samples, the estimated error, and the paths of the images.
 pub(super) fn summary(outcome: &Outcome, seconds: Times, outfiles: &[PathBuf], is_verbose: bool) -> String {
@@ -18,10 +18,9 @@ pub(super) fn summary(outcome: &Outcome, seconds: Times, outfiles: &[PathBuf], i
     lines.extend(shortcomings(outcome));
 
     // The error
-    let error = outcome.estimate.as_ref().map(|e| describe(e, &outcome.store)).unwrap_or_default();
-    lines.push(format!("{error}stopped by {}", outcome.stopped_by));
-    let is_shown = outcome.estimate.as_ref().is_some_and(|estimate| !estimate.is_hidden());
-    if let Some(forecast) = outcome.forecast().filter(|_| is_shown) {
+    let error = outcome.estimate.as_ref().map_or("no estimate of the error".to_owned(), describe);
+    lines.push(format!("{error}, stopped by {}", outcome.stopped_by));
+    if let Some(forecast) = outcome.forecast() {
         lines.push(format!(
             "halving that error would take about {:.0} s more (it falls as time to the power -{:.1})",
             forecast.halving_seconds.ceil(),
@@ -90,44 +89,21 @@ fn shortcomings(outcome: &Outcome) -> Vec<String> {
     lines
 }
 
-/// Describes an estimate and the image that it belongs to.
-fn describe(estimate: &ErrorEstimate, store: &Store) -> String {
-    let spp = estimate.samples as f64 / store.pixels().max(1) as f64;
-    if estimate.is_hidden() {
-        return format!(
-            "estimated relMSE below {:.0e} at {spp:.1} samples per pixel, ",
-            estimate.upper_bound()
-        );
-    }
-    format!(
-        "estimated relMSE {:.1e} ± {:.0e} at {spp:.1} samples per pixel, ",
-        estimate.image, estimate.standard_error
-    )
+/// Describes an estimate and its interval.
+pub(super) fn describe(estimate: &ErrorEstimate) -> String {
+    let [low, high] = estimate.interval();
+    format!("estimated relMSE {:.1e} ({low:.1e} to {high:.1e})", estimate.value)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::image::Planes;
-    use crate::stats::Layout;
 
     #[test]
-    fn an_error_hidden_by_noise_is_given_as_a_limit() {
-        let store = Store::new(10, 10, Layout::with_blocks(|_| false), 0, 0);
-        let of = |image, standard_error| {
-            describe(
-                &ErrorEstimate {
-                    image,
-                    standard_error,
-                    samples: 800,
-                    weight: 1.0,
-                    tiles: Planes::new(1, 1, 1),
-                },
-                &store,
-            )
-        };
-        assert_eq!(of(4e-3, 1e-3), "estimated relMSE 4.0e-3 ± 1e-3 at 8.0 samples per pixel, ");
-        assert_eq!(of(1e-3, 2e-3), "estimated relMSE below 3e-3 at 8.0 samples per pixel, ");
-        assert_eq!(of(-1e-3, 2e-3), "estimated relMSE below 2e-3 at 8.0 samples per pixel, ");
+    fn an_error_is_given_with_its_interval() {
+        let estimate =
+            ErrorEstimate { value: 4e-3, deviation: 0.25, samples: 800, tiles: Planes::new(1, 1, 1) };
+        assert_eq!(describe(&estimate), "estimated relMSE 4.0e-3 (2.5e-3 to 6.5e-3)");
     }
 }

@@ -14,7 +14,7 @@ mod result;
 pub mod rpf;
 pub mod stages;
 #[cfg(test)]
-mod synthetic;
+pub(crate) mod synthetic;
 
 pub use common::blur;
 pub use common::fireflies::FireflySettings;
@@ -24,7 +24,7 @@ pub use denoisers::{DENOISERS, UNFILTERED, find, suited_to};
 pub use nlm::NlmSettings;
 pub use none::unfiltered;
 pub use prpf::{Bandwidth, PrpfSettings, mutual_information};
-pub use result::{FilterResult, Interpolation};
+pub use result::{FilterResult, Interpolation, Reliability};
 pub use rpf::RpfSettings;
 
 use crate::image::Planes;

@@ -3,7 +3,7 @@
 use super::common::hole_filling::HoleFilling;
 use super::denoiser::{Cost, Denoiser, Reads, SampleVectors};
 use super::denoiser_name::DenoiserName;
-use super::result::FilterResult;
+use super::result::{FilterResult, Reliability};
 use super::variance_of_mean;
 use crate::image::Planes;
 use crate::stats::{Block, Part, Store};
@@ -60,5 +60,25 @@ pub fn unfiltered(store: &Store) -> FilterResult {
     let mut image = store.means(Part::Whole, radiance.clone());
     HoleFilling::new(store.width(), store.counts(Part::Whole).into_iter()).fill(&mut image);
     let halves = [0, 1].map(|h| store.means(Part::Half(h), radiance.clone()));
-    FilterResult { made_by: NAME, image, halves, variance, error, residual, interpolation: None }
+    let mut risk = Planes::new(store.width(), store.height(), 3);
+    let counts = [0, 1].map(|h| store.counts(Part::Half(h)));
+    for (i, risk) in risk.data_mut().iter_mut().enumerate() {
+        let [n_a, n_b] = counts.each_ref().map(|n| n[i % store.pixels()] as f32);
+        if n_a > 0.0 && n_b > 0.0 {
+            // The variance of the mean, from the difference of two independent ones
+            *risk = n_a * n_b / (n_a + n_b).powi(2) * (halves[0].data()[i] - halves[1].data()[i]).powi(2);
+        }
+    }
+    let reliability = Reliability::UNFILTERED;
+    FilterResult {
+        made_by: NAME,
+        image,
+        halves,
+        variance,
+        error,
+        residual,
+        risk,
+        reliability,
+        interpolation: None,
+    }
 }

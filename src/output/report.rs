@@ -66,7 +66,6 @@ pub struct Report<'a> {
     estimated_error: Option<f64>,
     estimated_error_low: Option<f64>,
     estimated_error_high: Option<f64>,
-    estimated_error_samples: Option<u64>,
     forecast: Option<Forecast>,
     batches: &'a [PassRecord],
 }
@@ -100,10 +99,9 @@ impl<'a> Report<'a> {
                 .map(|sample| [sample.x as u64, sample.y as u64, sample.index.into()]),
             peak_memory_bytes: memory_bytes("VmHWM"),
             reservoir_bytes: store.reservoir_bytes(),
-            estimated_error: estimate.as_ref().map(ErrorEstimate::value),
+            estimated_error: estimate.as_ref().map(|estimate| estimate.value),
             estimated_error_low: interval.map(|[low, _]| low),
             estimated_error_high: interval.map(|[_, high]| high),
-            estimated_error_samples: estimate.as_ref().map(|estimate| estimate.samples),
             forecast: outcome.forecast(),
             batches: &outcome.passes,
         }

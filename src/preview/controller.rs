@@ -159,7 +159,7 @@ impl<'a> Controller<'a> {
                     self.receive(render_loop.store());
                     self.save_requested_images();
                     if !self.pending.any() {
-                        let outcome = render_loop.into_outcome(filtered.result, stopped_by);
+                        let outcome = render_loop.into_outcome(filtered, stopped_by);
                         return GenerationEnd::Finished(Box::new(outcome));
                     }
                 }
@@ -223,6 +223,7 @@ impl<'a> Controller<'a> {
         let is_early = self.reporter.progress().is_none_or(|progress| progress.elapsed < EARLY);
         Conditions {
             is_interrupted: self.is_interrupted(),
+            is_watched: true,
             longest_step: Some(if is_early { EARLY_STEP_SECONDS } else { STEP_SECONDS }),
             checkpoint_interval: self.generation_host().checkpoint_interval(),
         }

@@ -9,9 +9,10 @@ use super::hub::Hub;
 use super::publisher::Publisher;
 use super::status::{CameraStatus, DenoiserInfo, Notice, Phase, Statistics, Status};
 use super::view::View;
-use crate::filter::{DENOISERS, FilterResult};
+use crate::filter::{DENOISERS, DenoiserName, FilterResult};
 use crate::progressive::{
-    EstimateSummary, Forecast, Point, Progress, Settings, StoppedBy, forecast, memory_bytes,
+    ErrorEstimate, EstimateSummary, Filtered, Forecast, Point, Progress, Settings, StoppedBy, forecast,
+    memory_bytes,
 };
 use crate::stats::{Layout, Part, Store};
 
@@ -46,9 +47,9 @@ pub struct Reporter {
     /// The same after the first step.
     first: Option<(f64, u64)>,
     filter_seconds: f64,
-    /// The latest estimate of this image's error, and all of them against time.
+    /// The estimated error of the newest image, and those of all images against time.
     estimate: Option<EstimateSummary>,
-    curve: Vec<Point>,
+    curve: Vec<(DenoiserName, Point)>,
     /// The latest [`NOTICES`], newest last.
     notices: VecDeque<Notice>,
     /// Time of the latest report; `None` if the next one is urgent.
@@ -163,18 +164,6 @@ impl Reporter {
             self.recent.pop_front();
         }
         self.first.get_or_insert((progress.elapsed, progress.samples));
-        if let Some(estimate) = progress.estimate.filter(|new| self.estimate != Some(*new)) {
-            // A better estimate of the same image takes the place of the first.
-            if self.estimate.is_some_and(|old| !old.is_hidden && old.samples == estimate.samples) {
-                self.curve.pop();
-            }
-            self.estimate = Some(estimate);
-            if let Some(seconds) = self.seconds_of(estimate.samples)
-                && !estimate.is_hidden
-            {
-                self.curve.push(Point { seconds, error: estimate.error });
-            }
-        }
         self.publisher.stepped();
         if self.publisher.is_due() {
             self.publish(store);
@@ -190,15 +179,20 @@ impl Reporter {
 
     /// Returns how the error is expected to fall from here.
     fn forecast(&self) -> Option<Forecast> {
-        let found = forecast(&self.curve)?;
+        // Images of another denoiser lie on another curve.
+        let (first, _) = self.curve.first()?;
+        let of_first = self.curve.iter().filter(|(made_by, _)| made_by == first);
+        let found = forecast(&of_first.map(|(_, point)| *point).collect::<Vec<_>>())?;
         let now = self.seconds_of(self.progress?.samples)?;
         Some(Forecast { halving_seconds: found.halving_after(now), ..found })
     }
 
     /// Takes the result of a filter pass of so many seconds; `None` if it was given up.
-    pub fn filtered(&mut self, result: Option<&FilterResult>, seconds: f64, store: &Store) {
+    pub fn filtered(&mut self, filtered: Option<&Filtered>, seconds: f64, store: &Store) {
         self.filter_seconds += seconds;
-        if let Some(result) = result {
+        if let Some(Filtered { result, estimate, .. }) = filtered {
+            self.estimate = estimate.as_ref().map(ErrorEstimate::summary);
+            self.extend_curve(result.made_by);
             let mut result = result.clone();
             // Not every pass makes the map of interpolation failures: the latest one stays on show.
             let earlier = self.shown.take().and_then(|shown| shown.interpolation);
@@ -208,6 +202,17 @@ impl Reporter {
             self.publisher.filtered();
             self.publish(store);
         }
+    }
+
+    /// Adds the latest estimate, of an image by this denoiser, to the curve.
+    fn extend_curve(&mut self, made_by: DenoiserName) {
+        let Some(estimate) = self.estimate else { return };
+        let Some(seconds) = self.seconds_of(estimate.samples) else { return };
+        // The same image again
+        if self.curve.last().is_some_and(|(last, point)| *last == made_by && point.seconds == seconds) {
+            self.curve.pop();
+        }
+        self.curve.push((made_by, Point { seconds, error: estimate.error }));
     }
 
     /// Publishes frames for the viewers that are ready.
@@ -236,7 +241,7 @@ impl Reporter {
             made_by: self.shown.as_ref().map(|shown| shown.made_by),
             views: self.publisher.views(),
             statistics: self.statistics(store),
-            curve: &self.curve,
+            curve: self.curve.iter().map(|(_, point)| *point).collect(),
             forecast: self.forecast(),
             camera: subject.camera,
             region: subject.region,

@@ -40,7 +40,7 @@ pub struct Status<'a> {
     pub views: &'a [ViewInfo],
     pub statistics: Statistics,
     /// Estimated error over time.
-    pub curve: &'a [Point],
+    pub curve: Vec<Point>,
     pub forecast: Option<Forecast>,
     pub camera: CameraStatus,
     /// The region that is rendered first.

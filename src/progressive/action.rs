@@ -12,12 +12,18 @@
 
 use super::finalisation::assumed_seconds;
 use super::schedule::Plan;
+use super::settings::Settings;
 use super::situation::{Mark, Situation, can_fall_back};
 use super::stopped_by::StoppedBy;
 use super::time_constants::{
     GRACE, INTERIM_FRACTION, INTERIM_USE, LAST_INTERIM_FRACTION, LONGEST_STEP, NEAR_END,
 };
+use crate::adaptive::Sampling;
 use crate::filter::{Denoiser, UNFILTERED};
+
+/// Ratio of an interim image's error to the target below which a batch and the final denoiser may reach it: an image of
+/// twice the samples and of the better denoiser has 0.3 to 0.5 of the error.
+const NEAR_TARGET: f64 = 4.0;
 
 /// An action of the loop.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -26,7 +32,7 @@ pub enum Action {
     Allocate(Plan),
     /// Render the batch to this fraction.
     Render { to: f64 },
-    /// Compare the samples of the batch with the image of the latest interim pass: it is complete.
+    /// End the batch: it is complete.
     EndBatch,
     /// Make an image and maps of the samples so far.
     Filter(&'static dyn Denoiser),
@@ -53,7 +59,11 @@ fn plan(now: &Situation) -> Result<Plan, StoppedBy> {
     if now.conditions.is_interrupted && now.samples > 0 {
         return Err(StoppedBy::Interrupt);
     }
-    now.schedule().next_batch(now.elapsed, now.samples, now.error)
+    let schedule = now.schedule();
+    if now.has_final_image && schedule.reaches_target(now.error) && now.mark == Mark::Plan {
+        return Err(StoppedBy::TargetError);
+    }
+    schedule.next_batch(now.elapsed, now.samples, now.error)
 }
 
 /// Within a batch of so many samples, of which the fraction `done` is rendered.
@@ -103,7 +113,12 @@ fn next_after_batch(now: &Situation) -> Action {
 
 /// Returns the denoiser of the interim pass that is due before the next batch; `None` if none is.
 fn interim_pass(now: &Situation, is_last: bool) -> Option<&'static dyn Denoiser> {
-    let interim = now.settings.interim_denoiser();
+    let Settings { sampling, budget, .. } = now.settings;
+    let is_of_use = now.conditions.is_watched || now.has_reference || budget.target_error.is_some();
+    if *sampling == Sampling::Uniform && !is_of_use {
+        return None;
+    }
+    let interim = interim_denoiser(now);
     let interim_total = now.measurements.interim_total;
     if now.has_region && now.has_interim && interim_total > INTERIM_FRACTION * now.elapsed {
         // The batches of a region are small: several share one interim pass.
@@ -127,6 +142,15 @@ fn interim_pass(now: &Situation, is_last: bool) -> Option<&'static dyn Denoiser>
         spent <= INTERIM_FRACTION * now.elapsed && spent + seconds <= INTERIM_FRACTION * budget
     };
     (is_due && is_of_use).then_some(interim)
+}
+
+/// Returns the denoiser of the next interim pass: that of the final image once the error to be reached may be near.
+fn interim_denoiser(now: &Situation) -> &'static dyn Denoiser {
+    let settings = now.settings;
+    match (settings.budget.target_error, now.error) {
+        (Some(target), Some(error)) if error <= NEAR_TARGET * target => settings.denoiser,
+        _ => settings.interim_denoiser(),
+    }
 }
 
 /// Returns the predicted seconds of an interim pass: as measured last, or as follows from the calibration if that is less,

@@ -4,18 +4,18 @@
 use super::checkpoint::InterimPass;
 use super::region::Region;
 use super::settings::Settings;
-use crate::adaptive::{self, Allocation, Maps, Sampling};
+use crate::adaptive::{self, Maps, Sampling};
 use crate::filter;
 use crate::stats::{Part, Store};
 
-/// Spreads `total` samples over the pixels of a store.
+/// Spreads `total` samples over the pixels of a store. Returns the samples of each pixel.
 pub(super) fn allocate(
     store: &Store,
     interim: Option<&InterimPass>,
     region: Option<Region>,
     settings: &Settings,
     total: u64,
-) -> Allocation {
+) -> Vec<u32> {
     // Rejected samples count: a pixel that rejects all of them must not hold up the others.
     let taken = store.next_indices();
     let priority = match (settings.sampling, interim) {

@@ -11,6 +11,7 @@ pub fn run(mut render_loop: RenderLoop, host: &mut dyn Host) -> Outcome {
     loop {
         let conditions = Conditions {
             is_interrupted: host.is_interrupted(),
+            is_watched: false,
             longest_step: None,
             checkpoint_interval: host.checkpoint_interval(),
         };

@@ -8,10 +8,8 @@ use std::sync::Arc;
 use super::error_estimate::ErrorEstimate;
 use super::filter_pass::Filtered;
 use super::record::PassRecord;
-use super::snapshot::Snapshot;
 use super::speed::Speed;
 use super::steps::{self, Grain};
-use crate::adaptive::Allocation;
 use crate::filter::{DenoiserName, Interpolation};
 use crate::image::Planes;
 use crate::stats::Store;
@@ -23,8 +21,6 @@ pub struct Checkpoint {
     pub position: Position,
     /// All filter passes so far.
     pub passes: Vec<PassRecord>,
-    /// The latest estimate of the image's error.
-    pub estimate: Option<ErrorEstimate>,
     /// The latest interim pass, whose maps decide where samples go.
     pub interim: Option<InterimPass>,
     pub speed: Speed,
@@ -45,7 +41,8 @@ pub enum Position {
 /// A batch of samples, of which a fraction is rendered.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SampleBatch {
-    pub allocation: Allocation,
+    /// Samples of each pixel.
+    pub counts: Vec<u32>,
     /// In [0, 1].
     pub done: f64,
     pub grain: Grain,
@@ -54,16 +51,16 @@ pub struct SampleBatch {
 impl SampleBatch {
     /// Returns the samples of the whole batch.
     pub fn samples(&self) -> u64 {
-        self.allocation.counts.iter().map(|&n| u64::from(n)).sum()
+        self.counts.iter().map(|&n| u64::from(n)).sum()
     }
 
     /// Returns the samples per pixel to add to come from the fraction that is done to the fraction `to`.
     pub(super) fn step(&self, store: &Store, to: f64) -> Vec<u32> {
-        steps::between(&self.allocation.counts, store, self.grain, self.done, to)
+        steps::between(&self.counts, store, self.grain, self.done, to)
     }
 }
 
-/// The latest interim pass: what its image and its maps were, and of which samples.
+/// The latest interim pass: its image, its maps, and its error.
 #[derive(Clone, Debug, PartialEq)]
 pub struct InterimPass {
     pub made_by: DenoiserName,
@@ -72,24 +69,19 @@ pub struct InterimPass {
     pub variance: Planes,
     pub residual: Planes,
     pub interpolation: Option<Interpolation>,
-    /// The samples that the image was made of.
-    pub snapshot: Snapshot,
-    /// Pixels that have got samples regardless of their priority since.
-    pub probes: Vec<bool>,
+    pub estimate: Option<ErrorEstimate>,
 }
 
 impl InterimPass {
-    /// Takes what the loop needs of a pass over `store`.
-    pub(super) fn new(filtered: Filtered, store: &Store) -> Self {
-        let result = filtered.result;
+    /// Takes what the loop needs of a pass.
+    pub(super) fn new(Filtered { result, estimate, .. }: Filtered) -> Self {
         Self {
             made_by: result.made_by,
             image: result.image,
             variance: result.variance,
             residual: result.residual,
             interpolation: result.interpolation,
-            snapshot: Snapshot::new(store),
-            probes: vec![false; store.pixels()],
+            estimate,
         }
     }
 }
@@ -101,7 +93,6 @@ impl Checkpoint {
             store: Arc::new(store),
             position: Position::default(),
             passes: Vec::new(),
-            estimate: None,
             interim: None,
             speed: Speed::default(),
         }

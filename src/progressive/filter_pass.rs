@@ -3,6 +3,7 @@
 use std::sync::Arc;
 use std::time::Instant;
 
+use super::error_estimate::ErrorEstimate;
 use crate::filter::prpf::{self, FAILURE_WINDOW};
 use crate::filter::{Denoiser, FilterResult, Interpolation, PrpfSettings};
 use crate::stats::Store;
@@ -30,7 +31,9 @@ pub enum FailureMap {
 #[derive(Clone, Debug)]
 pub struct Filtered {
     pub result: FilterResult,
-    /// Seconds of the pass, that of the map included.
+    /// The error of its image.
+    pub estimate: Option<ErrorEstimate>,
+    /// Seconds of the pass, those of map and estimate included.
     pub seconds: f64,
 }
 
@@ -47,6 +50,7 @@ impl FilterPass {
                 }
             };
         }
-        Filtered { result, seconds: started.elapsed().as_secs_f64() }
+        let estimate = ErrorEstimate::new(&result, &self.store);
+        Filtered { result, estimate, seconds: started.elapsed().as_secs_f64() }
     }
 }

@@ -12,7 +12,7 @@
 //! | `schedule`, `budget`, `speed` | sizes of batches and steps, and their limits |
 //! | `finalisation`, `calibration` | the predicted and the measured time of the end |
 //! | `time_constants` | every constant of time keeping |
-//! | `checkpoint`, `snapshot`, `record`, `stopped_by` | the state of a render, and its outcome |
+//! | `checkpoint`, `record`, `stopped_by` | the state of a render, and its outcome |
 //! | `render_loop` | the actions |
 //! | `allocation`, `region`, `steps`, `filter_pass`, `error_estimate` | their parts |
 //! | `blocking`, `host` | the driver of the command line, and its surroundings |
@@ -37,7 +37,6 @@ mod render_loop;
 mod schedule;
 mod settings;
 mod situation;
-mod snapshot;
 mod speed;
 mod steps;
 mod stopped_by;
@@ -58,7 +57,6 @@ pub use render_loop::RenderLoop;
 pub use schedule::Plan;
 pub use settings::{MIN_SPP, NO_CEILING, PixelMemory, Settings, SettingsError};
 pub use situation::{Conditions, Mark, Measurements, Situation};
-pub use snapshot::Snapshot;
 pub use speed::Speed;
 pub use steps::Grain;
 pub use stopped_by::StoppedBy;

@@ -18,10 +18,8 @@ pub struct PassRecord {
     pub filter_seconds: f64,
     /// Fraction of the pixels between grid nodes whose weights were interpolated.
     pub interpolation_success: Option<f32>,
-    /// Latest estimate of the relMSE, of an earlier image.
+    /// Estimate of its image's relMSE.
     pub estimated_error: Option<f64>,
-    /// Samples that that image was made of.
-    pub estimated_error_samples: Option<u64>,
     /// True errors of the filtered image and of the unfiltered mean, with a reference.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub mse: Option<f64>,
@@ -53,7 +51,7 @@ pub struct Outcome {
     pub seconds: Seconds,
     /// The first sample of this run that the store has rejected.
     pub first_rejected: Option<RejectedSample>,
-    /// The latest estimate of the image's relMSE; of an image with fewer samples than the final one.
+    /// The estimate of the image's relMSE.
     pub estimate: Option<ErrorEstimate>,
     /// The settings at the end: a user may have changed them on the way.
     pub settings: Settings,
@@ -65,20 +63,21 @@ impl Outcome {
         self.result.made_by != self.settings.denoiser.name()
     }
 
-    /// Returns how the error is expected to fall, from the estimates on the way; `halving_seconds` counts from the final
-    /// image. Time is taken as proportional to samples, so that an interruption or a change of speed does not count.
+    /// Returns how the error is expected to fall, from the estimates of the interim images, or from that of the final image
+    /// if there are none; `halving_seconds` counts from the final image. Another denoiser may have made that one, so that it
+    /// is no point of the same curve. Time is taken as proportional to samples, so that an interruption or a change of speed does not count.
     pub fn forecast(&self) -> Option<Forecast> {
         let spent = self.seconds.render + self.seconds.filter + self.seconds.allocate;
         let seconds_per_sample = (self.own_samples > 0).then(|| spent / self.own_samples as f64)?;
-        let mut points: Vec<Point> = Vec::new();
-        for pass in &self.passes {
-            if let (Some(error), Some(samples)) = (pass.estimated_error, pass.estimated_error_samples) {
-                let seconds = samples as f64 * seconds_per_sample;
-                if points.last().is_none_or(|last| last.seconds < seconds) {
-                    points.push(Point { seconds, error });
-                }
-            }
-        }
+        let (last, interim) = self.passes.split_last()?;
+        let passes = if interim.is_empty() { std::slice::from_ref(last) } else { interim };
+        let point = |pass: &PassRecord| {
+            Some(Point {
+                seconds: pass.samples_total as f64 * seconds_per_sample,
+                error: pass.estimated_error?,
+            })
+        };
+        let points: Vec<Point> = passes.iter().filter_map(point).collect();
         let found = forecast(&points)?;
         Some(Forecast {
             halving_seconds: found.halving_after(seconds_per_sample * self.store.samples() as f64),

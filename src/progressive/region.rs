@@ -1,7 +1,6 @@
 //! A region of the image that is rendered first.
 
 use super::settings::Settings;
-use crate::adaptive::Allocation;
 
 /// Columns and rows of the store, half open.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -40,20 +39,20 @@ impl Region {
 }
 
 impl RegionBatch {
-    /// Returns an allocation of the whole image in which only the region gets samples, as `spread` spreads them over
-    /// (priorities, counts, width, total). It has no probes: they would not stand for the image.
+    /// Returns the samples of each pixel of the whole image, of which only the region gets some, as `spread` spreads them
+    /// over (priorities, counts, width, total).
     pub fn allocate(
         &self,
         counts: &[u32],
         priority: Option<&[f32]>,
-        spread: impl Fn(Option<&[f32]>, &[u32], usize, u64) -> Allocation,
-    ) -> Allocation {
+        spread: impl Fn(Option<&[f32]>, &[u32], usize, u64) -> Vec<u32>,
+    ) -> Vec<u32> {
         let have: Vec<u32> = self.pixels.iter().map(|&i| counts[i]).collect();
         let inside: Option<Vec<f32>> =
             priority.map(|priority| self.pixels.iter().map(|&i| priority[i]).collect());
         let inside = spread(inside.as_deref(), &have, self.width, self.samples);
-        let mut whole = Allocation { counts: vec![0; counts.len()], probes: vec![false; counts.len()] };
-        self.pixels.iter().zip(inside.counts).for_each(|(&i, n)| whole.counts[i] = n);
+        let mut whole = vec![0; counts.len()];
+        self.pixels.iter().zip(inside).for_each(|(&i, n)| whole[i] = n);
         whole
     }
 }
@@ -80,10 +79,9 @@ mod tests {
         let mut sizes = Vec::new();
         while let Some(batch) = region.batch(&counts, 6, 10_000, &settings(20)) {
             let uniform = |_: Option<&[f32]>, have: &[u32], _, total| adaptive::uniform(total, have, 1000, 0);
-            let allocation = batch.allocate(&counts, None, uniform);
-            assert!(!allocation.probes.contains(&true));
-            sizes.push(allocation.counts.iter().sum::<u32>());
-            counts.iter_mut().zip(&allocation.counts).for_each(|(n, new)| *n += new);
+            let added = batch.allocate(&counts, None, uniform);
+            sizes.push(added.iter().sum::<u32>());
+            counts.iter_mut().zip(&added).for_each(|(n, new)| *n += new);
         }
         assert_eq!(sizes, [16, 24, 32]);
         let inside = |i: usize| (2..4).contains(&(i % 6)) && (1..3).contains(&(i / 6));

@@ -110,7 +110,7 @@ impl<'a> RenderLoop<'a> {
         self.give_up_batch();
         if is_other_image {
             // The image and the error of another denoiser are not those of this one.
-            (self.checkpoint.estimate, self.checkpoint.interim) = (None, None);
+            self.checkpoint.interim = None;
         }
     }
 
@@ -120,7 +120,7 @@ impl<'a> RenderLoop<'a> {
     }
 
     /// Gives a region all samples until each of its pixels has the budget's on average, or until the region is taken
-    /// back. The estimate of the image's error does not change meanwhile.
+    /// back.
     pub fn set_region(&mut self, region: Option<Region>) {
         if region != self.region {
             self.give_up_batch();
@@ -158,7 +158,7 @@ impl<'a> RenderLoop<'a> {
         match action {
             Action::Allocate(plan) => self.allocate(plan),
             Action::Render { to } => self.render(to),
-            Action::EndBatch => self.end_batch(),
+            Action::EndBatch => self.checkpoint.position = Position::Filter,
             Action::Calibrate(denoiser) => self.calibrate(denoiser, host),
             Action::Save => self.save(host),
             Action::Filter(_) | Action::Finish(_) => unreachable!("the driver runs filter passes"),
@@ -174,8 +174,13 @@ impl<'a> RenderLoop<'a> {
             elapsed: situation.elapsed,
             samples,
             spp: samples as f64 / self.store().pixels().max(1) as f64,
-            estimate: self.checkpoint.estimate.as_ref().map(ErrorEstimate::summary),
+            estimate: self.estimate().map(ErrorEstimate::summary),
         }
+    }
+
+    /// Returns the estimated error of the latest interim image.
+    fn estimate(&self) -> Option<&ErrorEstimate> {
+        self.checkpoint.interim.as_ref()?.estimate.as_ref()
     }
 
     /// Hands a checkpoint to the host.
@@ -193,27 +198,22 @@ impl<'a> RenderLoop<'a> {
 
     /// Takes the result of [`Self::interim_pass`]: its maps decide where the next samples go.
     pub fn complete_interim(&mut self, filtered: Filtered) {
-        let (made_by, filter_seconds) = (filtered.result.made_by, filtered.seconds);
-        self.measurements.seconds.filter += filter_seconds;
-        self.record(&filtered.result, filter_seconds);
-        let started = Instant::now();
-        self.checkpoint.interim = Some(InterimPass::new(filtered, self.store()));
+        let (made_by, seconds) = (filtered.result.made_by, filtered.seconds);
+        self.record(&filtered);
+        self.checkpoint.interim = Some(InterimPass::new(filtered));
         self.checkpoint.position = Position::Plan;
 
         // Learn from the time that the pass took
-        let snapshot_seconds = started.elapsed().as_secs_f64();
-        let seconds = filter_seconds + snapshot_seconds;
         let last = self.situation(&Conditions::default()).final_denoiser().name();
         let measured = &mut self.measurements;
         measured.is_saved = false;
-        measured.seconds.filter += snapshot_seconds;
         measured.interim_total += seconds;
         if made_by == self.settings.interim_denoiser().name() {
             measured.interim_seconds = Some(seconds);
         }
         if made_by == last {
             // The time of the whole image is known better now than by some of its rows.
-            measured.finalisation.correct(filter_seconds);
+            measured.finalisation.correct(seconds);
         }
     }
 
@@ -225,39 +225,33 @@ impl<'a> RenderLoop<'a> {
 
     /// Takes the result of [`Self::final_pass`], with which the render may end, or go on after a change.
     pub fn complete_final(&mut self, filtered: &Filtered) {
-        // The samples of an interrupted batch count as well.
-        if let Position::Render(batch) = &self.checkpoint.position {
-            let probes = batch.allocation.probes.clone();
-            self.estimate_error(&probes);
-        }
-        self.measurements.seconds.filter += filtered.seconds;
-        self.record(&filtered.result, filtered.seconds);
+        self.record(filtered);
     }
 
     /// Ends the render with the result of [`Self::final_pass`].
     pub fn finish(mut self, filtered: Filtered, stopped_by: StoppedBy) -> Outcome {
         self.complete_final(&filtered);
-        self.into_outcome(filtered.result, stopped_by)
+        self.into_outcome(filtered, stopped_by)
     }
 
     /// Ends the render with the image of [`Self::complete_final`].
-    pub fn into_outcome(self, result: FilterResult, stopped_by: StoppedBy) -> Outcome {
-        let Checkpoint { store, passes, estimate, .. } = self.checkpoint;
+    pub fn into_outcome(self, filtered: Filtered, stopped_by: StoppedBy) -> Outcome {
+        let Checkpoint { store, passes, .. } = self.checkpoint;
         Outcome {
-            result,
+            result: filtered.result,
             own_samples: store.samples() - self.resumed_samples,
             store: Arc::unwrap_or_clone(store),
             passes,
             stopped_by,
             seconds: self.measurements.seconds,
             first_rejected: self.measurements.first_rejected,
-            estimate,
+            estimate: filtered.estimate,
             settings: self.settings,
         }
     }
 
     fn situation(&self, conditions: &Conditions) -> Situation<'_> {
-        let Checkpoint { store, position, estimate, interim, speed, .. } = &self.checkpoint;
+        let Checkpoint { store, position, interim, speed, .. } = &self.checkpoint;
         Situation {
             settings: &self.settings,
             pixels: store.pixels() as u64,
@@ -268,8 +262,10 @@ impl<'a> RenderLoop<'a> {
                 Position::Filter => Mark::Filter,
             },
             has_interim: interim.is_some(),
-            error: estimate.as_ref().map(ErrorEstimate::upper_bound),
+            error: self.estimate().map(|estimate| estimate.value),
+            has_final_image: interim.as_ref().is_some_and(|i| i.made_by == self.settings.denoiser.name()),
             has_region: self.region.is_some(),
+            has_reference: self.reference.is_some(),
             speed: *speed,
             measurements: &self.measurements,
             elapsed: self.clock.elapsed(),
@@ -286,8 +282,8 @@ impl<'a> RenderLoop<'a> {
         let started = Instant::now();
         let Checkpoint { store, interim, .. } = &self.checkpoint;
         let grain = if store.samples_taken() == 0 { Grain::Pixel } else { Grain::Block };
-        let allocation = allocate(store, interim.as_ref(), self.region, &self.settings, plan.samples);
-        self.checkpoint.position = Position::Render(SampleBatch { allocation, done: 0.0, grain });
+        let counts = allocate(store, interim.as_ref(), self.region, &self.settings, plan.samples);
+        self.checkpoint.position = Position::Render(SampleBatch { counts, done: 0.0, grain });
         self.measurements.seconds.allocate += started.elapsed().as_secs_f64();
     }
 
@@ -307,33 +303,11 @@ impl<'a> RenderLoop<'a> {
         self.measurements.first_rejected = self.measurements.first_rejected.or(rejected);
     }
 
-    /// Ends the batch with the samples that it has.
-    fn end_batch(&mut self) {
-        if let Position::Render(batch) = std::mem::replace(&mut self.checkpoint.position, Position::Filter) {
-            self.estimate_error(&batch.allocation.probes);
-        }
-    }
-
     /// Ends an unfinished batch, so that the next one is planned anew.
     fn give_up_batch(&mut self) {
         if matches!(self.checkpoint.position, Position::Render(_)) {
             self.measurements.is_saved = false;
-            self.end_batch();
-        }
-    }
-
-    /// Compares the samples since the latest interim pass with its image.
-    fn estimate_error(&mut self, probes: &[bool]) {
-        let Checkpoint { store, estimate, interim: Some(interim), .. } = &mut self.checkpoint else { return };
-        if interim.made_by.method != self.settings.denoiser.name().method {
-            // The error of another method's image is not that of the last one.
-            return;
-        }
-        interim.probes.iter_mut().zip(probes).for_each(|(all, &new)| *all |= new);
-        let new = ErrorEstimate::new(&interim.image, &interim.snapshot, store, &interim.probes);
-        // A state from elsewhere may hold an image with NaN.
-        if let Some(new) = new.filter(|new| new.image.is_finite()) {
-            *estimate = Some(new.combined_with(estimate.take()));
+            self.checkpoint.position = Position::Filter;
         }
     }
 
@@ -356,22 +330,21 @@ impl<'a> RenderLoop<'a> {
         self.measurements.seconds.filter += self.clock.elapsed() - elapsed;
     }
 
-    fn record(&mut self, result: &FilterResult, filter_seconds: f64) {
+    fn record(&mut self, Filtered { result, estimate, seconds }: &Filtered) {
+        self.measurements.seconds.filter += seconds;
         let store = self.store();
         let noisy = self.reference.map(|_| store.means(Part::Whole, store.layout().radiance()));
         let compare = |image: Option<&Planes>, metric: fn(&Pair) -> f64| {
             let pair = image.zip(self.reference);
             pair.and_then(|(image, reference)| Some(metric(&Pair::new(image, reference).ok()?)))
         };
-        let estimate = self.checkpoint.estimate.as_ref();
         let pass = PassRecord {
             index: self.checkpoint.passes.len(),
             seconds: self.clock.elapsed(),
             samples_total: store.samples(),
-            filter_seconds,
+            filter_seconds: *seconds,
             interpolation_success: result.interpolation.as_ref().map(|found| found.success),
-            estimated_error: estimate.map(ErrorEstimate::value),
-            estimated_error_samples: estimate.map(|estimate| estimate.samples),
+            estimated_error: estimate.as_ref().map(|estimate| estimate.value),
             mse: compare(Some(&result.image), |pair| pair.mse()),
             relmse: compare(Some(&result.image), |pair| pair.relmse()),
             noisy_mse: compare(noisy.as_ref(), |pair| pair.mse()),

@@ -1,7 +1,7 @@
 //! The size of the next batch and of its next step, and when a budget is spent. Pure arithmetic: times are given.
 //!
 //! Batches double the total up to a largest size, so that the filter's fraction of the time falls and stays small. The
-//! last one is a quarter of the whole: it measures the error of an image with three quarters of the samples. With a
+//! last one is a quarter of the whole, directed by a pass that knows the other three. With a
 //! budget of samples alone the schedule depends on counts alone, so that the image is the same on any machine; under a
 //! time budget batches are rendered in steps that get shorter towards the end, and the time of the finalisation is
 //! predicted.
@@ -25,8 +25,11 @@ const PILOT_SPP: u64 = 8;
 const LARGEST_BATCH_SPP: u64 = 64;
 /// Ratio of all samples to those of the last batch.
 const LAST_RATIO: u64 = 4;
-/// Fewest samples per pixel, in all, with a last batch of that size: a part of fewer says too little of the error.
+/// Fewest samples per pixel, in all, with a last batch of that size.
 const LEAST_SPP_WITH_LAST_BATCH: u64 = 16;
+/// The error of a filtered image falls about as the samples to this power: on our five scenes, from 8 to 128 samples per
+/// pixel, to 0.62 to 0.93.
+const ERROR_POWER: f64 = 0.7;
 /// Most samples per pixel of a step.
 const STEP_SPP: u64 = 4;
 /// Fraction of the pixels that the first step under a time budget renders, whatever it costs: there has to be an image.
@@ -48,8 +51,13 @@ pub struct Schedule<'a> {
 }
 
 impl Schedule<'_> {
-    /// Returns the next batch, or the budget that is spent. `samples` so far, rejected ones included; `error`: upper
-    /// bound of the image's relMSE.
+    /// Returns whether an image with this error reaches the target.
+    pub fn reaches_target(&self, error: Option<f64>) -> bool {
+        self.budget.target_error.zip(error).is_some_and(|(target, error)| error <= target)
+    }
+
+    /// Returns the next batch, or the budget that is spent. `samples` so far, rejected ones included; `error`: estimated
+    /// relMSE of their image, or of an image of fewer.
     ///
     /// # Errors
     /// The budget that is spent.
@@ -59,16 +67,14 @@ impl Schedule<'_> {
         if left == 0 {
             return Err(StoppedBy::Spp);
         }
-        if let (Some(target), Some(error)) = (self.budget.target_error, error)
-            && error <= target
-        {
-            return Err(StoppedBy::TargetError);
-        }
         if samples == 0 {
             let pilot = self.pilot();
             return Ok(Plan { samples: pilot.min(left), is_last: pilot >= left });
         }
-        let batch = samples.min(LARGEST_BATCH_SPP * self.pixels).min(left);
+        let batch = samples
+            .min(LARGEST_BATCH_SPP * self.pixels)
+            .min(self.samples_to_target(samples, error))
+            .min(left);
         let Some(seconds) = self.seconds_left(elapsed) else {
             let plan = self.before_last(samples, left, batch);
             // Where nothing says how many samples there will be, no batch is known to be the last.
@@ -87,6 +93,14 @@ impl Schedule<'_> {
         let samples =
             if plan.is_last { (LAST_BATCH_EXCESS * plan.samples as f64).ceil() as u64 } else { plan.samples };
         Ok(Plan { samples: samples.clamp(1, left), ..plan })
+    }
+
+    /// Returns the samples that lead to the target error, at least a quarter of those so far: the estimate may be off.
+    fn samples_to_target(&self, samples: u64, error: Option<f64>) -> u64 {
+        let Some((target, error)) = self.budget.target_error.zip(error) else { return u64::MAX };
+        let growth = (error / target).powf(1.0 / ERROR_POWER) - 1.0;
+        let even = (samples as f64 * growth.max(0.25) / self.pixels as f64 / 2.0).ceil() as u64 * 2;
+        even.saturating_mul(self.pixels)
     }
 
     /// Returns a batch of the wanted size, cut where the last batch begins. `left`: samples to the end.

@@ -12,6 +12,8 @@ use crate::render::RejectedSample;
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Conditions {
     pub is_interrupted: bool,
+    /// Whether somebody looks at the images between batches.
+    pub is_watched: bool,
     /// Seconds that a step may take; `None` leaves it to the loop.
     pub longest_step: Option<f64>,
     /// Seconds between two checkpoints; `None` if none are kept.
@@ -56,10 +58,13 @@ pub struct Situation<'a> {
     pub mark: Mark,
     /// Whether there has been an interim pass.
     pub has_interim: bool,
-    /// Upper bound of the image's estimated relMSE.
+    /// Estimated relMSE of the latest interim image, and whether it is by the denoiser of the final image.
     pub error: Option<f64>,
+    pub has_final_image: bool,
     /// Whether a region is rendered first.
     pub has_region: bool,
+    /// Whether images between batches are compared with a reference.
+    pub has_reference: bool,
     pub speed: Speed,
     pub measurements: &'a Measurements,
     /// Seconds since the start.

@@ -28,10 +28,6 @@ impl ArrayWriter<'_> {
         let space = self.space(size_of_val(counts));
         space.chunks_exact_mut(4).zip(counts).for_each(|(out, v)| out.copy_from_slice(&v.to_le_bytes()));
     }
-
-    pub fn flags(&mut self, flags: &[bool]) {
-        self.space(flags.len()).iter_mut().zip(flags).for_each(|(out, &flag)| *out = u8::from(flag));
-    }
 }
 
 impl<'b> ArrayReader<'b> {
@@ -52,9 +48,5 @@ impl<'b> ArrayReader<'b> {
 
     pub fn counts(&mut self, len: usize) -> Vec<u32> {
         self.bytes(4 * len).as_chunks().0.iter().map(|&b| u32::from_le_bytes(b)).collect()
-    }
-
-    pub fn flags(&mut self, len: usize) -> Vec<bool> {
-        self.bytes(len).iter().map(|&b| b != 0).collect()
     }
 }

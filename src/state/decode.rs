@@ -11,12 +11,9 @@ use super::error::StateErrorKind;
 use super::format::{ArraySizes, CHECKSUM, MAGIC, PREAMBLE, VERSION};
 use super::header::{EstimateHeader, Header, InterimHeader, PositionHeader};
 use super::render_state::RenderState;
-use crate::adaptive::Allocation;
 use crate::filter::Interpolation;
-use crate::progressive::{
-    Checkpoint, ErrorEstimate, Grain, InterimPass, Position, SampleBatch, Snapshot, Speed,
-};
-use crate::stats::{Layout, Part, Row, RowError, Store};
+use crate::progressive::{Checkpoint, ErrorEstimate, Grain, InterimPass, Position, SampleBatch, Speed};
+use crate::stats::{Layout, Row, RowError, Store};
 
 /// Decodes a state.
 ///
@@ -90,8 +87,6 @@ fn decode_checkpoint(
     mut arrays: ArrayReader,
 ) -> Result<Checkpoint, StateErrorKind> {
     let store = decode_store(header, layout, sizes, &mut arrays)?;
-    let estimate = header.estimate.as_ref().zip(sizes.tiles);
-    let estimate = estimate.map(|(header, tiles)| decode_estimate(header, tiles, &mut arrays));
     let interim = header.interim.as_ref().map(|header| decode_interim(header, sizes, &mut arrays));
     let position = match header.position {
         PositionHeader::Plan => Position::Plan,
@@ -101,7 +96,7 @@ fn decode_checkpoint(
         PositionHeader::Filter => Position::Filter,
     };
     let (passes, speed) = (header.passes.clone(), header.speed);
-    Ok(Checkpoint { store: Arc::new(store), position, passes, estimate, interim, speed })
+    Ok(Checkpoint { store: Arc::new(store), position, passes, interim, speed })
 }
 
 fn decode_store(
@@ -118,20 +113,18 @@ fn decode_store(
 
 fn decode_estimate(header: &EstimateHeader, tiles: [usize; 2], arrays: &mut ArrayReader) -> ErrorEstimate {
     ErrorEstimate {
-        image: header.image,
-        standard_error: header.standard_error,
+        value: header.value,
+        deviation: header.deviation,
         samples: header.samples,
-        weight: header.weight,
         tiles: arrays.planes(tiles[0], tiles[1], 1),
     }
 }
 
 fn decode_interim(
     header: &InterimHeader,
-    &ArraySizes { width, height, .. }: &ArraySizes,
+    &ArraySizes { width, height, tiles, .. }: &ArraySizes,
     arrays: &mut ArrayReader,
 ) -> InterimPass {
-    let pixels = width * height;
     InterimPass {
         made_by: header.made_by,
         image: arrays.planes(width, height, 3),
@@ -140,34 +133,33 @@ fn decode_interim(
         interpolation: header
             .interpolation_success
             .map(|success| Interpolation { failure: arrays.planes(width, height, 1), success }),
-        snapshot: Snapshot {
-            mean: std::array::from_fn(|_| arrays.planes(width, height, 3)),
-            count: std::array::from_fn(|_| arrays.counts(pixels)),
-        },
-        probes: arrays.flags(pixels),
+        estimate: header
+            .estimate
+            .as_ref()
+            .zip(tiles)
+            .map(|(header, tiles)| decode_estimate(header, tiles, arrays)),
     }
 }
 
 fn decode_batch(done: f64, grain: Grain, sizes: &ArraySizes, arrays: &mut ArrayReader) -> SampleBatch {
     let pixels = sizes.width * sizes.height;
-    let allocation = Allocation { counts: arrays.counts(pixels), probes: arrays.flags(pixels) };
-    SampleBatch { allocation, done, grain }
+    SampleBatch { counts: arrays.counts(pixels), done, grain }
 }
 
 /// Checks that the parts fit together, as the render loop assumes.
 fn check(checkpoint: &Checkpoint) -> Result<(), StateErrorKind> {
     let wrong = |what: &str| Err(StateErrorKind::Header(what.to_owned()));
-    if let Some(interim) = &checkpoint.interim {
-        for (h, before) in interim.snapshot.count.iter().enumerate() {
-            if before.iter().zip(checkpoint.store.counts(Part::Half(h))).any(|(&before, now)| before > now) {
-                return wrong("an image of more samples than the store has");
-            }
-        }
+    let estimate = checkpoint.interim.as_ref().and_then(|interim| interim.estimate.as_ref());
+    if estimate.is_some_and(|estimate| estimate.samples > checkpoint.store.samples()) {
+        return wrong("an image of more samples than the store has");
+    }
+    if estimate.is_some_and(|estimate| !(estimate.value >= 0.0 && estimate.deviation >= 0.0)) {
+        return wrong("a negative error");
     }
     if let Position::Render(batch) = &checkpoint.position {
         let fits = |(x, row): (usize, &Row), n: u32| row.next_index(x).checked_add(n).is_some();
         let width = checkpoint.store.width().max(1);
-        let mut rows = checkpoint.store.rows().iter().zip(batch.allocation.counts.chunks(width));
+        let mut rows = checkpoint.store.rows().iter().zip(batch.counts.chunks(width));
         let all_fit = rows.all(|(row, counts)| counts.iter().enumerate().all(|(x, &n)| fits((x, row), n)));
         if !(0.0..=1.0).contains(&batch.done) || !all_fit {
             return wrong("an unfinished batch with a progress outside [0, 1] or too many samples");

@@ -15,7 +15,7 @@ const HEADER_GROWTH: usize = 1 << 16;
 /// thread pool.
 pub fn encode(state: &RenderState, file: &mut Vec<u8>) {
     // Compute all lengths
-    let Checkpoint { store, position, estimate, interim, .. } = &state.checkpoint;
+    let Checkpoint { store, position, interim, .. } = &state.checkpoint;
     let header = Header::new(state);
     let text = serde_json::to_vec(&header).expect("a header has no keys other than text");
     let sizes = ArraySizes::new(&header, store.layout()).and_then(|sizes| Some((sizes.bytes()?, sizes)));
@@ -39,20 +39,15 @@ pub fn encode(state: &RenderState, file: &mut Vec<u8>) {
     let (rows, rest) = content[PREAMBLE + text.len()..].split_at_mut(sizes.row * sizes.height);
     rows.par_chunks_mut(sizes.row.max(1)).zip(store.rows()).for_each(|(out, row)| row.to_bytes(out));
     let mut out = ArrayWriter(rest);
-    if let Some(estimate) = estimate {
-        out.planes(&estimate.tiles);
-    }
     if let Some(interim) = interim {
-        let InterimPass { image, variance, residual, interpolation, snapshot, probes, .. } = interim;
+        let InterimPass { image, variance, residual, interpolation, estimate, .. } = interim;
         let failure = interpolation.as_ref().map(|found| &found.failure);
-        [image, variance, residual].into_iter().chain(failure).for_each(|planes| out.planes(planes));
-        snapshot.mean.iter().for_each(|mean| out.planes(mean));
-        snapshot.count.iter().for_each(|count| out.counts(count));
-        out.flags(probes);
+        let tiles = estimate.as_ref().map(|estimate| &estimate.tiles);
+        let maps = [image, variance, residual].into_iter().chain(failure).chain(tiles);
+        maps.for_each(|planes| out.planes(planes));
     }
     if let Position::Render(batch) = position {
-        out.counts(&batch.allocation.counts);
-        out.flags(&batch.allocation.probes);
+        out.counts(&batch.counts);
     }
 
     checksum.copy_from_slice(&crc32fast::hash(content).to_le_bytes());

@@ -15,7 +15,7 @@
 //! | `image`, `variance` | f4, \[3, h, w\] | the image that the state's settings filter, and its variance (the EXR's layer `Variance` is of the unfiltered mean) |
 //! | `residual`, `error` | f4, \[h, w\] | as in [`crate::filter::FilterResult`] |
 //! | `interpolation_failure` | f4, \[h, w\] | the denoiser's own, or that of the last interim pass |
-//! | `tile_error` | f4, \[⌈h/16⌉, ⌈w/16⌉\] | measured relMSE per tile, if there was a batch to measure it with |
+//! | `tile_error` | f4, \[⌈h/16⌉, ⌈w/16⌉\] | estimated relMSE per tile, if there is an estimate |
 //! | `feature_weights` | f4, \[pass, weight, h, w\] | those of `--denoiser prpf`, if the state has sample vectors |
 //! | `feature_weight_names` | text, \[weight\] | β of a feature, α of a colour, randomness of the colour, sum of interpolation weights (infinite at nodes) |
 //! | `first_pass` | f4, \[3, h, w\] | the image after the first pass of `--denoiser prpf`, without the redistributed excess of fireflies |
@@ -26,19 +26,20 @@ use std::io::{self, Seek, Write};
 use super::header::Header;
 use super::npz::Npz;
 use super::render_state::RenderState;
-use crate::filter::{FilterResult, FireflySettings, PrpfSettings, prpf};
+use crate::filter::{FireflySettings, PrpfSettings, prpf};
 use crate::image::Planes;
+use crate::progressive::Filtered;
 use crate::stats::{Dimension, Feature, Group, Moments, Part, Store};
 
 /// Writes an `.npz` archive. `filtered` is the result of filtering the state.
 ///
 /// # Errors
 /// Those of `out`.
-pub fn export(state: &RenderState, filtered: &FilterResult, out: impl Write + Seek) -> io::Result<()> {
+pub fn export(state: &RenderState, filtered: &Filtered, out: impl Write + Seek) -> io::Result<()> {
     let mut npz = Npz::new(out);
     statistics(&state.checkpoint.store, &mut npz)?;
     reservoir(&state.checkpoint.store, &mut npz)?;
-    maps(state, filtered, &mut npz)?;
+    maps(filtered, &mut npz)?;
     if state.checkpoint.store.capacity() > 0 {
         weights(state, &mut npz)?;
     }
@@ -116,20 +117,20 @@ fn reservoir<W: Write + Seek>(store: &Store, npz: &mut Npz<W>) -> io::Result<()>
     npz.array("reservoir", &[height, width, store.capacity(), dims], padded)
 }
 
-fn maps<W: Write + Seek>(state: &RenderState, filtered: &FilterResult, npz: &mut Npz<W>) -> io::Result<()> {
+fn maps<W: Write + Seek>(Filtered { result, estimate, .. }: &Filtered, npz: &mut Npz<W>) -> io::Result<()> {
     let mut planes = |name: &str, planes: &Planes| {
         let shape = [planes.count(), planes.height(), planes.width()];
         let shape = if planes.count() == 1 { &shape[1..] } else { &shape };
         npz.array(name, shape, planes.data().iter().copied())
     };
-    planes("image", &filtered.image)?;
-    planes("variance", &filtered.variance)?;
-    planes("residual", &filtered.residual)?;
-    planes("error", &filtered.error)?;
-    if let Some(interpolation) = &filtered.interpolation {
+    planes("image", &result.image)?;
+    planes("variance", &result.variance)?;
+    planes("residual", &result.residual)?;
+    planes("error", &result.error)?;
+    if let Some(interpolation) = &result.interpolation {
         planes("interpolation_failure", &interpolation.failure)?;
     }
-    match &state.checkpoint.estimate {
+    match estimate {
         Some(estimate) => planes("tile_error", &estimate.tiles),
         None => Ok(()),
     }

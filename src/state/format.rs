@@ -11,17 +11,15 @@
 //! | 4 | CRC-32 (IEEE) of all before |
 //!
 //! Numbers are little endian. The arrays follow in this order: the store, row by row, each as
-//! [`crate::stats::Row::to_bytes`] writes it; with an estimate its tiles (f32); with an interim pass its image,
-//! variance, residual and, if there is one, failure map (f32), the means of both halves (f32) and their
-//! counts (u32) that the image was made of, and the probes (u8); with an unfinished batch its counts
-//! (u32) and probes (u8).
+//! [`crate::stats::Row::to_bytes`] writes it; with an interim pass its image, variance, residual and, if there are any,
+//! failure map and tiles of the estimated error (f32); with an unfinished batch its counts (u32).
 
 use super::header::{Header, InterimHeader, PositionHeader};
 use crate::progressive::TILE;
 use crate::stats::{Layout, Row};
 
 /// Version of the format; states of other versions are refused.
-pub const VERSION: u32 = 3;
+pub const VERSION: u32 = 4;
 
 /// The first bytes of every state file.
 pub(super) const MAGIC: &[u8; 8] = b"prpfstat";
@@ -47,12 +45,11 @@ impl ArraySizes {
     /// Computes the sizes that a header calls for; `None` if they overflow or the bounds are not within the film.
     pub fn new(header: &Header, layout: &Layout) -> Option<Self> {
         let [width, height] = header.metadata.resolution()?;
-        // Image, variance, residual, failure map; means and counts of halves; probes.
-        let interim_bytes = |interim: &InterimHeader| {
-            4 * (3 + 3 + 1 + usize::from(interim.interpolation_success.is_some())) + 4 * (6 + 2) + 1
-        };
+        // Image, variance, residual, failure map.
+        let interim_bytes =
+            |interim: &InterimHeader| 4 * (3 + 3 + 1 + usize::from(interim.interpolation_success.is_some()));
         let batch_bytes = match header.position {
-            PositionHeader::Render { .. } => 4 + 1,
+            PositionHeader::Render { .. } => 4,
             PositionHeader::Plan | PositionHeader::Filter => 0,
         };
         Some(Self {
@@ -60,7 +57,11 @@ impl ArraySizes {
             height,
             row: Row::byte_len(width, layout.len(), header.capacity)?,
             per_pixel: header.interim.as_ref().map_or(0, interim_bytes) + batch_bytes,
-            tiles: header.estimate.as_ref().map(|_| [width.div_ceil(TILE), height.div_ceil(TILE)]),
+            tiles: header
+                .interim
+                .as_ref()
+                .filter(|interim| interim.estimate.is_some())
+                .map(|_| [width.div_ceil(TILE), height.div_ceil(TILE)]),
         })
     }
 
@@ -79,6 +80,6 @@ impl ArraySizes {
 /// reservoir in sample vectors per pixel.
 pub fn estimate_size(layout: &Layout, capacity: usize, pixels: usize) -> Option<usize> {
     /// Bytes per pixel of the latest filter pass and the unfinished batch.
-    const BESIDE_STORE: usize = 4 * (8 + 6 + 2 + 1) + 2;
+    const BESIDE_STORE: usize = 4 * (8 + 1);
     Row::byte_len(1, layout.len(), capacity)?.checked_add(BESIDE_STORE)?.checked_mul(pixels)
 }

@@ -23,7 +23,6 @@ pub struct Header {
     pub position: PositionHeader,
     pub passes: Vec<PassRecord>,
     pub speed: Speed,
-    pub estimate: Option<EstimateHeader>,
     pub interim: Option<InterimHeader>,
 }
 
@@ -37,10 +36,9 @@ pub enum PositionHeader {
 
 #[derive(Serialize, Deserialize)]
 pub struct EstimateHeader {
-    pub image: f64,
-    pub standard_error: f64,
+    pub value: f64,
+    pub deviation: f64,
     pub samples: u64,
-    pub weight: f64,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -48,12 +46,13 @@ pub struct InterimHeader {
     pub made_by: DenoiserName,
     /// With a map of interpolation failures.
     pub interpolation_success: Option<f32>,
+    pub estimate: Option<EstimateHeader>,
 }
 
 impl Header {
     /// Describes a state.
     pub fn new(state: &RenderState) -> Self {
-        let Checkpoint { store, position, passes, estimate, interim, speed } = &state.checkpoint;
+        let Checkpoint { store, position, passes, interim, speed } = &state.checkpoint;
         Self {
             program: env!("CARGO_PKG_VERSION").to_owned(),
             metadata: state.metadata.clone(),
@@ -68,15 +67,14 @@ impl Header {
             },
             passes: passes.clone(),
             speed: *speed,
-            estimate: estimate.as_ref().map(|estimate| EstimateHeader {
-                image: estimate.image,
-                standard_error: estimate.standard_error,
-                samples: estimate.samples,
-                weight: estimate.weight,
-            }),
             interim: interim.as_ref().map(|interim| InterimHeader {
                 made_by: interim.made_by,
                 interpolation_success: interim.interpolation.as_ref().map(|found| found.success),
+                estimate: interim.estimate.as_ref().map(|estimate| EstimateHeader {
+                    value: estimate.value,
+                    deviation: estimate.deviation,
+                    samples: estimate.samples,
+                }),
             }),
         }
     }

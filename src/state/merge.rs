@@ -59,9 +59,9 @@ impl Merge {
         }
         Arc::make_mut(&mut state.checkpoint.store).merge(theirs);
         state.streams.extend(counted_streams(other));
-        let Checkpoint { position, passes, estimate, interim, .. } = &mut state.checkpoint;
+        let Checkpoint { position, passes, interim, .. } = &mut state.checkpoint;
         passes.clear();
-        (*position, *estimate, *interim) = (Position::Filter, None, None);
+        (*position, *interim) = (Position::Filter, None);
         Ok(())
     }
 

@@ -54,7 +54,7 @@ fn error_in_one_pixel() -> Vec<Case> {
     priority[PIXEL] = 1e6;
     let counts_so_far = vec![4; SIDE * SIDE];
     let total = 8 * (SIDE * SIDE) as u64;
-    let counts = allocate(&priority, &counts_so_far, SIDE, total, u32::MAX, 0).counts;
+    let counts = allocate(&priority, &counts_so_far, SIDE, total, u32::MAX, 0);
     let spent: u64 = counts.iter().map(|&n| u64::from(n)).sum();
     let others = counts.iter().enumerate().filter(|&(i, &n)| i != PIXEL && n > 0).count();
     vec![

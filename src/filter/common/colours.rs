@@ -9,7 +9,7 @@ use super::fireflies::{self, FireflyClamp, FireflySettings};
 use super::firefly_redistribution::redistribute;
 use super::interleaved_planes::InterleavedPlanes;
 use crate::filter::denoiser_name::DenoiserName;
-use crate::filter::result::FilterResult;
+use crate::filter::result::{FilterResult, Reliability};
 use crate::image::Planes;
 use crate::stats::{Part, Store};
 
@@ -117,9 +117,21 @@ impl Colours {
     /// Returns the result of a filter with its error maps.
     pub fn assess(&self, made_by: DenoiserName, [image, a, b]: [Planes; 3]) -> FilterResult {
         let counts = [self.counts[0].as_slice(), &self.counts[1]];
-        let ErrorEstimate { variance, residual, error } =
-            ErrorEstimate::self_filtered(&image, [&a, &b], &self.mean, &self.variance, counts);
-        FilterResult { made_by, image, halves: [a, b], variance, error, residual, interpolation: None }
+        let noisy = self.clamped.halves.each_ref();
+        let ErrorEstimate { variance, residual, risk, error } =
+            ErrorEstimate::self_filtered(&image, [&a, &b], &self.mean, &self.variance, noisy, counts);
+        let (halves, reliability) = ([a, b], Reliability::SELF_FILTERED);
+        FilterResult {
+            made_by,
+            image,
+            halves,
+            variance,
+            error,
+            residual,
+            risk,
+            reliability,
+            interpolation: None,
+        }
     }
 }
 
@@ -240,35 +252,48 @@ mod tests {
     fn maps_agree_with_the_formulas() {
         let (store, colours) = colours(1.0);
         let off = |by: f32, i: usize| 1.0 + by * ((i * 37 % 19) as f32 / 19.0 - 0.5);
-        let images = [0.5, 0.6, 0.7].map(|by| {
-            let mut image = colours.mean.clone();
-            image.data_mut().iter_mut().enumerate().for_each(|(i, v)| *v *= off(by, i));
-            image
-        });
-        let [image, a, b] = images.clone();
-        let found = colours.assess(DenoiserName { method: "prpf", preset: None }, [image, a, b]);
-        let counts = store.counts(Part::Whole);
-        let (mut bias, mut spread) = (vec![0.0; PIXELS], vec![0.0; PIXELS]);
-        let mut residual = vec![0.0; PIXELS];
-        for (i, pixel) in (0..3 * PIXELS).map(|i| (i, i % PIXELS)) {
-            let [f, f_a, f_b] = images.each_ref().map(|image| image.data()[i]);
-            let variance = ((f_a - f_b) / 2.0).powi(2);
-            assert!(close(found.variance.data()[i], variance));
-            spread[pixel] += variance / 3.0;
-            if counts[pixel] < 2 {
-                residual[pixel] += 1.0 / 3.0;
-                continue;
+        // Images of large bias and of large variance
+        for (deviations, is_biased) in [([1.5, 1.6, 1.7], true), ([0.1, 1.5, -1.5], false)] {
+            let images = deviations.map(|by| {
+                let mut image = colours.mean.clone();
+                image.data_mut().iter_mut().enumerate().for_each(|(i, v)| *v *= off(by, i));
+                image
+            });
+            let [image, a, b] = images.clone();
+            let found = colours.assess(DenoiserName { method: "prpf", preset: None }, [image, a, b]);
+            let counts = store.counts(Part::Whole);
+            let (mut risk, mut spread) = (vec![0.0; PIXELS], vec![0.0; PIXELS]);
+            let halves = [0, 1].map(|h| store.means(Part::Half(h), store.layout().radiance()));
+            let half_counts = [0, 1].map(|h| store.counts(Part::Half(h)));
+            let mut residual = vec![0.0; PIXELS];
+            for (i, pixel) in (0..3 * PIXELS).map(|i| (i, i % PIXELS)) {
+                let [f, f_a, f_b] = images.each_ref().map(|image| image.data()[i]);
+                let variance = ((f_a - f_b) / 2.0).powi(2);
+                assert!(close(found.variance.data()[i], variance));
+                spread[pixel] += variance / 3.0;
+                let [n_a, n_b] = half_counts.each_ref().map(|n| n[pixel] as f32);
+                if n_a > 0.0 && n_b > 0.0 {
+                    let (p, q) = (n_a / (n_a + n_b), n_b / (n_a + n_b));
+                    let [c_a, c_b] = halves.each_ref().map(|half| half.data()[i]);
+                    let d = (c_a - c_b).powi(2);
+                    let r = p * ((f_a - c_b).powi(2) - p * d) + q * ((f_b - c_a).powi(2) - q * d);
+                    risk[pixel] += (r - 4.0 * p * q * variance) / 3.0;
+                }
+                if counts[pixel] < 2 {
+                    residual[pixel] += 1.0 / 3.0;
+                    continue;
+                }
+                let (mean, noise) =
+                    (colours.mean.data()[i], colours.variance.data()[i] / counts[pixel] as f32);
+                residual[pixel] += (f - mean).powi(2) / (noise + variance + 1e-8 * mean * mean) / 3.0;
             }
-            let (mean, noise) = (colours.mean.data()[i], colours.variance.data()[i] / counts[pixel] as f32);
-            residual[pixel] += (f - mean).powi(2) / (noise + variance + 1e-8 * mean * mean) / 3.0;
-            bias[pixel] += ((f - mean).powi(2) - noise) / 3.0;
-        }
-        let bias = blur::gaussian(WIDTH, 8, &bias, 4.0);
-        assert!(bias.iter().any(|&b| b > 0.0) && bias.iter().any(|&b| b < 0.0));
-        for i in 0..PIXELS {
-            assert!((found.residual.data()[i] - residual[i]).abs() < 1e-4 * residual[i].max(1.0), "{i}");
-            let expected = spread[i] + bias[i].max(0.0);
-            assert!((found.error.data()[i] - expected).abs() < 1e-5, "{i}: {}", found.error.data()[i]);
+            let [risk, spread] = [risk, spread].map(|plane| blur::gaussian(WIDTH, 8, &plane, 4.0));
+            assert_eq!(risk.iter().zip(&spread).any(|(r, s)| r > s), is_biased);
+            for i in 0..PIXELS {
+                assert!((found.residual.data()[i] - residual[i]).abs() < 1e-4 * residual[i].max(1.0), "{i}");
+                let expected = spread[i].max(risk[i]);
+                assert!((found.error.data()[i] - expected).abs() < 1e-5, "{i}: {}", found.error.data()[i]);
+            }
         }
     }
 }

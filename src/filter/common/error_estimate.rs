@@ -1,18 +1,26 @@
-//! Estimates the variance, the bias and the error of a filtered image from the two halves of the samples.
+//! Estimates the variance, the residual, the risk and the error of a filtered image from the two halves of the samples.
 //!
-//! There are two estimates. [`ErrorEstimate::cross_filtered`] is for filters that take the weights of each
-//! half from the other: the filtered half F_h is then linear in its own noisy values c_h and, with a_h =
-//! ∂F_h/∂c_h and the variance v_h of c_h, R = ½Σ_h[(F_h − c_h)² − v_h + 2v_h a_h] − ¼(F_A − F_B)² is an
-//! unbiased estimate of the squared error of ½(F_A + F_B) (Stein's unbiased risk estimate for a linear
-//! filter; Bitterli et al. 2016, section 5, use the halves in the same way). [`ErrorEstimate::self_filtered`]
-//! is for filters whose weights depend on all samples, which have no such derivative.
+//! The risk is the squared error, without bias but far too noisy pixel by pixel. It needs no other samples than those of
+//! the image. With the filtered halves F_h, their noisy values c_h, the fraction p_h of the samples in half h, and
+//! D = c_A − c_B, whose square is on average the sum of the variances v_h of c_h, so that p_{1−h}D² is on average v_h:
 //!
-//! Pixel by pixel both are far too noisy to use; blurred they are maps.
+//! * [`ErrorEstimate::cross_filtered`], for filters that take the weights of each half from the other. F_h is then linear in
+//!   c_h, with the derivative a_h = ∂F_h/∂c_h, and Σ_h p_h [(F_h − c_h)² − (1 − 2a_h) p_{1−h}D²] − p_A p_B (F_A − F_B)² is
+//!   the squared error of p_A F_A + p_B F_B (Stein's unbiased risk estimate for a linear filter; Bitterli et al. 2016,
+//!   section 5, use the halves in the same way). D² in place of a pooled variance makes the terms of a pixel that keeps its
+//!   own value, a_h = 1, cancel but for its variance.
+//! * [`ErrorEstimate::self_filtered`], for filters whose weights depend on all samples. Each filtered half is compared with
+//!   the other half, which its values do not contain: Σ_h p_h [(F_h − c_{1−h})² − p_h D²] − p_A p_B (F_A − F_B)². That the
+//!   weights contain it makes it too low.
+//!
+//! The error is a map: the variance plus, blurred and where it is positive, what the risk exceeds it by.
 
 use rayon::prelude::*;
 
 use super::blur;
 use super::dual_buffer::DualBuffer;
+use super::half_counts::HalfCounts;
+use super::linear_estimate::LinearEstimate;
 use crate::image::Planes;
 
 /// Standard deviation of the blur of the estimated bias, in pixels.
@@ -31,92 +39,102 @@ pub struct ErrorEstimate {
     /// Squared difference of the filtered from the noisy image over its expected value if the filter is
     /// unbiased: 1 plane.
     pub residual: Planes,
+    /// Unbiased squared error, directly visible emission included: 3 planes. 0 where a half has no samples.
+    pub risk: Planes,
     /// Squared error, mean of the channels: 1 plane.
     pub error: Planes,
 }
 
-impl ErrorEstimate {
-    /// Estimates the error of a cross-filtered image. `noisy` is the input of the filter and `filtered` its
-    /// result for each half; `emission` is added to the result, 3 planes for each half. `derivative` is a_h
-    /// of each pixel.
-    pub fn cross_filtered(
-        noisy: &DualBuffer,
-        filtered: &[Planes; 2],
-        emission: Option<&[Planes; 2]>,
-        derivative: [&[f32]; 2],
-    ) -> Self {
-        let (width, height) = (filtered[0].width(), filtered[0].height());
-        let mean_derivative = |i: usize| 0.5 * (derivative[0][i] + derivative[1][i]);
-        let mut variance = Planes::new(width, height, 3);
-        let mut residual = Planes::new(width, height, 1);
-        let mut bias = vec![0.0; width * height];
-        let mut mean_variance = vec![0.0; width * height];
-        for (channel, variance) in variance.planes_mut().enumerate() {
-            let [c_a, c_b] = [0, 1].map(|h| noisy.mean[h].plane(channel));
-            let [f_a, f_b] = [0, 1].map(|h| filtered[h].plane(channel));
-            let [v_a, v_b] = [0, 1].map(|h| noisy.variance[h].plane(channel));
-            let maps =
-                variance.par_iter_mut().zip(residual.data_mut()).zip(&mut bias).zip(&mut mean_variance);
-            let maps = maps.enumerate().with_min_len(width);
-            maps.for_each(|(i, (((variance, residual), bias), mean_variance))| {
-                // Estimate the squared bias as the risk without the variance
-                let filtered_variance = 0.25 * (f_a[i] - f_b[i]).powi(2);
-                let risk = |f: f32, c: f32, v: f32, a: f32| (f - c).powi(2) - v + 2.0 * v * a;
-                let risk_a = risk(f_a[i], c_a[i], v_a[i], derivative[0][i]);
-                let risk_b = risk(f_b[i], c_b[i], v_b[i], derivative[1][i]);
-                *bias += (0.5 * (risk_a + risk_b) - 2.0 * filtered_variance) / 3.0;
+/// A part of a cross-filtered image: the colour of surfaces, or directly visible emission.
+#[derive(Clone, Copy)]
+pub struct Part<'a> {
+    pub noisy: &'a DualBuffer,
+    pub filtered: &'a [LinearEstimate; 2],
+}
 
-                // Compute the variance with emission
-                let emitted = emission.map_or(0.0, |[a, b]| a.plane(channel)[i] - b.plane(channel)[i]);
-                *variance = 0.25 * (f_a[i] - f_b[i] + emitted).powi(2);
-                *mean_variance += *variance / 3.0;
+impl Part<'_> {
+    /// Returns the noisy and the filtered values of both halves at a pixel of a channel.
+    fn at(&self, channel: usize, i: usize) -> [[f32; 2]; 2] {
+        let noisy = [0, 1].map(|h| self.noisy.mean[h].plane(channel)[i]);
+        [noisy, [0, 1].map(|h| self.filtered[h].value.plane(channel)[i])]
+    }
+}
+
+impl ErrorEstimate {
+    /// Estimates the error of a cross-filtered image, the sum of colour and emission. The residual is that of the colour.
+    pub fn cross_filtered(colour: Part, emission: Option<Part>, counts: &HalfCounts) -> Self {
+        let (width, height) = (colour.noisy.mean[0].width(), colour.noisy.mean[0].height());
+        let [n_a, n_b] = counts.floats();
+        let derivative = |part: &Part, i: usize| [0, 1].map(|h| part.filtered[h].derivative[i]);
+        let mut variance = Planes::new(width, height, 3);
+        let mut risk = variance.clone();
+        let mut residual = Planes::new(width, height, 1);
+        for (channel, (variance, risk)) in variance.planes_mut().zip(risk.planes_mut()).enumerate() {
+            let [v_a, v_b] = [0, 1].map(|h| colour.noisy.variance[h].plane(channel));
+            let maps = variance.par_iter_mut().zip(risk).zip(residual.data_mut());
+            maps.enumerate().with_min_len(width).for_each(|(i, ((variance, risk), residual))| {
+                let [c, f] = colour.at(channel, i);
+                let [emitted, shown] = emission.map_or([[0.0; 2]; 2], |emission| emission.at(channel, i));
+                let a = derivative(&colour, i);
+                let a_emission = emission.map_or([0.0; 2], |emission| derivative(&emission, i));
 
                 // Compare the change by the filter with its expectation. 0/0 is a pixel without noise that
                 // did not change
                 let expected =
-                    0.25 * (v_a[i] + v_b[i]) * (1.0 - 2.0 * mean_derivative(i)).max(0.0) + filtered_variance;
-                let change = (0.5 * (f_a[i] + f_b[i] - c_a[i] - c_b[i])).powi(2);
+                    0.25 * (v_a[i] + v_b[i]) * (1.0 - a[0] - a[1]).max(0.0) + 0.25 * (f[0] - f[1]).powi(2);
+                let change = (0.5 * (f[0] + f[1] - c[0] - c[1])).powi(2);
                 let ratio = if expected > 0.0 { change / expected } else { 0.0 };
                 *residual += ratio.min(MAX_RESIDUAL) / 3.0;
+
+                // Estimate variance and risk of the sum
+                let [d_colour, d_emission] = [c[0] - c[1], emitted[0] - emitted[1]];
+                let difference = d_colour + d_emission;
+                let half = (f[0] + shown[0]) - (f[1] + shown[1]);
+                *variance = 0.25 * half.powi(2);
+                let Some(p) = fractions(n_a[i], n_b[i]) else { return };
+                let risk_of = |h: usize| {
+                    let change = f[h] + shown[h] - c[h] - emitted[h];
+                    // Covariance of the filtered with the noisy value
+                    let kept = a[h] * d_colour + a_emission[h] * d_emission;
+                    p[h] * (change.powi(2) - p[1 - h] * difference * (difference - 2.0 * kept))
+                };
+                *risk = risk_of(0) + risk_of(1) - p[0] * p[1] * half.powi(2);
             });
         }
-
-        // Add the blurred bias where it is positive
-        let [bias, mean_variance] =
-            [bias, mean_variance].map(|plane| blur::gaussian(width, height, &plane, BIAS_SIGMA));
-        let mut error = Planes::new(width, height, 1);
-        for (error, (bias, variance)) in error.plane_mut(0).iter_mut().zip(bias.iter().zip(&mean_variance)) {
-            *error = variance + bias.max(0.0);
-        }
-        Self { variance, residual, error }
+        Self { error: error(&variance, &risk), variance, residual, risk }
     }
 
     /// Estimates the error of an image whose weights depend on all samples. `image` and `halves` are the
-    /// filtered images, `mean` and `sample_variance` the unfiltered mean and variance of the samples (3
-    /// planes each), `counts` the sample counts of the halves.
+    /// filtered images, `mean` and `sample_variance` the unfiltered mean and variance of the samples and `noisy_halves` the
+    /// mean of each half (3 planes each), `counts` the sample counts of the halves.
     ///
-    /// With the filtered image F, the mean c and its variance v the residual is (F − c)² ∕ (v + variance),
-    /// and the error is the variance plus the blurred squared bias (F − c)² − v where that is positive.
+    /// With the filtered image F, the mean c and its variance v the residual is (F − c)² ∕ (v + variance).
     pub fn self_filtered(
         image: &Planes,
         halves: [&Planes; 2],
         mean: &Planes,
         sample_variance: &Planes,
+        noisy_halves: [&Planes; 2],
         counts: [&[u32]; 2],
     ) -> Self {
         let (width, height, pixels) = (image.width(), image.height(), image.pixels());
-        let [a, b] = halves;
         let mut variance = Planes::new(width, height, 3);
+        let mut risk = variance.clone();
         let mut residual = Planes::new(width, height, 1);
-        let mut bias = vec![0.0; pixels];
-        let mut error = Planes::new(width, height, 1);
         for i in 0..3 * pixels {
             let pixel = i % pixels;
-            let n = (counts[0][pixel] + counts[1][pixel]) as f32;
-            let v = 0.25 * (a.data()[i] - b.data()[i]).powi(2);
+            let f = halves.map(|half| half.data()[i]);
+            let c = noisy_halves.map(|half| half.data()[i]);
+            let n = counts.map(|counts| counts[pixel] as f32);
+            let v = 0.25 * (f[0] - f[1]).powi(2);
             variance.data_mut()[i] = v;
-            error.data_mut()[pixel] += v / 3.0;
+            if let Some(p) = fractions(n[0], n[1]) {
+                let squared = (c[0] - c[1]).powi(2);
+                let risk_of = |h: usize| p[h] * ((f[h] - c[1 - h]).powi(2) - p[h] * squared);
+                risk.data_mut()[i] = risk_of(0) + risk_of(1) - 4.0 * p[0] * p[1] * v;
+            }
             // With less than two samples the variance is unknown, and the residual that of an unbiased filter.
+            let n = n[0] + n[1];
             if n < 2.0 {
                 residual.data_mut()[pixel] += 1.0 / 3.0;
                 continue;
@@ -126,14 +144,29 @@ impl ErrorEstimate {
             let squared = (image.data()[i] - mean).powi(2);
             let expected = noise + v + MIN_RELATIVE_VARIANCE * mean * mean + f32::MIN_POSITIVE;
             residual.data_mut()[pixel] += (squared / expected).min(MAX_RESIDUAL) / 3.0;
-            bias[pixel] += (squared - noise) / 3.0;
         }
-        let bias = blur::gaussian(width, height, &bias, BIAS_SIGMA);
-        for (error, bias) in error.data_mut().iter_mut().zip(&bias) {
-            *error += bias.max(0.0);
-        }
-        Self { variance, residual, error }
+        Self { error: error(&variance, &risk), variance, residual, risk }
     }
+}
+
+/// Returns the fraction of a pixel's samples that each half has; `None` where one has none.
+fn fractions(n_a: f32, n_b: f32) -> Option<[f32; 2]> {
+    (n_a > 0.0 && n_b > 0.0).then(|| [n_a / (n_a + n_b), n_b / (n_a + n_b)])
+}
+
+/// Returns the map of the error: 1 plane.
+fn error(variance: &Planes, risk: &Planes) -> Planes {
+    let (width, height) = (variance.width(), variance.height());
+    let blurred_mean = |planes: &Planes| {
+        let mean = |i: usize| (0..3).map(|c| planes.plane(c)[i]).sum::<f32>() / 3.0;
+        let plane: Vec<f32> = (0..planes.pixels()).into_par_iter().map(mean).collect();
+        blur::gaussian(width, height, &plane, BIAS_SIGMA)
+    };
+    let [variance, risk] = [variance, risk].map(blurred_mean);
+    let mut error = Planes::new(width, height, 1);
+    let values = error.data_mut().iter_mut().zip(variance.iter().zip(&risk));
+    values.for_each(|(error, (variance, risk))| *error = variance.max(*risk));
+    error
 }
 
 #[cfg(test)]

@@ -27,14 +27,14 @@ mod tests;
 use rayon::prelude::*;
 
 use super::common::dual_buffer::DualBuffer;
-use super::common::error_estimate::ErrorEstimate;
+use super::common::error_estimate::{ErrorEstimate, Part};
 use super::common::fireflies::FireflyClamp;
 use super::common::firefly_redistribution::blurred_excess;
 use super::common::half_counts::HalfCounts;
 use super::common::linear_estimate::LinearEstimate;
 use super::denoiser::{Cost, Denoiser, Reads, SampleVectors};
 use super::denoiser_name::DenoiserName;
-use super::result::FilterResult;
+use super::result::{FilterResult, Reliability};
 use crate::image::Planes;
 use crate::stats::{Block, Store};
 use blend::{Brightness, blend};
@@ -129,26 +129,27 @@ pub fn filter(store: &Store, settings: &NlmSettings) -> FilterResult {
         let features = [normal.as_ref(), albedo.as_ref()];
         let fitted = fit(&noisy, features, settings.fit_k, settings);
         colour = blend(&noisy, &brightness, colour, &fitted, settings.blend_sigma);
-        emission = emission.zip(noisy_emission).map(|(emission, noisy)| {
-            let fitted = fit(&noisy, [None; 2], settings.fit_emission_k, settings);
-            blend(&noisy, &brightness, emission, &fitted, settings.blend_sigma)
+        emission = emission.zip(noisy_emission.as_ref()).map(|(emission, noisy)| {
+            let fitted = fit(noisy, [None; 2], settings.fit_emission_k, settings);
+            blend(noisy, &brightness, emission, &fitted, settings.blend_sigma)
         });
     }
     add_firefly_excess(&mut colour, &clamped, normal.as_ref(), albedo.as_ref(), settings);
 
     // Estimate the error and add the emission
-    let [a, b] = colour;
-    let mut halves = [a.value, b.value];
-    let emission = emission.map(|[a, b]| [a.value, b.value]);
-    let derivative = [a.derivative.as_slice(), &b.derivative];
-    let ErrorEstimate { variance, residual, error } =
-        ErrorEstimate::cross_filtered(&noisy, &halves, emission.as_ref(), derivative);
+    let part = |noisy, filtered| Part { noisy, filtered };
+    let emission_part =
+        noisy_emission.as_ref().zip(emission.as_ref()).map(|(noisy, emission)| part(noisy, emission));
+    let ErrorEstimate { variance, residual, risk, error } =
+        ErrorEstimate::cross_filtered(part(&noisy, &colour), emission_part, &counts);
+    let mut halves = colour.map(|half| half.value);
     for (half, emission) in halves.iter_mut().zip(emission.iter().flatten()) {
-        add(half, emission);
+        add(half, &emission.value);
     }
     let image = counts.mean([&halves[0], &halves[1]]);
     let made_by = DenoiserName { method: METHOD, preset: None };
-    FilterResult { made_by, image, halves, variance, error, residual, interpolation: None }
+    let reliability = Reliability::CROSS_FILTERED;
+    FilterResult { made_by, image, halves, variance, error, residual, risk, reliability, interpolation: None }
 }
 
 /// Adds the blurred excess of fireflies to surfaces, multiplied by the albedo.

@@ -74,8 +74,7 @@ impl Controller<'_> {
         self.reporter.enter(before);
         self.reporter.hasten();
         let fitting = filtered.as_ref().filter(|_| self.has_method_of(settings));
-        let result = fitting.map(|filtered| &filtered.result);
-        self.reporter.filtered(result, started.elapsed().as_secs_f64(), store);
+        self.reporter.filtered(fitting, started.elapsed().as_secs_f64(), store);
         filtered
     }
 

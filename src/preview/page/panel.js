@@ -122,9 +122,9 @@ export class Panel {
       rate: statistics.samples_per_second > 0 ? count(statistics.samples_per_second) : "–",
       filter: `${(100 * statistics.filter_fraction).toFixed(1)} %`,
       memory: statistics.memory_bytes === null ? "–" : `${(statistics.memory_bytes / 2 ** 20).toFixed(0)} MiB`,
-      error: estimate ? (estimate.is_hidden ? "below " : "") + short(estimate.error) : "–",
+      error: estimate ? short(estimate.error) : "–",
       made_by: made_by ? [made_by.denoiser, made_by.quality].filter(Boolean).join(" ") : "–",
-      estimated_at: estimate ? (estimate.samples / (width * height)).toFixed(1) : "–",
+      error_interval: estimate ? `${short(estimate.low)} to ${short(estimate.high)}` : "–",
     };
     for (const [name, text] of Object.entries(values)) {
       document.querySelector(`[data-value=${name}]`).textContent = text;
@@ -167,7 +167,7 @@ export class Panel {
     drawErrorCurve($("curve"), curve, forecast, settings.budget.target_error);
     const text = $("forecast");
     if (!forecast) {
-      text.textContent = "The error is estimated from the second batch on.";
+      text.textContent = "The error is estimated with the first filtered image.";
       return;
     }
     const time = Object.assign(document.createElement("b"), { textContent: duration(forecast.halving_seconds) });

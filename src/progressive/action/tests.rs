@@ -23,6 +23,8 @@ fn situation<'a>(settings: &'a Settings, measurements: &'a Measurements, mark: M
         mark,
         has_interim: true,
         error: None,
+        has_final_image: false,
+        has_reference: false,
         has_region: false,
         speed: Speed { samples: 1e4, seconds: 1.0 },
         measurements,
@@ -102,16 +104,32 @@ fn an_interrupted_batch_is_finished_if_that_takes_a_second() {
 #[test]
 fn spent_budgets_end_the_render_and_name_themselves() {
     let measurements = measured(0.5, 0.01);
-    let finish = |settings: &Settings, error, elapsed| {
+    let finish = |settings: &Settings, elapsed| {
         let now = situation(settings, &measurements, Mark::Filter);
-        next_action(&Situation { error, elapsed, ..now })
+        next_action(&Situation { elapsed, ..now })
     };
-    assert_eq!(finish(&settings(Some(8), None), None, 1.0), Action::Finish(StoppedBy::Spp));
-    assert_eq!(finish(&settings(None, Some(10.0)), None, 9.3), Action::Finish(StoppedBy::Time));
-    let mut target = settings(None, None);
-    target.budget.target_error = Some(0.01);
-    assert_eq!(finish(&target, Some(0.009), 1.0), Action::Finish(StoppedBy::TargetError));
-    assert!(matches!(finish(&target, Some(0.011), 1.0), Action::Filter(_)));
+    assert_eq!(finish(&settings(Some(8), None), 1.0), Action::Finish(StoppedBy::Spp));
+    assert_eq!(finish(&settings(None, Some(10.0)), 9.3), Action::Finish(StoppedBy::Time));
+}
+
+#[test]
+fn the_final_denoisers_image_decides_whether_an_error_is_reached() {
+    let measurements = Measurements::default();
+    let mut settings = settings(None, None);
+    settings.budget.target_error = Some(0.01);
+    let next = |mark, error, has_final_image| {
+        let now = situation(&settings, &measurements, mark);
+        next_action(&Situation { error: Some(error), has_final_image, ..now })
+    };
+    assert_eq!(next(Mark::Plan, 0.009, true), Action::Finish(StoppedBy::TargetError));
+    assert!(
+        matches!(next(Mark::Plan, 0.009, false), Action::Allocate(_)),
+        "the stand-in's image is not the last"
+    );
+    assert!(matches!(next(Mark::Plan, 0.011, true), Action::Allocate(_)));
+    // It filters between batches once the error may be near.
+    assert_eq!(next(Mark::Filter, 0.03, false), Action::Filter(&nlm::STANDARD));
+    assert_eq!(next(Mark::Filter, 0.05, false), Action::Filter(&nlm::DRAFT));
 }
 
 #[test]
@@ -133,6 +151,20 @@ fn without_a_clock_every_batch_is_followed_by_an_interim_pass() {
             assert_eq!(chosen.name().to_string(), expected, "{denoiser:?} {spp}");
         }
     }
+}
+
+#[test]
+fn uniform_sampling_makes_images_between_batches_for_those_who_want_them() {
+    let measurements = Measurements::default();
+    let uniform = Settings { sampling: Sampling::Uniform, ..settings(Some(64), None) };
+    let now = situation(&uniform, &measurements, Mark::Filter);
+    let filters = |now: &Situation| matches!(next_action(now), Action::Filter(_));
+    assert!(!filters(&now));
+    assert!(filters(&Situation { has_reference: true, ..now }));
+    assert!(filters(&Situation { conditions: Conditions { is_watched: true, ..now.conditions }, ..now }));
+    let mut target = uniform.clone();
+    target.budget.target_error = Some(1e-3);
+    assert!(filters(&situation(&target, &measurements, Mark::Filter)));
 }
 
 #[test]

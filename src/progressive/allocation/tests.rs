@@ -26,16 +26,16 @@ fn store() -> Arc<Store> {
 fn interim(store: &Arc<Store>) -> InterimPass {
     let failure_map = FailureMap::Carry(None);
     let pass = FilterPass { store: store.clone(), denoiser: &nlm::DRAFT, seed: 0, failure_map };
-    InterimPass::new(pass.run(), store)
+    InterimPass::new(pass.run())
 }
 
 #[test]
 fn pixels_that_reject_all_their_samples_do_not_make_the_others_uniform() {
     let store = store();
     let (interim, settings) = (interim(&store), Settings::default());
-    let allocation = allocate(&store, Some(&interim), None, &settings, 8 * (WIDTH * WIDTH) as u64);
+    let counts = allocate(&store, Some(&interim), None, &settings, 8 * (WIDTH * WIDTH) as u64);
     let sum = |first: usize| -> u32 {
-        let rows = allocation.counts.chunks(WIDTH);
+        let rows = counts.chunks(WIDTH);
         rows.map(|row| row[first..][..WIDTH / 2].iter().sum::<u32>()).sum()
     };
     let [left, right] = [0, WIDTH / 2].map(sum);
@@ -43,15 +43,14 @@ fn pixels_that_reject_all_their_samples_do_not_make_the_others_uniform() {
 }
 
 #[test]
-fn every_batch_probes_other_pixels() {
+fn every_batch_selects_other_pixels() {
     let mut store = store();
     let (interim, settings) = (interim(&store), Settings::default());
-    let probes =
-        |store: &Store| allocate(store, Some(&interim), None, &settings, 10 * (WIDTH * WIDTH) as u64).probes;
-    let first = probes(&store);
-    assert!(first.contains(&true) && first.contains(&false));
-    assert_eq!(probes(&store), first, "the same for the same store");
+    let counts =
+        |store: &Store| allocate(store, Some(&interim), None, &settings, 10 * (WIDTH * WIDTH) as u64);
+    let first = counts(&store);
+    assert_eq!(counts(&store), first, "the same for the same store");
     let sample = vec![0.5; store.layout().len()];
     Arc::make_mut(&mut store).push(0, 0, &sample);
-    assert_ne!(probes(&store), first);
+    assert_ne!(counts(&store), first);
 }

@@ -38,11 +38,17 @@ fn batches_double_the_total_and_the_last_is_a_quarter() {
 }
 
 #[test]
-fn a_target_error_that_is_reached_ends_the_render() {
+fn batches_to_a_target_error_get_no_larger_than_it_needs() {
     let budget = Budget { target_error: Some(0.01), ..Budget::default() };
     let schedule = schedule(&budget, 100);
-    assert_eq!(schedule.next_batch(0.0, 800, Some(0.02)), Ok(Plan { samples: 800, is_last: false }));
-    assert_eq!(schedule.next_batch(0.0, 1600, Some(0.01)), Err(StoppedBy::TargetError));
+    let batch = |error| schedule.next_batch(0.0, 800, error).map(|plan| plan.samples);
+    assert_eq!(batch(None), Ok(800));
+    assert_eq!(batch(Some(0.02)), Ok(800), "1.7 times as many would do");
+    // 1.2^(1/0.7) − 1 = 0.30 of 8 samples per pixel, in pairs.
+    assert_eq!(batch(Some(0.012)), Ok(400));
+    assert_eq!(batch(Some(0.0101)), Ok(200), "at least a quarter");
+    assert!(schedule.reaches_target(Some(0.01)) && !schedule.reaches_target(Some(0.011)));
+    assert!(!schedule.reaches_target(None));
 }
 
 /// Renders by a clock that only the schedule's own steps move; returns when the samples end, and the number of batches.
