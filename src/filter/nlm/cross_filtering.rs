@@ -113,7 +113,41 @@ pub fn filter_emission(emission: &DualBuffer, settings: &NlmSettings) -> [Linear
         epsilon,
         symmetric_weights: true,
     };
-    filter_without_features(emission, distance)
+    let mut filtered = filter_without_features(emission, distance);
+    darken_rims(&mut filtered, emission);
+    filtered
+}
+
+/// Takes the light off pixels beside an emitter that none of their samples has met. A few samples may miss it by chance, so
+/// that noise explains the difference to the neighbours and the filter gives such a pixel their light: on a dark wall beside
+/// a bright lamp thousands of times its own. The light stays where the pixel lies between others that have met the emitter,
+/// on its rim or in its image out of focus: outside a convex outline no pixel does.
+fn darken_rims(filtered: &mut [LinearEstimate; 2], emission: &DualBuffer) {
+    /// Distance of the others, in pixels.
+    const REACH: isize = 4;
+    /// Directions of the lines on which they lie.
+    const LINES: [(isize, isize); 4] = [(1, 0), (0, 1), (1, 1), (1, -1)];
+    let (width, height) = (emission.mean[0].width(), emission.mean[0].height());
+    let channels = || emission.mean.iter().flat_map(|mean| (0..3).map(move |c| mean.plane(c)));
+    let is_lit: Vec<bool> = (0..width * height).map(|i| channels().any(|plane| plane[i] > 0.0)).collect();
+    let is_lit_at = |x: usize, y: usize, dx: isize, dy: isize| {
+        let x = x.checked_add_signed(dx).filter(|&x| x < width);
+        let y = y.checked_add_signed(dy).filter(|&y| y < height);
+        x.zip(y).is_some_and(|(x, y)| is_lit[y * width + x])
+    };
+    let is_between = |i: usize| {
+        let ends =
+            |dx: isize, dy: isize| (1..=REACH).any(|k| is_lit_at(i % width, i / width, k * dx, k * dy));
+        LINES.into_iter().any(|(dx, dy)| ends(dx, dy) && ends(-dx, -dy))
+    };
+    for half in filtered {
+        for i in 0..width * height {
+            if !is_lit[i] && half.derivative[i] < 1.0 && !is_between(i) {
+                half.value.planes_mut().for_each(|plane| plane[i] = 0.0);
+                half.derivative[i] = 1.0;
+            }
+        }
+    }
 }
 
 fn filter_without_features(noisy: &DualBuffer, distance: DistanceSettings) -> [LinearEstimate; 2] {
@@ -138,4 +172,52 @@ fn epsilon(colour: &Planes, settings: &NlmSettings) -> f32 {
 
 fn channels(planes: &Planes) -> [&[f32]; 3] {
     [planes.plane(0), planes.plane(1), planes.plane(2)]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SIDE: usize = 12;
+
+    /// An emission with radiance 1 in the pixels of a mask, and its filtered halves, with a trace of light everywhere.
+    fn smeared(is_lit: impl Fn(usize, usize) -> bool) -> (DualBuffer, [LinearEstimate; 2]) {
+        let mut emission = Planes::new(SIDE, SIDE, 3);
+        for plane in emission.planes_mut() {
+            plane.iter_mut().enumerate().for_each(|(i, v)| *v = f32::from(is_lit(i % SIDE, i / SIDE)));
+        }
+        let filtered = [(); 2].map(|()| {
+            let mut value = emission.clone();
+            value.data_mut().iter_mut().for_each(|v| *v = 0.9 * *v + 0.1);
+            LinearEstimate { value, derivative: vec![0.5; SIDE * SIDE] }
+        });
+        let noisy =
+            DualBuffer { mean: [emission.clone(), emission.clone()], variance: [emission.clone(), emission] };
+        (noisy, filtered)
+    }
+
+    #[test]
+    fn pixels_outside_a_lamp_stay_dark() {
+        let is_lit = |x: usize, y: usize| (4..8).contains(&x) && (4..8).contains(&y);
+        let (noisy, mut filtered) = smeared(is_lit);
+        darken_rims(&mut filtered, &noisy);
+        for half in &filtered {
+            for (i, derivative) in half.derivative.iter().enumerate() {
+                let (x, y) = (i % SIDE, i / SIDE);
+                let expected = if is_lit(x, y) { (1.0, 0.5) } else { (0.0, 1.0) };
+                assert_eq!((half.value.at(1, x, y), *derivative), expected, "{x} {y}");
+            }
+        }
+    }
+
+    #[test]
+    fn pixels_between_others_that_have_met_the_lamp_keep_their_light() {
+        // A lamp out of focus, which only some pixels have met.
+        let is_lit = |x: usize, y: usize| (x + 2 * y).is_multiple_of(5);
+        let (noisy, mut filtered) = smeared(is_lit);
+        darken_rims(&mut filtered, &noisy);
+        for (x, y) in (4..8).flat_map(|y| (4..8).map(move |x| (x, y))) {
+            assert!(filtered[0].value.at(0, x, y) > 0.0, "{x} {y}");
+        }
+    }
 }
