@@ -156,7 +156,8 @@ fn interim_denoiser(now: &Situation) -> &'static dyn Denoiser {
 /// Returns the predicted seconds of an interim pass: as measured last, or as follows from the calibration if that is less,
 /// since the first pass takes place in new memory.
 fn pass_seconds(now: &Situation, interim: &'static dyn Denoiser) -> f64 {
-    let measured = now.measurements.interim_seconds.unwrap_or(f64::INFINITY);
+    let is_measured = interim == now.settings.interim_denoiser();
+    let measured = now.measurements.interim_seconds.filter(|_| is_measured).unwrap_or(f64::INFINITY);
     let Some(filter) = now.measurements.finalisation.filter_seconds() else { return measured };
     let last = now.final_denoiser();
     let ratio = if interim == last { 1.0 } else { interim.cost().pass_time / last.cost().pass_time };

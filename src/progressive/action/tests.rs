@@ -185,6 +185,22 @@ fn an_error_to_be_reached_is_that_of_the_methods_own_image() {
 }
 
 #[test]
+fn the_time_of_a_pass_by_the_final_denoiser_is_not_that_of_the_stand_in() {
+    let mut settings = settings(None, Some(100.0));
+    settings.budget.target_error = Some(0.01);
+    // The stand-in's passes take 0.1 seconds, and that of the final denoiser as long as is calibrated.
+    let filters = |final_seconds| {
+        let measurements = measured(final_seconds, 0.1);
+        let now = situation(&settings, &measurements, Mark::Filter);
+        let now =
+            Situation { error: Some(0.03), has_interim: true, elapsed: 50.0, samples: 8 * PIXELS, ..now };
+        matches!(next_action(&now), Action::Filter(chosen) if chosen.name() == nlm::STANDARD.name())
+    };
+    assert!(filters(1.0));
+    assert!(!filters(30.0), "it would leave too little time");
+}
+
+#[test]
 fn under_a_time_budget_interim_passes_take_a_tenth_of_the_time() {
     let settings = settings(None, Some(100.0));
     let filters = |interim_total, interim, has_interim, elapsed| {
