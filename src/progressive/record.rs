@@ -65,12 +65,14 @@ impl Outcome {
 
     /// Returns how the error is expected to fall, from the estimates of the interim images, or from that of the final image
     /// if there are none; `halving_seconds` counts from the final image. Another denoiser may have made that one, so that it
-    /// is no point of the same curve. Time is taken as proportional to samples, so that an interruption or a change of speed does not count.
+    /// is no point of the same curve. Time is taken as proportional to samples, so that an interruption or a change of speed
+    /// does not count.
     pub fn forecast(&self) -> Option<Forecast> {
         let spent = self.seconds.render + self.seconds.filter + self.seconds.allocate;
         let seconds_per_sample = (self.own_samples > 0).then(|| spent / self.own_samples as f64)?;
         let (last, interim) = self.passes.split_last()?;
-        let passes = if interim.is_empty() { std::slice::from_ref(last) } else { interim };
+        let has_estimates = interim.iter().any(|pass| pass.estimated_error.is_some());
+        let passes = if has_estimates { interim } else { std::slice::from_ref(last) };
         let point = |pass: &PassRecord| {
             Some(Point {
                 seconds: pass.samples_total as f64 * seconds_per_sample,
