@@ -1,5 +1,6 @@
 //! No denoiser: the mean of the samples, with the variance and the error that follow from it.
 
+use super::common::error_maps::fractions;
 use super::common::hole_filling::HoleFilling;
 use super::denoiser::{Cost, Denoiser, Reads, SampleVectors};
 use super::denoiser_name::DenoiserName;
@@ -64,9 +65,9 @@ pub fn unfiltered(store: &Store) -> FilterResult {
     let counts = [0, 1].map(|h| store.counts(Part::Half(h)));
     for (i, risk) in risk.data_mut().iter_mut().enumerate() {
         let [n_a, n_b] = counts.each_ref().map(|n| n[i % store.pixels()] as f32);
-        if n_a > 0.0 && n_b > 0.0 {
+        if let Some([p_a, p_b]) = fractions(n_a, n_b) {
             // The variance of the mean, from the difference of two independent ones
-            *risk = n_a * n_b / (n_a + n_b).powi(2) * (halves[0].data()[i] - halves[1].data()[i]).powi(2);
+            *risk = p_a * p_b * (halves[0].data()[i] - halves[1].data()[i]).powi(2);
         }
     }
     let reliability = Reliability::UNFILTERED;

@@ -4,7 +4,7 @@
 //! Takes the radiance of a store. Filters average six channels, the mean of all samples and the difference of
 //! the halves, from which the image of each half follows.
 
-use super::error_estimate::ErrorEstimate;
+use super::error_maps::ErrorMaps;
 use super::fireflies::{self, FireflyClamp, FireflySettings};
 use super::firefly_redistribution::redistribute;
 use super::interleaved_planes::InterleavedPlanes;
@@ -118,8 +118,8 @@ impl Colours {
     pub fn assess(&self, made_by: DenoiserName, [image, a, b]: [Planes; 3]) -> FilterResult {
         let counts = [self.counts[0].as_slice(), &self.counts[1]];
         let noisy = self.clamped.halves.each_ref();
-        let ErrorEstimate { variance, residual, risk, error } =
-            ErrorEstimate::self_filtered(&image, [&a, &b], &self.mean, &self.variance, noisy, counts);
+        let ErrorMaps { variance, residual, risk, error } =
+            ErrorMaps::self_filtered(&image, [&a, &b], &self.mean, &self.variance, noisy, counts);
         let (halves, reliability) = ([a, b], Reliability::SELF_FILTERED);
         FilterResult {
             made_by,

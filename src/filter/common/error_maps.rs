@@ -4,12 +4,12 @@
 //! the image. With the filtered halves F_h, their noisy values c_h, the fraction p_h of the samples in half h, and
 //! D = c_A − c_B, whose square is on average the sum of the variances v_h of c_h, so that p_{1−h}D² is on average v_h:
 //!
-//! * [`ErrorEstimate::cross_filtered`], for filters that take the weights of each half from the other. F_h is then linear in
+//! * [`ErrorMaps::cross_filtered`], for filters that take the weights of each half from the other. F_h is then linear in
 //!   c_h, with the derivative a_h = ∂F_h/∂c_h, and Σ_h p_h [(F_h − c_h)² − (1 − 2a_h) p_{1−h}D²] − p_A p_B (F_A − F_B)² is
 //!   the squared error of p_A F_A + p_B F_B (Stein's unbiased risk estimate for a linear filter; Bitterli et al. 2016,
 //!   section 5, use the halves in the same way). D² in place of a pooled variance makes the terms of a pixel that keeps its
 //!   own value, a_h = 1, cancel but for its variance.
-//! * [`ErrorEstimate::self_filtered`], for filters whose weights depend on all samples. Each filtered half is compared with
+//! * [`ErrorMaps::self_filtered`], for filters whose weights depend on all samples. Each filtered half is compared with
 //!   the other half, which its values do not contain: Σ_h p_h [(F_h − c_{1−h})² − p_h D²] − p_A p_B (F_A − F_B)². That the
 //!   weights contain it makes it too low.
 //!
@@ -33,7 +33,7 @@ const MAX_RESIDUAL: f32 = 1e6;
 const MIN_RELATIVE_VARIANCE: f32 = 1e-8;
 
 /// Error maps of a filtered image.
-pub struct ErrorEstimate {
+pub struct ErrorMaps {
     /// ¼(F_A − F_B)², directly visible emission included: 3 planes.
     pub variance: Planes,
     /// Squared difference of the filtered from the noisy image over its expected value if the filter is
@@ -47,12 +47,12 @@ pub struct ErrorEstimate {
 
 /// A part of a cross-filtered image: the colour of surfaces, or directly visible emission.
 #[derive(Clone, Copy)]
-pub struct Part<'a> {
+pub struct FilteredPart<'a> {
     pub noisy: &'a DualBuffer,
     pub filtered: &'a [LinearEstimate; 2],
 }
 
-impl Part<'_> {
+impl FilteredPart<'_> {
     /// Returns the noisy and the filtered values of both halves at a pixel of a channel.
     fn at(&self, channel: usize, i: usize) -> [[f32; 2]; 2] {
         let noisy = [0, 1].map(|h| self.noisy.mean[h].plane(channel)[i]);
@@ -60,12 +60,12 @@ impl Part<'_> {
     }
 }
 
-impl ErrorEstimate {
+impl ErrorMaps {
     /// Estimates the error of a cross-filtered image, the sum of colour and emission. The residual is that of the colour.
-    pub fn cross_filtered(colour: Part, emission: Option<Part>, counts: &HalfCounts) -> Self {
+    pub fn cross_filtered(colour: FilteredPart, emission: Option<FilteredPart>, counts: &HalfCounts) -> Self {
         let (width, height) = (colour.noisy.mean[0].width(), colour.noisy.mean[0].height());
         let [n_a, n_b] = counts.floats();
-        let derivative = |part: &Part, i: usize| [0, 1].map(|h| part.filtered[h].derivative[i]);
+        let derivative = |part: &FilteredPart, i: usize| [0, 1].map(|h| part.filtered[h].derivative[i]);
         let mut variance = Planes::new(width, height, 3);
         let mut risk = variance.clone();
         let mut residual = Planes::new(width, height, 1);
@@ -150,7 +150,7 @@ impl ErrorEstimate {
 }
 
 /// Returns the fraction of a pixel's samples that each half has; `None` where one has none.
-fn fractions(n_a: f32, n_b: f32) -> Option<[f32; 2]> {
+pub fn fractions(n_a: f32, n_b: f32) -> Option<[f32; 2]> {
     (n_a > 0.0 && n_b > 0.0).then(|| [n_a / (n_a + n_b), n_b / (n_a + n_b)])
 }
 

@@ -27,7 +27,7 @@ mod tests;
 use rayon::prelude::*;
 
 use super::common::dual_buffer::DualBuffer;
-use super::common::error_estimate::{ErrorEstimate, Part};
+use super::common::error_maps::{ErrorMaps, FilteredPart};
 use super::common::fireflies::FireflyClamp;
 use super::common::firefly_redistribution::blurred_excess;
 use super::common::half_counts::HalfCounts;
@@ -137,11 +137,11 @@ pub fn filter(store: &Store, settings: &NlmSettings) -> FilterResult {
     add_firefly_excess(&mut colour, &clamped, normal.as_ref(), albedo.as_ref(), settings);
 
     // Estimate the error and add the emission
-    let part = |noisy, filtered| Part { noisy, filtered };
+    let part = |noisy, filtered| FilteredPart { noisy, filtered };
     let emission_part =
         noisy_emission.as_ref().zip(emission.as_ref()).map(|(noisy, emission)| part(noisy, emission));
-    let ErrorEstimate { variance, residual, risk, error } =
-        ErrorEstimate::cross_filtered(part(&noisy, &colour), emission_part, &counts);
+    let ErrorMaps { variance, residual, risk, error } =
+        ErrorMaps::cross_filtered(part(&noisy, &colour), emission_part, &counts);
     let mut halves = colour.map(|half| half.value);
     for (half, emission) in halves.iter_mut().zip(emission.iter().flatten()) {
         add(half, &emission.value);

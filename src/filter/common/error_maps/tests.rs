@@ -34,11 +34,12 @@ fn random_part(max: f32, rng: &mut Pcg32) -> (DualBuffer, [LinearEstimate; 2]) {
 fn maps_of_cross_filtered_images_agree_with_the_formulas() {
     let mut rng = Pcg32::seed_from_u64(3);
     let (colour, emission) = (random_part(1.0, &mut rng), random_part(0.5, &mut rng));
-    let part = |(noisy, filtered): &'static (DualBuffer, [LinearEstimate; 2])| Part { noisy, filtered };
+    let part =
+        |(noisy, filtered): &'static (DualBuffer, [LinearEstimate; 2])| FilteredPart { noisy, filtered };
     let [colour, emission] = [colour, emission].map(|made| &*Box::leak(Box::new(made)));
     let n = |i: usize| if i == 9 { [3, 0] } else { [1 + i as u32 % 3, 2] };
     for emitted in [Some(emission), None] {
-        let found = ErrorEstimate::cross_filtered(part(colour), emitted.map(part), &counts(n));
+        let found = ErrorMaps::cross_filtered(part(colour), emitted.map(part), &counts(n));
         for i in 0..PIXELS {
             let mut residual = 0.0;
             let own = |part: &(DualBuffer, [LinearEstimate; 2])| {
@@ -124,9 +125,10 @@ fn the_mean_risk_is_the_mean_squared_error() {
         let counts = counts(|_| n);
         let image = counts.mean([f_a, f_b]);
         let noisy = DualBuffer { variance: mean.clone(), mean: mean.clone() };
-        let cross = ErrorEstimate::cross_filtered(Part { noisy: &noisy, filtered: &filtered }, None, &counts);
+        let cross =
+            ErrorMaps::cross_filtered(FilteredPart { noisy: &noisy, filtered: &filtered }, None, &counts);
         let [a, b] = &mean;
-        let own = ErrorEstimate::self_filtered(&image, [f_a, f_b], a, a, [a, b], counts.integers());
+        let own = ErrorMaps::self_filtered(&image, [f_a, f_b], a, a, [a, b], counts.integers());
         let squared = |(i, &v): (usize, &f32)| f64::from(v - truth(i % PIXELS)).powi(2);
         let error = image.data().iter().enumerate().map(squared).sum::<f64>();
         for (differences, risk) in differences.iter_mut().zip([cross.risk, own.risk]) {
@@ -151,8 +153,8 @@ fn residuals_without_noise_are_zero() {
     filtered.iter_mut().for_each(|half| half.plane_mut(1)[6] = 1e3);
     filtered[0].plane_mut(2)[7] = 2e-3;
     let filtered = filtered.map(|value| LinearEstimate { value, derivative: vec![1.0; PIXELS] });
-    let part = Part { noisy: &noisy, filtered: &filtered };
-    let residual = ErrorEstimate::cross_filtered(part, None, &counts(|_| [2, 2])).residual;
+    let part = FilteredPart { noisy: &noisy, filtered: &filtered };
+    let residual = ErrorMaps::cross_filtered(part, None, &counts(|_| [2, 2])).residual;
     assert_eq!(residual.plane(0)[..6], [0.0; 6]);
     // No noise and no difference of the halves: nothing is expected, and the residual is 0.
     assert_eq!(residual.plane(0)[6], 0.0);
