@@ -21,8 +21,8 @@ pub struct Ablation {
     interim_passes: InterimPasses,
 }
 
-/// Name of the program's default: all maps.
-pub const DEFAULT: &str = "default";
+/// Name of the selection of all maps.
+pub const ALL_MAPS: &str = "all maps";
 /// Name of the selection that replaces all maps by the true error.
 pub const ORACLE: &str = "true error";
 
@@ -41,9 +41,10 @@ pub fn names(map: &str) -> [String; 2] {
     [format!("only {map}"), format!("without {map}")]
 }
 
-/// All selections: the default first, the true error last.
+/// All selections: that of all maps first, the true error last.
 pub fn all() -> Vec<Ablation> {
-    let default = PrioritySettings::default();
+    // Each selection is tried, whatever is expected of it
+    let default = PrioritySettings { max_ratio: 1.0, ..PrioritySettings::default() };
     let mut nothing = default;
     MAPS.iter().for_each(|(_, weight)| *weight(&mut nothing) = 0.0);
     let ablation = |name: &str, priority: PrioritySettings, interim_passes: InterimPasses| Ablation {
@@ -51,7 +52,7 @@ pub fn all() -> Vec<Ablation> {
         priority,
         interim_passes,
     };
-    let mut ablations = vec![ablation(DEFAULT, default, InterimPasses::EveryBatch)];
+    let mut ablations = vec![ablation(ALL_MAPS, default, InterimPasses::EveryBatch)];
     for (map, weight) in MAPS {
         let [alone, left_out] = names(map);
         let (mut only, mut without) = (nothing, default);

@@ -1,6 +1,6 @@
 //! Writes the report of `allocation` from its measurements.
 
-use super::ablation::{DEFAULT, MAPS, ORACLE, names};
+use super::ablation::{ALL_MAPS, MAPS, ORACLE, names};
 use super::scene_results::SceneResults;
 use super::settings::Settings;
 use crate::configuration::CONFIGURATIONS;
@@ -203,7 +203,7 @@ fn optimum(report: &mut Report, settings: &Settings, all: &[SceneResults]) {
     };
     let row = |m: &SceneResults| {
         let [default, oracle] =
-            [DEFAULT, ORACLE].map(|name| geometric_mean(&ablation_ratios(m, name, EqualCost::Samples)));
+            [ALL_MAPS, ORACLE].map(|name| geometric_mean(&ablation_ratios(m, name, EqualCost::Samples)));
         let unfiltered = ratio(m, spp, UNFILTERED, EqualCost::Samples);
         vec![
             m.scene.clone(),
@@ -224,7 +224,7 @@ fn maps(report: &mut Report, settings: &Settings, all: &[SceneResults]) {
     report.section("Contribution of each priority map");
     let against_default = |name: &str, equal: EqualCost| {
         let ratios = |m: &SceneResults| {
-            let [with, default] = [name, DEFAULT].map(|name| ablation_ratios(m, name, equal));
+            let [with, default] = [name, ALL_MAPS].map(|name| ablation_ratios(m, name, equal));
             with.iter().zip(default).map(|(with, default)| with / default).collect::<Vec<_>>()
         };
         geometric_mean(&all.iter().map(|m| geometric_mean(&ratios(m)).mean).collect::<Vec<_>>())
@@ -239,7 +239,7 @@ fn maps(report: &mut Report, settings: &Settings, all: &[SceneResults]) {
             "has no measurable effect"
         };
         format!(
-            "* {map}: the error without it is {} times that of the default, with it alone {} times: the map {verdict}.",
+            "* {map}: the error without it is {} times that with all maps, with it alone {} times: the map {verdict}.",
             format_interval(left_out),
             format_interval(alone)
         )

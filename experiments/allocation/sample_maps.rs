@@ -1,7 +1,7 @@
 //! Draws the sample counts of adaptive sampling beside the true error, and computes the error that the optimal
 //! allocation of unfiltered samples would leave.
 
-use prpf::adaptive::Sampling;
+use prpf::adaptive::{Sampling, expected_ratio};
 use prpf::filter::DENOISERS;
 use prpf::filter::{blur, variance_of_mean};
 use prpf::geometry::Accel;
@@ -74,42 +74,14 @@ fn quantile(map: &Planes, fraction: f64) -> f32 {
     sorted[((sorted.len() - 1) as f64 * fraction) as usize].max(f32::MIN_POSITIVE)
 }
 
-/// Ratio of the relMSE with the optimal allocation to that with uniform sampling, for independent samples.
-///
-/// If a pixel's relMSE is e/n after n samples, uniform sampling with n̄ samples in each of N pixels leaves Σe/n̄,
-/// and n ∝ √e leaves (Σ√e)²/(N·n̄) (Neyman 1934). e follows from the samples' variance and the true radiance.
+/// Ratio of the relMSE with the optimal allocation to that with uniform sampling, for independent samples: the
+/// [`expected_ratio`] if errors follow from the samples' variance and the true radiance.
 fn optimal_ratio(store: &Store, reference: &Planes) -> f64 {
     const FLOOR: f64 = 0.01;
     let variance = variance_of_mean(store);
     let channel_relmse = |i: usize, c: usize| {
         f64::from(variance.plane(c)[i]) / (f64::from(reference.plane(c)[i]).powi(2) + FLOOR)
     };
-    let errors = (0..store.pixels()).map(|i| (0..3).map(|c| channel_relmse(i, c)).sum::<f64>());
-    let (mut roots, mut sum, mut count) = (0.0, 0.0, 0.0);
-    for error in errors {
-        roots += error.sqrt();
-        sum += error;
-        count += 1.0;
-    }
-    if sum > 0.0 { roots * roots / (count * sum) } else { 1.0 }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use prpf::stats::Layout;
-
-    #[test]
-    fn the_optimal_ratio_is_that_of_samples_in_proportion_to_deviations() {
-        let mut store = Store::new(4, 1, Layout::with_blocks(|_| false), 0, 0);
-        // Deviations 1, 1, 1 and 3: (Σσ)²/(N·Σσ²) = 36/48.
-        for (x, deviation) in [1.0, 1.0, 1.0, 3.0].into_iter().enumerate() {
-            for value in [10.0 - deviation, 10.0 + deviation] {
-                store.push(x, 0, &[0.0, 0.0, value, value, value]);
-            }
-        }
-        let mut reference = Planes::new(4, 1, 3);
-        reference.data_mut().fill(10.0);
-        assert!((optimal_ratio(&store, &reference) - 0.75).abs() < 1e-5);
-    }
+    let error = |i: usize| (0..3).map(|c| channel_relmse(i, c)).sum::<f64>();
+    expected_ratio(&(0..store.pixels()).map(|i| error(i).sqrt() as f32).collect::<Vec<_>>())
 }

@@ -7,7 +7,7 @@ mod allocate;
 mod priority;
 
 pub use allocate::{CEILING, allocate, allocate_above, uniform};
-pub use priority::{Maps, PrioritySettings, priority};
+pub use priority::{Maps, PrioritySettings, expected_ratio, priority};
 
 /// How the samples of a batch are distributed over the pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]

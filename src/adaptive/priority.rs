@@ -15,6 +15,7 @@ use crate::image::Planes;
 
 /// Weights of the maps, and constants of the priority. A weight of 0 leaves a map out.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(default)]
 pub struct PrioritySettings {
     /// Weight of the variance of the filtered image.
     pub filtered_variance: f32,
@@ -31,6 +32,9 @@ pub struct PrioritySettings {
     pub epsilon: f32,
     /// Quantile to which larger priorities are clamped, so that a few pixels do not get all samples.
     pub cap_quantile: f32,
+    /// Samples are placed by priority if that is expected to leave at most this fraction of the error that as many in
+    /// every pixel leave (see [`expected_ratio`]): placing them takes time too.
+    pub max_ratio: f32,
 }
 
 impl Default for PrioritySettings {
@@ -43,6 +47,7 @@ impl Default for PrioritySettings {
             blur: 3.0,
             epsilon: 0.05,
             cap_quantile: 0.995,
+            max_ratio: 0.8,
         }
     }
 }
@@ -105,6 +110,16 @@ pub fn priority(maps: Maps, settings: &PrioritySettings) -> Vec<f32> {
     let mut priority: Vec<f32> = maps.counts.iter().enumerate().map(value).collect();
     clamp_to_quantile(&mut priority, settings.cap_quantile);
     priority
+}
+
+/// Returns the error that samples in proportion to the priorities are expected to leave, relative to that of as many
+/// samples in every pixel: (Σ√e)²/(N·Σe) with the priorities √e (Neyman 1934), in (0, 1]; 1 if all are zero.
+pub fn expected_ratio(priority: &[f32]) -> f64 {
+    let (sum, squares) = priority.iter().fold((0.0, 0.0), |(sum, squares), &p| {
+        let p = f64::from(p);
+        (sum + p, squares + p * p)
+    });
+    if squares > 0.0 { sum * sum / (priority.len() as f64 * squares) } else { 1.0 }
 }
 
 /// Returns the mean of the channels that errors are relative to, or that of the pixels around if it is smaller: a pixel
@@ -201,6 +216,14 @@ mod tests {
     }
 
     #[test]
+    fn the_expected_ratio_is_that_of_samples_in_proportion_to_deviations() {
+        // Deviations 1, 1, 1 and 3: (Σσ)²/(N·Σσ²) = 36/48.
+        assert!((expected_ratio(&[1.0, 1.0, 1.0, 3.0]) - 0.75).abs() < 1e-12);
+        assert_eq!(expected_ratio(&[2.0, 2.0]), 1.0);
+        assert_eq!(expected_ratio(&[0.0, 0.0]), 1.0);
+    }
+
+    #[test]
     fn the_scale_of_radiance_does_not_matter() {
         let dark = constant_priority(1e-3, |x, _| if x < 32 { 1e-8 } else { 4e-8 });
         let bright = constant_priority(1e3, |x, _| if x < 32 { 1e4 } else { 4e4 });
@@ -262,6 +285,7 @@ mod tests {
             blur: 1.5,
             epsilon: 0.1,
             cap_quantile: 0.9,
+            max_ratio: 0.6,
         };
         let maps = Maps {
             counts: &counts,

@@ -86,6 +86,13 @@ fn shortcomings(outcome: &Outcome) -> Vec<String> {
             ))
         ));
     }
+    let expected_ratio = outcome.passes.iter().find_map(|pass| pass.expected_ratio);
+    let max_ratio = f64::from(outcome.settings.priority.max_ratio);
+    if let Some(ratio) = expected_ratio.filter(|&ratio| ratio > max_ratio) {
+        lines.push(format!(
+            "sampled uniformly: adaptive sampling was expected to leave {ratio:.2} of the error, which is not worth its time"
+        ));
+    }
     lines
 }
 

@@ -12,7 +12,6 @@
 
 use super::finalisation::assumed_seconds;
 use super::schedule::Plan;
-use super::settings::Settings;
 use super::situation::{Mark, Situation, can_fall_back};
 use super::stopped_by::StoppedBy;
 use super::time_constants::{
@@ -113,9 +112,9 @@ fn next_after_batch(now: &Situation) -> Action {
 
 /// Returns the denoiser of the interim pass that is due before the next batch; `None` if none is.
 fn interim_pass(now: &Situation, is_last: bool) -> Option<&'static dyn Denoiser> {
-    let Settings { sampling, budget, .. } = now.settings;
-    let is_of_use = now.conditions.is_watched || now.has_reference || budget.target_error.is_some();
-    if *sampling == Sampling::Uniform && !is_of_use {
+    let has_target = now.settings.budget.target_error.is_some();
+    let is_of_use = now.conditions.is_watched || now.has_reference || has_target;
+    if now.sampling == Sampling::Uniform && !is_of_use {
         return None;
     }
     let interim = interim_denoiser(now);

@@ -1,24 +1,24 @@
 //! Where the samples of a batch go: the maps of the latest interim pass, the region that is rendered first, and the
-//! allocator, put together.
+//! allocator, put together; and whether it pays to place them by the maps.
 
-use super::checkpoint::InterimPass;
+use super::checkpoint::{Checkpoint, InterimPass};
 use super::region::Region;
 use super::settings::Settings;
 use crate::adaptive::{self, Maps, Sampling};
 use crate::filter;
 use crate::stats::{Part, Store};
 
-/// Spreads `total` samples over the pixels of a store. Returns the samples of each pixel.
+/// Spreads `total` samples over the pixels of a checkpoint's store. Returns the samples of each pixel.
 pub(super) fn allocate(
-    store: &Store,
-    interim: Option<&InterimPass>,
+    checkpoint: &Checkpoint,
     region: Option<Region>,
     settings: &Settings,
     total: u64,
 ) -> Vec<u32> {
+    let Checkpoint { store, interim, .. } = checkpoint;
     // Rejected samples count: a pixel that rejects all of them must not hold up the others.
     let taken = store.next_indices();
-    let priority = match (settings.sampling, interim) {
+    let priority = match (checkpoint.sampling(settings), interim) {
         (Sampling::Adaptive, Some(interim)) => Some(priority(store, interim, settings)),
         _ => None,
     };
@@ -39,6 +39,12 @@ pub(super) fn allocate(
         Some(batch) => batch.allocate(&taken, priority.as_deref(), spread),
         None => spread(priority.as_deref(), &taken, store.width(), total),
     }
+}
+
+/// Returns the [expected ratio](adaptive::expected_ratio) of the errors of adaptive and uniform sampling by the maps of
+/// an interim pass.
+pub(super) fn expected_ratio(store: &Store, interim: &InterimPass, settings: &Settings) -> f64 {
+    adaptive::expected_ratio(&priority(store, interim, settings))
 }
 
 /// Computes the priority of each pixel.

@@ -8,8 +8,10 @@ use std::sync::Arc;
 use super::error_estimate::ErrorEstimate;
 use super::filter_pass::Filtered;
 use super::record::PassRecord;
+use super::settings::Settings;
 use super::speed::Speed;
 use super::steps::{self, Grain};
+use crate::adaptive::Sampling;
 use crate::filter::{DenoiserName, Interpolation};
 use crate::image::Planes;
 use crate::stats::Store;
@@ -96,5 +98,12 @@ impl Checkpoint {
             interim: None,
             speed: Speed::default(),
         }
+    }
+
+    /// Returns how the next samples are placed: uniformly also if adaptive sampling is expected not to be worth its time.
+    pub(super) fn sampling(&self, settings: &Settings) -> Sampling {
+        let expected_ratio = self.passes.iter().find_map(|pass| pass.expected_ratio);
+        let is_worth_it = expected_ratio.is_none_or(|ratio| ratio <= f64::from(settings.priority.max_ratio));
+        if is_worth_it { settings.sampling } else { Sampling::Uniform }
     }
 }

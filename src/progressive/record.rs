@@ -18,6 +18,10 @@ pub struct PassRecord {
     pub filter_seconds: f64,
     /// Fraction of the pixels between grid nodes whose weights were interpolated.
     pub interpolation_success: Option<f32>,
+    /// The expected ratio of the errors of adaptive and uniform sampling, of the first pass that is asked for it. It decides
+    /// how the other samples are placed (see [`PrioritySettings`](crate::adaptive::PrioritySettings)).
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub expected_ratio: Option<f64>,
     /// Estimate of its image's relMSE.
     pub estimated_error: Option<f64>,
     /// True errors of the filtered image and of the unfiltered mean, with a reference.

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use super::action::{Action, next_action};
-use super::allocation::allocate;
+use super::allocation::{allocate, expected_ratio};
 use super::calibration::{calibrate, prepare_memory};
 use super::checkpoint::{Checkpoint, InterimPass, Position, SampleBatch};
 use super::clock::Clock;
@@ -21,6 +21,7 @@ use super::settings::Settings;
 use super::situation::{Conditions, Mark, Measurements, Situation};
 use super::steps::Grain;
 use super::stopped_by::StoppedBy;
+use crate::adaptive::Sampling;
 use crate::filter::{Denoiser, FilterResult};
 use crate::image::Planes;
 use crate::image::metrics::Pair;
@@ -202,6 +203,7 @@ impl<'a> RenderLoop<'a> {
         self.record(&filtered);
         self.checkpoint.interim = Some(InterimPass::new(filtered));
         self.checkpoint.position = Position::Plan;
+        self.foretell_ratio();
 
         // Learn from the time that the pass took
         let last = self.situation(&Conditions::default()).final_denoiser().name();
@@ -214,6 +216,19 @@ impl<'a> RenderLoop<'a> {
         if made_by == last {
             // The time of the whole image is known better now than by some of its rows.
             measured.finalisation.correct(seconds);
+        }
+    }
+
+    /// Foretells by the first pass with enough samples whether adaptive sampling is worth its time.
+    fn foretell_ratio(&mut self) {
+        let Self { checkpoint: Checkpoint { store, passes, interim, .. }, settings, .. } = self;
+        let floor = u64::from(settings.min_spp) * store.pixels() as u64;
+        let is_foretold = passes.iter().any(|pass| pass.expected_ratio.is_some());
+        if settings.sampling == Sampling::Uniform || is_foretold || store.samples_taken() < floor {
+            return;
+        }
+        if let (Some(pass), Some(interim)) = (passes.last_mut(), interim) {
+            pass.expected_ratio = Some(expected_ratio(store, interim, settings));
         }
     }
 
@@ -254,6 +269,7 @@ impl<'a> RenderLoop<'a> {
         let Checkpoint { store, position, interim, speed, .. } = &self.checkpoint;
         Situation {
             settings: &self.settings,
+            sampling: self.checkpoint.sampling(&self.settings),
             pixels: store.pixels() as u64,
             samples: store.samples_taken(),
             mark: match position {
@@ -280,9 +296,8 @@ impl<'a> RenderLoop<'a> {
     /// Begins a batch.
     fn allocate(&mut self, plan: Plan) {
         let started = Instant::now();
-        let Checkpoint { store, interim, .. } = &self.checkpoint;
-        let grain = if store.samples_taken() == 0 { Grain::Pixel } else { Grain::Block };
-        let counts = allocate(store, interim.as_ref(), self.region, &self.settings, plan.samples);
+        let grain = if self.checkpoint.store.samples_taken() == 0 { Grain::Pixel } else { Grain::Block };
+        let counts = allocate(&self.checkpoint, self.region, &self.settings, plan.samples);
         self.checkpoint.position = Position::Render(SampleBatch { counts, done: 0.0, grain });
         self.measurements.seconds.allocate += started.elapsed().as_secs_f64();
     }
@@ -344,6 +359,7 @@ impl<'a> RenderLoop<'a> {
             samples_total: store.samples(),
             filter_seconds: *seconds,
             interpolation_success: result.interpolation.as_ref().map(|found| found.success),
+            expected_ratio: None,
             estimated_error: estimate.as_ref().map(|estimate| estimate.value),
             mse: compare(Some(&result.image), |pair| pair.mse()),
             relmse: compare(Some(&result.image), |pair| pair.relmse()),

@@ -5,6 +5,7 @@ use super::record::Seconds;
 use super::schedule::Schedule;
 use super::settings::Settings;
 use super::speed::Speed;
+use crate::adaptive::Sampling;
 use crate::filter::{Denoiser, UNFILTERED};
 use crate::render::RejectedSample;
 
@@ -52,6 +53,8 @@ pub struct Measurements {
 #[derive(Clone, Copy, Debug)]
 pub struct Situation<'a> {
     pub settings: &'a Settings,
+    /// How the next samples are placed.
+    pub sampling: Sampling,
     pub pixels: u64,
     /// Samples so far, rejected ones included.
     pub samples: u64,

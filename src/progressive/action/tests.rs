@@ -18,6 +18,7 @@ fn settings(spp: Option<u32>, seconds: Option<f64>) -> Settings {
 fn situation<'a>(settings: &'a Settings, measurements: &'a Measurements, mark: Mark) -> Situation<'a> {
     Situation {
         settings,
+        sampling: settings.sampling,
         pixels: PIXELS,
         samples: 8 * PIXELS,
         mark,

@@ -1,6 +1,7 @@
 use super::*;
 use crate::filter::nlm;
 use crate::progressive::filter_pass::{FailureMap, FilterPass};
+use crate::progressive::record::PassRecord;
 use crate::stats::{Block, Layout};
 use std::sync::Arc;
 
@@ -23,17 +24,17 @@ fn store() -> Arc<Store> {
     Arc::new(store)
 }
 
-fn interim(store: &Arc<Store>) -> InterimPass {
+/// A checkpoint with this store, after an interim pass.
+fn checkpoint(store: Arc<Store>) -> Checkpoint {
     let failure_map = FailureMap::Carry(None);
     let pass = FilterPass { store: store.clone(), denoiser: &nlm::DRAFT, seed: 0, failure_map };
-    InterimPass::new(pass.run())
+    let interim = Some(InterimPass::new(pass.run()));
+    Checkpoint { store, interim, ..Checkpoint::new(Store::new(1, 1, Layout::with_blocks(|_| false), 0, 0)) }
 }
 
 #[test]
 fn pixels_that_reject_all_their_samples_do_not_make_the_others_uniform() {
-    let store = store();
-    let (interim, settings) = (interim(&store), Settings::default());
-    let counts = allocate(&store, Some(&interim), None, &settings, 8 * (WIDTH * WIDTH) as u64);
+    let counts = allocate(&checkpoint(store()), None, &Settings::default(), 8 * (WIDTH * WIDTH) as u64);
     let sum = |first: usize| -> u32 {
         let rows = counts.chunks(WIDTH);
         rows.map(|row| row[first..][..WIDTH / 2].iter().sum::<u32>()).sum()
@@ -44,13 +45,30 @@ fn pixels_that_reject_all_their_samples_do_not_make_the_others_uniform() {
 
 #[test]
 fn every_batch_selects_other_pixels() {
-    let mut store = store();
-    let (interim, settings) = (interim(&store), Settings::default());
-    let counts =
-        |store: &Store| allocate(store, Some(&interim), None, &settings, 10 * (WIDTH * WIDTH) as u64);
-    let first = counts(&store);
-    assert_eq!(counts(&store), first, "the same for the same store");
-    let sample = vec![0.5; store.layout().len()];
-    Arc::make_mut(&mut store).push(0, 0, &sample);
-    assert_ne!(counts(&store), first);
+    let mut checkpoint = checkpoint(store());
+    let counts = |checkpoint: &Checkpoint| {
+        allocate(checkpoint, None, &Settings::default(), 10 * (WIDTH * WIDTH) as u64)
+    };
+    let first = counts(&checkpoint);
+    assert_eq!(counts(&checkpoint), first, "the same for the same store");
+    let sample = vec![0.5; checkpoint.store.layout().len()];
+    Arc::make_mut(&mut checkpoint.store).push(0, 0, &sample);
+    assert_ne!(counts(&checkpoint), first);
+}
+
+#[test]
+fn samples_are_placed_uniformly_where_little_is_expected_of_priorities() {
+    let mut checkpoint = checkpoint(store());
+    let settings = Settings::default();
+    let per_pixel = |checkpoint: &Checkpoint| {
+        let counts = allocate(checkpoint, None, &settings, 8 * (WIDTH * WIDTH) as u64);
+        counts.iter().max().copied()
+    };
+    let pass = |expected_ratio| PassRecord { expected_ratio: Some(expected_ratio), ..PassRecord::default() };
+    checkpoint.passes = vec![PassRecord::default(), pass(0.7), pass(0.9)];
+    assert!(per_pixel(&checkpoint) > Some(8), "the first that says so decides");
+    checkpoint.passes = vec![pass(0.9)];
+    assert_eq!(per_pixel(&checkpoint), Some(8));
+    let ratio = expected_ratio(&checkpoint.store, checkpoint.interim.as_ref().unwrap(), &settings);
+    assert!((0.3..0.8).contains(&ratio), "half of the image is noisy: {ratio}");
 }
