@@ -25,7 +25,37 @@ pub struct Point {
     pub seconds: f64,
     /// relMSE.
     pub error: f64,
+    /// relMSE without the worst 0.1 % of the pixels.
+    pub trimmed: f64,
+    pub flip: f64,
 }
+
+impl Point {
+    /// Reads the point of the image of a trial.
+    pub fn new(trial: &Trial, values: &Values) -> Self {
+        Self::named(trial, values, "", "seconds")
+    }
+
+    /// Reads the point of the mean of a trial's samples; its time leaves the filter out.
+    fn unfiltered(trial: &Trial, values: &Values) -> Self {
+        Self::named(trial, values, "unfiltered ", "seconds of samples")
+    }
+
+    fn named(trial: &Trial, values: &Values, image: &str, seconds: &str) -> Self {
+        let error = |name: &str| values[&format!("{image}{name}")];
+        Self {
+            spp: trial.spp,
+            seed: trial.seed,
+            seconds: values[seconds],
+            error: error("relmse"),
+            trimmed: error("trimmed relmse"),
+            flip: error("flip"),
+        }
+    }
+}
+
+/// Accesses an error of a point.
+pub type Metric = fn(&Point) -> f64;
 
 /// The measurements on one scene.
 #[derive(Default)]
@@ -50,15 +80,9 @@ pub fn measure(
             let denoiser = if configuration.filtered { DENOISERS[0] } else { UNFILTERED };
             let trial = Trial::new(configuration.sampling, denoiser, spp, seed);
             let measured = measure_trial(session, test_scene, accel, &trial, configuration.name())?;
-            let point = |error: &str, seconds: &str| Point {
-                spp,
-                seed,
-                seconds: measured[seconds],
-                error: measured[error],
-            };
-            curves.points[i].push(point("relmse", "seconds"));
+            curves.points[i].push(Point::new(&trial, &measured));
             if configuration.sampling == Sampling::Uniform {
-                curves.points[0].push(point("unfiltered relmse", "seconds of samples"));
+                curves.points[0].push(Point::unfiltered(&trial, &measured));
             }
             curves.checks[i].extend(EstimateCheck::from_values(spp, &measured));
         }
@@ -85,13 +109,13 @@ pub enum EqualCost {
 }
 
 /// Ratios of the points' errors to the errors of a curve at equal cost, seed by seed.
-pub fn ratios(points: &[Point], curve_points: &[Point], equal: EqualCost) -> Vec<f64> {
+pub fn ratios(points: &[Point], curve_points: &[Point], equal: EqualCost, error: Metric) -> Vec<f64> {
     let x = |point: &Point| match equal {
         EqualCost::Samples => f64::from(point.spp),
         EqualCost::Seconds => point.seconds,
     };
     let ratio = |point: &Point| {
-        point.error / interpolate_log_log(&curve(curve_points, Some(point.seed), x), x(point))
+        error(point) / interpolate_log_log(&curve(curve_points, Some(point.seed), x, error), x(point))
     };
     points.iter().map(ratio).collect()
 }
@@ -114,12 +138,12 @@ pub fn measure_trial(
     session.ledger.measure(Key::new(&test_scene.name, seed, settings), &[], || {
         let rendered = trial.run(test_scene, accel);
         let [render, filter, allocate] = rendered.seconds;
-        let mut measured = values([
-            ("relmse", test_scene.relmse(&rendered.result.image)),
-            ("unfiltered relmse", test_scene.relmse(&rendered.unfiltered())),
-            ("seconds", render + filter + allocate),
-            ("seconds of samples", render + allocate),
-        ]);
+        let mut measured =
+            values([("seconds", render + filter + allocate), ("seconds of samples", render + allocate)]);
+        for (name, image) in [("", &rendered.result.image), ("unfiltered ", &rendered.unfiltered())] {
+            let errors = test_scene.errors(image);
+            measured.extend(errors.into_iter().map(|(error, value)| (format!("{name}{error}"), value)));
+        }
         if let Some(estimate) = &rendered.estimate {
             measured.extend(EstimateCheck::measure(estimate, &rendered.result.image, test_scene));
         }
@@ -128,7 +152,12 @@ pub fn measure_trial(
 }
 
 /// The curve of a seed, or the mean over all seeds if `None`: (x, error), ascending in sample counts.
-pub fn curve(points: &[Point], seed: Option<u64>, x: impl Fn(&Point) -> f64) -> Vec<(f64, f64)> {
+pub fn curve(
+    points: &[Point],
+    seed: Option<u64>,
+    x: impl Fn(&Point) -> f64,
+    error: Metric,
+) -> Vec<(f64, f64)> {
     let spps: BTreeSet<u32> = points.iter().map(|point| point.spp).collect();
     let mean_point = |spp: u32| {
         let chosen: Vec<&Point> = points
@@ -138,7 +167,7 @@ pub fn curve(points: &[Point], seed: Option<u64>, x: impl Fn(&Point) -> f64) -> 
         let mean = |value: &dyn Fn(&Point) -> f64| {
             chosen.iter().map(|p| value(p)).sum::<f64>() / chosen.len() as f64
         };
-        (mean(&x), mean(&|point| point.error))
+        (mean(&x), mean(&error))
     };
     spps.into_iter().map(mean_point).collect()
 }
@@ -147,23 +176,27 @@ pub fn curve(points: &[Point], seed: Option<u64>, x: impl Fn(&Point) -> f64) -> 
 mod tests {
     use super::*;
 
+    fn point(spp: u32, seed: u64, seconds: f64, error: f64) -> Point {
+        Point { spp, seed, seconds, error, trimmed: error, flip: error }
+    }
+
     #[test]
     fn curves_are_means_over_seeds_or_those_of_one() {
-        let point = |spp, seed, error| Point { spp, seed, seconds: f64::from(spp), error };
+        let point = |spp, seed, error| point(spp, seed, f64::from(spp), error);
         let points = [point(16, 0, 0.1), point(8, 0, 0.4), point(16, 1, 0.3), point(8, 1, 0.2)];
-        let mean = curve(&points, None, |p| p.seconds);
+        let mean = curve(&points, None, |p| p.seconds, |p| p.error);
         assert_eq!(mean.iter().map(|p| p.0).collect::<Vec<_>>(), [8.0, 16.0]);
         assert!(mean.iter().zip([0.3, 0.2]).all(|(p, e)| (p.1 - e).abs() < 1e-12));
-        assert_eq!(curve(&points, Some(1), |p| p.seconds), [(8.0, 0.2), (16.0, 0.3)]);
+        assert_eq!(curve(&points, Some(1), |p| p.seconds, |p| p.error), [(8.0, 0.2), (16.0, 0.3)]);
     }
 
     #[test]
     fn errors_are_compared_at_equal_samples_or_at_equal_seconds() {
-        let point = |spp, seconds, error| Point { spp, seed: 0, seconds, error };
+        let point = |spp, seconds, error| point(spp, 0, seconds, error);
         let uniform = [point(8, 1.0, 0.8), point(16, 2.0, 0.4)];
         let adaptive = [point(8, 2.0, 0.4)];
-        assert!((ratios(&adaptive, &uniform, EqualCost::Samples)[0] - 0.5).abs() < 1e-12);
-        assert!((ratios(&adaptive, &uniform, EqualCost::Seconds)[0] - 1.0).abs() < 1e-12);
+        assert!((ratios(&adaptive, &uniform, EqualCost::Samples, |p| p.error)[0] - 0.5).abs() < 1e-12);
+        assert!((ratios(&adaptive, &uniform, EqualCost::Seconds, |p| p.error)[0] - 1.0).abs() < 1e-12);
     }
 
     #[test]
@@ -171,7 +204,7 @@ mod tests {
         let mut points: Vec<Point> = [1.0, 9.0, 2.0]
             .into_iter()
             .enumerate()
-            .map(|(seed, seconds)| Point { spp: 8, seed: seed as u64, seconds, error: 0.1 })
+            .map(|(seed, seconds)| point(8, seed as u64, seconds, 0.1))
             .collect();
         use_median_seconds(&mut points);
         assert!(points.iter().all(|point| point.seconds == 2.0));

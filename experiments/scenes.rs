@@ -17,8 +17,8 @@ pub struct SceneFile {
     pub name: String,
     pub file: PathBuf,
     /// Whether the file belongs to the folder of public scenes, not to this repository.
-    #[serde(default)]
-    public: bool,
+    #[serde(default, rename = "public")]
+    pub is_public: bool,
     /// Width and height in pixels. Overrides the file's.
     resolution: Option<[usize; 2]>,
     /// Maximum path depth of a path tracer. Overrides the file's integrator.
@@ -55,7 +55,7 @@ impl Catalogue {
         let public = public.unwrap_or_default();
         let repository = list.parent().and_then(Path::parent).unwrap_or(Path::new(""));
         for scene in &mut scenes {
-            scene.file = if scene.public { &public } else { repository }.join(&scene.file);
+            scene.file = if scene.is_public { &public } else { repository }.join(&scene.file);
         }
         Ok(Self { scenes })
     }

@@ -7,9 +7,13 @@ use prpf::image::metrics::Pair;
 use prpf::scene::Scene;
 use serde::Deserialize;
 
+use crate::estimate_check::pixel_relmse;
 use crate::reference::{self, Reference};
 use crate::scenes::{SceneFile, View};
 use crate::session::Session;
+
+/// Fraction of the pixels that the trimmed relMSE leaves out: those with the largest errors.
+const WORST: f64 = 0.001;
 
 /// Film size and reference quality: the table `size` of an experiment's settings.
 #[derive(Clone, Debug, Deserialize)]
@@ -26,6 +30,8 @@ pub struct Size {
 /// A scene with its reference image.
 pub struct TestScene {
     pub name: String,
+    /// Whether it is one of the public scenes, on which no constant is chosen.
+    pub is_public: bool,
     pub scene: Scene,
     pub reference: Reference,
 }
@@ -44,12 +50,22 @@ impl TestScene {
         let spp = size.harder.get(&file.name).copied().unwrap_or(size.reference_spp);
         let show = |status| session.show_status(status);
         let reference = reference::reference(&scene, &file.name, spp, &session.cache, show)?;
-        Ok(Self { name: file.name.clone(), scene, reference })
+        Ok(Self { name: file.name.clone(), is_public: file.is_public, scene, reference })
     }
 
-    /// relMSE of an image against the reference, less the reference's own expected relMSE.
-    pub fn relmse(&self, image: &Planes) -> f64 {
+    /// Errors of an image against the reference, by name: relMSE, with and without the worst pixels, less the reference's
+    /// own expected relMSE, and ꟻLIP.
+    pub fn errors(&self, image: &Planes) -> [(&'static str, f64); 3] {
+        let own = |relmse: f64| (relmse - self.reference.relmse).max(f64::MIN_POSITIVE);
+        let mut pixels = pixel_relmse(image, &self.reference.image);
+        pixels.sort_by(f64::total_cmp);
+        let mean = |pixels: &[f64]| pixels.iter().sum::<f64>() / pixels.len() as f64;
+        let kept = pixels.len() - (pixels.len() as f64 * WORST).ceil() as usize;
         let pair = Pair::new(image, &self.reference.image).expect("a render of the reference's size");
-        (pair.relmse() - self.reference.relmse).max(f64::MIN_POSITIVE)
+        [
+            ("relmse", own(mean(&pixels))),
+            ("trimmed relmse", own(mean(&pixels[..kept]))),
+            ("flip", pair.flip().mean),
+        ]
     }
 }

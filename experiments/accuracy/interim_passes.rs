@@ -30,7 +30,7 @@ pub fn measure(
             let trial = Trial { interim_passes, ..Trial::new(Sampling::Adaptive, DENOISERS[0], spp, seed) };
             let name = format!("an interim pass after every {every} batches");
             let values = curves::measure_trial(session, test_scene, accel, &trial, &name)?;
-            points.push(Point { spp, seed, seconds: values["seconds"], error: values["relmse"] });
+            points.push(Point::new(&trial, &values));
         }
         curves::use_median_seconds(&mut points);
         measured.push(points);
@@ -56,7 +56,8 @@ pub fn write(report: &mut Report, settings: &InterimPassSettings, all: &[SceneRe
         let seconds =
             |m: &SceneResults, i: usize| m.interim_passes[i].first().map_or(f64::NAN, |point| point.seconds);
         let error = |m: &SceneResults| {
-            geometric_mean(&ratios(&m.interim_passes[i], &m.interim_passes[0], EqualCost::Samples)).mean
+            let [points, others] = [i, 0].map(|i| &m.interim_passes[i]);
+            geometric_mean(&ratios(points, others, EqualCost::Samples, |p| p.error)).mean
         };
         vec![
             settings.every[i].to_string(),

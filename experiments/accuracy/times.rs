@@ -19,7 +19,7 @@ const MAX_EXTRAPOLATION: f64 = 10.0;
 
 /// When a configuration reaches an error on a scene.
 fn seconds_to(measured: &SceneResults, configuration: usize, target: f64) -> Option<Crossing> {
-    let curve = curve(&measured.curves.points[configuration], None, |point| point.seconds);
+    let curve = curve(&measured.curves.points[configuration], None, |p| p.seconds, |p| p.error);
     let last = curve.last().map_or(0.0, |point| point.0);
     let too_far = |crossing: &Crossing| matches!(crossing, Crossing::Beyond(seconds) if *seconds > MAX_EXTRAPOLATION * last);
     crossing(&curve, target).filter(|crossing| !too_far(crossing))
@@ -86,7 +86,7 @@ pub fn write(
             .iter()
             .zip(&m.curves.points)
             .map(|(configuration, points)| {
-                Series::new(configuration.name(), curve(points, None, |point| point.seconds))
+                Series::new(configuration.name(), curve(points, None, |p| p.seconds, |p| p.error))
             })
             .collect(),
     };

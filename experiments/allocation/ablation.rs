@@ -67,15 +67,18 @@ pub fn all() -> Vec<Ablation> {
     ablations
 }
 
-/// Measures the filtered images of each selection.
+/// Measures the filtered images of each selection, if the settings name the scene.
 pub fn measure(
     session: &mut Session,
     test_scene: &TestScene,
     accel: &Accel,
-    settings: MapSettings,
+    settings: &MapSettings,
 ) -> anyhow::Result<Vec<(Ablation, Vec<Point>)>> {
-    let spp = settings.spp;
     let mut measured = Vec::new();
+    if !settings.scenes.contains(&test_scene.name) {
+        return Ok(measured);
+    }
+    let spp = settings.spp;
     for ablation in all() {
         let mut points = Vec::new();
         for seed in 0..settings.seeds {
@@ -91,7 +94,7 @@ pub fn measure(
                 &trial,
                 &format!("maps: {}", ablation.name),
             )?;
-            points.push(Point { spp, seed, seconds: values["seconds"], error: values["relmse"] });
+            points.push(Point::new(&trial, &values));
         }
         curves::use_median_seconds(&mut points);
         measured.push((ablation, points));

@@ -4,6 +4,7 @@
 //! contributes.
 
 mod ablation;
+mod own_loop;
 mod report;
 mod sample_maps;
 mod scene_results;
@@ -32,10 +33,21 @@ pub fn run(session: &mut Session) -> anyhow::Result<()> {
         let test_scene = TestScene::new(session, &file, &settings.size)?;
         let accel = Accel::build(&test_scene.scene);
         let curves = curves::measure(session, &test_scene, &accel, (&settings.spp, settings.seeds))?;
-        let ablations = ablation::measure(session, &test_scene, &accel, settings.maps)?;
+        let ablations = ablation::measure(session, &test_scene, &accel, &settings.maps)?;
+        let own_loop = own_loop::measure(session, &test_scene, &accel, &settings.own_loop)?;
         let (picture, optimal_ratio) = sample_maps::write(session, &test_scene, &accel, settings.maps.spp)?;
-        let (scene, reference_relmse) = (test_scene.name, test_scene.reference.relmse);
-        all.push(SceneResults { scene, reference_relmse, curves, optimal_ratio, ablations, picture });
+        let (is_public, reference_relmse) = (test_scene.is_public, test_scene.reference.relmse);
+        let scene = test_scene.name;
+        all.push(SceneResults {
+            scene,
+            is_public,
+            reference_relmse,
+            curves,
+            optimal_ratio,
+            ablations,
+            own_loop,
+            picture,
+        });
     }
     report::write(session, &settings, &all)
 }

@@ -49,15 +49,24 @@ fn row(test_scene: &TestScene, uniform: &Rendered, adaptive: &Rendered) -> Plane
         smooth(&test_scene.reference.image, error.into_iter().map(|v| v as f32).collect())
     };
     let [uniform_error, adaptive_error] = [error(uniform), error(adaptive)];
-    let counts = adaptive.store.counts(Part::Whole).iter().map(|&n| n as f32).collect();
-    let samples = smooth(&test_scene.reference.image, counts);
     let max = quantile(&uniform_error, BRIGHTEST);
     picture::in_a_row(&[
         adaptive.result.image.clone(),
-        picture::false_colour(&samples, quantile(&samples, BRIGHTEST)),
+        draw(&adaptive.result.image, sample_counts(adaptive)),
         picture::false_colour(&adaptive_error, max),
         picture::false_colour(&uniform_error, max),
     ])
+}
+
+/// The sample counts of the pixels.
+pub fn sample_counts(rendered: &Rendered) -> Vec<f32> {
+    rendered.store.counts(Part::Whole).iter().map(|&n| n as f32).collect()
+}
+
+/// The square root of a blurred map in false colours, on a scale of its own. `like` has its size.
+pub fn draw(like: &Planes, map: Vec<f32>) -> Planes {
+    let smooth = smooth(like, map);
+    picture::false_colour(&smooth, quantile(&smooth, BRIGHTEST))
 }
 
 /// The square root of a blurred map, which shows both ends of its range.

@@ -14,12 +14,22 @@ pub struct Settings {
     pub spp: Vec<u32>,
     pub seeds: u64,
     pub maps: MapSettings,
+    pub own_loop: OwnLoopSettings,
+}
+
+/// P-RPF in its own loop.
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct OwnLoopSettings {
+    pub spp: u32,
+    pub seeds: u64,
 }
 
 /// The ablation of priority maps.
-#[derive(Clone, Copy, Debug, Deserialize)]
+#[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct MapSettings {
+    pub scenes: Vec<String>,
     pub spp: u32,
     pub seeds: u64,
 }
