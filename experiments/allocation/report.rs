@@ -149,11 +149,11 @@ fn finding(all: &[SceneResults], spp: u32) -> String {
     let gains = groups(all).into_iter().map(|(group, scenes)| {
         let gain = |configurations| over_scenes(&scenes, spp, configurations, EqualCost::Seconds);
         format!(
-            "{} ({} by scene) in filtered and {} in unfiltered images of {} {group}",
+            "on {group} ({}) {} times in filtered images ({} by scene) and {} times in unfiltered ones",
+            scenes.len(),
             format_interval(gain(FILTERED)),
             range(scenes.iter().map(|m| ratio(m, spp, FILTERED, EqualCost::Seconds).mean), 2),
             format_interval(gain(UNFILTERED)),
-            scenes.len(),
         )
     });
     let ratio = |m: &SceneResults| ratio(m, spp, FILTERED, EqualCost::Seconds);
@@ -163,7 +163,7 @@ fn finding(all: &[SceneResults], spp: u32) -> String {
         if names.is_empty() { "none".to_owned() } else { names.join(", ") }
     };
     format!(
-        "**At equal time and {spp} samples per pixel the relMSE of adaptive sampling is to that of uniform sampling: {}.** \
+        "**At equal time and {spp} samples per pixel the relMSE of adaptive sampling relative to that of uniform sampling is {}.** \
          In filtered images adaptive sampling is better, with 95 % confidence, on {}; it is worse, likewise, on {}; its \
          error is more than {WORSE_RATIO} times as large on {}.",
         gains.collect::<Vec<_>>().join("; "),
