@@ -8,7 +8,7 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use common::SCENE;
-use prpf::adaptive::Sampling;
+use prpf::adaptive::{PrioritySettings, Sampling};
 use prpf::filter::{DENOISERS, Denoiser, FilterResult, UNFILTERED, nlm, prpf as pixelwise, rpf};
 use prpf::geometry::Accel;
 use prpf::progressive::{
@@ -25,8 +25,10 @@ fn scene() -> Scene {
     pbrt::read_str(SCENE, Path::new(".")).expect("the test's scene is right")
 }
 
+/// Settings by which adaptive sampling is adaptive, however little is expected of it.
 fn settings(spp: u32, sampling: Sampling, seed: u64) -> Settings {
-    Settings { budget: Budget { spp: Some(spp), ..Budget::default() }, sampling, seed, ..Settings::default() }
+    let priority = PrioritySettings { max_ratio: f32::MAX, ..PrioritySettings::default() };
+    Settings { budget: Budget { spp: Some(spp), ..Budget::default() }, sampling, priority, seed, ..Settings::default() }
 }
 
 fn render(settings: &Settings) -> Outcome {
@@ -147,6 +149,14 @@ fn adaptive_batches_differ_between_pixels_and_keep_the_floor() {
     let counts = outcome.store.counts(Part::Whole);
     assert!(counts.iter().all(|&n| n >= 4));
     assert!(counts.iter().max() > counts.iter().min());
+}
+
+#[test]
+fn where_little_is_expected_of_adaptive_sampling_counts_are_equal() {
+    let mut settings = settings(16, Sampling::Adaptive, 0);
+    settings.priority.max_ratio = 0.0;
+    let outcome = render(&settings);
+    assert!(outcome.store.counts(Part::Whole).iter().all(|&n| n == 16));
 }
 
 #[test]
