@@ -2,7 +2,7 @@
 //!
 //! `prpf-scenes` writes them below `scenes/`; `prpf-scenes --check` compares what it would write
 //! with what is there and exits with 1 if anything differs. The scene descriptions themselves
-//! (`scenes/*/*.pbrt`) are written by hand.
+//! (`scenes/*/*.pbrt`) are written by hand. `prpf-scenes random` writes whole scenes drawn by chance.
 //!
 //! Everything is computed in `f64` and rounded once, at the end, so that small differences between
 //! mathematical libraries do not reach the files.
@@ -16,6 +16,7 @@ mod implicit;
 mod mesh;
 mod noise;
 mod pool;
+mod random;
 mod sdf;
 mod seated;
 mod solids;
@@ -28,7 +29,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use anyhow::{Context, Result};
-use clap::Parser;
+use clap::{Parser, Subcommand};
 
 /// One generated file.
 pub struct Asset {
@@ -58,6 +59,26 @@ struct Arguments {
     /// Only this scene.
     #[arg(long)]
     only: Option<String>,
+    #[command(subcommand)]
+    command: Option<Command>,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Write random scenes instead, each to a folder of its own.
+    Random {
+        /// Folder of the collection.
+        folder: PathBuf,
+        /// Number of scenes.
+        #[arg(long, default_value_t = 10)]
+        count: u64,
+        /// Number of the first scene, to add to a collection.
+        #[arg(long, default_value_t = 0)]
+        first: u64,
+        /// Seed of the collection.
+        #[arg(long, default_value_t = 0)]
+        seed: u64,
+    },
 }
 
 /// A scene's name, and what makes its files.
@@ -78,6 +99,14 @@ fn scenes() -> PathBuf {
 
 fn main() -> Result<ExitCode> {
     let arguments = Arguments::parse();
+    if let Some(Command::Random { folder, count, first, seed }) = arguments.command {
+        for number in first..first.saturating_add(count) {
+            for asset in random::scene(seed, number) {
+                write(&folder.join(&asset.path), &asset.bytes)?;
+            }
+        }
+        return Ok(ExitCode::SUCCESS);
+    }
     let mut differing = 0;
     for (scene, generate) in GENERATORS {
         if arguments.only.as_deref().is_some_and(|only| only != scene) {

@@ -53,6 +53,31 @@ impl Stream {
         self.drawn += 1;
         low + (high - low) * hash(self.drawn, 0, self.seed)
     }
+
+    /// The next number, in [low, high), whose logarithm is uniform.
+    pub fn log_range(&mut self, low: f64, high: f64) -> f64 {
+        self.range(low.ln(), high.ln()).exp()
+    }
+
+    /// The next whole number, in low to high − 1; low if there is none.
+    pub fn count(&mut self, low: u32, high: u32) -> u32 {
+        (self.range(f64::from(low), f64::from(high.max(low + 1))) as u32).max(low)
+    }
+
+    /// Whether something of this probability happens.
+    pub fn chance(&mut self, probability: f64) -> bool {
+        self.range(0.0, 1.0) < probability
+    }
+
+    /// One of some things.
+    pub fn pick<T: Copy>(&mut self, of: &[T]) -> T {
+        of[self.count(0, of.len() as u32) as usize]
+    }
+
+    /// The seed of another stream.
+    pub fn seed(&mut self) -> u64 {
+        self.range(0.0, 2f64.powi(52)) as u64
+    }
 }
 
 #[cfg(test)]
