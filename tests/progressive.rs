@@ -28,7 +28,13 @@ fn scene() -> Scene {
 /// Settings by which adaptive sampling is adaptive, however little is expected of it.
 fn settings(spp: u32, sampling: Sampling, seed: u64) -> Settings {
     let priority = PrioritySettings { max_ratio: f32::MAX, ..PrioritySettings::default() };
-    Settings { budget: Budget { spp: Some(spp), ..Budget::default() }, sampling, priority, seed, ..Settings::default() }
+    Settings {
+        budget: Budget { spp: Some(spp), ..Budget::default() },
+        sampling,
+        priority,
+        seed,
+        ..Settings::default()
+    }
 }
 
 fn render(settings: &Settings) -> Outcome {

@@ -11,6 +11,7 @@ use std::time::{Duration, Instant};
 
 use command::{command, prpf, refused};
 use common::SCENE;
+use prpf::adaptive::PrioritySettings;
 use prpf::filter::{Denoiser, nlm, prpf as pixelwise};
 use prpf::geometry::Accel;
 use prpf::image::{Planes, exr_file};
@@ -52,7 +53,9 @@ fn a_render_resumed_from_any_step_ends_in_the_same_image() {
     let metadata = ImageMetadata::new(&scene, &renderer);
     for denoiser in [&nlm::STANDARD as &'static dyn Denoiser, &pixelwise::PRPF] {
         let budget = Budget { spp: Some(19), ..Budget::default() };
-        let settings = Settings { budget, denoiser, seed: 5, ..Settings::default() };
+        // Adaptive, however little is expected of it
+        let priority = PrioritySettings { max_ratio: f32::MAX, ..PrioritySettings::default() };
+        let settings = Settings { budget, denoiser, priority, seed: 5, ..Settings::default() };
         let render_loop = || RenderLoop::new(&renderer, &settings, Instant::now());
         let mut recorder = Recorder::of_every_step();
         let whole = run(render_loop(), &mut recorder);
@@ -388,7 +391,7 @@ fn an_export_is_an_archive_of_numpy_arrays() {
 fn a_disk_that_is_full_leaves_the_old_state_and_the_image() {
     let folder = folder();
     let folder = folder.path();
-    let arguments = render(&["-o", "a.exr", "--state", "a.state", "--resume", "--state-every", "50ms"]);
+    let arguments = render(&["-o", "a.exr", "--state", "a.state", "--resume", "--state-every", "1ms"]);
     done(folder, &[&["render", "scene.pbrt", "--spp", "8", "--quiet"], &arguments[5..]].concat());
     std::fs::remove_file(folder.join("a.exr")).expect("an image");
     let state = std::fs::read(folder.join("a.state")).expect("a state");

@@ -30,6 +30,7 @@ pub fn interpretations(sigma8_squared: f32) -> Vec<(&'static str, Method)> {
     let prpf = |settings| Method::Prpf(settings);
     let mut interpretations = vec![
         ("P-RPF, the other σ₈² (0.002 or 0.02)", prpf(published(other))),
+        ("P-RPF, Eq. 4 to the letter", prpf(PrpfSettings { bandwidth: Bandwidth::Literal, ..base.clone() })),
         (
             "P-RPF, Eq. 4 by the variance of the pixel's mean",
             prpf(PrpfSettings { bandwidth: mean_variance, ..base.clone() }),

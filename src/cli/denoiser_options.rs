@@ -11,7 +11,7 @@ pub(super) struct DenoiserOptions {
     /// The denoiser [default: nlm; of `denoise`: the render's]
     #[arg(long, value_name = "NAME", value_parser = methods())]
     denoiser: Option<String>,
-    /// Preset: draft or standard of `nlm` [default: standard], interim of `prpf`
+    /// Preset: draft or standard of `nlm` and `oidn` [default: standard], interim of `prpf`
     #[arg(long, value_name = "PRESET")]
     quality: Option<String>,
 }
@@ -38,8 +38,17 @@ impl DenoiserOptions {
     /// Returns the chosen denoiser; `default` if none is chosen.
     ///
     /// # Errors
-    /// A preset that the denoiser does not have. A spelling of an earlier version gets the new one.
+    /// A preset that the denoiser does not have; a denoiser that this machine lacks. A spelling of an earlier version gets
+    /// the new one.
     pub fn choose(&self, default: &'static dyn Denoiser) -> anyhow::Result<&'static dyn Denoiser> {
+        let denoiser = self.find(default)?;
+        match denoiser.missing() {
+            Some(reason) => bail!("--denoiser {}: {reason}", denoiser.name().method),
+            None => Ok(denoiser),
+        }
+    }
+
+    fn find(&self, default: &'static dyn Denoiser) -> anyhow::Result<&'static dyn Denoiser> {
         let Some(quality) = self.quality.as_deref() else {
             let chosen = self.denoiser.as_deref().and_then(|method| find(method, None));
             return Ok(chosen.unwrap_or(default));
@@ -58,7 +67,7 @@ impl DenoiserOptions {
                  is the published method"
             ),
             [] => bail!(
-                "--quality {quality}: found with --denoiser {method}, which has no presets; accepted with nlm and prpf"
+                "--quality {quality}: found with --denoiser {method}, which has no presets; accepted with nlm, oidn and prpf"
             ),
             ref presets => bail!("--quality: found `{quality}`; accepted are {}", presets.join(" and ")),
         }

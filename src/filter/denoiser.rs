@@ -27,6 +27,11 @@ pub trait Denoiser: Send + Sync {
     /// Returns the cheaper denoiser for interim passes; itself if there is none.
     fn stand_in(&self) -> &'static dyn Denoiser;
 
+    /// Returns what the denoiser needs and this machine lacks; `None` if it can be used.
+    fn missing(&self) -> Option<&'static str> {
+        None
+    }
+
     /// Filters a store. The result depends on `seed` and not on the number of threads.
     fn filter(&self, store: &Store, seed: u64) -> FilterResult;
 }

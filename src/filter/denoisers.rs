@@ -6,12 +6,20 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use super::denoiser::Denoiser;
 use super::denoiser_name::DenoiserName;
-use super::{nlm, none, prpf, rpf};
+use super::{nlm, none, oidn, prpf, rpf};
 use crate::stats::Store;
 
 /// All denoisers, the default one first. Of one method the first preset is its default.
-pub static DENOISERS: [&dyn Denoiser; 6] =
-    [&nlm::STANDARD, &nlm::DRAFT, &prpf::PRPF, &prpf::INTERIM, &rpf::RPF, &none::NONE];
+pub static DENOISERS: [&dyn Denoiser; 8] = [
+    &nlm::STANDARD,
+    &nlm::DRAFT,
+    &prpf::PRPF,
+    &prpf::INTERIM,
+    &rpf::RPF,
+    &oidn::STANDARD,
+    &oidn::DRAFT,
+    &none::NONE,
+];
 
 /// The mean of the samples: the fallback if time is short.
 pub static UNFILTERED: &dyn Denoiser = &none::NONE;

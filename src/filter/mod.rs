@@ -9,6 +9,7 @@ mod denoiser_name;
 mod denoisers;
 pub mod nlm;
 mod none;
+pub mod oidn;
 pub mod prpf;
 mod result;
 pub mod rpf;

@@ -65,7 +65,9 @@ impl Reporter {
             stopped_by: None,
             shown: None,
             shown_samples: 0,
-            denoisers: DENOISERS.map(|d| DenoiserInfo { name: d.name(), summary: d.summary() }).to_vec(),
+            denoisers: (DENOISERS.into_iter().filter(|d| d.missing().is_none()))
+                .map(|d| DenoiserInfo { name: d.name(), summary: d.summary() })
+                .collect(),
             progress: None,
             recent: VecDeque::new(),
             first: None,

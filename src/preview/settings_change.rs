@@ -26,13 +26,15 @@ pub struct SettingsChange {
 }
 
 impl SettingsChange {
-    /// Returns the denoiser, where the current one is `current`; `None` if there is none of these names.
+    /// Returns the denoiser, where the current one is `current`; `None` if there is none of these names that this
+    /// machine can use.
     fn find_denoiser(&self, current: &'static dyn Denoiser) -> Option<&'static dyn Denoiser> {
-        match (self.denoiser.as_deref(), self.quality.as_deref()) {
+        let found = match (self.denoiser.as_deref(), self.quality.as_deref()) {
             (None, None) => Some(current),
             (Some(method), quality) => filter::find(method, quality),
             (None, quality) => filter::find(current.name().method, quality),
-        }
+        };
+        found.filter(|denoiser| denoiser.missing().is_none())
     }
 
     /// Changes `settings`; returns whether the method of the denoiser changes. A preset that the denoiser does not have
@@ -64,7 +66,7 @@ impl SettingsChange {
             method.is_none_or(|method| name.method == method)
                 && quality.is_none_or(|quality| name.preset == Some(quality))
         };
-        if !DENOISERS.into_iter().any(|denoiser| matches(denoiser.name())) {
+        if !DENOISERS.into_iter().any(|d| d.missing().is_none() && matches(d.name())) {
             let [method, quality] = [method, quality].map(Option::unwrap_or_default);
             return Err(format!("no denoiser `{method}` of quality `{quality}`"));
         }

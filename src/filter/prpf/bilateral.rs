@@ -79,7 +79,7 @@ impl SpatialGaussian {
         let (deviation, radius) = match bandwidth {
             Bandwidth::RpfSigma { .. } => (window as f32 / 4.0, half),
             // Neighbours beyond √12 standard deviations (exponent 6) have weights below 1/400.
-            Bandwidth::MeanVariance { .. } => {
+            Bandwidth::Literal | Bandwidth::MeanVariance { .. } => {
                 let deviation = window as f32 / 12.0;
                 (deviation, half.min((12f32.sqrt() * deviation) as usize))
             }

@@ -1,7 +1,7 @@
 //! Inverse bandwidths of Eq. 4: the factors of squared differences in the exponent of the bilateral weight.
 //!
 //! Takes α, β and W_c^r of every pixel and the statistics of its neighbourhood. Returns a plane for each
-//! feature and each colour, in units of one over the squared dimension. [`Bandwidth`] documents the two
+//! feature and each colour, in units of one over the squared dimension. [`Bandwidth`] documents the
 //! readings of the equation. RPF's bandwidth is that of the image's mean number of samples: a pixel that got few
 //! because it has little noise must not be blurred for it.
 
@@ -43,6 +43,7 @@ pub fn inverse_bandwidths(
                         let for_one = rpf_inverse_bandwidth(colour_randomness[x], sigma8_squared);
                         guide.mean_count * for_one / variances[x]
                     }
+                    Bandwidth::Literal => 1.0 / (2.0 * own[x].max(ROUNDING * ROUNDING) * variances[x]),
                     Bandwidth::MeanVariance { kappa, rho } => {
                         counts[x] / (2.0 * kappa * (own[x] + rho * variances[x]))
                     }
@@ -71,7 +72,7 @@ mod tests {
     use crate::stats::{Block, Layout};
 
     #[test]
-    fn inverse_bandwidths_agree_with_the_formulas_of_both_readings() {
+    fn inverse_bandwidths_agree_with_the_formulas_of_all_readings() {
         // Prepare a noisy wall with different weights for every pixel and dimension
         let layout = Layout::with_blocks(|b| matches!(b, Block::Albedo));
         let count = |x: usize, _: usize| 2 + x as u32;
@@ -89,10 +90,12 @@ mod tests {
             weights.set(k, x, y, 0.05 * (1 + k + x) as f32);
         }
 
-        // Compare both readings with their formulas
-        for bandwidth in
-            [Bandwidth::RpfSigma { sigma8_squared: 0.003 }, Bandwidth::MeanVariance { kappa: 3.0, rho: 0.2 }]
-        {
+        // Compare the readings with their formulas
+        for bandwidth in [
+            Bandwidth::RpfSigma { sigma8_squared: 0.003 },
+            Bandwidth::Literal,
+            Bandwidth::MeanVariance { kappa: 3.0, rho: 0.2 },
+        ] {
             let found = inverse_bandwidths(&guide, &neighbourhood, &weights, bandwidth);
             let mut constant = 0;
             for (k, x, y) in (0..dims).flat_map(|k| (0..45).map(move |i| (k, i % 9, i / 9))) {
@@ -101,6 +104,7 @@ mod tests {
                 let is_constant = variance.sqrt() <= 1e-6 * neighbourhood.mean(k, x, y).abs().max(1.0);
                 let samples = match bandwidth {
                     Bandwidth::RpfSigma { .. } => 6.0,
+                    Bandwidth::Literal => 1.0,
                     Bandwidth::MeanVariance { .. } => (2 + x) as f32,
                 };
                 let measure = match bandwidth {
@@ -108,6 +112,7 @@ mod tests {
                     Bandwidth::RpfSigma { .. } => {
                         2.0 * variance * 8.0 * 0.003 / (1.0 - weights.at(dims, x, y)).powi(2)
                     }
+                    Bandwidth::Literal => 2.0 * guide.variances.at(k, x, y).max(1e-12) * variance,
                     Bandwidth::MeanVariance { .. } => {
                         2.0 * 3.0 * (guide.variances.at(k, x, y) + 0.2 * variance)
                     }

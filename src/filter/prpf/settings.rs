@@ -12,6 +12,10 @@ pub enum Bandwidth {
         /// σ₈². Published: 0.02 for path-traced indoor scenes, 0.002 for others.
         sigma8_squared: f32,
     },
+    /// The text of Eq. 4: differences of normalised values over the variance of the pixel's own samples, which is not
+    /// normalised, so that the image depends on exposure and on the scene's units. The spatial standard deviation is a
+    /// twelfth of the window: 1∕√12 of a pixel over the window's positions.
+    Literal,
     /// The variance of the pixel's own mean, so that converged pixels are not blurred. The spatial standard
     /// deviation is a twelfth of the window.
     MeanVariance {

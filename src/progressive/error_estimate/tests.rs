@@ -94,7 +94,8 @@ fn without_two_halves_there_is_no_estimate() {
 fn an_image_without_noise_has_no_error() {
     let layout = Layout::with_blocks(|_| true);
     let store = store(20, 20, layout.clone(), |_, _| 4, |x, y, _, rng| wall(&layout, x, y, [0.5; 3], rng));
-    for denoiser in DENOISERS {
+    // A network changes what it is given, if only by a little.
+    for denoiser in DENOISERS.into_iter().filter(|denoiser| denoiser.name().method != "oidn") {
         let estimate = ErrorEstimate::new(&denoiser.filter(&store, 0), &store).unwrap();
         assert!(estimate.value < 1e-9 && estimate.interval()[1] < 1e-9, "{denoiser:?} {estimate:?}");
     }

@@ -59,6 +59,7 @@ fn filtered_pixels_agree_with_the_definition() {
         (Bandwidth::RpfSigma { sigma8_squared: 0.02 }, 17, false, 17.0 / 4.0, 8),
         (Bandwidth::RpfSigma { sigma8_squared: 0.02 }, 55, false, 55.0 / 4.0, 27),
         (Bandwidth::RpfSigma { sigma8_squared: 0.02 }, 35, true, 35.0 / 4.0, 17),
+        (Bandwidth::Literal, 35, false, 35.0 / 12.0, 10),
         (Bandwidth::MeanVariance { kappa: 8.0, rho: 1e-3 }, 35, false, 35.0 / 12.0, 10),
     ] {
         let alternate_rows_from = if alternates { window } else { window + 1 };
