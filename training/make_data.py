@@ -47,7 +47,7 @@ def half(values):
 
 
 def planes(names, found, dimensions):
-    """Means and sample deviations of dimensions; None if the layout lacks one of them."""
+    """Means and sample deviations of dimensions and the means of both halves; None if the layout lacks one of them."""
     if any(name not in names for name in dimensions):
         return None
     index = [names.index(name) for name in dimensions]

@@ -78,7 +78,7 @@ def evaluate(parameters, views):
     """Prints the ratio of errors to `nlm`, the references' own noise taken off, by samples per pixel."""
     ratios = defaultdict(list)
     denoise = jax.jit(model.denoise)
-    for _, spp, adaptive, planes in views.entries:
+    for _, spp, _, planes in views.entries:
         inputs, colour, albedo, emission, nlm, reference, noise = (p.astype(np.float32)[None] for p in planes)
         image = np.asarray(denoise(parameters, inputs, colour, albedo, emission))
         weight = 1 / (reference**2 + EPSILON)

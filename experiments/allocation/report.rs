@@ -39,7 +39,7 @@ fn ratio_tables(report: &mut Report, settings: &Settings, all: &[SceneResults]) 
     report.paragraph(
         "relMSE of adaptive sampling divided by that of uniform sampling, geometric mean over the seeds (95 % interval). \
          Below 1 adaptive sampling is better. At equal seconds, both sides include the time of the filter, of its interim \
-         passes and of the allocation; between and beyond measured times, uniform sampling's error is interpolated \
+         passes and of the allocation, and intervals leave out the spread of times; between and beyond measured times, uniform sampling's error is interpolated \
          on logarithmic axes. Uniform images are filtered once, at the end. Constants were chosen on our scenes; means are \
          over scenes, those of the public ones apart, with the interval of a mean over such scenes.",
     );

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use super::escaped;
 use crate::output::{SampleCounts, Times};
-use crate::progressive::{ErrorEstimate, Outcome, PassRecord};
+use crate::progressive::{ErrorEstimate, Outcome, PassRecord, excessive_ratio};
 use crate::render::RejectedSample;
 use crate::stats::{LARGEST_VALUE, Part};
 
@@ -86,9 +86,7 @@ fn shortcomings(outcome: &Outcome) -> Vec<String> {
             ))
         ));
     }
-    let expected_ratio = outcome.passes.iter().find_map(|pass| pass.expected_ratio);
-    let max_ratio = f64::from(outcome.settings.priority.max_ratio);
-    if let Some(ratio) = expected_ratio.filter(|&ratio| ratio > max_ratio) {
+    if let Some(ratio) = excessive_ratio(&outcome.passes, &outcome.settings) {
         lines.push(format!(
             "sampled uniformly: adaptive sampling was expected to leave {ratio:.2} of the error, which is not worth its time"
         ));

@@ -1,7 +1,7 @@
 //! No denoiser: the mean of the samples, with the variance and the error that follow from it.
 
 use super::common::error_maps::fractions;
-use super::common::hole_filling::HoleFilling;
+use super::common::hole_filling::filled_means;
 use super::denoiser::{Cost, Denoiser, Reads, SampleVectors};
 use super::denoiser_name::DenoiserName;
 use super::result::{FilterResult, Reliability};
@@ -58,8 +58,7 @@ pub fn unfiltered(store: &Store) -> FilterResult {
     for (i, error) in error.data_mut().iter_mut().enumerate() {
         *error = (0..3).map(|c| variance.plane(c)[i]).sum::<f32>() / 3.0;
     }
-    let mut image = store.means(Part::Whole, radiance.clone());
-    HoleFilling::new(store.width(), store.counts(Part::Whole).into_iter()).fill(&mut image);
+    let image = filled_means(store, radiance.clone());
     let halves = [0, 1].map(|h| store.means(Part::Half(h), radiance.clone()));
     let mut risk = Planes::new(store.width(), store.height(), 3);
     let counts = [0, 1].map(|h| store.counts(Part::Half(h)));

@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use super::error_estimate::ErrorEstimate;
 use super::filter_pass::Filtered;
-use super::record::PassRecord;
+use super::record::{PassRecord, excessive_ratio};
 use super::settings::Settings;
 use super::speed::Speed;
 use super::steps::{self, Grain};
@@ -102,8 +102,6 @@ impl Checkpoint {
 
     /// Returns how the next samples are placed: uniformly also if adaptive sampling is expected not to be worth its time.
     pub(super) fn sampling(&self, settings: &Settings) -> Sampling {
-        let expected_ratio = self.passes.iter().find_map(|pass| pass.expected_ratio);
-        let is_worth_it = expected_ratio.is_none_or(|ratio| ratio <= f64::from(settings.priority.max_ratio));
-        if is_worth_it { settings.sampling } else { Sampling::Uniform }
+        if excessive_ratio(&self.passes, settings).is_some() { Sampling::Uniform } else { settings.sampling }
     }
 }

@@ -51,7 +51,7 @@ pub use filter_pass::{FailureMap, FilterPass, Filtered};
 pub use forecast::{Forecast, Point, forecast};
 pub use host::Host;
 pub use memory_budget::{MemoryError, fits_in_memory, memory_bytes};
-pub use record::{Outcome, PassRecord, Progress, Seconds};
+pub use record::{Outcome, PassRecord, Progress, Seconds, excessive_ratio};
 pub use region::Region;
 pub use render_loop::RenderLoop;
 pub use schedule::Plan;

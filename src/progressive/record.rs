@@ -8,6 +8,13 @@ use crate::filter::FilterResult;
 use crate::render::RejectedSample;
 use crate::stats::Store;
 
+/// Returns the expected ratio of the errors of adaptive and uniform sampling if it is too large for adaptive sampling to be
+/// worth its time. The first pass that has one decides.
+pub fn excessive_ratio(passes: &[PassRecord], settings: &Settings) -> Option<f64> {
+    let expected_ratio = passes.iter().find_map(|pass| pass.expected_ratio);
+    expected_ratio.filter(|&ratio| ratio > f64::from(settings.priority.max_ratio))
+}
+
 /// A filter pass of the loop.
 #[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct PassRecord {

@@ -52,31 +52,21 @@ impl Place {
         let h = self.height;
         match self.kind {
             Kind::Room { window } => {
-                self.rectangle(
+                rectangle(
                     world,
                     stream,
                     Surface::Floor,
                     [[-x, 0.0, -z], [-x, 0.0, z], [x, 0.0, z], [x, 0.0, -z]],
                 );
-                self.rectangle(
-                    world,
-                    stream,
-                    Surface::Wall,
-                    [[-x, h, -z], [x, h, -z], [x, h, z], [-x, h, z]],
-                );
-                self.rectangle(
+                rectangle(world, stream, Surface::Wall, [[-x, h, -z], [x, h, -z], [x, h, z], [-x, h, z]]);
+                rectangle(
                     world,
                     stream,
                     Surface::Wall,
                     [[-x, 0.0, -z], [x, 0.0, -z], [x, h, -z], [-x, h, -z]],
                 );
-                self.rectangle(
-                    world,
-                    stream,
-                    Surface::Wall,
-                    [[x, 0.0, z], [-x, 0.0, z], [-x, h, z], [x, h, z]],
-                );
-                self.rectangle(
+                rectangle(world, stream, Surface::Wall, [[x, 0.0, z], [-x, 0.0, z], [-x, h, z], [x, h, z]]);
+                rectangle(
                     world,
                     stream,
                     Surface::Wall,
@@ -92,13 +82,13 @@ impl Place {
                 ] {
                     if y1 > y0 && z1 > z0 {
                         let corners = [[x, y0, z0], [x, y0, z1], [x, y1, z1], [x, y1, z0]];
-                        self.rectangle(world, stream, Surface::Wall, corners);
+                        rectangle(world, stream, Surface::Wall, corners);
                     }
                 }
             }
             Kind::Outdoors => {
                 let r = 60.0;
-                self.rectangle(
+                rectangle(
                     world,
                     stream,
                     Surface::Floor,
@@ -107,32 +97,32 @@ impl Place {
                 if stream.chance(0.4) {
                     let back = z + stream.range(0.5, 4.0);
                     let corners = [[-8.0, 0.0, back], [8.0, 0.0, back], [8.0, h, back], [-8.0, h, back]];
-                    self.rectangle(world, stream, Surface::Wall, corners);
+                    rectangle(world, stream, Surface::Wall, corners);
                 }
             }
             Kind::Studio => {
                 let r = 8.0;
                 let back = z + 1.0;
                 let ground = [[-r, 0.0, -r], [-r, 0.0, back], [r, 0.0, back], [r, 0.0, -r]];
-                self.rectangle(world, stream, Surface::Floor, ground);
+                rectangle(world, stream, Surface::Floor, ground);
                 let backdrop = [[-r, 0.0, back], [r, 0.0, back], [r, 5.0, back], [-r, 5.0, back]];
-                self.rectangle(world, stream, Surface::Wall, backdrop);
+                rectangle(world, stream, Surface::Wall, backdrop);
             }
         }
     }
+}
 
-    /// Adds a rectangle with texture coordinates in metres.
-    fn rectangle(&self, world: &mut World, stream: &mut Stream, surface: Surface, corners: [[f64; 3]; 4]) {
-        let [a, b, _, d] = corners.map(DVec3::from);
-        let (width, height) = (a.distance(b), a.distance(d));
-        let uv = [0.0, 0.0, width, 0.0, width, height, 0.0, height];
-        world.attribute(|world| {
-            wall(world, surface, stream);
-            world.line(format!(
-                "Shape \"trianglemesh\" \"integer indices\" [ 0 1 2 0 2 3 ] \"point3 P\" {} \"point2 uv\" {}",
-                numbers(corners.as_flattened()),
-                numbers(&uv)
-            ));
-        });
-    }
+/// Adds a rectangle with texture coordinates in metres.
+fn rectangle(world: &mut World, stream: &mut Stream, surface: Surface, corners: [[f64; 3]; 4]) {
+    let [a, b, _, d] = corners.map(DVec3::from);
+    let (width, height) = (a.distance(b), a.distance(d));
+    let uv = [0.0, 0.0, width, 0.0, width, height, 0.0, height];
+    world.attribute(|world| {
+        wall(world, surface, stream);
+        world.line(format!(
+            "Shape \"trianglemesh\" \"integer indices\" [ 0 1 2 0 2 3 ] \"point3 P\" {} \"point2 uv\" {}",
+            numbers(corners.as_flattened()),
+            numbers(&uv)
+        ));
+    });
 }

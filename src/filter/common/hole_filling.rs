@@ -2,9 +2,12 @@
 //!
 //! Takes the sample counts of an image; the order of filling then applies to any number of planes.
 
+use std::ops::Range;
+
 use rayon::prelude::*;
 
 use crate::image::Planes;
+use crate::stats::{Part, Store};
 
 /// The pixels to fill, in order: a hole is filled from its rim inwards, ring by ring.
 #[derive(Clone, Debug)]
@@ -20,6 +23,13 @@ struct Hole {
 
 /// Ring of pixels that have not been reached.
 const UNREACHED: u32 = u32::MAX;
+
+/// Returns the means of all samples of a store; pixels without samples get those of their neighbours.
+pub fn filled_means(store: &Store, dims: Range<usize>) -> Planes {
+    let mut means = store.means(Part::Whole, dims);
+    HoleFilling::new(store.width(), store.counts(Part::Whole).into_iter()).fill(&mut means);
+    means
+}
 
 impl HoleFilling {
     /// Determines the order for an image of this width with these sample counts.

@@ -9,11 +9,9 @@
 
 mod library;
 
-use std::ops::Range;
-
 use super::common::error_maps::ErrorMaps;
 use super::common::half_counts::HalfCounts;
-use super::common::hole_filling::HoleFilling;
+use super::common::hole_filling::filled_means;
 use super::denoiser::{Cost, Denoiser, Reads, SampleVectors};
 use super::denoiser_name::DenoiserName;
 use super::none::unfiltered;
@@ -127,13 +125,6 @@ fn filter(store: &Store, quality: Quality) -> Option<FilterResult> {
         ErrorMaps::self_filtered(&image, [&a, &b], &mean, &variance, noisy_halves, counts.integers());
     let reliability = Reliability::SELF_FILTERED;
     Some(FilterResult { image, halves: [a, b], variance, error, residual, risk, reliability, ..result })
-}
-
-/// Returns means of all samples; pixels without samples get those of their nearest neighbours.
-fn filled_means(store: &Store, dims: Range<usize>) -> Planes {
-    let mut means = store.means(Part::Whole, dims);
-    HoleFilling::new(store.width(), store.counts(Part::Whole).into_iter()).fill(&mut means);
-    means
 }
 
 /// Shifts both halves by the same, so that their mean is the image. A network does not filter the mean of two images to
