@@ -4,7 +4,11 @@ The network sees the image at half its resolution (2×2 pixels are channels of o
 level of the à-trous filter six features, a weight as a neighbour and a weight of its own; and how the results are
 mixed. The kernels are exp(−|f_p − f_q|² + a_q) (Işık et al. 2021, Interactive Monte Carlo Denoising using Affinity of
 Neural Features). Given the statistics the filter is linear in the samples' values.
+
+Arrays are [batch, channels, height, width] but inside the network, where channels come last.
 """
+
+from collections import namedtuple
 
 import jax
 import jax.numpy as jnp
@@ -12,12 +16,32 @@ import numpy as np
 
 DILATIONS = [1, 2, 4, 8, 16]
 FEATURES = 6
-# Per level features, neighbour weight, own weight; then the mix of three images, of albedo, and of emission.
-OUTPUTS = len(DILATIONS) * (FEATURES + 2) + 5
+# Per level features, neighbour weight, own weight; then the mix of four images, of albedo, and of emission.
+OUTPUTS = len(DILATIONS) * (FEATURES + 2) + 6
 ALBEDO_FLOOR = 0.02
 
+# Channels of what the filter gets. `deviation` is that of the samples' luminance, `difference` that of the luminances of
+# the halves; other deviations are means over the axes. `nlm` is the image of the hand-made filter, `has_nlm` 0 or 1.
+STATISTICS = {
+    "colour": 3,
+    "deviation": 1,
+    "difference": 1,
+    "emission": 3,
+    "albedo": 3,
+    "albedo_deviation": 1,
+    "normal": 3,
+    "normal_deviation": 1,
+    "second_normal": 3,
+    "position_deviation": 1,
+    "hit": 1,
+    "count": 1,
+    "nlm": 3,
+    "has_nlm": 1,
+}
+Statistics = namedtuple("Statistics", STATISTICS)
+
 # Name, input and output channels, kernel side.
-INPUTS = 21
+INPUTS = 25
 LAYERS = [
     ("enter", 4 * INPUTS, 48, 3),
     ("down1a", 48, 64, 3),
@@ -68,55 +92,84 @@ def to_space(x):
     return x.reshape(b, h, w, 2, 2, c // 4).transpose(0, 1, 3, 2, 4, 5).reshape(b, 2 * h, 2 * w, c // 4)
 
 
+def luminance(rgb):
+    return 0.2126 * rgb[:, 0:1] + 0.7152 * rgb[:, 1:2] + 0.0722 * rgb[:, 2:3]
+
+
+def network_inputs(s):
+    """Maps statistics to [batch, INPUTS, height, width] of numbers near 1."""
+    divisor = jnp.maximum(s.albedo, ALBEDO_FLOOR)
+    level = luminance(s.colour)
+    relative = 10 / (level + 0.01)
+    inputs = [
+        jnp.log1p(10 * s.colour / divisor),
+        jnp.log1p(10 * level),
+        jnp.log1p(relative * s.deviation / jnp.sqrt(jnp.maximum(s.count, 1))),
+        jnp.log1p(relative * jnp.abs(s.difference)),
+        s.albedo,
+        s.albedo_deviation,
+        s.normal,
+        s.normal_deviation,
+        s.second_normal,
+        jnp.log1p(1e3 * s.position_deviation),
+        s.hit,
+        jnp.log1p(luminance(s.emission)),
+        jnp.log2(jnp.maximum(s.count, 1)) / 6,
+        s.has_nlm * jnp.log1p(10 * jnp.maximum(s.nlm - s.emission, 0) / divisor),
+        s.has_nlm,
+    ]
+    inputs = jnp.concatenate(inputs, 1)
+    assert inputs.shape[1] == INPUTS, inputs.shape
+    return inputs
+
+
 def network(parameters, inputs):
-    """Maps inputs [b, h, w, INPUTS] to outputs [b, h, w, OUTPUTS]; h and w are multiples of 16."""
-    x0 = convolve(parameters, "enter", to_depth(inputs))
+    """Maps [b, INPUTS, h, w] to [b, OUTPUTS, h, w]; h and w are multiples of 16."""
+    x0 = convolve(parameters, "enter", to_depth(inputs.transpose(0, 2, 3, 1)))
     x1 = convolve(parameters, "down1b", convolve(parameters, "down1a", shrink(x0)))
     x2 = convolve(parameters, "down2b", convolve(parameters, "down2a", shrink(x1)))
     x3 = convolve(parameters, "down3", shrink(x2))
     y2 = convolve(parameters, "up2", jnp.concatenate([grow(x3), x2], -1))
     y1 = convolve(parameters, "up1", jnp.concatenate([grow(y2), x1], -1))
     y0 = convolve(parameters, "up0", jnp.concatenate([grow(y1), x0], -1))
-    return to_space(convolve(parameters, "leave", y0, False))
+    return to_space(convolve(parameters, "leave", y0, False)).transpose(0, 3, 1, 2)
 
 
 def shifted(x, dy, dx):
     """x at the neighbour (y + dy, x + dx); the nearest pixel's beyond the border."""
-    h, w = x.shape[1:3]
-    padded = jnp.pad(x, ((0, 0), (abs(dy),) * 2, (abs(dx),) * 2, (0, 0)), mode="edge")
-    return padded[:, abs(dy) + dy : abs(dy) + dy + h, abs(dx) + dx : abs(dx) + dx + w]
+    h, w = x.shape[2:]
+    padded = jnp.pad(x, ((0, 0), (0, 0), (abs(dy),) * 2, (abs(dx),) * 2), mode="edge")
+    return padded[:, :, abs(dy) + dy : abs(dy) + dy + h, abs(dx) + dx : abs(dx) + dx + w]
 
 
 def filter_values(outputs, values):
-    """Filters values [b, h, w, c] by the predicted kernels, level by level."""
+    """Filters values [b, c, h, w] by the predicted kernels, level by level."""
     for level, dilation in enumerate(DILATIONS):
         start = level * (FEATURES + 2)
-        features = outputs[..., start : start + FEATURES]
-        neighbour = jnp.clip(outputs[..., start + FEATURES : start + FEATURES + 1], -20, 20)
-        own = jnp.exp(jnp.clip(outputs[..., start + FEATURES + 1 : start + FEATURES + 2], -20, 20))
+        features = outputs[:, start : start + FEATURES]
+        neighbour = jnp.clip(outputs[:, start + FEATURES : start + FEATURES + 1], -20, 20)
+        own = jnp.exp(jnp.clip(outputs[:, start + FEATURES + 1 : start + FEATURES + 2], -20, 20))
         total, norm = own * values, own
         for dy in (-1, 0, 1):
             for dx in (-1, 0, 1):
                 if dy == dx == 0:
                     continue
-                other = shifted(jnp.concatenate([features, neighbour, values], -1), dy * dilation, dx * dilation)
-                distance = jnp.sum((other[..., :FEATURES] - features) ** 2, -1, keepdims=True)
-                weight = jnp.exp(other[..., FEATURES : FEATURES + 1] - distance)
-                total, norm = total + weight * other[..., FEATURES + 1 :], norm + weight
+                of, on, ov = (shifted(x, dy * dilation, dx * dilation) for x in (features, neighbour, values))
+                weight = jnp.exp(on - jnp.sum((of - features) ** 2, 1, keepdims=True))
+                total, norm = total + weight * ov, norm + weight
         values = total / norm
     return values
 
 
-def denoise(parameters, inputs, colour, albedo, emission):
-    """The image [b, h, w, 3] from the statistics of `data.statistics`."""
-    outputs = network(parameters, inputs)
-    divisor = jnp.maximum(albedo, ALBEDO_FLOOR)
-    values = jnp.concatenate([colour / divisor, divisor, colour, emission], -1)
-    filtered = filter_values(outputs, values)
-    demodulated, soft_albedo, plain, soft_emission = jnp.split(filtered, 4, -1)
-    mix = outputs[..., -5:]
-    of_images = jax.nn.softmax(mix[..., :3])
-    of_albedo, of_emission = jax.nn.sigmoid(mix[..., 3:4]), jax.nn.sigmoid(mix[..., 4:5])
-    textured = demodulated * (divisor + of_albedo * (soft_albedo - divisor))
-    image = of_images[..., :1] * textured + of_images[..., 1:2] * plain + of_images[..., 2:] * colour
-    return image + emission + of_emission * (soft_emission - emission)
+def denoise(parameters, s):
+    """The image [b, 3, h, w] of statistics."""
+    outputs = network(parameters, network_inputs(s))
+    divisor = jnp.maximum(s.albedo, ALBEDO_FLOOR)
+    filtered = filter_values(outputs, jnp.concatenate([s.colour / divisor, divisor, s.colour, s.emission], 1))
+    demodulated, soft_albedo, plain, soft_emission = jnp.split(filtered, 4, 1)
+    of_images, of_albedo, of_emission = outputs[:, -6:-2], outputs[:, -2:-1], outputs[:, -1:]
+    of_images = jax.nn.softmax(of_images.at[:, 3:].add(100 * (s.has_nlm - 1)), 1)
+    textured = demodulated * (divisor + jax.nn.sigmoid(of_albedo) * (soft_albedo - divisor))
+    images = [textured, plain, s.colour, s.nlm - s.emission]
+    image = sum(of_images[:, k : k + 1] * x for k, x in enumerate(images))
+    return image + s.emission + jax.nn.sigmoid(of_emission) * (soft_emission - s.emission)

@@ -18,7 +18,7 @@ import numpy as np
 import optax
 
 import model
-from data import Views
+from data import read_views
 
 EPSILON = 0.01
 CROP = 96
@@ -27,42 +27,45 @@ CROP = 96
 def relative_error(image, reference):
     """Squared error over squared brightness, which is smoothed so that noise of the reference weighs little."""
     smooth = reference
-    for axis in (1, 2):
+    for axis in (2, 3):
         smooth = (jnp.roll(smooth, 1, axis) + smooth + jnp.roll(smooth, -1, axis)) / 3
     return (image - reference) ** 2 / (smooth**2 + EPSILON)
 
 
 def loss(parameters, batch):
-    inputs, colour, albedo, emission, nlm, reference, _ = batch
-    image = model.denoise(parameters, inputs, colour, albedo, emission)
-
-    def robust(candidate):
-        error = relative_error(candidate, reference)
-        return jnp.mean(error / (1 + error), (1, 2, 3))
-
-    # So that every render counts alike
-    ratio = jnp.log(robust(image) + 1e-5) - jnp.log(robust(nlm) + 1e-5)
+    statistics, reference = batch
+    image = model.denoise(parameters, statistics)
+    error = relative_error(image, reference)
+    # Robust, and its logarithm, so that every render counts alike
+    size = jnp.log(jnp.mean(error / (1 + error), (1, 2, 3)) + 1e-5)
     brightness = jnp.log(jnp.mean(image, (1, 2, 3)) + 0.01) - jnp.log(jnp.mean(reference, (1, 2, 3)) + 0.01)
-    return jnp.mean(ratio) + 2 * jnp.mean(brightness**2)
+    return jnp.mean(size) + 2 * jnp.mean(brightness**2)
 
 
-def augment(draw, planes):
-    """A crop, mirrored and turned, with permuted colours and axes, and another exposure."""
-    h, w = planes[0].shape[:2]
+def augment(draw, view):
+    """A crop, mirrored and turned, with permuted colours and axes, another exposure, with or without nlm's image."""
+    h, w = view.reference.shape[1:]
     y, x = draw.integers(h - CROP + 1), draw.integers(w - CROP + 1)
-    planes = [p[y : y + CROP, x : x + CROP].astype(np.float32) for p in planes]
-    if draw.random() < 0.5:
-        planes = [p[:, ::-1] for p in planes]
-    turns = draw.integers(4)
-    planes = [np.rot90(p, turns) for p in planes]
+    is_mirrored, turns, exposure = draw.random() < 0.5, draw.integers(4), np.exp(draw.uniform(-1, 1))
     colours, axes = draw.permutation(3), draw.permutation(3)
-    signs = draw.choice([-1.0, 1.0], 3).astype(np.float32)
-    inputs = planes[0].copy()
-    inputs[..., 0:3] = inputs[..., 0:3][..., colours]
-    inputs[..., 6:9] = inputs[..., 6:9][..., colours]
-    for start in (10, 14):
-        inputs[..., start : start + 3] = inputs[..., start : start + 3][..., axes] * signs
-    return [inputs, *(p[..., colours] for p in planes[1:])]
+    signs = draw.choice([-1.0, 1.0], 3).astype(np.float32)[:, None, None]
+
+    def moved(name, plane):
+        plane = plane[:, y : y + CROP, x : x + CROP].astype(np.float32)
+        plane = plane[:, :, ::-1] if is_mirrored else plane
+        plane = np.rot90(plane, turns, (1, 2))
+        if name in ("colour", "emission", "nlm", "reference", "deviation", "difference"):
+            plane = plane * np.float32(exposure)
+        if name in ("normal", "second_normal"):
+            plane = plane[axes] * signs
+        elif plane.shape[0] == 3:
+            plane = plane[colours]
+        return plane
+
+    planes = {name: moved(name, plane) for name, plane in view.statistics._asdict().items()}
+    if draw.random() < 0.4:
+        planes["has_nlm"] = np.zeros_like(planes["has_nlm"])
+    return model.Statistics(**planes), moved("reference", view.reference)
 
 
 @partial(jax.jit, static_argnums=0)
@@ -75,28 +78,35 @@ def step(optimiser, parameters, averaged, state, batch):
 
 
 def evaluate(parameters, views):
-    """Prints the ratio of errors to `nlm`, the references' own noise taken off, by samples per pixel."""
-    ratios = defaultdict(list)
+    """Prints the ratio of errors to `nlm`, the references' own noise taken off, by samples per pixel: with nlm's image
+    among the candidates, and without it; and the brightness over the reference's.
+    """
     denoise = jax.jit(model.denoise)
-    for _, spp, _, planes in views.entries:
-        inputs, colour, albedo, emission, nlm, reference, noise = (p.astype(np.float32)[None] for p in planes)
-        image = np.asarray(denoise(parameters, inputs, colour, albedo, emission))
-        weight = 1 / (reference**2 + EPSILON)
+    for has_nlm in (1, 0):
+        ratios = defaultdict(list)
+        for view in views:
+            statistics = model.Statistics(*(x.astype(np.float32)[None] for x in view.statistics))
+            candidate = statistics._replace(has_nlm=statistics.has_nlm * has_nlm)
+            image = np.asarray(denoise(parameters, candidate))[0]
+            reference, noise = view.reference.astype(np.float32), view.noise.astype(np.float32)
+            # Of the converged views there is no image of nlm; they are compared with what is not filtered
+            other = statistics.nlm if statistics.has_nlm.any() else statistics.colour + statistics.emission
+            weight = 1 / (reference**2 + EPSILON)
 
-        def error(candidate):
-            errors = np.mean((candidate - reference) ** 2 * weight, -1).ravel()
-            worst = np.argsort(errors)[-errors.size // 1000 :]
-            kept = np.ones(errors.size, bool)
-            kept[worst] = False
-            return max(errors[kept].mean() - np.mean(noise * weight, -1).ravel()[kept].mean(), 1e-7)
+            def error(image):
+                errors = np.mean((image - reference) ** 2 * weight, 0).ravel()
+                kept = np.argsort(errors)[: -errors.size // 1000]
+                return max(errors[kept].mean() - np.mean(noise * weight, 0).ravel()[kept].mean(), 1e-7)
 
-        ratios[spp].append((np.log(error(image) / error(nlm)), np.log(image.mean() / reference.mean())))
-    line = []
-    for spp in sorted(ratios):
-        ratio, brightness = np.mean(ratios[spp], 0)
-        line.append(f"{spp}: {np.exp(ratio):.2f} ({np.exp(brightness):.3f})")
-    every = np.concatenate([np.array(r) for r in ratios.values()])
-    print(f"over nlm (brightness) {np.exp(every[:, 0].mean()):.3f} | " + ", ".join(line), flush=True)
+            ratio = np.log(error(image) / error(other[0]))
+            ratios[view.spp].append((ratio, np.log(image.mean() / reference.mean())))
+        line = []
+        for spp in sorted(ratios):
+            ratio, brightness = np.mean(ratios[spp], 0)
+            line.append(f"{spp}: {np.exp(ratio):.2f} ({np.exp(brightness):.3f})")
+        every = np.concatenate([np.array(r) for spp, r in ratios.items() if spp <= 64])
+        kind = "mixed" if has_nlm else "alone"
+        print(f"{kind} over nlm (brightness) {np.exp(every[:, 0].mean()):.3f} | " + ", ".join(line), flush=True)
 
 
 def save(path, parameters):
@@ -122,9 +132,9 @@ def main():
     arguments = parser.parse_args()
 
     limit = arguments.scenes or 10**9
-    training = Views(arguments.folder, lambda n: n % 8 and n - n // 8 <= limit)
-    held_out = Views(arguments.folder, lambda n: n % 8 == 0)
-    print(len(training.entries), "renders to train on,", len(held_out.entries), "held out", flush=True)
+    training = read_views(arguments.folder, lambda n: n % 8 and n - n // 8 <= limit)
+    held_out = read_views(arguments.folder, lambda n: n % 8 == 0)
+    print(len(training), "renders to train on,", len(held_out), "held out", flush=True)
     parameters = load(arguments.weights) if arguments.weights.exists() else model.initial(arguments.seed)
     parameters = jax.tree.map(jnp.asarray, parameters)
     averaged = parameters
@@ -134,9 +144,8 @@ def main():
     draw = np.random.default_rng(arguments.seed)
     started, losses = time.monotonic(), []
     for k in range(1, arguments.steps + 1):
-        chosen = draw.integers(len(training.entries), size=arguments.batch)
-        crops = [augment(draw, training.entries[i][3]) for i in chosen]
-        batch = [np.stack(planes) for planes in zip(*crops)]
+        crops = [augment(draw, training[i]) for i in draw.integers(len(training), size=arguments.batch)]
+        batch = jax.tree.map(lambda *planes: np.stack(planes), *crops)
         parameters, averaged, state, value = step(optimiser, parameters, averaged, state, batch)
         losses.append(float(value))
         if k % 250 == 0 or k == arguments.steps:
