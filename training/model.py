@@ -21,7 +21,8 @@ OUTPUTS = len(DILATIONS) * (FEATURES + 2) + 6
 ALBEDO_FLOOR = 0.02
 
 # Channels of what the filter gets. `deviation` is that of the samples' luminance, `difference` that of the luminances of
-# the halves; other deviations are means over the axes. `nlm` is the image of the hand-made filter, `has_nlm` 0 or 1.
+# the halves; other deviations are means over the
+# axes, that of the position in units of its mean. `nlm` is the image of the hand-made filter, `has_nlm` 0 or 1.
 STATISTICS = {
     "colour": 3,
     "deviation": 1,
@@ -111,7 +112,7 @@ def network_inputs(s):
         s.normal,
         s.normal_deviation,
         s.second_normal,
-        jnp.log1p(1e3 * s.position_deviation),
+        jnp.log1p(s.position_deviation),
         s.hit,
         jnp.log1p(luminance(s.emission)),
         jnp.log2(jnp.maximum(s.count, 1)) / 6,
