@@ -21,8 +21,8 @@ OUTPUTS = len(DILATIONS) * (FEATURES + 2) + 6
 ALBEDO_FLOOR = 0.02
 
 # Channels of what the filter gets. `deviation` is that of the samples' luminance, `difference` that of the luminances of
-# the halves; other deviations are means over the
-# axes, that of the position in units of its mean. `nlm` is the image of the hand-made filter, `has_nlm` 0 or 1.
+# the halves; other deviations are means over the axes, that of the position in units of its mean. `nlm` is the image of
+# the hand-made filter, `has_nlm` 0 or 1.
 STATISTICS = {
     "colour": 3,
     "deviation": 1,
@@ -169,7 +169,8 @@ def denoise(parameters, s):
     filtered = filter_values(outputs, jnp.concatenate([s.colour / divisor, divisor, s.colour, s.emission], 1))
     demodulated, soft_albedo, plain, soft_emission = jnp.split(filtered, 4, 1)
     of_images, of_albedo, of_emission = outputs[:, -6:-2], outputs[:, -2:-1], outputs[:, -1:]
-    of_images = jax.nn.softmax(of_images.at[:, 3:].add(100 * (s.has_nlm - 1)), 1)
+    of_images = jnp.clip(of_images, -20, 20)
+    of_images = jax.nn.softmax(of_images.at[:, 3:].set(jnp.where(s.has_nlm > 0, of_images[:, 3:], -jnp.inf)), 1)
     textured = demodulated * (divisor + jax.nn.sigmoid(of_albedo) * (soft_albedo - divisor))
     images = [textured, plain, s.colour, s.nlm - s.emission]
     image = sum(of_images[:, k : k + 1] * x for k, x in enumerate(images))

@@ -126,7 +126,7 @@ def main():
     parser.add_argument("weights", type=Path)
     parser.add_argument("--steps", type=int, default=20000)
     parser.add_argument("--batch", type=int, default=8)
-    parser.add_argument("--rate", type=float, default=1e-3)
+    parser.add_argument("--rate", type=float, default=7e-4)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--scenes", type=int, help="train on this many scenes only")
     arguments = parser.parse_args()
@@ -150,7 +150,7 @@ def main():
         losses.append(float(value))
         if k % 250 == 0 or k == arguments.steps:
             print(f"{k} {time.monotonic() - started:.0f} s, loss {np.mean(losses[-250:]):.3f}", flush=True)
-        if k % 1000 == 0 or k == arguments.steps:
+        if k % 500 == 0 or k == arguments.steps:
             save(arguments.weights, averaged)
             evaluate(averaged, held_out)
 
