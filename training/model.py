@@ -163,15 +163,17 @@ def filter_values(outputs, values):
 
 
 def denoise(parameters, s):
-    """The image [b, 3, h, w] of statistics."""
+    """The image [b, 3, h, w] of statistics, and the one of the predicted kernels alone."""
     outputs = network(parameters, network_inputs(s))
     divisor = jnp.maximum(s.albedo, ALBEDO_FLOOR)
     filtered = filter_values(outputs, jnp.concatenate([s.colour / divisor, divisor, s.colour, s.emission], 1))
     demodulated, soft_albedo, plain, soft_emission = jnp.split(filtered, 4, 1)
     of_images, of_albedo, of_emission = outputs[:, -6:-2], outputs[:, -2:-1], outputs[:, -1:]
-    of_images = jnp.clip(of_images, -20, 20)
+    # Bounded, so that no candidate is lost for good
+    of_images = 8 * jnp.tanh(of_images / 8)
     of_images = jax.nn.softmax(of_images.at[:, 3:].set(jnp.where(s.has_nlm > 0, of_images[:, 3:], -jnp.inf)), 1)
     textured = demodulated * (divisor + jax.nn.sigmoid(of_albedo) * (soft_albedo - divisor))
     images = [textured, plain, s.colour, s.nlm - s.emission]
     image = sum(of_images[:, k : k + 1] * x for k, x in enumerate(images))
-    return image + s.emission + jax.nn.sigmoid(of_emission) * (soft_emission - s.emission)
+    shown = s.emission + jax.nn.sigmoid(of_emission) * (soft_emission - s.emission)
+    return image + shown, textured + shown
