@@ -47,8 +47,9 @@ def loss(parameters, batch):
         brightness = jnp.log(jnp.mean(image, (1, 2, 3)) + 0.01) - jnp.log(jnp.mean(reference, (1, 2, 3)) + 0.01)
         return jnp.mean(size) + 2 * jnp.mean(brightness**2)
 
-    image, of_kernels = model.denoise(parameters, statistics)
-    return (1 - OF_KERNELS) * of(image) + OF_KERNELS * of(of_kernels)
+    image, kernels_image = model.denoise(parameters, statistics)
+    of_mix, of_kernels = of(image), of(kernels_image)
+    return (1 - OF_KERNELS) * of_mix + OF_KERNELS * of_kernels, jnp.stack([of_mix, of_kernels])
 
 
 def augment(draw, view):
@@ -79,11 +80,11 @@ def augment(draw, view):
 
 @partial(jax.jit, static_argnums=0)
 def step(optimiser, parameters, averaged, state, batch):
-    value, gradient = jax.value_and_grad(loss)(parameters, batch)
+    (_, values), gradient = jax.value_and_grad(loss, has_aux=True)(parameters, batch)
     updates, state = optimiser.update(gradient, state, parameters)
     parameters = optax.apply_updates(parameters, updates)
     averaged = jax.tree.map(lambda a, p: a + 0.002 * (p - a), averaged, parameters)
-    return parameters, averaged, state, value
+    return parameters, averaged, state, values
 
 
 def evaluate(parameters, views):
@@ -155,10 +156,12 @@ def main():
     for k in range(1, arguments.steps + 1):
         crops = [augment(draw, training[i]) for i in draw.integers(len(training), size=arguments.batch)]
         batch = jax.tree.map(lambda *planes: np.stack(planes), *crops)
-        parameters, averaged, state, value = step(optimiser, parameters, averaged, state, batch)
-        losses.append(float(value))
-        if k % 250 == 0 or k == arguments.steps:
-            print(f"{k} {time.monotonic() - started:.0f} s, loss {np.mean(losses[-250:]):.3f}", flush=True)
+        parameters, averaged, state, values = step(optimiser, parameters, averaged, state, batch)
+        losses.append(np.asarray(values))
+        if k % 50 == 0 or k == arguments.steps:
+            of_mix, of_kernels = np.mean(losses[-250:], 0)
+            waited = time.monotonic() - started
+            print(f"{k} {waited:.0f} s, loss of the mix {of_mix:.3f}, of the kernels {of_kernels:.3f}", flush=True)
         if k % 500 == 0 or k == arguments.steps:
             save(arguments.weights, averaged)
             evaluate(averaged, held_out)
