@@ -143,8 +143,8 @@ def shifted(x, dy, dx):
     return padded[:, :, abs(dy) + dy : abs(dy) + dy + h, abs(dx) + dx : abs(dx) + dx + w]
 
 
-def filter_values(outputs, values):
-    """Filters values [b, c, h, w] by the predicted kernels, level by level."""
+def filter_values(outputs, hit, values):
+    """Filters values [b, c, h, w] by the predicted kernels, level by level; surfaces do not mix with what is none."""
     for level, dilation in enumerate(DILATIONS):
         start = level * (FEATURES + 2)
         features = outputs[:, start : start + FEATURES]
@@ -155,8 +155,10 @@ def filter_values(outputs, values):
             for dx in (-1, 0, 1):
                 if dy == dx == 0:
                     continue
-                of, on, ov = (shifted(x, dy * dilation, dx * dilation) for x in (features, neighbour, values))
-                weight = jnp.exp(on - jnp.sum((of - features) ** 2, 1, keepdims=True))
+                moved = (shifted(x, dy * dilation, dx * dilation) for x in (features, neighbour, hit, values))
+                of, on, oh, ov = moved
+                apart = jnp.where(jnp.abs(oh - hit) > 0.99, 100.0, 0.0)
+                weight = jnp.exp(on - apart - jnp.sum((of - features) ** 2, 1, keepdims=True))
                 total, norm = total + weight * ov, norm + weight
         values = total / norm
     return values
@@ -166,7 +168,7 @@ def denoise(parameters, s):
     """The image [b, 3, h, w] of statistics, and the one of the predicted kernels alone."""
     outputs = network(parameters, network_inputs(s))
     divisor = jnp.maximum(s.albedo, ALBEDO_FLOOR)
-    filtered = filter_values(outputs, jnp.concatenate([s.colour / divisor, divisor, s.colour, s.emission], 1))
+    filtered = filter_values(outputs, s.hit, jnp.concatenate([s.colour / divisor, divisor, s.colour, s.emission], 1))
     demodulated, soft_albedo, plain, soft_emission = jnp.split(filtered, 4, 1)
     of_images, of_albedo, of_emission = outputs[:, -6:-2], outputs[:, -2:-1], outputs[:, -1:]
     # Bounded, so that no candidate is lost for good

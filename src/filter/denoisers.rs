@@ -6,13 +6,15 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use super::denoiser::Denoiser;
 use super::denoiser_name::DenoiserName;
-use super::{nlm, none, oidn, prpf, rpf};
+use super::{learned, nlm, none, oidn, prpf, rpf};
 use crate::stats::Store;
 
 /// All denoisers, the default one first. Of one method the first preset is its default.
-pub static DENOISERS: [&dyn Denoiser; 8] = [
+pub static DENOISERS: [&dyn Denoiser; 10] = [
     &nlm::STANDARD,
     &nlm::DRAFT,
+    &learned::STANDARD,
+    &learned::DRAFT,
     &prpf::PRPF,
     &prpf::INTERIM,
     &rpf::RPF,

@@ -7,6 +7,7 @@ mod common;
 mod denoiser;
 mod denoiser_name;
 mod denoisers;
+pub mod learned;
 pub mod nlm;
 mod none;
 pub mod oidn;

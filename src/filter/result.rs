@@ -47,6 +47,9 @@ impl Reliability {
     /// Of filters whose weights depend on the samples that they filter.
     pub const SELF_FILTERED: Self =
         Self { risk_factor: 1.5, risk_deviation: 0.5, variance_factor: 4.0, variance_deviation: 0.9 };
+    /// Of the learned filter, which prefers a bias to noise.
+    pub const LEARNED: Self =
+        Self { risk_factor: 2.1, risk_deviation: 0.64, variance_factor: 2.8, variance_deviation: 0.47 };
     /// Of the means of the samples, whose risk is their variance.
     pub const UNFILTERED: Self =
         Self { risk_factor: 1.0, risk_deviation: 0.1, variance_factor: 1.0, variance_deviation: 0.5 };

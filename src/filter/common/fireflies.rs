@@ -32,18 +32,21 @@ pub struct FireflySettings {
 
 impl Default for FireflySettings {
     fn default() -> Self {
-        Self {
-            median_factor: 8.0,
-            deviation_factor: 4.0,
-            clamp_to_median: false,
-            half_fraction: 0.8,
-            redistribution_window: 17,
-            redistribution_limit: 0.02,
-        }
+        Self::DEFAULT
     }
 }
 
 impl FireflySettings {
+    /// See [`Default`].
+    pub const DEFAULT: Self = Self {
+        median_factor: 8.0,
+        deviation_factor: 4.0,
+        clamp_to_median: false,
+        half_fraction: 0.8,
+        redistribution_window: 17,
+        redistribution_limit: 0.02,
+    };
+
     /// Settings that clamp nothing.
     pub fn off() -> Self {
         Self { median_factor: f32::INFINITY, redistribution_window: 0, ..Self::default() }

@@ -34,6 +34,12 @@ impl HalfCounts {
         [&self.floats[0], &self.floats[1]]
     }
 
+    /// Fractions of the samples that the halves have, pixel by pixel; 0 without samples.
+    pub fn fractions(&self) -> impl Iterator<Item = [f32; 2]> {
+        let [a, b] = &self.floats;
+        a.iter().zip(b).map(|(a, b)| [a, b].map(|n| n / (a + b).max(1.0)))
+    }
+
     /// Whether a pixel has at least two samples, without which every sample variance is 0.
     pub fn have_variances(&self) -> bool {
         self.floats[0].iter().zip(&self.floats[1]).any(|(a, b)| a + b >= 2.0)

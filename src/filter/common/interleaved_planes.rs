@@ -45,6 +45,19 @@ impl InterleavedPlanes {
         interleaved
     }
 
+    /// Copies planes; the margins have the values of the nearest pixel.
+    pub fn extended(planes: &Planes, margin: usize) -> Self {
+        let mut extended = Self::from_planes(planes, margin, 0.0);
+        extended.extend();
+        extended
+    }
+
+    /// Gives the margins the values of the nearest pixel.
+    pub fn extend(&mut self) {
+        let (margin, width, stride) = (self.margin, self.width, self.stride);
+        self.data_mut().par_chunks_mut(stride).for_each(|row| extend(row, margin, width));
+    }
+
     /// Copies the planes without their margins.
     pub fn to_planes(&self) -> Planes {
         let mut planes = Planes::new(self.width, self.height(), self.count);
@@ -127,6 +140,13 @@ impl InterleavedPlanes {
         let start = (y * self.count + plane) * self.stride + self.margin + x;
         lanes(&self.data[start..])
     }
+}
+
+/// Gives the margins of a row the values of the nearest pixel.
+pub fn extend(row: &mut [f32], margin: usize, width: usize) {
+    let (first, last) = (row[margin], row[margin + width - 1]);
+    row[..margin].fill(first);
+    row[margin + width..].fill(last);
 }
 
 #[cfg(test)]

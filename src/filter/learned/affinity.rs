@@ -1,0 +1,238 @@
+//! Edge-avoiding à-trous filter whose kernels the network predicts (Işık et al. 2021, Interactive Monte Carlo Denoising
+//! using Affinity of Neural Features, section 4).
+//!
+//! On each level the weight of a neighbour q in the filtered value of p is exp(a_q − |f_p − f_q|²), that of p itself
+//! exp(b_p); f, a and b are predicted per pixel and level. The neighbours are the 3×3 pixels at the level's dilation.
+//! The weights do not depend on what is filtered, so that the filter is linear. Between a pixel that only shows surfaces and one
+//! that shows none the weight is 0.
+
+use multiversion::target::match_target;
+use rayon::prelude::*;
+
+use super::convolution::MARGIN;
+use crate::filter::common::fast_exp::exp_negative;
+use crate::filter::common::interleaved_planes::{InterleavedPlanes, extend};
+use crate::filter::common::lanes::{lanes, multiply_add};
+use crate::simd::{LANES, Lanes, apply, multiversioned};
+
+/// Levels, of which the level l has the dilation 2^l pixels.
+pub const LEVELS: usize = 5;
+
+/// Features f.
+const FEATURES: usize = 6;
+
+/// Predicted planes of a level: the features, a and b.
+pub const PLANES_PER_LEVEL: usize = FEATURES + 2;
+
+/// Greatest magnitude of a and b.
+const MAX_LOG_WEIGHT: f32 = 20.0;
+
+const _: () = assert!(1 << (LEVELS - 1) <= MARGIN, "neighbours lie inside the margin");
+
+/// Difference of the fractions of hits from which on two pixels do not mix.
+const APART: f32 = 0.99;
+
+/// Added to the exponent of pixels that do not mix.
+const FAR: f32 = 100.0;
+
+/// Filters all planes of `values` by the `predicted` kernels. `hit` is the fraction of samples that hit a surface, 1 plane. The
+/// margins of all three have the values of the nearest pixel.
+pub fn filter(
+    predicted: &InterleavedPlanes,
+    hit: &InterleavedPlanes,
+    mut values: InterleavedPlanes,
+) -> InterleavedPlanes {
+    let mut filtered = values.clone();
+    let row_len = values.row_len();
+    for level in 0..LEVELS {
+        filtered.data_mut().par_chunks_mut(row_len).enumerate().for_each(|(y, out)| {
+            filter_row(predicted, hit, level, &values, y, out);
+            out.chunks_exact_mut(values.stride()).for_each(|plane| extend(plane, MARGIN, values.width()));
+        });
+        std::mem::swap(&mut values, &mut filtered);
+    }
+    values
+}
+
+#[apply(multiversioned!)]
+fn filter_row(
+    predicted: &InterleavedPlanes,
+    hit: &InterleavedPlanes,
+    level: usize,
+    values: &InterleavedPlanes,
+    y: usize,
+    out: &mut [f32],
+) {
+    match_target! {
+        "x86_64+fma" => sum_row::<true>(predicted, hit, level, values, y, out),
+        "aarch64" => sum_row::<true>(predicted, hit, level, values, y, out),
+        _ => sum_row::<false>(predicted, hit, level, values, y, out),
+    }
+}
+
+#[inline(always)]
+fn sum_row<const FMA: bool>(
+    predicted: &InterleavedPlanes,
+    hit: &InterleavedPlanes,
+    level: usize,
+    values: &InterleavedPlanes,
+    y: usize,
+    out: &mut [f32],
+) {
+    let first = level * PLANES_PER_LEVEL;
+    for x in (0..values.width()).step_by(LANES) {
+        // Weights of the neighbours, and one over their sum with the pixel's own
+        let neighbours = neighbours(level, x, y, values.height());
+        let own: [&Lanes; FEATURES] = std::array::from_fn(|f| predicted.lanes(first + f, y, x));
+        let own_y = y;
+        let mut weights = [[0.0; LANES]; 8];
+        let mut sum = exponential(predicted.lanes(first + FEATURES + 1, y, x), &[0.0; LANES]);
+        for (weight, (y, at)) in weights.iter_mut().zip(neighbours) {
+            let mut squared = apart(hit.lanes(0, own_y, x), lanes(&hit.row_with_margins(0, y)[at..]));
+            for (f, own) in own.iter().enumerate() {
+                let other = lanes(&predicted.row_with_margins(first + f, y)[at..]);
+                squared = add_square::<FMA>(&squared, own, other);
+            }
+            *weight = exponential(lanes(&predicted.row_with_margins(first + FEATURES, y)[at..]), &squared);
+            sum = std::array::from_fn(|i| sum[i] + weight[i]);
+        }
+        let factor: Lanes = std::array::from_fn(|i| 1.0 / sum[i]);
+
+        // Sums of differences, which reproduce constants exactly
+        for (plane, out) in out.chunks_exact_mut(values.stride()).enumerate() {
+            let centre = values.lanes(plane, y, x);
+            let mut sum = [0.0; LANES];
+            for (weight, (y, at)) in weights.iter().zip(neighbours) {
+                let value = lanes(&values.row_with_margins(plane, y)[at..]);
+                sum = add_difference::<FMA>(&sum, weight, value, centre);
+            }
+            out[MARGIN + x..][..LANES].copy_from_slice(&add_difference::<FMA>(
+                centre,
+                &factor,
+                &sum,
+                &[0.0; LANES],
+            ));
+        }
+    }
+}
+
+/// exp(a − d), where a is bounded.
+#[inline(always)]
+fn exponential(a: &Lanes, d: &Lanes) -> Lanes {
+    std::array::from_fn(|i| exp_negative(d[i] - a[i].clamp(-MAX_LOG_WEIGHT, MAX_LOG_WEIGHT)))
+}
+
+/// The exponent of pixels of which one shows a surface and the other does not.
+#[inline(always)]
+fn apart(a: &Lanes, b: &Lanes) -> Lanes {
+    std::array::from_fn(|i| if (a[i] - b[i]).abs() > APART { FAR } else { 0.0 })
+}
+
+/// sum + (a − b)².
+#[inline(always)]
+fn add_square<const FMA: bool>(sum: &Lanes, a: &Lanes, b: &Lanes) -> Lanes {
+    std::array::from_fn(|i| multiply_add::<FMA>(a[i] - b[i], a[i] - b[i], sum[i]))
+}
+
+/// sum + w(a − b).
+#[inline(always)]
+fn add_difference<const FMA: bool>(sum: &Lanes, w: &Lanes, a: &Lanes, b: &Lanes) -> Lanes {
+    std::array::from_fn(|i| multiply_add::<FMA>(w[i], a[i] - b[i], sum[i]))
+}
+
+/// Rows of the eight neighbours of a level, and the index in the row with its margins of the one of pixel `x`.
+#[inline(always)]
+fn neighbours(level: usize, x: usize, y: usize, height: usize) -> [(usize, usize); 8] {
+    let dilation = 1 << level;
+    std::array::from_fn(|i| {
+        // The pixel itself is left out.
+        let i = i + usize::from(i >= 4);
+        let (dx, dy) = (i % 3, i / 3);
+        let row = (y + dy * dilation).saturating_sub(dilation).min(height - 1);
+        (row, MARGIN + x + dx * dilation - dilation)
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use rand::{RngExt, SeedableRng};
+    use rand_pcg::Pcg32;
+
+    use super::*;
+    use crate::image::Planes;
+
+    /// Planes with random values, whose margins are extended.
+    fn random(width: usize, height: usize, count: usize, rng: &mut Pcg32) -> InterleavedPlanes {
+        let mut planes = Planes::new(width, height, count);
+        planes.data_mut().fill_with(|| 2.0 * rng.random::<f32>() - 1.0);
+        InterleavedPlanes::extended(&planes, MARGIN)
+    }
+
+    /// The definition of a level.
+    fn plain(
+        predicted: &InterleavedPlanes,
+        hit: &InterleavedPlanes,
+        level: usize,
+        values: &Planes,
+    ) -> Planes {
+        let (width, height) = (values.width(), values.height());
+        let mut filtered = values.clone();
+        let first = level * PLANES_PER_LEVEL;
+        let dilation = 1isize << level;
+        for (y, x) in (0..width * height).map(|i| (i / width, i % width)) {
+            let mut sums = vec![0.0f64; values.count()];
+            let mut norm = 0.0;
+            for (dy, dx) in (0..9).map(|i| (i / 3 - 1, i % 3 - 1)) {
+                let clamp = |v: usize, d: isize, size: usize| {
+                    (v as isize + d * dilation).clamp(0, size as isize - 1) as usize
+                };
+                let (qx, qy) = (clamp(x, dx, width), clamp(y, dy, height));
+                let at = |plane, x, y| f64::from(predicted.at(first + plane, x, y));
+                let log = if (dx, dy) == (0, 0) {
+                    at(FEATURES + 1, x, y)
+                } else {
+                    let squared: f64 = (0..FEATURES).map(|f| (at(f, x, y) - at(f, qx, qy)).powi(2)).sum();
+                    let apart = (hit.at(0, x, y) - hit.at(0, qx, qy)).abs() > APART;
+                    at(FEATURES, qx, qy) - squared - if apart { f64::from(FAR) } else { 0.0 }
+                };
+                norm += log.exp();
+                for (plane, sum) in sums.iter_mut().enumerate() {
+                    *sum += log.exp() * f64::from(values.at(plane, qx, qy));
+                }
+            }
+            for (plane, sum) in sums.iter().enumerate() {
+                filtered.plane_mut(plane)[y * width + x] = (sum / norm) as f32;
+            }
+        }
+        filtered
+    }
+
+    #[test]
+    fn the_filter_agrees_with_the_definition() {
+        let mut rng = Pcg32::seed_from_u64(6);
+        for (width, height) in [(1, 1), (41, 19)] {
+            let predicted = random(width, height, LEVELS * PLANES_PER_LEVEL, &mut rng);
+            let values = random(width, height, 4, &mut rng);
+            let mut hit = random(width, height, 1, &mut rng);
+            hit.data_mut().iter_mut().for_each(|v| *v = v.signum().max(0.0));
+            let expected =
+                (0..LEVELS).fold(values.to_planes(), |values, level| plain(&predicted, &hit, level, &values));
+            let found = filter(&predicted, &hit, values).to_planes();
+            for (found, expected) in found.data().iter().zip(expected.data()) {
+                assert!((found - expected).abs() < 2e-4, "{found} {expected}");
+            }
+        }
+    }
+
+    #[test]
+    fn constants_are_exact_whatever_is_predicted() {
+        let mut rng = Pcg32::seed_from_u64(7);
+        let mut predicted = random(20, 12, LEVELS * PLANES_PER_LEVEL, &mut rng);
+        predicted.data_mut().iter_mut().for_each(|v| *v *= 1e3);
+        let mut values = Planes::new(20, 12, 1);
+        values.data_mut().fill(0.1);
+        let values = InterleavedPlanes::extended(&values, MARGIN);
+        let filtered = filter(&predicted, &values, values.clone()).to_planes();
+        assert!(filtered.data().iter().all(|&v| v == 0.1));
+    }
+}

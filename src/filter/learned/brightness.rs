@@ -1,0 +1,76 @@
+//! Gives back the light that the filter lost, as filters that distrust bright samples do.
+//!
+//! Over a wide surrounding the mean of the unfiltered image c is known well. There the filtered image F is multiplied by
+//! 1 + r, r = Σ(c − F) / ΣF, which has the variance Σv / (ΣF)² with the variance v of c. Since r is believed to be 0 with
+//! a deviation of [`USUAL_LOSS`], an uncertain one counts less. Pixels whose variance is unknown, for a half has no samples, do
+//! not count.
+
+use rayon::prelude::*;
+
+use super::mixture::Noisy;
+use crate::filter::common::blur;
+use crate::filter::common::half_counts::HalfCounts;
+
+/// Deviation of r from 0 that is expected without seeing the samples.
+const USUAL_LOSS: f32 = 0.05;
+
+/// Standard deviation of the blur that the sums are, in pixels.
+const SIGMA: f32 = 16.0;
+
+/// Scales the filtered image so that its brightness is that of the `noisy` one.
+pub fn restore(filtered: &mut Noisy, noisy: &Noisy, counts: &HalfCounts) {
+    let (width, height, pixels) = (noisy.mean.width(), noisy.mean.height(), noisy.mean.pixels());
+    let over_surrounding = |of: &(dyn Fn(usize) -> f32 + Sync)| {
+        let sum = |i: usize| match counts.floats().iter().all(|counts| counts[i] > 0.0) {
+            true => (0..3).map(|c| of(c * pixels + i)).sum(),
+            false => 0.0,
+        };
+        let plane: Vec<f32> = (0..pixels).into_par_iter().with_min_len(1024).map(sum).collect();
+        blur::gaussian(width, height, &plane, SIGMA)
+    };
+    let (mean, noise, image) = (noisy.mean.data(), noisy.noise.data(), filtered.mean.data());
+    let lost = over_surrounding(&|i| mean[i] - image[i]);
+    let brightness = over_surrounding(&|i| image[i]);
+    let variance = over_surrounding(&|i| noise[i] * noise[i]);
+
+    // The variance of a blurred value is this part of the blurred variance
+    let of_variance = 1.0 / (4.0 * std::f32::consts::PI * SIGMA * SIGMA);
+    let factor = |i: usize| {
+        let loss = lost[i] / brightness[i];
+        let uncertainty = of_variance * variance[i] / (brightness[i] * brightness[i]);
+        let change = loss / (1.0 + uncertainty / (USUAL_LOSS * USUAL_LOSS));
+        if change.is_finite() { 1.0 + change.max(-0.5) } else { 1.0 }
+    };
+    let factors: Vec<f32> = (0..pixels).map(factor).collect();
+    for planes in [&mut filtered.mean, &mut filtered.noise] {
+        for plane in planes.planes_mut() {
+            plane.iter_mut().zip(&factors).for_each(|(v, factor)| *v *= factor);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::image::Planes;
+
+    /// Returns the brightness in the middle after a loss of a tenth, if the noise has a deviation.
+    fn restored(deviation: f32) -> f32 {
+        let constant = |value: f32| {
+            let mut planes = Planes::new(64, 64, 3);
+            planes.data_mut().fill(value);
+            planes
+        };
+        let counts = HalfCounts::new(64, [vec![2; 64 * 64], vec![2; 64 * 64]]);
+        let mut filtered = Noisy { mean: constant(0.9), noise: constant(0.0) };
+        restore(&mut filtered, &Noisy { mean: constant(1.0), noise: constant(deviation) }, &counts);
+        filtered.mean.at(1, 32, 32)
+    }
+
+    #[test]
+    fn lost_light_comes_back_as_far_as_it_is_certain() {
+        assert!((restored(0.0) - 1.0).abs() < 1e-5);
+        assert!((restored(0.1) - 1.0).abs() < 1e-3);
+        assert!(restored(30.0) < 0.91);
+    }
+}

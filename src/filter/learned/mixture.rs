@@ -1,0 +1,202 @@
+//! Mixes the candidates of a pixel: surfaces filtered without and with their albedo, the means of the samples, and the
+//! image of the hand-made filter. The network predicts the weights, which sum to 1.
+
+use rayon::prelude::*;
+
+use super::network::MIXTURE;
+use super::statistics::ALBEDO_RANGE;
+use crate::filter::common::half_counts::HalfCounts;
+use crate::filter::common::interleaved_planes::InterleavedPlanes;
+use crate::image::Planes;
+
+/// An image, and the difference of its halves scaled so that its variance is the image's: with the fractions p of the
+/// samples √(p_A p_B) (A − B). What filters the image filters it too, and so gives the filtered image's halves.
+#[derive(Clone)]
+pub struct Noisy {
+    pub mean: Planes,
+    pub noise: Planes,
+}
+
+impl Noisy {
+    pub fn new(mean: Planes, mut halves: [Planes; 2], counts: &HalfCounts) -> Self {
+        counts.fill_missing(&mut halves);
+        let [mut noise, b] = halves;
+        for (noise, b) in noise.planes_mut().zip(b.data().chunks(b.pixels().max(1))) {
+            let values = noise.iter_mut().zip(b).zip(counts.fractions());
+            values.for_each(|((noise, b), [p_a, p_b])| *noise = (p_a * p_b).sqrt() * (*noise - b));
+        }
+        Self { mean, noise }
+    }
+
+    /// Returns the images of the halves.
+    pub fn halves(&self, counts: &HalfCounts) -> [Planes; 2] {
+        [(0, 1.0), (1, -1.0)].map(|(half, sign)| {
+            let mut image = self.mean.clone();
+            for (image, noise) in image.planes_mut().zip(self.noise.data().chunks(self.noise.pixels().max(1)))
+            {
+                for ((value, noise), p) in image.iter_mut().zip(noise).zip(counts.fractions()) {
+                    // Without samples of both halves the noise is not known.
+                    let factor = if p[half] > 0.0 { (p[1 - half] / p[half]).sqrt() } else { 0.0 };
+                    *value += sign * factor * noise;
+                }
+            }
+            image
+        })
+    }
+
+    /// Adds another image, multiplied by a factor.
+    pub fn add_scaled(&mut self, factor: f32, other: &Self) {
+        for (sum, term) in [(&mut self.mean, &other.mean), (&mut self.noise, &other.noise)] {
+            sum.data_mut().iter_mut().zip(term.data()).for_each(|(sum, &term)| *sum += factor * term);
+        }
+    }
+
+    fn parts(&self) -> [&Planes; 2] {
+        [&self.mean, &self.noise]
+    }
+}
+
+/// What is filtered and mixed.
+pub struct Candidates {
+    /// Radiance without directly visible emission.
+    pub colour: Noisy,
+    /// Directly visible emission, if there is any.
+    pub emission: Option<Noisy>,
+    /// Albedo of surfaces: 3 planes.
+    pub albedo: Planes,
+    /// Image of the hand-made filter, without emission.
+    pub hand_made: Option<Noisy>,
+}
+
+/// Weights of the mixture at a pixel.
+#[derive(Clone, Copy)]
+struct Weights {
+    /// Surfaces filtered without their albedo.
+    demodulated: f32,
+    /// Surfaces filtered with it.
+    plain: f32,
+    hand_made: f32,
+    /// Fraction of the filtered albedo in the one that is multiplied by; the rest is the pixel's own.
+    albedo: f32,
+    /// Fraction of the filtered emission; the rest is the pixel's own.
+    emission: f32,
+}
+
+impl Weights {
+    fn new(predicted: [f32; 6], has_hand_made: bool) -> Self {
+        /// Greatest magnitude of a logarithmic weight.
+        const MAX_LOG: f32 = 8.0;
+        let [demodulated, plain, own, hand_made, albedo, emission] = predicted;
+        let weight = |v: f32| (MAX_LOG * (v / MAX_LOG).tanh()).exp();
+        let [demodulated, plain, own, hand_made] = [demodulated, plain, own, hand_made].map(weight);
+        let hand_made = if has_hand_made { hand_made } else { 0.0 };
+        let sum = demodulated + plain + own + hand_made;
+        let sigmoid = |v: f32| 1.0 / (1.0 + (-v).exp());
+        let [demodulated, plain, hand_made] = [demodulated, plain, hand_made].map(|weight| weight / sum);
+        Self { demodulated, plain, hand_made, albedo: sigmoid(albedo), emission: sigmoid(emission) }
+    }
+}
+
+impl Candidates {
+    /// Returns the unfiltered image with its emission.
+    pub fn unfiltered(&self) -> Noisy {
+        self.with_emission(&self.colour)
+    }
+
+    /// Returns the image of the hand-made filter with its emission.
+    pub fn hand_made(&self) -> Option<Noisy> {
+        self.hand_made.as_ref().map(|image| self.with_emission(image))
+    }
+
+    fn with_emission(&self, image: &Noisy) -> Noisy {
+        let mut image = image.clone();
+        if let Some(emission) = &self.emission {
+            image.add_scaled(1.0, emission);
+        }
+        image
+    }
+
+    /// Returns the planes to filter: per part (mean and noise) demodulated colour, colour and, if there is any, emission,
+    /// 3 each; last the albedo.
+    pub fn values(&self) -> Planes {
+        let colour = &self.colour.mean;
+        let (width, height, pixels) = (colour.width(), colour.height(), colour.pixels());
+        let mut values = Planes::new(width, height, 2 * self.planes_per_part() + 3);
+        let mut rest = values.data_mut();
+        let mut next = || {
+            let (planes, others) = std::mem::take(&mut rest).split_at_mut(3 * pixels);
+            rest = others;
+            planes
+        };
+        let emissions = self.emission.as_ref().map(Noisy::parts);
+        for (part, colour) in self.colour.parts().into_iter().enumerate() {
+            let demodulated = next().iter_mut().zip(colour.data()).zip(self.albedo.data());
+            demodulated.for_each(|((out, colour), &albedo)| *out = colour / divisor(albedo));
+            next().copy_from_slice(colour.data());
+            if let Some(emissions) = emissions {
+                next().copy_from_slice(emissions[part].data());
+            }
+        }
+        let divisors = next().iter_mut().zip(self.albedo.data());
+        divisors.for_each(|(out, &albedo)| *out = divisor(albedo));
+        values
+    }
+
+    fn planes_per_part(&self) -> usize {
+        if self.emission.is_some() { 9 } else { 6 }
+    }
+
+    /// Mixes the candidates with the filtered planes of [`Self::values`], and adds the emission.
+    pub fn mix(&self, predicted: &InterleavedPlanes, filtered: &InterleavedPlanes) -> Noisy {
+        let (width, height) = (predicted.width(), predicted.height());
+        let has_hand_made = self.hand_made.is_some();
+        let weights: Vec<Weights> = (0..width * height)
+            .into_par_iter()
+            .map(|i| {
+                let predicted =
+                    std::array::from_fn(|k| predicted.at(MIXTURE.start + k, i % width, i / width));
+                Weights::new(predicted, has_hand_made)
+            })
+            .collect();
+        let last = 2 * self.planes_per_part();
+        let [mean, noise] = [0, 1].map(|part| {
+            let first = part * self.planes_per_part();
+            let mut mixed = Planes::new(width, height, 3);
+            for (c, plane) in mixed.planes_mut().enumerate() {
+                let colour = self.colour.parts()[part].plane(c);
+                let emission = self.emission.as_ref().map(|emission| emission.parts()[part].plane(c));
+                let hand_made = self.hand_made.as_ref().map(|image| image.parts()[part].plane(c));
+                let albedo = self.albedo.plane(c);
+                plane.par_chunks_mut(width).enumerate().for_each(|(y, out)| {
+                    let row = |plane: usize| filtered.row(plane, y);
+                    let (demodulated, plain, soft_albedo) =
+                        (row(first + c), row(first + 3 + c), row(last + c));
+                    let soft_emission = self.emission.as_ref().map(|_| row(first + 6 + c));
+                    for (x, out) in out.iter_mut().enumerate() {
+                        let i = y * width + x;
+                        let (weights, own) = (&weights[i], colour[i]);
+                        let albedo = divisor(albedo[i]);
+                        let textured = demodulated[x] * (albedo + weights.albedo * (soft_albedo[x] - albedo));
+                        // Changes of the pixel's own value, so that a candidate equal to it changes nothing
+                        *out =
+                            own + weights.demodulated * (textured - own) + weights.plain * (plain[x] - own);
+                        if let Some(hand_made) = hand_made {
+                            *out += weights.hand_made * (hand_made[i] - own);
+                        }
+                        if let (Some(emission), Some(soft)) = (emission, soft_emission) {
+                            *out += emission[i] + weights.emission * (soft[x] - emission[i]);
+                        }
+                    }
+                });
+            }
+            mixed
+        });
+        Noisy { mean, noise }
+    }
+}
+
+/// What the colour of a surface with this albedo is divided by.
+fn divisor(albedo: f32) -> f32 {
+    let [min, max] = ALBEDO_RANGE;
+    albedo.clamp(min, max)
+}

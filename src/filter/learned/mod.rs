@@ -1,0 +1,291 @@
+//! The learned filter: a small network predicts, from the statistics of the samples, the kernels of an edge-avoiding filter
+//! and how its results are mixed with the image of `nlm`.
+//!
+//! The weights depend on the statistics only, so that the filter is linear in the samples' values. It was trained on
+//! random scenes (`training/`).
+//!
+//! 1. The image of `nlm` is made (preset `standard` only), and of fireflies what exceeds the median many times is clamped.
+//! 2. The network predicts kernels and weights of the mixture from the statistics.
+//! 3. Colour, with and without the albedo, and directly visible emission are filtered, level by level.
+//! 4. The results, the unfiltered image and that of `nlm` are mixed.
+//! 5. Where the samples contradict the result, it is blended with the image of `nlm`; in preset `draft` with the unfiltered one.
+//! 6. Light that was lost over a wide surrounding is given back.
+//! 7. Variance, residual and error follow from the halves, which are filtered with the same weights.
+
+mod affinity;
+mod brightness;
+mod convolution;
+mod mixture;
+mod network;
+mod safeguard;
+mod statistics;
+mod weights;
+
+use super::common::error_maps::ErrorMaps;
+use super::common::fireflies::{self, FireflyClamp, FireflySettings};
+use super::common::half_counts::HalfCounts;
+use super::common::interleaved_planes::InterleavedPlanes;
+use super::denoiser::{Cost, Denoiser, Reads, SampleVectors};
+use super::denoiser_name::DenoiserName;
+use super::nlm;
+use super::none::unfiltered;
+use super::result::{FilterResult, Reliability};
+use crate::image::Planes;
+use crate::stats::{Block, Part, Store};
+use convolution::MARGIN;
+use mixture::{Candidates, Noisy};
+use network::NETWORK;
+use statistics::Statistics;
+
+/// The learned filter with one of its presets.
+pub struct Learned {
+    preset: &'static str,
+    summary: &'static str,
+    cost: Cost,
+    /// Whether the image of `nlm` is one of the candidates.
+    is_mixed: bool,
+}
+
+/// The preset for the final image.
+pub static STANDARD: Learned = Learned {
+    preset: "standard",
+    summary: "Kernels that a small network predicts, mixed with nlm",
+    cost: Cost { core_seconds: 12e-6, bytes: 1600, pass_time: 6.0, is_per_sample: false },
+    is_mixed: true,
+};
+
+/// The preset for interim passes.
+pub static DRAFT: Learned = Learned {
+    preset: "draft",
+    summary: "The same without nlm: for passes between batches",
+    cost: Cost { core_seconds: 6e-6, bytes: 1200, pass_time: 3.0, is_per_sample: false },
+    is_mixed: false,
+};
+
+impl Denoiser for Learned {
+    fn name(&self) -> DenoiserName {
+        DenoiserName { method: "learned", preset: Some(self.preset) }
+    }
+
+    fn summary(&self) -> &'static str {
+        self.summary
+    }
+
+    fn reads(&self) -> Reads {
+        let blocks = &[
+            Block::Colour,
+            Block::Position1,
+            Block::Normal1,
+            Block::Albedo,
+            Block::Normal2,
+            Block::Radiance,
+            Block::Emission,
+            Block::Hit,
+        ];
+        Reads { blocks, sample_vectors: SampleVectors::None }
+    }
+
+    fn cost(&self) -> Cost {
+        self.cost
+    }
+
+    fn reach(&self) -> usize {
+        // Of the filter; what the network sees reaches further.
+        31
+    }
+
+    fn stand_in(&self) -> &'static dyn Denoiser {
+        &DRAFT
+    }
+
+    fn filter(&self, store: &Store, seed: u64) -> FilterResult {
+        let hand_made = self.is_mixed.then(|| nlm::STANDARD.filter(store, seed));
+        FilterResult { made_by: self.name(), ..filter(store, hand_made) }
+    }
+}
+
+/// The network knows fireflies; only the brightest ones, of which the least trace shows, are clamped.
+const FIREFLIES: FireflySettings =
+    FireflySettings { median_factor: 20.0, deviation_factor: 10.0, ..FireflySettings::DEFAULT };
+
+/// Filters a store. `hand_made` is the result of the hand-made filter.
+fn filter(store: &Store, hand_made: Option<FilterResult>) -> FilterResult {
+    let (width, height) = (store.width(), store.height());
+    let counts = HalfCounts::from_store(store);
+    let [a, b] = [0, 1].map(|half| store.means(Part::Half(half), store.layout().colour()));
+    let clamped = fireflies::clamp(&counts.mean([&a, &b]), [&a, &b], counts.integers(), &FIREFLIES);
+    let statistics = Statistics::from_store(store, &counts, &clamped);
+    let candidates = candidates(store, &counts, &statistics, clamped, hand_made);
+
+    // Filter the image
+    let inputs = statistics.inputs(candidates.hand_made.as_ref().map(|image| &image.mean));
+    let predicted = NETWORK.predict(&inputs, width, height);
+    let values = InterleavedPlanes::extended(&candidates.values(), MARGIN);
+    let hit = InterleavedPlanes::extended(&statistics.hit, MARGIN);
+    let mut mixed = candidates.mix(&predicted, &affinity::filter(&predicted, &hit, values));
+    let unfiltered_image = candidates.unfiltered();
+    let second = candidates.hand_made().unwrap_or_else(|| candidates.unfiltered());
+    safeguard::blend(&mut mixed, &second, &unfiltered_image, &counts);
+    brightness::restore(&mut mixed, &unfiltered_image, &counts);
+
+    // Estimate the error
+    let noisy = unfiltered(store);
+    let halves = mixed.halves(&counts);
+    let image = mixed.mean;
+    let radiance = store.layout().radiance();
+    let [mean, variance] =
+        [store.means(Part::Whole, radiance.clone()), store.variances(Part::Whole, radiance)];
+    let ErrorMaps { variance, residual, risk, error } = ErrorMaps::self_filtered(
+        &image,
+        [&halves[0], &halves[1]],
+        &mean,
+        &variance,
+        noisy.halves.each_ref(),
+        counts.integers(),
+    );
+    let reliability = Reliability::LEARNED;
+    FilterResult { image, halves, variance, error, residual, risk, reliability, ..noisy }
+}
+
+/// Collects what is filtered and mixed.
+fn candidates(
+    store: &Store,
+    counts: &HalfCounts,
+    statistics: &Statistics,
+    clamped: FireflyClamp,
+    hand_made: Option<FilterResult>,
+) -> Candidates {
+    let layout = store.layout();
+    let halves =
+        |dims: std::ops::Range<usize>| [0, 1].map(|half| store.means(Part::Half(half), dims.clone()));
+    let noisy = |mean: &Planes, halves| Noisy::new(mean.clone(), halves, counts);
+    let emission = layout.block(Block::Emission).map(|dims| noisy(&statistics.emission, halves(dims)));
+    let hand_made = hand_made.map(|result| {
+        let mut image = Noisy::new(result.image, result.halves, counts);
+        if let Some(emission) = &emission {
+            image.add_scaled(-1.0, emission);
+        }
+        image
+    });
+    let colour = noisy(&statistics.colour, clamped.halves);
+    Candidates { colour, emission, albedo: statistics.albedo.mean.clone(), hand_made }
+}
+
+#[cfg(test)]
+mod tests {
+    use rand::RngExt;
+    use safetensors::SafeTensors;
+
+    use super::statistics::Feature;
+    use super::*;
+    use crate::filter::synthetic::{store, wall};
+    use crate::stats::Layout;
+
+    /// Planes of the file that `training/export.py` writes with the weights.
+    fn exported(name: &str) -> Planes {
+        let file = SafeTensors::deserialize(include_bytes!("parity.safetensors")).unwrap();
+        let tensor = file.tensor(name).unwrap();
+        let &[count, height, width] = tensor.shape() else { panic!("three dimensions") };
+        let mut planes = Planes::new(width, height, count);
+        let (values, _) = tensor.data().as_chunks();
+        let values = values.iter().map(|&bytes| f32::from_le_bytes(bytes));
+        planes.data_mut().iter_mut().zip(values).for_each(|(out, value)| *out = value);
+        planes
+    }
+
+    #[test]
+    fn the_image_is_that_of_the_training_program() {
+        let plane = |name| exported(name).plane(0).to_vec();
+        let feature = |mean, deviation| Feature { mean: exported(mean), deviation: plane(deviation) };
+        let statistics = Statistics {
+            scale: 1.0,
+            colour: exported("colour"),
+            deviation: plane("deviation"),
+            difference: plane("difference"),
+            emission: exported("emission"),
+            albedo: feature("albedo", "albedo_deviation"),
+            normal: feature("normal", "normal_deviation"),
+            second_normal: exported("second_normal"),
+            position_deviation: plane("position_deviation"),
+            hit: exported("hit"),
+            count: plane("count"),
+        };
+        let noisy = |mean: &Planes| Noisy { mean: mean.clone(), noise: mean.clone() };
+        for name in ["mixed", "alone"] {
+            let hand_made = (name == "mixed").then(|| {
+                let mut image = noisy(&exported("nlm"));
+                image.add_scaled(-1.0, &noisy(&statistics.emission));
+                image
+            });
+            let candidates = Candidates {
+                colour: noisy(&statistics.colour),
+                emission: Some(noisy(&statistics.emission)),
+                albedo: statistics.albedo.mean.clone(),
+                hand_made,
+            };
+            let inputs = statistics.inputs(candidates.hand_made.as_ref().map(|image| &image.mean));
+            let expected = exported(name);
+            let predicted = NETWORK.predict(&inputs, expected.width(), expected.height());
+            let values = InterleavedPlanes::extended(&candidates.values(), MARGIN);
+            let hit = InterleavedPlanes::extended(&statistics.hit, MARGIN);
+            let mixed = candidates.mix(&predicted, &affinity::filter(&predicted, &hit, values));
+            for image in [&mixed.mean, &mixed.noise] {
+                for (found, expected) in image.data().iter().zip(expected.data()) {
+                    assert!((found - expected).abs() < 1e-3 * (1.0 + expected), "{name}: {found} {expected}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn noise_on_a_wall_is_removed_and_a_constant_is_exact() {
+        let layout = Layout::with_blocks(|block| matches!(block, Block::Albedo | Block::Normal1));
+        for is_noisy in [true, false] {
+            let store = store(
+                49,
+                38,
+                layout.clone(),
+                |_, _| 8,
+                |x, y, _, rng| {
+                    let light = if is_noisy { 2.0 * rng.random::<f32>() } else { 1.0 };
+                    wall(&layout, x, y, [light; 3], rng)
+                },
+            );
+            let noise = deviation(&store.means(Part::Whole, layout.colour()));
+            for denoiser in [&STANDARD, &DRAFT] {
+                let result = denoiser.filter(&store, 0);
+                assert_eq!(result.made_by, denoiser.name());
+                assert!(deviation(&result.image) <= 0.3 * noise, "{} of {noise}", deviation(&result.image));
+                assert!(is_noisy || result.variance.data().iter().all(|&v| v == 0.0));
+            }
+        }
+    }
+
+    /// Root of the mean squared deviation from 1.
+    fn deviation(image: &Planes) -> f32 {
+        let squares: f32 = image.data().iter().map(|v| (v - 1.0).powi(2)).sum();
+        (squares / image.data().len() as f32).sqrt()
+    }
+
+    #[test]
+    fn the_image_is_the_mean_of_its_halves_by_sample_counts() {
+        let layout = Layout::with_blocks(|_| false);
+        let noisy = store(
+            20,
+            20,
+            layout.clone(),
+            |x, y| [1, 2, 5, 16][(x + y) % 4],
+            |_, _, _, rng| {
+                let mut sample = vec![0.0; layout.len()];
+                layout.write(&mut sample, Block::Colour, &[0; 3].map(|_| rng.random::<f32>()));
+                sample
+            },
+        );
+        let FilterResult { image, halves: [a, b], .. } = DRAFT.filter(&noisy, 0);
+        let counts = HalfCounts::from_store(&noisy);
+        let mean = counts.mean([&a, &b]);
+        for (image, mean) in image.data().iter().zip(mean.data()) {
+            assert!((image - mean).abs() < 1e-5, "{image} {mean}");
+        }
+    }
+}

@@ -1,0 +1,130 @@
+//! The network that predicts the filter's kernels: a small U-Net (Ronneberger et al. 2015) at half the image's resolution,
+//! where 2×2 pixels are planes of one. `training/model.py` has the same in Python.
+
+use std::ops::Range;
+use std::sync::LazyLock;
+
+use rayon::prelude::*;
+
+use super::affinity::{LEVELS, PLANES_PER_LEVEL};
+use super::convolution::{Layer, MARGIN};
+use super::statistics::INPUTS;
+use super::weights::{Weights, WeightsError};
+use crate::filter::common::interleaved_planes::{InterleavedPlanes, extend};
+
+/// Where the weights of the mixture are among the predicted planes.
+pub const MIXTURE: Range<usize> = LEVELS * PLANES_PER_LEVEL..OUTPUTS;
+
+/// Predicted planes.
+const OUTPUTS: usize = LEVELS * PLANES_PER_LEVEL + 6;
+
+/// Width and height that the network works on are multiples of this: it halves the resolution three times after the input's.
+pub const ALIGNMENT: usize = 16;
+
+/// The network with the weights of this version.
+pub static NETWORK: LazyLock<Network> = LazyLock::new(|| {
+    Network::new(include_bytes!("weights.safetensors")).expect("the embedded weights are valid")
+});
+
+/// The layers, from fine to coarse and back.
+pub struct Network {
+    enter: Layer,
+    down: [[Layer; 2]; 2],
+    coarsest: Layer,
+    /// From coarse to fine.
+    up: [Layer; 3],
+    leave: Layer,
+}
+
+impl Network {
+    /// Reads weights.
+    ///
+    /// # Errors
+    /// If the bytes are no weights of this network.
+    pub fn new(bytes: &[u8]) -> Result<Self, WeightsError> {
+        let weights = Weights::new(bytes)?;
+        let layer = |name, inputs, outputs| weights.layer(name, 3, inputs, outputs);
+        Ok(Self {
+            enter: layer("enter", 4 * INPUTS, 48)?,
+            down: [
+                [layer("down1a", 48, 64)?, layer("down1b", 64, 64)?],
+                [layer("down2a", 64, 96)?, layer("down2b", 96, 96)?],
+            ],
+            coarsest: layer("down3", 96, 96)?,
+            up: [layer("up2", 96 + 96, 96)?, layer("up1", 96 + 64, 48)?, layer("up0", 48 + 48, 48)?],
+            leave: weights.layer("leave", 1, 48, 4 * OUTPUTS)?,
+        })
+    }
+
+    /// Predicts the filter of an image of `width`×`height` pixels, see [`MIXTURE`] and `affinity`. Margins have the values
+    /// of the nearest pixel. `inputs` are those of `Statistics::inputs`.
+    pub fn predict(&self, inputs: &InterleavedPlanes, width: usize, height: usize) -> InterleavedPlanes {
+        // Down
+        let fine = self.enter.activate(inputs);
+        let [middle, coarse] = &self.down;
+        let descend = |[a, b]: &[Layer; 2], x: &InterleavedPlanes| b.activate(&a.activate(&shrink(x)));
+        let middle = descend(middle, &fine);
+        let coarse = descend(coarse, &middle);
+        let coarsest = self.coarsest.activate(&shrink(&coarse));
+
+        // Up, each level beside what it was made of
+        let up = self.up.iter().zip([coarse, middle, fine]);
+        let last = up.fold(coarsest, |x, (layer, skipped)| layer.activate(&grow_beside(&x, &skipped)));
+        self.leave(&last, width, height)
+    }
+
+    /// Computes the outputs and takes four planes of one pixel to 2×2 pixels.
+    fn leave(&self, x: &InterleavedPlanes, width: usize, height: usize) -> InterleavedPlanes {
+        let mut out = InterleavedPlanes::new(width, height, OUTPUTS, MARGIN, 0.0);
+        let (stride, row_len) = (out.stride(), out.row_len());
+        let make_row = || vec![0.0; self.leave.outputs() * x.stride()];
+        out.data_mut().par_chunks_mut(2 * row_len).enumerate().for_each_init(make_row, |row, (y, out)| {
+            self.leave.convolve_row(x, y, row);
+            for (iy, out) in out.chunks_exact_mut(row_len).enumerate() {
+                for (plane, out) in out.chunks_exact_mut(stride).enumerate() {
+                    let source = |ix: usize| &row[((2 * iy + ix) * OUTPUTS + plane) * x.stride() + MARGIN..];
+                    let pairs = source(0).iter().zip(source(1));
+                    for (out, (&even, &odd)) in out[MARGIN..][..width].chunks_mut(2).zip(pairs) {
+                        out.copy_from_slice(&[even, odd][..out.len()]);
+                    }
+                    extend(out, MARGIN, width);
+                }
+            }
+        });
+        out
+    }
+}
+
+/// Means of 2×2 pixels.
+fn shrink(x: &InterleavedPlanes) -> InterleavedPlanes {
+    let (width, height) = (x.width() / 2, x.height() / 2);
+    let mut out = InterleavedPlanes::new(width, height, x.count(), MARGIN, 0.0);
+    let (stride, row_len) = (out.stride(), out.row_len());
+    out.data_mut().par_chunks_mut(row_len).enumerate().for_each(|(y, out)| {
+        for (plane, out) in out.chunks_exact_mut(stride).enumerate() {
+            let [a, b] = [0, 1].map(|iy| x.row(plane, 2 * y + iy).chunks_exact(2));
+            for (out, (a, b)) in out[MARGIN..][..width].iter_mut().zip(a.zip(b)) {
+                *out = 0.25 * (a[0] + a[1] + b[0] + b[1]);
+            }
+        }
+    });
+    out
+}
+
+/// The planes of an image of half the size, each pixel repeated, and after them those of another.
+fn grow_beside(small: &InterleavedPlanes, skipped: &InterleavedPlanes) -> InterleavedPlanes {
+    let (width, height) = (skipped.width(), skipped.height());
+    let mut out = InterleavedPlanes::new(width, height, small.count() + skipped.count(), MARGIN, 0.0);
+    let (stride, row_len) = (out.stride(), out.row_len());
+    out.data_mut().par_chunks_mut(row_len).enumerate().for_each(|(y, out)| {
+        let (grown, copied) = out.split_at_mut(small.count() * stride);
+        for (plane, out) in grown.chunks_exact_mut(stride).enumerate() {
+            let pairs = out[MARGIN..][..width].chunks_exact_mut(2);
+            pairs.zip(small.row(plane, y / 2)).for_each(|(out, &v)| out.fill(v));
+        }
+        for (plane, out) in copied.chunks_exact_mut(stride).enumerate() {
+            out[MARGIN..][..width].copy_from_slice(skipped.row(plane, y));
+        }
+    });
+    out
+}

@@ -1,0 +1,126 @@
+//! Takes back what the network did where the samples show that it was wrong, as on kinds of detail that it never saw.
+//!
+//! The image is F₂ + λ(F₁ − F₂), with the learned F₁ and an estimate F₂ that is never far off. Comparison of the filtered
+//! halves with the other halves' noisy values c, which they do not contain, tells the best λ as N/Q with
+//! N = Σ ρ D_h (c_{1−h} − F₂_h), Q = Σ ρ D_h², D = F₁ − F₂, ρ = 1/(F² + 0.01 F̄²), where the sums extend over halves,
+//! channels and, by a blur, surrounding pixels. This observation of λ has the variance V/Q², V = Σ ρ² D_h² v with the variance
+//! v of c. Before it λ is believed to be 1 with a deviation of [`DOUBT`].
+
+use rayon::prelude::*;
+
+use super::mixture::Noisy;
+use crate::filter::common::blur;
+use crate::filter::common::half_counts::HalfCounts;
+
+/// Deviation of λ from 1 that is expected without seeing the samples.
+const DOUBT: f32 = 0.25;
+
+/// Standard deviation of the blur, in pixels.
+const SIGMA: f32 = 4.0;
+
+/// Floor of the squared brightness in relative errors, in units of the squared mean of the image.
+const RELATIVE_FLOOR: f64 = 0.01;
+
+/// Blends the learned image with a second estimate. `noisy` is the unfiltered image.
+pub fn blend(learned: &mut Noisy, second: &Noisy, noisy: &Noisy, counts: &HalfCounts) {
+    let fraction = fraction_of_learned(learned, second, noisy, counts);
+    for (learned, second) in [(&mut learned.mean, &second.mean), (&mut learned.noise, &second.noise)] {
+        for (plane, second) in learned.planes_mut().zip(second.data().chunks(second.pixels().max(1))) {
+            let values = plane.iter_mut().zip(second).zip(&fraction);
+            values.for_each(|((value, second), fraction)| *value = second + fraction * (*value - second));
+        }
+    }
+}
+
+/// Computes λ for each pixel.
+fn fraction_of_learned(learned: &Noisy, second: &Noisy, noisy: &Noisy, counts: &HalfCounts) -> Vec<f32> {
+    let (width, height, pixels) = (noisy.mean.width(), noisy.mean.height(), noisy.mean.pixels());
+    let level = learned.mean.data().iter().map(|&v| f64::from(v.abs())).sum::<f64>();
+    let level = level / learned.mean.data().len().max(1) as f64;
+    let floor = ((RELATIVE_FLOOR * level * level) as f32).max(f32::MIN_POSITIVE);
+
+    // Sum over halves and channels. With the mean m and the noise e of a pixel the halves are m ± e
+    let [a, b] = counts.floats();
+    let mut sums = [(); 3].map(|()| vec![0.0; pixels]);
+    for c in 0..3 {
+        let planes = [learned, second, noisy].map(|image| [image.mean.plane(c), image.noise.plane(c)]);
+        let [n, q, v] = &mut sums;
+        let sums = n.par_iter_mut().zip(q).zip(v).enumerate().with_min_len(1024);
+        sums.for_each(|(i, ((n, q), v))| {
+            if a[i] == 0.0 || b[i] == 0.0 {
+                return;
+            }
+            let [[f1, e1], [f2, e2], [mean, noise]] = planes.map(|planes| planes.map(|plane| plane[i]));
+            let weight = 1.0 / (f1 * f1 + floor);
+            let (d, e) = (f1 - f2, e1 - e2);
+            *n += weight * (d * (mean - f2) - e * (noise + e2));
+            *q += weight * (d * d + e * e);
+            *v += weight * weight * (d * d + e * e) * noise * noise;
+        });
+    }
+    let [n, q, v] = sums.map(|plane| blur::gaussian(width, height, &plane, SIGMA));
+
+    // The variance of a blurred value is this part of the blurred variance
+    let of_variance = 1.0 / (4.0 * std::f32::consts::PI * SIGMA * SIGMA);
+    let believed = |i: usize| {
+        // Precision of the observation over that of the belief
+        let certainty = DOUBT * DOUBT * q[i] * q[i] / (of_variance * v[i]).max(f32::MIN_POSITIVE);
+        let observed = if q[i] > 0.0 { n[i] / q[i] } else { 1.0 };
+        if certainty.is_finite() && observed.is_finite() {
+            (1.0 + (observed - 1.0) * certainty / (1.0 + certainty)).clamp(0.0, 1.0)
+        } else {
+            1.0
+        }
+    };
+    (0..pixels).into_par_iter().map(believed).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use rand::{RngExt, SeedableRng};
+    use rand_pcg::Pcg32;
+
+    use super::*;
+    use crate::image::Planes;
+
+    const SIDE: usize = 48;
+
+    /// Returns λ in the middle of an image of stripes under noise of a deviation, where the learned image lacks the stripes
+    /// and the second one does, too, or has them.
+    fn fraction(noise: f32, second_has_stripes: bool) -> f32 {
+        let mut rng = Pcg32::seed_from_u64(1);
+        let stripe = |i: usize| 1.0 + 0.5 * (i % 2) as f32;
+        let image = |of: &mut dyn FnMut(usize) -> f32| {
+            let mut planes = Planes::new(SIDE, SIDE, 3);
+            (0..planes.data().len()).for_each(|i| planes.data_mut()[i] = of(i));
+            planes
+        };
+        let mut halves = [0, 1]
+            .map(|_| image(&mut |i| stripe(i) + noise * (rng.random::<f32>() + rng.random::<f32>() - 1.0)));
+        let counts = HalfCounts::new(SIDE, [vec![4; SIDE * SIDE], vec![4; SIDE * SIDE]]);
+        counts.fill_missing(&mut halves);
+        let noisy = Noisy::new(counts.mean([&halves[0], &halves[1]]), halves, &counts);
+        let flat = || Noisy { mean: image(&mut |_| 1.25), noise: image(&mut |_| 0.0) };
+        let striped = || Noisy { mean: image(&mut |i| stripe(i)), noise: image(&mut |_| 0.0) };
+        let (learned, second) = if second_has_stripes { (flat(), striped()) } else { (striped(), flat()) };
+        fraction_of_learned(&learned, &second, &noisy, &counts)[SIDE * SIDE / 2 + SIDE / 2]
+    }
+
+    #[test]
+    fn lost_detail_comes_back_if_the_noise_does_not_hide_it() {
+        assert!(fraction(0.1, true) < 0.05, "{}", fraction(0.1, true));
+        assert!(fraction(50.0, true) > 0.7, "{}", fraction(50.0, true));
+        assert!(fraction(0.1, false) > 0.95, "{}", fraction(0.1, false));
+    }
+
+    #[test]
+    fn without_samples_of_both_halves_the_learned_image_stays() {
+        let constant = |value: f32| {
+            let mut mean = Planes::new(3, 1, 3);
+            mean.data_mut().fill(value);
+            Noisy { noise: Planes::new(3, 1, 3), mean }
+        };
+        let counts = HalfCounts::new(3, [vec![1; 3], vec![0; 3]]);
+        assert_eq!(fraction_of_learned(&constant(1.0), &constant(2.0), &constant(2.0), &counts), [1.0; 3]);
+    }
+}

@@ -1,0 +1,202 @@
+//! What the network sees: statistics of a pixel's samples that do not change with the scene's brightness or size.
+
+use rayon::prelude::*;
+
+use super::convolution::MARGIN;
+use super::network::ALIGNMENT;
+use crate::filter::common::fireflies::{FireflyClamp, luminance};
+use crate::filter::common::half_counts::HalfCounts;
+use crate::filter::common::interleaved_planes::InterleavedPlanes;
+use crate::image::Planes;
+use crate::stats::{Block, Part, Store};
+
+/// Numbers per pixel that the network gets.
+pub const INPUTS: usize = 25;
+
+/// Smallest and largest albedo that colours are divided by.
+pub const ALBEDO_RANGE: [f32; 2] = [0.02, 64.0];
+
+/// Greatest magnitude of an input.
+const MAX_INPUT: f32 = 64.0;
+
+/// Luminances above this many times their median count as much when the unit of radiance is determined.
+const MAX_LUMINANCE: f32 = 8.0;
+
+/// Statistics of the samples. Deviations are those of the samples.
+pub struct Statistics {
+    /// Factor from radiance to units of the image's brightness.
+    pub scale: f32,
+    /// Without directly visible emission: 3 planes.
+    pub colour: Planes,
+    /// Deviation of the luminance.
+    pub deviation: Vec<f32>,
+    /// Difference of the luminances of the halves; 0 for a half without samples.
+    pub difference: Vec<f32>,
+    /// Directly visible emission: 3 planes.
+    pub emission: Planes,
+    pub albedo: Feature,
+    pub normal: Feature,
+    /// Normal of the second hit: 3 planes.
+    pub second_normal: Planes,
+    /// In units of its mean over the image.
+    pub position_deviation: Vec<f32>,
+    /// Fraction of the samples that hit a surface: 1 plane.
+    pub hit: Planes,
+    pub count: Vec<f32>,
+}
+
+/// Mean of a feature, 3 planes, and its deviation, mean of the axes.
+pub struct Feature {
+    pub mean: Planes,
+    pub deviation: Vec<f32>,
+}
+
+impl Statistics {
+    /// Reads the statistics of a store, its colours with clamped fireflies. Blocks that its layout lacks have the values of a white surface that does not vary.
+    pub fn from_store(store: &Store, counts: &HalfCounts, clamped: &FireflyClamp) -> Self {
+        let layout = store.layout();
+        let constant = |value: f32, planes| {
+            let mut constant = Planes::new(store.width(), store.height(), planes);
+            constant.data_mut().fill(value);
+            constant
+        };
+        let feature = |block, missing| match layout.block(block) {
+            Some(dims) => {
+                let (halves, variance) = store.halves(dims);
+                let deviation = per_pixel(&variance, |v| (v[0].sqrt() + v[1].sqrt() + v[2].sqrt()) / 3.0);
+                Feature { mean: filled_mean(counts, halves), deviation }
+            }
+            None => Feature { mean: constant(missing, 3), deviation: vec![0.0; store.pixels()] },
+        };
+        let mean = |block, missing, planes| match layout.block(block) {
+            Some(dims) => {
+                let halves = [0, 1].map(|half| store.means(Part::Half(half), dims.clone()));
+                filled_mean(counts, halves)
+            }
+            None => constant(missing, planes),
+        };
+
+        let variance = store.variances(Part::Whole, layout.colour());
+        let mut deviation = per_pixel(&variance, |v| luminance(v.map(f32::sqrt)));
+        clamped.fireflies.iter().for_each(|firefly| deviation[firefly.pixel] *= firefly.scale);
+        let [a, b] = clamped.halves.each_ref().map(|half| per_pixel(half, luminance));
+        let difference = a.iter().zip(&b).map(|(a, b)| a - b).collect();
+        let colour = filled_mean(counts, clamped.halves.clone());
+        let mut position_deviation = feature(Block::Position1, 0.0).deviation;
+        to_units_of_the_mean(&mut position_deviation);
+        Self {
+            scale: 1.0 / brightness(&per_pixel(&colour, luminance)),
+            colour,
+            deviation,
+            difference,
+            emission: mean(Block::Emission, 0.0, 3),
+            albedo: feature(Block::Albedo, 1.0),
+            normal: feature(Block::Normal1, 0.0),
+            second_normal: mean(Block::Normal2, 0.0, 3),
+            position_deviation,
+            hit: mean(Block::Hit, 1.0, 1),
+            count: store.count_plane().plane(0).to_vec(),
+        }
+    }
+
+    /// Returns the inputs of the network: planes at half the resolution, of the even and the odd rows' even and odd pixels.
+    /// The image is extended to a size that the network can halve. `nlm` is the image of the hand-made filter without
+    /// directly visible emission, in the unit of the colour: 3 planes.
+    pub fn inputs(&self, nlm: Option<&Planes>) -> InterleavedPlanes {
+        let (width, height) = (self.colour.width(), self.colour.height());
+        let [half_width, half_height] = [width, height].map(|size| size.next_multiple_of(ALIGNMENT) / 2);
+        let mut inputs = InterleavedPlanes::new(half_width, half_height, 4 * INPUTS, MARGIN, 0.0);
+        let (stride, row_len) = (inputs.stride(), inputs.row_len());
+        inputs.data_mut().par_chunks_mut(row_len).enumerate().for_each(|(y, row)| {
+            for (part, out) in row.chunks_exact_mut(INPUTS * stride).enumerate() {
+                let y = (2 * y + part / 2).min(height - 1);
+                for x in 0..half_width {
+                    let pixel = y * width + (2 * x + part % 2).min(width - 1);
+                    let planes = out[MARGIN + x..].iter_mut().step_by(stride);
+                    // The largest accepted values have ratios that are no numbers.
+                    let bounded = |v: f32| if v.is_nan() { 0.0 } else { v.clamp(-MAX_INPUT, MAX_INPUT) };
+                    planes.zip(self.at(pixel, nlm)).for_each(|(out, input)| *out = bounded(input));
+                }
+            }
+        });
+        inputs
+    }
+
+    /// Returns a pixel's inputs, numbers near 1.
+    fn at(&self, i: usize, nlm: Option<&Planes>) -> [f32; INPUTS] {
+        let rgb = |planes: &Planes| [0, 1, 2].map(|c| planes.plane(c)[i]);
+        let log = |v: f32| (1.0 + v).min(f32::MAX).ln();
+        let albedo = rgb(&self.albedo.mean);
+        let demodulated = |planes: &Planes| {
+            let colour = rgb(planes);
+            [0, 1, 2].map(|c| log(10.0 * self.scale * colour[c].max(0.0) / albedo[c].max(ALBEDO_RANGE[0])))
+        };
+        let level = self.scale * luminance(rgb(&self.colour));
+        let relative = |v: f32| log(10.0 / (level + 0.01) * (self.scale * v));
+        let count = self.count[i].max(1.0);
+        let [[c0, c1, c2], [m0, m1, m2]] = [demodulated(&self.colour), nlm.map_or([0.0; 3], demodulated)];
+        let ([n0, n1, n2], [s0, s1, s2]) = (rgb(&self.normal.mean), rgb(&self.second_normal));
+        [
+            c0,
+            c1,
+            c2,
+            log(10.0 * level),
+            relative(self.deviation[i] / count.sqrt()),
+            relative(self.difference[i].abs()),
+            albedo[0],
+            albedo[1],
+            albedo[2],
+            self.albedo.deviation[i],
+            n0,
+            n1,
+            n2,
+            self.normal.deviation[i],
+            s0,
+            s1,
+            s2,
+            log(self.position_deviation[i]),
+            self.hit.plane(0)[i],
+            log(self.scale * luminance(rgb(&self.emission))),
+            count.log2() / 6.0,
+            m0,
+            m1,
+            m2,
+            if nlm.is_some() { 1.0 } else { 0.0 },
+        ]
+    }
+}
+
+/// Mean of the halves, where pixels without samples have the values of their neighbours.
+fn filled_mean(counts: &HalfCounts, mut halves: [Planes; 2]) -> Planes {
+    counts.fill_missing(&mut halves);
+    counts.mean([&halves[0], &halves[1]])
+}
+
+/// Computes a value from the three planes of each pixel.
+fn per_pixel(planes: &Planes, of: impl Fn([f32; 3]) -> f32 + Sync) -> Vec<f32> {
+    let [r, g, b] = [0, 1, 2].map(|c| planes.plane(c));
+    (0..planes.pixels()).into_par_iter().map(|i| of([r[i], g[i], b[i]])).collect()
+}
+
+/// The unit of radiance: the mean luminance, where high ones are clamped. Pixels without light do not count for the median.
+fn brightness(luminances: &[f32]) -> f32 {
+    let mut lit: Vec<f32> = luminances.iter().copied().filter(|&v| v > 0.0).collect();
+    if lit.is_empty() {
+        return 1.0;
+    }
+    // With an even number, the mean of the two in the middle
+    let is_even = lit.len().is_multiple_of(2);
+    let middle = lit.len() / 2;
+    let (below, &mut upper, _) = lit.select_nth_unstable_by(middle, f32::total_cmp);
+    let lower = below.iter().copied().reduce(f32::max).filter(|_| is_even).unwrap_or(upper);
+    let max = MAX_LUMINANCE * (0.5 * lower + 0.5 * upper);
+    let sum: f64 = luminances.iter().map(|&v| f64::from(v.min(max))).sum();
+    ((sum / luminances.len() as f64) as f32).max(f32::MIN_POSITIVE)
+}
+
+fn to_units_of_the_mean(values: &mut [f32]) {
+    let mean = values.iter().map(|&v| f64::from(v)).sum::<f64>() / values.len().max(1) as f64;
+    if mean > 0.0 {
+        values.iter_mut().for_each(|v| *v = (f64::from(*v) / mean) as f32);
+    }
+}
