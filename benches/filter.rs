@@ -3,7 +3,7 @@
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use prpf::filter::prpf::{FAILURE_WINDOW, PRPF, filter, interpolation};
-use prpf::filter::{Denoiser, PrpfSettings, nlm};
+use prpf::filter::{Denoiser, PrpfSettings, learned, nlm};
 use prpf::stats::{Block, Layout, Store};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg32;
@@ -56,9 +56,11 @@ fn make(layout: &Layout, size: usize, x: usize, y: usize, rng: &mut Pcg32, sampl
 fn denoisers(c: &mut Criterion) {
     let mut group = c.benchmark_group("512×512");
     group.sample_size(10);
+    let denoisers: [&dyn Denoiser; 5] =
+        [&PRPF, &nlm::STANDARD, &nlm::DRAFT, &learned::STANDARD, &learned::DRAFT];
     for spp in [8, 64] {
         let store = store(512, spp);
-        for denoiser in [&PRPF as &dyn Denoiser, &nlm::STANDARD, &nlm::DRAFT] {
+        for denoiser in denoisers {
             group.bench_function(format!("{}, {spp} samples", denoiser.name()), |b| {
                 b.iter(|| denoiser.filter(&store, 1));
             });

@@ -1,15 +1,20 @@
 //! Makes stores of synthetic samples and filters them.
 
 use prpf::filter::prpf::PRPF;
-use prpf::filter::{Denoiser, FilterResult, nlm};
+use prpf::filter::{Denoiser, FilterResult, learned, nlm};
 use prpf::stats::{Block, Layout, Store};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg32;
 use rayon::prelude::*;
 
 /// The filters, by name.
-pub const FILTERS: [(&'static dyn Denoiser, &str); 3] =
-    [(&nlm::DRAFT, "nlm, draft"), (&nlm::STANDARD, "nlm"), (&PRPF, "prpf")];
+pub const FILTERS: [(&'static dyn Denoiser, &str); 5] = [
+    (&nlm::DRAFT, "nlm, draft"),
+    (&nlm::STANDARD, "nlm"),
+    (&learned::DRAFT, "learned, draft"),
+    (&learned::STANDARD, "learned"),
+    (&PRPF, "prpf"),
+];
 
 /// Reservoir capacity that P-RPF needs.
 const RESERVOIR: usize = 8;
