@@ -10,6 +10,7 @@ mod configuration;
 mod curves;
 mod effects;
 mod estimate_check;
+mod filters;
 mod ledger;
 mod paper;
 mod picture;
@@ -43,6 +44,7 @@ const EXPERIMENTS: &[(&str, Run)] = &[
     ("paper", paper::run),
     ("allocation", allocation::run),
     ("accuracy", accuracy::run),
+    ("filters", filters::run),
     ("effects", effects::run),
     ("stability", stability::run),
 ];

@@ -1,0 +1,184 @@
+//! Writes the report of the experiment `filters`.
+
+use std::collections::BTreeSet;
+
+use prpf::adaptive::Sampling;
+use prpf::filter::Denoiser;
+
+use super::Sample;
+use super::settings::Settings;
+use crate::report::{Report, median, number};
+use crate::session::Session;
+use crate::statistics::{self, Interval};
+
+/// What others are compared with: the better of the presets of Open Image Denoise, or `nlm` where it is missing.
+const REFERENCES: [&str; 2] = ["oidn", "nlm"];
+
+/// Errors, with their headings.
+const ERRORS: [(&str, &str); 3] = [
+    ("trimmed relmse", "relMSE without the worst 0.1 % of the pixels"),
+    ("relmse", "relMSE"),
+    ("flip", "ꟻLIP"),
+];
+
+/// A report in the making.
+struct Results<'a> {
+    settings: &'a Settings,
+    /// Names of the denoisers.
+    names: Vec<String>,
+    samples: &'a [Sample],
+    /// Method that others are compared with.
+    reference: &'static str,
+}
+
+/// Writes the report.
+pub fn write(
+    session: &Session,
+    settings: &Settings,
+    denoisers: &[&dyn Denoiser],
+    samples: &[Sample],
+) -> anyhow::Result<()> {
+    let names: Vec<String> = denoisers.iter().map(|denoiser| denoiser.name().to_string()).collect();
+    let is_there = |method: &&str| denoisers.iter().any(|denoiser| denoiser.name().method == *method);
+    let reference = REFERENCES.into_iter().find(is_there).expect("nlm is always there");
+    let results = Results { settings, names, samples, reference };
+
+    let mut report =
+        Report::new("Which denoiser makes the best image of the same samples?", &results.finding());
+    for (error, heading) in ERRORS {
+        report.section(heading);
+        report.paragraph(&format!(
+            "Over the better preset of `{reference}`, geometric mean over {} views and its 95 % interval. In brackets the \
+             largest ratio of a view. Samples are the same for all, adaptive ones driven by `nlm`.",
+            results.scenes().len()
+        ));
+        let rows = results.each(|sampling, spp| results.ratios_row(sampling, spp, error));
+        report.table(&results.head(&["samples", "spp"]), &rows);
+    }
+    report.section("View by view");
+    report.paragraph(
+        "relMSE without the worst 0.1 % of the pixels, uniform samples; ratios as above, of `learned standard` and \
+         `nlm standard`.",
+    );
+    let spps: Vec<String> = settings.spp.iter().map(u32::to_string).collect();
+    let head: Vec<&str> = ["view"].into_iter().chain(spps.iter().map(String::as_str)).collect();
+    report.table(&head, &results.view_rows());
+    report.section("Brightness");
+    report.paragraph("Mean over views of the image's deviation from the reference's mean, in per cent.");
+    let rows = results.each(|sampling, spp| results.brightness_row(sampling, spp));
+    report.table(&results.head(&["samples", "spp"]), &rows);
+    report.section("Time");
+    report.paragraph("Median seconds of a pass per million pixels.");
+    let seconds = results.names.iter().map(|name| number(results.seconds(name), 2)).collect();
+    report.table(&results.head(&[]), &[seconds]);
+    let seeds = format!("0 to {}", settings.seeds - 1);
+    report.write(session, &seeds)
+}
+
+impl Results<'_> {
+    fn finding(&self) -> String {
+        let ratio = |name: &str, spp| {
+            let ratios: Vec<f64> = self
+                .scenes()
+                .iter()
+                .map(|scene| self.ratio(scene, Sampling::Uniform, spp, name, "trimmed relmse"))
+                .collect();
+            number(statistics::geometric_mean(&ratios).mean, 2)
+        };
+        let of = |name: &str| {
+            let ratios = self.settings.spp.iter().map(|&spp| format!("{} at {spp}", ratio(name, spp)));
+            ratios.collect::<Vec<_>>().join(", ")
+        };
+        format!(
+            "With the same uniform samples `learned standard` has this error relative to the better preset of `{}` (relMSE \
+             without the worst 0.1 %, geometric mean over {} views, by samples per pixel): {}. `nlm standard` has {}.",
+            self.reference,
+            self.scenes().len(),
+            of("learned standard"),
+            of("nlm standard")
+        )
+    }
+
+    fn scenes(&self) -> BTreeSet<&str> {
+        self.samples.iter().map(|sample| sample.scene.as_str()).collect()
+    }
+
+    /// Rows for all kinds of samples.
+    fn each(&self, row: impl Fn(Sampling, u32) -> Vec<String>) -> Vec<Vec<String>> {
+        let kinds = [Sampling::Uniform, Sampling::Adaptive];
+        kinds
+            .into_iter()
+            .flat_map(|kind| self.settings.spp.iter().map(move |&spp| (kind, spp)))
+            .map(|(kind, spp)| row(kind, spp))
+            .collect()
+    }
+
+    fn head<'a>(&'a self, first: &[&'a str]) -> Vec<&'a str> {
+        first.iter().copied().chain(self.names.iter().map(String::as_str)).collect()
+    }
+
+    /// Mean over seeds of a quantity of a denoiser.
+    fn mean(&self, scene: &str, sampling: Sampling, spp: u32, name: &str, quantity: &str) -> f64 {
+        let is_meant = |s: &&Sample| s.scene == scene && s.sampling == sampling && s.spp == spp;
+        let key = format!("{name} {quantity}");
+        let values: Vec<f64> = self.samples.iter().filter(is_meant).map(|s| s.values[&key]).collect();
+        values.iter().sum::<f64>() / values.len() as f64
+    }
+
+    /// Error of a denoiser over that of the better preset of the reference.
+    fn ratio(&self, scene: &str, sampling: Sampling, spp: u32, name: &str, error: &str) -> f64 {
+        let presets = self.names.iter().filter(|other| other.split(' ').next() == Some(self.reference));
+        let best = presets
+            .map(|preset| self.mean(scene, sampling, spp, preset, error))
+            .fold(f64::INFINITY, f64::min);
+        self.mean(scene, sampling, spp, name, error) / best
+    }
+
+    fn ratios_row(&self, sampling: Sampling, spp: u32, error: &str) -> Vec<String> {
+        let cell = |name: &String| {
+            let ratios: Vec<f64> =
+                self.scenes().iter().map(|scene| self.ratio(scene, sampling, spp, name, error)).collect();
+            let Interval { mean, low, high } = statistics::geometric_mean(&ratios);
+            let largest = ratios.iter().copied().fold(0.0, f64::max);
+            let [mean, low, high, largest] = [mean, low, high, largest].map(|ratio| number(ratio, 2));
+            format!("{mean}, {low} to {high} ({largest})")
+        };
+        first_cells(sampling, spp).into_iter().chain(self.names.iter().map(cell)).collect()
+    }
+
+    fn brightness_row(&self, sampling: Sampling, spp: u32) -> Vec<String> {
+        let cell = |name: &String| {
+            let scenes = self.scenes();
+            let off = |scene: &&str| (self.mean(scene, sampling, spp, name, "brightness") - 1.0).abs();
+            number(100.0 * scenes.iter().map(off).sum::<f64>() / scenes.len() as f64, 2)
+        };
+        first_cells(sampling, spp).into_iter().chain(self.names.iter().map(cell)).collect()
+    }
+
+    fn view_rows(&self) -> Vec<Vec<String>> {
+        let row = |scene: &str| {
+            let cell = |&spp: &u32| {
+                let ratios = ["learned standard", "nlm standard"]
+                    .map(|name| number(self.ratio(scene, Sampling::Uniform, spp, name, "trimmed relmse"), 2));
+                ratios.join(" / ")
+            };
+            std::iter::once(scene.to_owned()).chain(self.settings.spp.iter().map(cell)).collect()
+        };
+        self.scenes().into_iter().map(row).collect()
+    }
+
+    /// Median seconds of a pass.
+    fn seconds(&self, name: &str) -> f64 {
+        let key = format!("{name} seconds");
+        median(self.samples.iter().map(|sample| sample.values[&key] / sample.pixels as f64 * 1e6))
+    }
+}
+
+/// The cells that say which samples a row is about.
+fn first_cells(sampling: Sampling, spp: u32) -> [String; 2] {
+    let sampling = match sampling {
+        Sampling::Uniform => "uniform",
+        Sampling::Adaptive => "adaptive",
+    };
+    [sampling.to_owned(), spp.to_string()]
+}
