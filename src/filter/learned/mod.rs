@@ -124,8 +124,9 @@ fn filter(store: &Store, hand_made: Option<FilterResult>) -> FilterResult {
     let hit = InterleavedPlanes::extended(&statistics.hit, MARGIN);
     let mut mixed = candidates.mix(&predicted, &affinity::filter(&predicted, &hit, values));
     let unfiltered_image = candidates.unfiltered();
-    let second = candidates.hand_made().unwrap_or_else(|| candidates.unfiltered());
-    safeguard::blend(&mut mixed, &second, &unfiltered_image, &counts);
+    let hand_made = candidates.hand_made();
+    let second = hand_made.as_ref().unwrap_or(&unfiltered_image);
+    safeguard::blend(&mut mixed, second, &unfiltered_image, &counts);
     brightness::restore(&mut mixed, &unfiltered_image, &counts);
 
     // Estimate the error
