@@ -9,6 +9,7 @@ mod read;
 #[cfg(test)]
 mod tests;
 mod write;
+mod zip;
 
 pub use attribute::Attribute;
 pub use read::{ExrInfo, read_channels, read_info, read_layer};

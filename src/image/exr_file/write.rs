@@ -4,6 +4,7 @@ use std::io::{Cursor, Write};
 use std::path::Path;
 
 use exr::block::UncompressedBlock;
+use exr::block::chunk::{Chunk, CompressedBlock, CompressedScanLineBlock};
 use exr::block::lines::LineRefMut;
 use exr::block::writer::ChunksWriter;
 use exr::compression::Compression;
@@ -15,7 +16,7 @@ use half::f16;
 use rayon::prelude::*;
 
 use super::attribute::{self, text};
-use super::{Attribute, Channel, Precision, Windows};
+use super::{Attribute, Channel, Precision, Windows, zip};
 use crate::files::replace_file;
 use crate::image::{ImageError, Problem};
 
@@ -54,22 +55,23 @@ pub fn encode(
     exr::block::write(&mut file, headers, true, |meta, writer| {
         let header = &meta.headers[0];
         let blocks: Vec<_> = meta.enumerate_ordered_header_block_indices().collect();
+        let [_, _, top, _] = windows.data;
         // This runs in rayon's current pool instead of one of the `exr` crate, so that `--threads`
         // applies.
         let chunks: Vec<_> = blocks
             .into_par_iter()
             .map(|(index, block)| {
-                let block = UncompressedBlock::from_lines(&header.channels, block, |line| {
+                let lines = UncompressedBlock::from_lines(&header.channels, block, |line| {
                     fill_line(line, &channels, windows.width());
                 });
-                block.compress_to_chunk(&meta.headers).map(|chunk| (index, chunk))
+                let compressed = CompressedScanLineBlock {
+                    y_coordinate: (top + block.pixel_position.y()) as i32,
+                    compressed_pixels_le: zip::compress(lines.data),
+                };
+                (index, Chunk { layer_index: 0, compressed_block: CompressedBlock::ScanLine(compressed) })
             })
             .collect();
-        for chunk in chunks {
-            let (index, chunk) = chunk?;
-            writer.write_chunk(index, chunk)?;
-        }
-        Ok(())
+        chunks.into_iter().try_for_each(|(index, chunk)| writer.write_chunk(index, chunk))
     })
     .map_err(|error| Problem::Unwritable(error.to_string()))?;
     let mut bytes = file.into_inner();
@@ -127,17 +129,19 @@ fn header(
         .with_attributes(own))
 }
 
-/// Converts one row of one channel to bytes of its stored type.
+/// Converts one row of one channel to little-endian bytes of its stored type.
 fn fill_line(line: LineRefMut, channels: &[&Channel], width: usize) {
     let channel = channels[line.location.channel];
     let Vec2(x, y) = line.location.position;
     let values = &channel.values[y * width + x..][..line.location.sample_count];
     match channel.precision {
-        Precision::Float => line.value.copy_from_slice(bytemuck::cast_slice(values)),
+        Precision::Float => {
+            let (out, _) = line.value.as_chunks_mut();
+            out.iter_mut().zip(values).for_each(|(bytes, value)| *bytes = value.to_le_bytes());
+        }
         Precision::Half => {
-            for (bytes, &value) in line.value.chunks_exact_mut(2).zip(values) {
-                bytes.copy_from_slice(&to_half(value).to_ne_bytes());
-            }
+            let (out, _) = line.value.as_chunks_mut();
+            out.iter_mut().zip(values).for_each(|(bytes, &value)| *bytes = to_half(value).to_le_bytes());
         }
     }
 }
