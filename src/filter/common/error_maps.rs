@@ -117,33 +117,38 @@ impl ErrorMaps {
         noisy_halves: [&Planes; 2],
         counts: [&[u32]; 2],
     ) -> Self {
-        let (width, height, pixels) = (image.width(), image.height(), image.pixels());
+        let (width, height) = (image.width(), image.height());
         let mut variance = Planes::new(width, height, 3);
         let mut risk = variance.clone();
         let mut residual = Planes::new(width, height, 1);
-        for i in 0..3 * pixels {
-            let pixel = i % pixels;
-            let f = halves.map(|half| half.data()[i]);
-            let c = noisy_halves.map(|half| half.data()[i]);
-            let n = counts.map(|counts| counts[pixel] as f32);
-            let v = 0.25 * (f[0] - f[1]).powi(2);
-            variance.data_mut()[i] = v;
-            if let Some(p) = fractions(n[0], n[1]) {
-                let squared = (c[0] - c[1]).powi(2);
-                let risk_of = |h: usize| p[h] * ((f[h] - c[1 - h]).powi(2) - p[h] * squared);
-                risk.data_mut()[i] = risk_of(0) + risk_of(1) - 4.0 * p[0] * p[1] * v;
-            }
-            // With less than two samples the variance is unknown, and the residual that of an unbiased filter.
-            let n = n[0] + n[1];
-            if n < 2.0 {
-                residual.data_mut()[pixel] += 1.0 / 3.0;
-                continue;
-            }
-            let noise = sample_variance.data()[i] / n;
-            let mean = mean.data()[i];
-            let squared = (image.data()[i] - mean).powi(2);
-            let expected = noise + v + MIN_RELATIVE_VARIANCE * mean * mean + f32::MIN_POSITIVE;
-            residual.data_mut()[pixel] += (squared / expected).min(MAX_RESIDUAL) / 3.0;
+        for (channel, (variance, risk)) in variance.planes_mut().zip(risk.planes_mut()).enumerate() {
+            let [image, mean, sample_variance] =
+                [image, mean, sample_variance].map(|planes| planes.plane(channel));
+            let (filtered, noisy) =
+                (halves.map(|half| half.plane(channel)), noisy_halves.map(|half| half.plane(channel)));
+            let maps = variance.par_iter_mut().zip(risk).zip(residual.data_mut());
+            maps.enumerate().with_min_len(width).for_each(|(i, ((variance, risk), residual))| {
+                let (f, c) = (filtered.map(|half| half[i]), noisy.map(|half| half[i]));
+                let n = counts.map(|counts| counts[i] as f32);
+                *variance = 0.25 * (f[0] - f[1]).powi(2);
+                if let Some(p) = fractions(n[0], n[1]) {
+                    let squared = (c[0] - c[1]).powi(2);
+                    let risk_of = |h: usize| p[h] * ((f[h] - c[1 - h]).powi(2) - p[h] * squared);
+                    *risk = risk_of(0) + risk_of(1) - 4.0 * p[0] * p[1] * *variance;
+                }
+                // With less than two samples the variance is unknown, and the residual that of an unbiased filter.
+                let n = n[0] + n[1];
+                if n < 2.0 {
+                    *residual += 1.0 / 3.0;
+                    return;
+                }
+                let squared = (image[i] - mean[i]).powi(2);
+                let expected = sample_variance[i] / n
+                    + *variance
+                    + MIN_RELATIVE_VARIANCE * mean[i] * mean[i]
+                    + f32::MIN_POSITIVE;
+                *residual += (squared / expected).min(MAX_RESIDUAL) / 3.0;
+            });
         }
         Self { error: error(&variance, &risk), variance, residual, risk }
     }

@@ -1,5 +1,7 @@
 //! Sample counts of the two halves of the samples, and the operations on images of the halves that depend on them.
 
+use rayon::prelude::*;
+
 use super::hole_filling::HoleFilling;
 use crate::image::Planes;
 use crate::stats::{Part, Store};
@@ -35,9 +37,9 @@ impl HalfCounts {
     }
 
     /// Fractions of the samples that the halves have, pixel by pixel; 0 without samples.
-    pub fn fractions(&self) -> impl Iterator<Item = [f32; 2]> {
+    pub fn fractions(&self) -> impl IndexedParallelIterator<Item = [f32; 2]> {
         let [a, b] = &self.floats;
-        a.iter().zip(b).map(|(a, b)| [a, b].map(|n| n / (a + b).max(1.0)))
+        a.par_iter().zip(b).map(|(a, b)| [a, b].map(|n| n / (a + b).max(1.0)))
     }
 
     /// Whether a pixel has at least two samples, without which every sample variance is 0.
@@ -50,10 +52,12 @@ impl HalfCounts {
     pub fn mean(&self, halves: [&Planes; 2]) -> Planes {
         let mut mean = halves[0].clone();
         for (plane, b) in mean.planes_mut().zip(halves[1].data().chunks(halves[1].pixels().max(1))) {
-            for (((a, &b), &n_a), &n_b) in plane.iter_mut().zip(b).zip(&self.floats[0]).zip(&self.floats[1]) {
+            let values =
+                plane.par_iter_mut().with_min_len(1024).zip(b).zip(&self.floats[0]).zip(&self.floats[1]);
+            values.for_each(|(((a, &b), &n_a), &n_b)| {
                 let fraction = if n_a + n_b > 0.0 { n_b / (n_a + n_b) } else { 0.5 };
                 *a += fraction * (b - *a);
-            }
+            });
         }
         mean
     }
@@ -64,13 +68,12 @@ impl HalfCounts {
         let [a, b] = halves;
         let pixels = a.pixels().max(1);
         for (a, b) in a.data_mut().chunks_mut(pixels).zip(b.data_mut().chunks_mut(pixels)) {
-            for (((a, b), &n_a), &n_b) in a.iter_mut().zip(b).zip(&self.floats[0]).zip(&self.floats[1]) {
-                match (n_a > 0.0, n_b > 0.0) {
-                    (true, false) => *b = *a,
-                    (false, true) => *a = *b,
-                    _ => {}
-                }
-            }
+            let values = a.par_iter_mut().with_min_len(1024).zip(b).zip(&self.floats[0]).zip(&self.floats[1]);
+            values.for_each(|(((a, b), &n_a), &n_b)| match (n_a > 0.0, n_b > 0.0) {
+                (true, false) => *b = *a,
+                (false, true) => *a = *b,
+                _ => {}
+            });
         }
         halves.iter_mut().for_each(|half| self.holes.fill(half));
     }

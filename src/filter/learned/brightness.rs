@@ -41,10 +41,11 @@ pub fn restore(filtered: &mut Noisy, noisy: &Noisy, counts: &HalfCounts) {
         let change = loss / (1.0 + uncertainty / (USUAL_LOSS * USUAL_LOSS));
         if change.is_finite() { 1.0 + change.max(-0.5) } else { 1.0 }
     };
-    let factors: Vec<f32> = (0..pixels).map(factor).collect();
+    let factors: Vec<f32> = (0..pixels).into_par_iter().with_min_len(1024).map(factor).collect();
     for planes in [&mut filtered.mean, &mut filtered.noise] {
         for plane in planes.planes_mut() {
-            plane.iter_mut().zip(&factors).for_each(|(v, factor)| *v *= factor);
+            let values = plane.par_iter_mut().with_min_len(1024).zip(&factors);
+            values.for_each(|(v, factor)| *v *= factor);
         }
     }
 }

@@ -22,7 +22,7 @@ impl Noisy {
         counts.fill_missing(&mut halves);
         let [mut noise, b] = halves;
         for (noise, b) in noise.planes_mut().zip(b.data().chunks(b.pixels().max(1))) {
-            let values = noise.iter_mut().zip(b).zip(counts.fractions());
+            let values = noise.par_iter_mut().with_min_len(1024).zip(b).zip(counts.fractions());
             values.for_each(|((noise, b), [p_a, p_b])| *noise = (p_a * p_b).sqrt() * (*noise - b));
         }
         Self { mean, noise }
@@ -34,11 +34,12 @@ impl Noisy {
             let mut image = self.mean.clone();
             for (image, noise) in image.planes_mut().zip(self.noise.data().chunks(self.noise.pixels().max(1)))
             {
-                for ((value, noise), p) in image.iter_mut().zip(noise).zip(counts.fractions()) {
+                let values = image.par_iter_mut().with_min_len(1024).zip(noise).zip(counts.fractions());
+                values.for_each(|((value, noise), p)| {
                     // Without samples of both halves the noise is not known.
                     let factor = if p[half] > 0.0 { (p[1 - half] / p[half]).sqrt() } else { 0.0 };
                     *value += sign * factor * noise;
-                }
+                });
             }
             image
         })
@@ -47,7 +48,8 @@ impl Noisy {
     /// Adds another image, multiplied by a factor.
     pub fn add_scaled(&mut self, factor: f32, other: &Self) {
         for (sum, term) in [(&mut self.mean, &other.mean), (&mut self.noise, &other.noise)] {
-            sum.data_mut().iter_mut().zip(term.data()).for_each(|(sum, &term)| *sum += factor * term);
+            let values = sum.data_mut().par_iter_mut().with_min_len(1024).zip(term.data());
+            values.for_each(|(sum, &term)| *sum += factor * term);
         }
     }
 
@@ -130,7 +132,8 @@ impl Candidates {
         };
         let emissions = self.emission.as_ref().map(Noisy::parts);
         for (part, colour) in self.colour.parts().into_iter().enumerate() {
-            let demodulated = next().iter_mut().zip(colour.data()).zip(self.albedo.data());
+            let demodulated =
+                next().par_iter_mut().with_min_len(1024).zip(colour.data()).zip(self.albedo.data());
             demodulated.for_each(|((out, colour), &albedo)| *out = colour / divisor(albedo));
             next().copy_from_slice(colour.data());
             if let Some(emissions) = emissions {

@@ -26,7 +26,7 @@ pub fn blend(learned: &mut Noisy, second: &Noisy, noisy: &Noisy, counts: &HalfCo
     let fraction = fraction_of_learned(learned, second, noisy, counts);
     for (learned, second) in [(&mut learned.mean, &second.mean), (&mut learned.noise, &second.noise)] {
         for (plane, second) in learned.planes_mut().zip(second.data().chunks(second.pixels().max(1))) {
-            let values = plane.iter_mut().zip(second).zip(&fraction);
+            let values = plane.par_iter_mut().with_min_len(1024).zip(second).zip(&fraction);
             values.for_each(|((value, second), fraction)| *value = second + fraction * (*value - second));
         }
     }
