@@ -24,6 +24,8 @@ struct Sample {
     pixels: usize,
     sampling: Sampling,
     spp: u32,
+    /// Expected relMSE of the reference itself.
+    reference_relmse: f64,
     /// `DENOISER QUANTITY`, with the errors of [`TestScene::errors`], `brightness` relative to the reference's and `seconds`.
     values: Values,
 }
@@ -46,7 +48,8 @@ pub fn run(session: &mut Session) -> anyhow::Result<()> {
                     let trial = Trial::new(sampling, &nlm::STANDARD, spp, seed);
                     let values = measure(session, &test_scene, &accel, &trial, &denoisers)?;
                     let (scene, pixels) = (test_scene.name.clone(), test_scene.reference.image.pixels());
-                    samples.push(Sample { scene, pixels, sampling, spp, values });
+                    let reference_relmse = test_scene.reference.relmse;
+                    samples.push(Sample { scene, pixels, sampling, spp, reference_relmse, values });
                 }
             }
         }

@@ -21,6 +21,9 @@ const ERRORS: [(&str, &str); 3] = [
     ("flip", "ꟻLIP"),
 ];
 
+/// Errors below this fraction of the reference's own relMSE are its noise rather than the image's error.
+const MEASURABLE: f64 = 0.2;
+
 /// A report in the making.
 struct Results<'a> {
     settings: &'a Settings,
@@ -49,11 +52,14 @@ pub fn write(
         report.section(heading);
         report.paragraph(&format!(
             "Over the better preset of `{reference}`, geometric mean over {} views and its 95 % interval. In brackets the \
-             largest ratio of a view. Samples are the same for all, adaptive ones driven by `nlm`.",
+             largest ratio of a view. Samples are the same for all, adaptive ones driven by `nlm`. Views are left out where \
+             one of the errors is less than {MEASURABLE} of the reference's own; the last column counts those that are left.",
             results.scenes().len()
         ));
         let rows = results.each(|sampling, spp| results.ratios_row(sampling, spp, error));
-        report.table(&results.head(&["samples", "spp"]), &rows);
+        let mut head = results.head(&["samples", "spp"]);
+        head.push("views");
+        report.table(&head, &rows);
     }
     report.section("View by view");
     report.paragraph(
@@ -78,11 +84,7 @@ pub fn write(
 impl Results<'_> {
     fn finding(&self) -> String {
         let ratio = |name: &str, spp| {
-            let ratios: Vec<f64> = self
-                .scenes()
-                .iter()
-                .map(|scene| self.ratio(scene, Sampling::Uniform, spp, name, "trimmed relmse"))
-                .collect();
+            let ratios = self.ratios(Sampling::Uniform, spp, name, "trimmed relmse");
             number(statistics::geometric_mean(&ratios).mean, 2)
         };
         let of = |name: &str| {
@@ -134,16 +136,34 @@ impl Results<'_> {
         self.mean(scene, sampling, spp, name, error) / best
     }
 
+    /// Whether the reference tells the errors of all denoisers from its own.
+    fn is_measurable(&self, scene: &str, sampling: Sampling, spp: u32, error: &str) -> bool {
+        let Some(sample) = self.samples.iter().find(|sample| sample.scene == scene) else { return false };
+        let smallest = match error {
+            // It has no error of its own to take off
+            "flip" => 0.0,
+            _ => MEASURABLE * sample.reference_relmse,
+        };
+        self.names.iter().all(|name| self.mean(scene, sampling, spp, name, error) >= smallest)
+    }
+
+    /// The ratios of a denoiser in all views where they can be measured.
+    fn ratios(&self, sampling: Sampling, spp: u32, name: &str, error: &str) -> Vec<f64> {
+        let scenes = self.scenes().into_iter();
+        let measurable = scenes.filter(|scene| self.is_measurable(scene, sampling, spp, error));
+        measurable.map(|scene| self.ratio(scene, sampling, spp, name, error)).collect()
+    }
+
     fn ratios_row(&self, sampling: Sampling, spp: u32, error: &str) -> Vec<String> {
         let cell = |name: &String| {
-            let ratios: Vec<f64> =
-                self.scenes().iter().map(|scene| self.ratio(scene, sampling, spp, name, error)).collect();
+            let ratios = self.ratios(sampling, spp, name, error);
             let Interval { mean, low, high } = statistics::geometric_mean(&ratios);
             let largest = ratios.iter().copied().fold(0.0, f64::max);
             let [mean, low, high, largest] = [mean, low, high, largest].map(|ratio| number(ratio, 2));
             format!("{mean}, {low} to {high} ({largest})")
         };
-        first_cells(sampling, spp).into_iter().chain(self.names.iter().map(cell)).collect()
+        let views = self.ratios(sampling, spp, &self.names[0], error).len().to_string();
+        first_cells(sampling, spp).into_iter().chain(self.names.iter().map(cell)).chain([views]).collect()
     }
 
     fn brightness_row(&self, sampling: Sampling, spp: u32) -> Vec<String> {
@@ -158,6 +178,9 @@ impl Results<'_> {
     fn view_rows(&self) -> Vec<Vec<String>> {
         let row = |scene: &str| {
             let cell = |&spp: &u32| {
+                if !self.is_measurable(scene, Sampling::Uniform, spp, "trimmed relmse") {
+                    return "–".to_owned();
+                }
                 let ratios = ["learned standard", "nlm standard"]
                     .map(|name| number(self.ratio(scene, Sampling::Uniform, spp, name, "trimmed relmse"), 2));
                 ratios.join(" / ")
