@@ -51,7 +51,7 @@ pub fn write(
     for (error, heading) in ERRORS {
         report.section(heading);
         report.paragraph(&format!(
-            "Over the better preset of `{reference}`, geometric mean over {} views and its 95 % interval. In brackets the \
+            "Over the better preset of `{reference}`, geometric mean over up to {} views and its 95 % interval. In brackets the \
              largest ratio of a view. Samples are the same for all, adaptive ones driven by `nlm`. Views are left out where \
              one of the errors is less than {MEASURABLE} of the reference's own; the last column counts those that are left.",
             results.scenes().len()
@@ -93,7 +93,7 @@ impl Results<'_> {
         };
         format!(
             "With the same uniform samples `learned standard` has this error relative to the better preset of `{}` (relMSE \
-             without the worst 0.1 %, geometric mean over {} views, by samples per pixel): {}. `nlm standard` has {}.",
+             without the worst 0.1 %, geometric mean over up to {} views, by samples per pixel): {}. `nlm standard` has {}.",
             self.reference,
             self.scenes().len(),
             of("learned standard"),
