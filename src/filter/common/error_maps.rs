@@ -52,11 +52,27 @@ pub struct FilteredPart<'a> {
     pub filtered: &'a [LinearEstimate; 2],
 }
 
-impl FilteredPart<'_> {
-    /// Returns the noisy and the filtered values of both halves at a pixel of a channel.
-    fn at(&self, channel: usize, i: usize) -> [[f32; 2]; 2] {
-        let noisy = [0, 1].map(|h| self.noisy.mean[h].plane(channel)[i]);
-        [noisy, [0, 1].map(|h| self.filtered[h].value.plane(channel)[i])]
+/// A channel of a part: of both halves the noisy and the filtered values, and the filter derivatives.
+struct PartChannel<'a> {
+    noisy: [&'a [f32]; 2],
+    filtered: [&'a [f32]; 2],
+    derivative: [&'a [f32]; 2],
+}
+
+impl<'a> FilteredPart<'a> {
+    fn channel(self, channel: usize) -> PartChannel<'a> {
+        PartChannel {
+            noisy: self.noisy.mean.each_ref().map(|mean| mean.plane(channel)),
+            filtered: self.filtered.each_ref().map(|half| half.value.plane(channel)),
+            derivative: self.filtered.each_ref().map(|half| half.derivative.as_slice()),
+        }
+    }
+}
+
+impl PartChannel<'_> {
+    /// Returns the noisy and the filtered values and the derivatives of both halves at a pixel.
+    fn at(&self, i: usize) -> [[f32; 2]; 3] {
+        [self.noisy, self.filtered, self.derivative].map(|halves| halves.map(|half| half[i]))
     }
 }
 
@@ -65,18 +81,18 @@ impl ErrorMaps {
     pub fn cross_filtered(colour: FilteredPart, emission: Option<FilteredPart>, counts: &HalfCounts) -> Self {
         let (width, height) = (colour.noisy.mean[0].width(), colour.noisy.mean[0].height());
         let [n_a, n_b] = counts.floats();
-        let derivative = |part: &FilteredPart, i: usize| [0, 1].map(|h| part.filtered[h].derivative[i]);
         let mut variance = Planes::new(width, height, 3);
         let mut risk = variance.clone();
         let mut residual = Planes::new(width, height, 1);
         for (channel, (variance, risk)) in variance.planes_mut().zip(risk.planes_mut()).enumerate() {
-            let [v_a, v_b] = [0, 1].map(|h| colour.noisy.variance[h].plane(channel));
+            let [v_a, v_b] = colour.noisy.variance.each_ref().map(|half| half.plane(channel));
+            let colour = colour.channel(channel);
+            let emission = emission.map(|emission| emission.channel(channel));
             let maps = variance.par_iter_mut().zip(risk).zip(residual.data_mut());
             maps.enumerate().with_min_len(width).for_each(|(i, ((variance, risk), residual))| {
-                let [c, f] = colour.at(channel, i);
-                let [emitted, shown] = emission.map_or([[0.0; 2]; 2], |emission| emission.at(channel, i));
-                let a = derivative(&colour, i);
-                let a_emission = emission.map_or([0.0; 2], |emission| derivative(&emission, i));
+                let [c, f, a] = colour.at(i);
+                let [emitted, shown, a_emission] =
+                    emission.as_ref().map_or([[0.0; 2]; 3], |emission| emission.at(i));
 
                 // Compare the change by the filter with its expectation. 0/0 is a pixel without noise that
                 // did not change
