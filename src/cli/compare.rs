@@ -5,11 +5,10 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, ensure};
 use clap::Args;
-use serde::Serialize;
 
 use super::output_paths::{are_distinct, can_be_written};
 use crate::image::metrics::{BLOCK_SIDE, Pair};
-use crate::image::{OutputFormat, read_rgb};
+use crate::image::{Comparison, OutputFormat, read_rgb};
 use crate::image::{Planes, Problem, exr_file, png_file};
 
 /// Exit status when the images were compared and no limit was passed.
@@ -55,20 +54,6 @@ fn parse_limit(text: &str) -> Result<f64, String> {
     }
 }
 
-/// What `--json` prints.
-#[derive(Clone, Debug, Serialize)]
-struct Comparison {
-    mse: f64,
-    relmse: f64,
-    block_relmse: f64,
-    psnr: f64,
-    ssim: f64,
-    flip: f64,
-    mean_ratio: f64,
-    /// Number of pixels that all of these exclude.
-    excluded_pixels: usize,
-}
-
 /// Compares, prints, and returns the exit status.
 ///
 /// # Errors
@@ -87,19 +72,9 @@ pub fn run(args: &CompareArgs) -> anyhow::Result<u8> {
         .with_context(|| format!("{} and {}", args.image.display(), args.reference.display()))?;
 
     // Compare them
-    let flip = pair.flip();
-    let comparison = Comparison {
-        mse: pair.mse(),
-        relmse: pair.relmse(),
-        block_relmse: pair.block_relmse(),
-        psnr: pair.psnr(),
-        ssim: pair.ssim(),
-        flip: flip.mean,
-        mean_ratio: pair.mean_ratio(),
-        excluded_pixels: pair.excluded(),
-    };
+    let comparison = Comparison::new(&pair);
     if let Some(path) = &args.error_image {
-        png_file::write_srgb8(path, image.width(), image.height(), &flip.colours())?;
+        png_file::write_srgb8(path, image.width(), image.height(), &comparison.flip_map.colours())?;
     }
 
     // Print the comparison
@@ -294,16 +269,7 @@ mod tests {
     fn json_has_the_promised_keys_and_no_infinity() {
         let (image, reference) = (filled(4, 4, &[0.5; 3]), filled(4, 4, &[0.5; 3]));
         let pair = Pair::new(&image, &reference).unwrap();
-        let comparison = Comparison {
-            mse: pair.mse(),
-            relmse: pair.relmse(),
-            block_relmse: pair.block_relmse(),
-            psnr: pair.psnr(),
-            ssim: pair.ssim(),
-            flip: pair.flip().mean,
-            mean_ratio: pair.mean_ratio(),
-            excluded_pixels: pair.excluded(),
-        };
+        let comparison = Comparison::new(&pair);
         let json = serde_json::to_value(&comparison).unwrap();
         for (key, value) in [("mse", 0.0), ("relmse", 0.0), ("ssim", 1.0), ("flip", 0.0), ("mean_ratio", 1.0)]
         {

@@ -10,8 +10,10 @@
 //! | [`read_rgb()`] | any supported file, by its content |
 //! | [`tone`] | the sRGB transfer curve |
 //! | [`metrics`], [`perceptual`] | errors of an image with respect to a reference |
+//! | [`Comparison`] | all of these at once |
 //! | [`error`] | [`ImageError`], an image file and its problem |
 
+mod comparison;
 pub mod error;
 pub mod exr_file;
 pub mod metrics;
@@ -22,6 +24,7 @@ pub mod png_file;
 mod read_rgb;
 pub mod tone;
 
+pub use comparison::Comparison;
 pub use error::{ImageError, Problem};
 pub use output_format::OutputFormat;
 pub use planes::Planes;

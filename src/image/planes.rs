@@ -62,6 +62,11 @@ impl Planes {
         &mut self.data
     }
 
+    /// Returns all planes, one after the other, without a copy.
+    pub fn into_data(self) -> Vec<f32> {
+        self.data
+    }
+
     /// Iterates over the planes.
     pub fn planes_mut(&mut self) -> std::slice::ChunksMut<'_, f32> {
         let pixels = self.pixels().max(1);
