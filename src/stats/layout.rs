@@ -121,6 +121,11 @@ const ALL: [(Block, &[Dimension]); 14] = {
     ]
 };
 
+/// The names of the dimensions of each block, in the order of a sample.
+pub fn block_names() -> impl Iterator<Item = Vec<&'static str>> {
+    ALL.iter().map(|(_, dimensions)| dimensions.iter().map(|dimension| dimension.name).collect())
+}
+
 /// Number of dimensions of a sample with all blocks enabled.
 pub const MAX_DIMENSIONS: usize = {
     let (mut sum, mut i) = (0, 0);
@@ -188,6 +193,11 @@ impl Layout {
         let layout = Self::with_blocks(|block| ALL[block as usize].1.iter().all(|d| named(d.name)));
         let same = layout.dimensions.iter().map(|d| d.name).eq(names.iter().map(AsRef::as_ref));
         same.then_some(layout)
+    }
+
+    /// The names of the dimensions, in the order of a sample.
+    pub fn names(&self) -> impl ExactSizeIterator<Item = &'static str> {
+        self.dimensions.iter().map(|dimension| dimension.name)
     }
 
     /// Length of a sample: the number of enabled dimensions, auxiliary ones included.

@@ -5,15 +5,19 @@
 //! of two independent halves; and for each pixel a bounded reservoir of whole sample vectors. It does
 //! not depend on a renderer.
 
+mod columns;
 mod layout;
 mod moments;
 mod part;
 mod reservoir;
 mod row;
+mod sample_rectangle;
 mod store;
 
+pub use columns::{ColumnError, Columns};
 pub use layout::{Block, Dimension, Feature, Group, Layout, MAX_DIMENSIONS};
 pub use moments::Moments;
 pub use part::Part;
 pub use row::{LARGEST_VALUE, PIXEL_BLOCK, PixelBlockValues, Row, RowError};
+pub use sample_rectangle::{RectangleError, SampleRectangle};
 pub use store::Store;
