@@ -18,11 +18,13 @@ pub fn run(mut render_loop: RenderLoop, host: &mut dyn Host) -> Outcome {
         match render_loop.next_action(&conditions) {
             Action::Filter(denoiser) => {
                 let filtered = render_loop.interim_pass(denoiser).run();
+                host.complete_pass(&filtered, render_loop.store());
                 render_loop.complete_interim(filtered);
             }
             Action::Finish(stopped_by) => {
                 render_loop.save(host);
                 let filtered = render_loop.final_pass(&conditions).run();
+                host.complete_pass(&filtered, render_loop.store());
                 return render_loop.finish(filtered, stopped_by);
             }
             action => {

@@ -1,6 +1,9 @@
-//! What the driver of a render loop asks of the program around it: progress, interruption, checkpoints.
+//! What the driver of a render loop asks of the program around it: progress, filter passes, interruption, checkpoints.
+
+use std::sync::Arc;
 
 use super::checkpoint::Checkpoint;
+use super::filter_pass::Filtered;
 use super::record::Progress;
 use super::settings::Settings;
 use crate::filter::FilterResult;
@@ -10,6 +13,9 @@ use crate::stats::Store;
 pub trait Host {
     /// Called after every step.
     fn listen(&mut self, _progress: &Progress) {}
+
+    /// Called after every filter pass, the last one included, with its result and the store that it filtered.
+    fn complete_pass(&mut self, _filtered: &Filtered, _store: &Arc<Store>) {}
 
     /// Returns whether the render should end soon.
     fn is_interrupted(&self) -> bool {
