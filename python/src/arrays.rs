@@ -1,0 +1,136 @@
+//! Converts between numpy arrays and the library's planes.
+//!
+//! Results become arrays without a copy: an image is a view of its planes with the axes (row, column, channel). Arguments
+//! are copied only if they are not yet contiguous arrays of the right type.
+
+use numpy::{PyArray1, PyArrayDyn, PyArrayMethods, PyUntypedArrayMethods};
+use prpf::image::Planes;
+use pyo3::exceptions::PyTypeError;
+use pyo3::prelude::*;
+
+use crate::errors::value_error;
+
+/// Returns planes as an array of shape (height, width, planes).
+pub fn image(py: Python, planes: Planes) -> PyResult<Py<PyAny>> {
+    let shape = [planes.count(), planes.height(), planes.width()];
+    let array = PyArray1::from_vec(py, planes.into_data()).reshape(shape)?;
+    Ok(array.call_method1("transpose", (1, 2, 0))?.unbind())
+}
+
+/// Returns one value per pixel as an array of shape (height, width).
+pub fn map<T: numpy::Element>(py: Python, values: Vec<T>, width: usize) -> PyResult<Py<PyAny>> {
+    let height = values.len() / width.max(1);
+    Ok(PyArray1::from_vec(py, values).reshape([height, width])?.into_any().unbind())
+}
+
+/// Takes an argument as a contiguous array of `f32` with this number of axes.
+pub fn reals<'py>(
+    name: &str,
+    value: &Bound<'py, PyAny>,
+    axes: &[usize],
+    accepted: &str,
+) -> PyResult<Bound<'py, PyArrayDyn<f32>>> {
+    let array = typed(name, value, "fiub", "float32", accepted)?;
+    check_axes(name, &array, axes, accepted)?;
+    Ok(array.cast_into::<PyArrayDyn<f32>>()?)
+}
+
+/// Takes an argument as an integer in the range of `u32` for each pixel; one number stands for all.
+pub fn counts(name: &str, value: &Bound<PyAny>, [height, width]: [usize; 2]) -> PyResult<Vec<u32>> {
+    let accepted =
+        format!("a number from 0 to {}, or an array of them of shape ({height}, {width})", u32::MAX);
+    let array = integers(name, value, &[0, 2], &accepted)?;
+    let values = array.readonly().as_slice()?.to_vec();
+    match array.shape() {
+        [] => Ok(vec![values[0]; width * height]),
+        found if found == [height, width] => Ok(values),
+        found => Err(wrong_shape(name, found, &accepted)),
+    }
+}
+
+/// Takes an argument as a contiguous array of integers in the range of `u32`.
+pub fn integers<'py>(
+    name: &str,
+    value: &Bound<'py, PyAny>,
+    axes: &[usize],
+    accepted: &str,
+) -> PyResult<Bound<'py, PyArrayDyn<u32>>> {
+    // The range is checked before the conversion, which would wrap around
+    let as_given = numpy(value.py())?.call_method1("asarray", (value,))?;
+    check_kind(name, &as_given, "iu", accepted)?;
+    if as_given.getattr("size")?.extract::<usize>()? > 0 {
+        for bound in ["min", "max"] {
+            let value: i128 = as_given.call_method0(bound)?.extract()?;
+            if u32::try_from(value).is_err() {
+                return Err(value_error(format!("{name}: found {value}; accepted are {accepted}")));
+            }
+        }
+    }
+    let array = typed(name, &as_given, "iu", "uint32", accepted)?;
+    check_axes(name, &array, axes, accepted)?;
+    Ok(array.cast_into::<PyArrayDyn<u32>>()?)
+}
+
+/// Takes an argument of shape (height, width, 3) as planes.
+pub fn rgb(name: &str, value: &Bound<PyAny>) -> PyResult<Planes> {
+    planes(name, value, None, 3)
+}
+
+/// Takes an argument of shape (height, width, planes) as planes; `size` is the width and height that it must have.
+pub fn planes(name: &str, value: &Bound<PyAny>, size: Option<[usize; 2]>, count: usize) -> PyResult<Planes> {
+    let accepted = match size {
+        Some([width, height]) => format!("an array of real numbers of shape ({height}, {width}, {count})"),
+        None => format!("an array of real numbers of shape (height, width, {count})"),
+    };
+    let array = reals(name, value, &[3], &accepted)?;
+    let &[height, width, found] = array.shape() else { unreachable!("three axes") };
+    if found != count || height * width == 0 || size.is_some_and(|size| size != [width, height]) {
+        return Err(wrong_shape(name, array.shape(), &accepted));
+    }
+    let mut planes = Planes::new(width, height, count);
+    let values = array.readonly();
+    let values = values.as_slice()?;
+    for (channel, plane) in planes.planes_mut().enumerate() {
+        plane.iter_mut().zip(values[channel..].iter().step_by(count)).for_each(|(to, from)| *to = *from);
+    }
+    Ok(planes)
+}
+
+/// Says that an array has another shape than it must.
+pub fn wrong_shape(name: &str, found: &[usize], accepted: &str) -> PyErr {
+    let axes: Vec<String> = found.iter().map(ToString::to_string).collect();
+    let comma = if axes.len() == 1 { "," } else { "" };
+    value_error(format!("{name}: found the shape ({}{comma}); accepted is {accepted}", axes.join(", ")))
+}
+
+fn check_axes(name: &str, array: &Bound<PyAny>, axes: &[usize], accepted: &str) -> PyResult<()> {
+    let shape: Vec<usize> = array.getattr("shape")?.extract()?;
+    if axes.contains(&shape.len()) { Ok(()) } else { Err(wrong_shape(name, &shape, accepted)) }
+}
+
+fn check_kind(name: &str, array: &Bound<PyAny>, kinds: &str, accepted: &str) -> PyResult<()> {
+    let dtype = array.getattr("dtype")?;
+    let kind: String = dtype.getattr("kind")?.extract()?;
+    if kinds.contains(&kind) {
+        return Ok(());
+    }
+    Err(PyTypeError::new_err(format!("{name}: found an array of {dtype}; accepted is {accepted}")))
+}
+
+/// Returns a contiguous, aligned array of a type, of a value of one of these kinds.
+fn typed<'py>(
+    name: &str,
+    value: &Bound<'py, PyAny>,
+    kinds: &str,
+    dtype: &str,
+    accepted: &str,
+) -> PyResult<Bound<'py, PyAny>> {
+    let numpy = numpy(value.py())?;
+    let array = numpy.call_method1("asarray", (value,))?;
+    check_kind(name, &array, kinds, accepted)?;
+    numpy.call_method1("require", (array, dtype, ["C", "A"]))
+}
+
+fn numpy(py: Python) -> PyResult<Bound<PyModule>> {
+    py.import("numpy")
+}

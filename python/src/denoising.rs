@@ -1,0 +1,118 @@
+//! Denoisers: filtering a store, and the maps of the result.
+
+use prpf::filter::{DENOISERS, Denoiser, needed_sample_vectors, suited_to};
+use prpf::progressive::{ErrorEstimate, FailureMap, FilterPass, Filtered};
+use prpf::stats;
+use pyo3::prelude::*;
+
+use crate::arrays;
+use crate::errors::value_error;
+use crate::settings;
+use crate::store::Store;
+
+/// See `prpf.pyi`.
+#[pyclass(frozen, get_all, module = "prpf")]
+pub struct Denoised {
+    made_by: String,
+    pub image: Py<PyAny>,
+    halves: (Py<PyAny>, Py<PyAny>),
+    pub variance: Py<PyAny>,
+    error: Py<PyAny>,
+    pub residual: Py<PyAny>,
+    risk: Py<PyAny>,
+    pub interpolation_failure: Option<Py<PyAny>>,
+    estimate: Option<Py<Estimate>>,
+    /// Of the filter pass.
+    seconds: f64,
+}
+
+/// See `prpf.pyi`.
+#[pyclass(frozen, get_all, module = "prpf")]
+pub struct Estimate {
+    relmse: f64,
+    low: f64,
+    high: f64,
+    tiles: Py<PyAny>,
+}
+
+impl Denoised {
+    /// Hands a result over to Python.
+    pub fn new(py: Python, Filtered { result, estimate, seconds }: Filtered) -> PyResult<Self> {
+        let width = result.image.width();
+        let map = |planes: prpf::image::Planes| arrays::map(py, planes.into_data(), width);
+        let [first, second] = result.halves;
+        Ok(Self {
+            made_by: result.made_by.to_string(),
+            image: arrays::image(py, result.image)?,
+            halves: (arrays::image(py, first)?, arrays::image(py, second)?),
+            variance: arrays::image(py, result.variance)?,
+            error: map(result.error)?,
+            residual: map(result.residual)?,
+            risk: arrays::image(py, result.risk)?,
+            interpolation_failure: result.interpolation.map(|found| map(found.failure)).transpose()?,
+            estimate: estimate.map(|estimate| Py::new(py, Estimate::new(py, estimate)?)).transpose()?,
+            seconds,
+        })
+    }
+}
+
+impl Estimate {
+    fn new(py: Python, estimate: ErrorEstimate) -> PyResult<Self> {
+        let [low, high] = estimate.interval();
+        let columns = estimate.tiles.width();
+        let tiles = arrays::map(py, estimate.tiles.into_data(), columns)?;
+        Ok(Self { relmse: estimate.value, low, high, tiles })
+    }
+}
+
+#[pymethods]
+impl Denoised {
+    fn __repr__(&self) -> String {
+        format!("<prpf.Denoised by {}>", self.made_by)
+    }
+}
+
+#[pymethods]
+impl Estimate {
+    fn __repr__(&self) -> String {
+        format!("<prpf.Estimate relMSE {:.4} ({:.4} to {:.4})>", self.relmse, self.low, self.high)
+    }
+}
+
+/// Returns the names of all denoisers.
+#[pyfunction]
+pub fn denoisers() -> Vec<String> {
+    DENOISERS.iter().map(|denoiser| denoiser.name().to_string()).collect()
+}
+
+/// Filters a store.
+#[pyfunction]
+#[pyo3(signature = (store, denoiser="nlm"))]
+pub fn denoise(py: Python, store: &Store, denoiser: &str) -> PyResult<Denoised> {
+    let denoiser = settings::denoiser(denoiser)?;
+    check(&store.store, denoiser)?;
+    let pass = FilterPass {
+        store: store.store.clone(),
+        denoiser: suited_to(&store.store, denoiser),
+        seed: store.seed,
+        failure_map: FailureMap::Carry(None),
+    };
+    let filtered = py.detach(|| pass.run());
+    Denoised::new(py, filtered)
+}
+
+/// Checks that a store has what a denoiser needs.
+fn check(store: &stats::Store, denoiser: &'static dyn Denoiser) -> PyResult<()> {
+    if store.samples() == 0 {
+        return Err(value_error("store: found no valid samples; accepted is at least one"));
+    }
+    let (found, needed) = (store.capacity(), needed_sample_vectors(store, denoiser));
+    if found < needed {
+        return Err(value_error(format!(
+            "store: found a reservoir of {found} sample vectors per pixel, and {} needs {needed}; accepted is a store with \
+             reservoir={needed}, or the denoiser nlm",
+            denoiser.name()
+        )));
+    }
+    Ok(())
+}

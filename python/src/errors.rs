@@ -1,0 +1,63 @@
+//! Turns the library's errors into Python exceptions with the same words.
+//!
+//! Arguments out of range are `ValueError`, the file system's errors `OSError` or one of its subclasses, too little memory
+//! is `MemoryError`, and a file with wrong content is [`Error`].
+
+use std::io;
+
+use prpf::RenderError;
+use prpf::image::{ImageError, Problem};
+use prpf::scene::pbrt::SceneError;
+use prpf::state::{StateError, StateErrorKind};
+use pyo3::exceptions::{
+    PyException, PyFileNotFoundError, PyMemoryError, PyOSError, PyPermissionError, PyValueError,
+};
+use pyo3::{PyErr, create_exception};
+
+create_exception!(prpf, Error, PyException, "A scene, an image or a state whose content is wrong.");
+
+/// A `ValueError` that says what was found and what is accepted.
+pub fn value_error(message: impl ToString) -> PyErr {
+    PyValueError::new_err(message.to_string())
+}
+
+/// An exception of the file system.
+fn file_error(kind: io::ErrorKind, message: String) -> PyErr {
+    match kind {
+        io::ErrorKind::NotFound => PyFileNotFoundError::new_err(message),
+        io::ErrorKind::PermissionDenied => PyPermissionError::new_err(message),
+        _ => PyOSError::new_err(message),
+    }
+}
+
+pub fn image_error(error: ImageError) -> PyErr {
+    match &error.problem {
+        Problem::Io(cause) => file_error(cause.kind(), error.to_string()),
+        Problem::UnknownExtension => value_error(error),
+        Problem::Unwritable(_) => PyOSError::new_err(error.to_string()),
+        _ => Error::new_err(error.to_string()),
+    }
+}
+
+pub fn state_error(error: StateError) -> PyErr {
+    match &error.kind {
+        StateErrorKind::File(cause) => file_error(cause.kind(), error.to_string()),
+        _ => Error::new_err(error.to_string()),
+    }
+}
+
+/// The exception of a scene that cannot be read; `file` is why its main file cannot be opened.
+pub fn scene_error(error: SceneError, file: Option<io::Error>) -> PyErr {
+    match file {
+        Some(cause) => file_error(cause.kind(), error.to_string()),
+        None => Error::new_err(error.to_string()),
+    }
+}
+
+pub fn render_error(error: RenderError) -> PyErr {
+    match &error {
+        RenderError::Scene(_) => Error::new_err(error.to_string()),
+        RenderError::Memory(_) => PyMemoryError::new_err(error.to_string()),
+        RenderError::Settings(_) | RenderError::Differs { .. } => value_error(error),
+    }
+}

@@ -1,0 +1,37 @@
+//! The Python package `prpf`: scenes, pixel statistics, denoisers, allocation and the render loop, as numpy arrays.
+//!
+//! Each module wraps one part of the library's public face, checks its arguments and converts arrays and errors; nothing
+//! is computed here. `prpf.pyi` documents the classes and functions.
+
+mod allocation;
+mod arrays;
+mod denoising;
+mod errors;
+mod images;
+mod render;
+mod render_host;
+mod scene;
+mod settings;
+mod store;
+
+/// A progressive path tracer whose adaptive sampling is coupled to its denoiser: its scenes, pixel statistics,
+/// denoisers, allocation and render loop.
+#[pyo3::pymodule(name = "prpf")]
+mod module {
+    #[pymodule_export]
+    use crate::allocation::{allocate, priority};
+    #[pymodule_export]
+    use crate::denoising::{Denoised, Estimate, denoise, denoisers};
+    #[pymodule_export]
+    use crate::errors::Error;
+    #[pymodule_export]
+    use crate::images::{compare, read_image, write_image};
+    #[pymodule_export]
+    use crate::render::{Render, render};
+    #[pymodule_export]
+    use crate::render_host::Pass;
+    #[pymodule_export]
+    use crate::scene::Scene;
+    #[pymodule_export]
+    use crate::store::Store;
+}

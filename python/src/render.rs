@@ -1,0 +1,131 @@
+//! The whole render loop.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use prpf::RenderBuilder;
+use prpf::image::OutputFormat;
+use prpf::progressive::{Budget, Filtered, MIN_SPP, NO_CEILING, Outcome, PassRecord, Settings};
+use prpf::state::ImageMetadata;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+use crate::arrays;
+use crate::denoising::Denoised;
+use crate::errors::{image_error, render_error};
+use crate::render_host::RenderHost;
+use crate::scene::Scene;
+use crate::settings;
+use crate::store::Store;
+
+/// See `prpf.pyi`.
+#[pyclass(frozen, get_all, module = "prpf")]
+pub struct Render {
+    result: Py<Denoised>,
+    store: Py<Store>,
+    passes: Vec<Py<PyDict>>,
+    stopped_by: String,
+    /// Of rendering, filtering and allocation.
+    seconds: Py<PyDict>,
+}
+
+impl Render {
+    fn new(py: Python, outcome: Outcome) -> PyResult<Self> {
+        let seconds = PyDict::new(py);
+        seconds.set_item("render", outcome.seconds.render)?;
+        seconds.set_item("filter", outcome.seconds.filter)?;
+        seconds.set_item("allocate", outcome.seconds.allocate)?;
+        let last = outcome.passes.last().map_or(0.0, |pass| pass.filter_seconds);
+        let filtered = Filtered { result: outcome.result, estimate: outcome.estimate, seconds: last };
+        Ok(Self {
+            passes: outcome.passes.iter().map(|pass| record(py, pass)).collect::<PyResult<_>>()?,
+            result: Py::new(py, Denoised::new(py, filtered)?)?,
+            store: Py::new(py, Store::wrap(Arc::new(outcome.store), outcome.settings.seed))?,
+            stopped_by: outcome.stopped_by.to_string(),
+            seconds: seconds.unbind(),
+        })
+    }
+}
+
+/// Returns the record of a pass under the names of the report.
+fn record(py: Python, pass: &PassRecord) -> PyResult<Py<PyDict>> {
+    let record = PyDict::new(py);
+    record.set_item("index", pass.index)?;
+    record.set_item("seconds", pass.seconds)?;
+    record.set_item("samples_total", pass.samples_total)?;
+    record.set_item("filter_seconds", pass.filter_seconds)?;
+    record.set_item("interpolation_success", pass.interpolation_success)?;
+    record.set_item("expected_ratio", pass.expected_ratio)?;
+    record.set_item("estimated_error", pass.estimated_error)?;
+    record.set_item("mse", pass.mse)?;
+    record.set_item("relmse", pass.relmse)?;
+    record.set_item("noisy_mse", pass.noisy_mse)?;
+    record.set_item("noisy_relmse", pass.noisy_relmse)?;
+    Ok(record.unbind())
+}
+
+#[pymethods]
+impl Render {
+    fn __repr__(&self) -> String {
+        format!("<prpf.Render of {} passes, stopped by {}>", self.passes.len(), self.stopped_by)
+    }
+}
+
+/// Renders, filters and allocates until a budget is spent.
+#[pyfunction]
+#[pyo3(signature = (scene, *, spp=None, time=None, target_error=None, sampling="adaptive", denoiser="nlm", seed=0,
+                    min_spp=MIN_SPP, max_spp=None, reservoir=0, reference=None, callback=None, output=None, state=None))]
+#[expect(clippy::too_many_arguments, reason = "keyword arguments of Python")]
+pub fn render(
+    py: Python,
+    scene: &Scene,
+    spp: Option<u32>,
+    time: Option<f64>,
+    target_error: Option<f64>,
+    sampling: &str,
+    denoiser: &str,
+    seed: u64,
+    min_spp: u32,
+    max_spp: Option<u32>,
+    reservoir: usize,
+    reference: Option<&Bound<PyAny>>,
+    callback: Option<Py<PyAny>>,
+    output: Option<PathBuf>,
+    state: Option<PathBuf>,
+) -> PyResult<Render> {
+    // Check the arguments before minutes of rendering
+    let settings = Settings {
+        budget: Budget { spp, seconds: time, target_error },
+        sampling: settings::sampling(sampling)?,
+        denoiser: settings::denoiser(denoiser)?,
+        seed,
+        min_spp,
+        max_spp: max_spp.unwrap_or(NO_CEILING),
+        reservoir,
+        ..Settings::default()
+    };
+    if let Some(path) = &output {
+        OutputFormat::from_path(path).map_err(image_error)?;
+    }
+    let reference = reference.map(|reference| arrays::rgb("reference", reference)).transpose()?;
+
+    // Render
+    let rendered = py.detach(|| {
+        let mut builder = RenderBuilder::new(&scene.scene).settings(settings);
+        if let Some(reference) = &reference {
+            builder = builder.reference(reference);
+        }
+        let metadata = ImageMetadata::new(&scene.scene, &scene.renderer(seed));
+        let mut host =
+            RenderHost { callback, state, metadata, seed, passes: 0, is_stopped: false, error: None };
+        let rendered = builder.run_with(&mut host).map_err(render_error)?;
+        match host.error {
+            Some(error) => Err(error),
+            None => Ok(rendered),
+        }
+    })?;
+    if let Some(path) = &output {
+        py.detach(|| rendered.write(path)).map_err(image_error)?;
+    }
+    Render::new(py, rendered.outcome)
+}

@@ -1,0 +1,209 @@
+//! Scenes: reading them, and rendering samples of them into a store.
+
+use std::path::PathBuf;
+use std::sync::{Arc, OnceLock};
+
+use prpf::geometry::Accel;
+use prpf::render::{Renderer, sample_layout};
+use prpf::scene::film::{MAX_PIXELS, MAX_SIDE};
+use prpf::scene::{self, pbrt};
+use prpf::stats::{Columns, Layout};
+use pyo3::prelude::*;
+use self_cell::self_cell;
+
+use crate::arrays;
+use crate::errors::{Error, scene_error, value_error};
+use crate::store::Store;
+
+/// Samples that are rendered between two looks at signals: a fraction of a second in most scenes.
+const STEP_SAMPLES: u64 = 1 << 17;
+
+self_cell!(
+    /// A scene with its acceleration structure, which borrows from it.
+    struct SceneWithAccel {
+        owner: Arc<scene::Scene>,
+        #[covariant]
+        dependent: Accel,
+    }
+);
+
+/// See `prpf.pyi`.
+#[pyclass(frozen, module = "prpf")]
+pub struct Scene {
+    pub scene: Arc<scene::Scene>,
+    /// Built when first needed.
+    accel: OnceLock<SceneWithAccel>,
+}
+
+impl Scene {
+    fn new(
+        mut scene: scene::Scene,
+        resolution: Option<[usize; 2]>,
+        pixel_bounds: Option<[usize; 4]>,
+    ) -> PyResult<Self> {
+        if let Some([width, height]) = resolution {
+            let is_accepted = |side: usize| (1..=MAX_SIDE as usize).contains(&side);
+            if !is_accepted(width) || !is_accepted(height) || (width * height) as u64 > MAX_PIXELS {
+                return Err(value_error(format!(
+                    "resolution: found {width}x{height}; accepted are sides from 1 to {MAX_SIDE} and at most \
+                     {MAX_PIXELS} pixels"
+                )));
+            }
+            scene.resize_film(width, height);
+        }
+        if let Some([x0, x1, y0, y1]) = pixel_bounds {
+            let (width, height) = (scene.film.width, scene.film.height);
+            if x0 >= x1 || y0 >= y1 || x1 > width || y1 > height {
+                return Err(value_error(format!(
+                    "pixel_bounds: found ({x0}, {x1}, {y0}, {y1}); accepted are 0 <= x0 < x1 <= {width} and \
+                     0 <= y0 < y1 <= {height}"
+                )));
+            }
+            scene.film.pixel_bounds = [x0, x1, y0, y1];
+        }
+        scene.validate().map_err(|error| Error::new_err(format!("scene: {error}")))?;
+        Ok(Self { scene: Arc::new(scene), accel: OnceLock::new() })
+    }
+
+    /// Returns a renderer of the scene's samples of one seed.
+    pub fn renderer(&self, seed: u64) -> Renderer<'_> {
+        let accel =
+            self.accel.get_or_init(|| SceneWithAccel::new(self.scene.clone(), |scene| Accel::build(scene)));
+        Renderer::new(accel.borrow_owner(), accel.borrow_dependent(), seed)
+    }
+
+    fn layout(&self) -> Layout {
+        sample_layout(&self.scene.effects())
+    }
+
+    fn size(&self) -> (usize, usize) {
+        let [x0, x1, y0, y1] = self.scene.film.pixel_bounds;
+        (x1 - x0, y1 - y0)
+    }
+}
+
+#[pymethods]
+impl Scene {
+    /// Reads a pbrt scene.
+    #[staticmethod]
+    #[pyo3(signature = (path, *, resolution=None, pixel_bounds=None))]
+    fn load(
+        py: Python,
+        path: PathBuf,
+        resolution: Option<[usize; 2]>,
+        pixel_bounds: Option<[usize; 4]>,
+    ) -> PyResult<Self> {
+        py.detach(|| {
+            let scene =
+                pbrt::read(&path).map_err(|error| scene_error(error, std::fs::File::open(&path).err()))?;
+            Self::new(scene, resolution, pixel_bounds)
+        })
+    }
+
+    /// Reads a scene from a text in pbrt's format; file names in it are relative to `folder`.
+    #[staticmethod]
+    #[pyo3(signature = (text, folder=PathBuf::new(), *, resolution=None, pixel_bounds=None))]
+    fn parse(
+        py: Python,
+        text: &str,
+        folder: PathBuf,
+        resolution: Option<[usize; 2]>,
+        pixel_bounds: Option<[usize; 4]>,
+    ) -> PyResult<Self> {
+        py.detach(|| {
+            let scene = pbrt::read_str(text, &folder).map_err(|error| scene_error(error, None))?;
+            Self::new(scene, resolution, pixel_bounds)
+        })
+    }
+
+    /// Width of the rendered image in pixels.
+    #[getter]
+    fn width(&self) -> usize {
+        self.size().0
+    }
+
+    /// Height of the rendered image in pixels.
+    #[getter]
+    fn height(&self) -> usize {
+        self.size().1
+    }
+
+    /// Width and height of the whole film in pixels.
+    #[getter]
+    fn resolution(&self) -> (usize, usize) {
+        (self.scene.film.width, self.scene.film.height)
+    }
+
+    /// The part of the film that is rendered: x0, x1, y0, y1 in pixels, half open.
+    #[getter]
+    fn pixel_bounds(&self) -> (usize, usize, usize, usize) {
+        self.scene.film.pixel_bounds.into()
+    }
+
+    /// Samples per pixel that the scene asks for.
+    #[getter]
+    fn spp(&self) -> u32 {
+        self.scene.spp
+    }
+
+    /// Names of the effects that the scene calls for.
+    #[getter]
+    fn effects(&self) -> Vec<&'static str> {
+        self.scene.effects().names()
+    }
+
+    /// Names of the dimensions of a sample.
+    #[getter]
+    fn dimensions(&self) -> Vec<&'static str> {
+        self.layout().names().collect()
+    }
+
+    /// Warnings of the reader, one line each.
+    #[getter]
+    fn warnings(&self) -> Vec<String> {
+        self.scene.warnings.clone()
+    }
+
+    /// Returns an empty store for samples of this scene.
+    #[pyo3(signature = (*, reservoir=0, seed=0))]
+    fn store(&self, py: Python, reservoir: usize, seed: u64) -> PyResult<Store> {
+        let (width, height) = self.size();
+        Store::empty(py, width, height, Columns::from_layout(self.layout()), reservoir, seed)
+    }
+
+    /// Adds samples to a store: `counts` to every pixel, or to each its own.
+    fn render(&self, py: Python, store: &mut Store, counts: &Bound<PyAny>) -> PyResult<()> {
+        // Check that the store is one of this scene
+        let (width, height) = self.size();
+        if (store.store.width(), store.store.height()) != (width, height) {
+            let (found_width, found_height) = (store.store.width(), store.store.height());
+            return Err(value_error(format!(
+                "store: found {found_width}x{found_height} pixels; accepted is the size of the scene, {width}x{height}"
+            )));
+        }
+        if *store.store.layout() != self.layout() {
+            let found = store.store.layout().names().collect::<Vec<_>>().join(" ");
+            let accepted = self.dimensions().join(" ");
+            return Err(value_error(format!(
+                "store: found the dimensions {found}; accepted are those of the scene, {accepted}"
+            )));
+        }
+        let mut counts = arrays::counts("counts", counts, [height, width])?;
+
+        // Render in steps: signals are looked at between two
+        let renderer = py.detach(|| self.renderer(store.seed));
+        let step = (STEP_SAMPLES / (width * height) as u64).max(1) as u32;
+        while counts.iter().any(|&count| count > 0) {
+            let now: Vec<u32> = counts.iter().map(|&count| count.min(step)).collect();
+            py.detach(|| renderer.render_batch(&now, Arc::make_mut(&mut store.store)));
+            counts.iter_mut().zip(now).for_each(|(count, now)| *count -= now);
+            py.check_signals()?;
+        }
+        Ok(())
+    }
+
+    fn __repr__(&self) -> String {
+        let (width, height) = self.size();
+        format!("<prpf.Scene {:?}, {width}x{height} pixels>", self.scene.source)
+    }
+}

@@ -1,0 +1,269 @@
+//! Pixel statistics: taking samples in, and reading moments as arrays.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use numpy::{PyArrayMethods, PyUntypedArrayMethods};
+use prpf::image::Planes;
+use prpf::progressive::{Settings, fits_in_memory};
+use prpf::scene::film::{MAX_PIXELS, MAX_SIDE};
+use prpf::state::RenderState;
+use prpf::stats::{self, Columns, Layout, Part, SampleRectangle};
+use pyo3::exceptions::PyMemoryError;
+use pyo3::prelude::*;
+
+use crate::arrays;
+use crate::errors::{state_error, value_error};
+
+/// See `prpf.pyi`.
+#[pyclass(module = "prpf")]
+pub struct Store {
+    /// Copied only if it changes while a pass of a callback still holds it.
+    pub store: Arc<stats::Store>,
+    pub seed: u64,
+    /// The columns of the samples that are pushed.
+    columns: Columns,
+}
+
+impl Store {
+    /// Creates an empty store, if it fits in memory.
+    pub fn empty(
+        py: Python,
+        width: usize,
+        height: usize,
+        columns: Columns,
+        reservoir: usize,
+        seed: u64,
+    ) -> PyResult<Self> {
+        let is_accepted = |side: usize| (1..=MAX_SIDE as usize).contains(&side);
+        if !is_accepted(width) || !is_accepted(height) || (width * height) as u64 > MAX_PIXELS {
+            return Err(value_error(format!(
+                "size: found {width}x{height}; accepted are sides from 1 to {MAX_SIDE} and at most {MAX_PIXELS} pixels"
+            )));
+        }
+        let settings = Settings { reservoir, ..Settings::default() };
+        fits_in_memory(columns.layout(), &settings, (width, height), false)
+            .map_err(|error| PyMemoryError::new_err(error.to_string()))?;
+        let layout = columns.layout().clone();
+        let store = py.detach(|| stats::Store::new(width, height, layout, reservoir, seed));
+        Ok(Self { store: Arc::new(store), seed, columns })
+    }
+
+    /// Wraps a store whose samples come from the renderer.
+    pub fn wrap(store: Arc<stats::Store>, seed: u64) -> Self {
+        let columns = Columns::from_layout(store.layout().clone());
+        Self { store, seed, columns }
+    }
+
+    /// Reads a function of the moments of the dimensions that `names` selects.
+    fn read(
+        &self,
+        py: Python,
+        names: Option<&Bound<PyAny>>,
+        half: Option<usize>,
+        read: impl Fn(&stats::Store, Part, Vec<usize>) -> Planes + Send + Sync,
+    ) -> PyResult<Py<PyAny>> {
+        let dimensions = select(self.store.layout(), names)?;
+        let part = part(half)?;
+        let planes = py.detach(|| read(&self.store, part, dimensions));
+        arrays::image(py, planes)
+    }
+}
+
+fn part(half: Option<usize>) -> PyResult<Part> {
+    match half {
+        None => Ok(Part::Whole),
+        Some(half @ (0 | 1)) => Ok(Part::Half(half)),
+        Some(half) => Err(value_error(format!("half: found {half}; accepted are 0, 1 and None"))),
+    }
+}
+
+/// Returns the dimensions of some names: whole ones (`N1.x`), what comes before their point (`N1`), or `RGB`; all for `None`.
+fn select(layout: &Layout, names: Option<&Bound<PyAny>>) -> PyResult<Vec<usize>> {
+    let Some(names) = names else { return Ok((0..layout.len()).collect()) };
+    let names: Vec<String> = match names.extract::<String>() {
+        Ok(name) => vec![name],
+        Err(_) => names.extract()?,
+    };
+    let mut selected = Vec::new();
+    for name in &names {
+        let is_selected = |dimension: &str| {
+            dimension == name
+                || dimension.split_once('.').is_some_and(|(block, _)| block == name)
+                || (name == "RGB" && ["R", "G", "B"].contains(&dimension))
+        };
+        let before = selected.len();
+        selected.extend(layout.names().enumerate().filter(|(_, name)| is_selected(name)).map(|(dim, _)| dim));
+        if selected.len() == before {
+            let accepted = layout.names().collect::<Vec<_>>().join(", ");
+            return Err(value_error(format!("names: found `{name}`; accepted are RGB, {accepted}")));
+        }
+    }
+    Ok(selected)
+}
+
+#[pymethods]
+impl Store {
+    #[new]
+    #[pyo3(signature = (width, height, dimensions, *, reservoir=0, seed=0))]
+    fn new(
+        py: Python,
+        width: usize,
+        height: usize,
+        dimensions: Vec<String>,
+        reservoir: usize,
+        seed: u64,
+    ) -> PyResult<Self> {
+        let columns = Columns::new(&dimensions).map_err(value_error)?;
+        Self::empty(py, width, height, columns, reservoir, seed)
+    }
+
+    /// Reads the store of a render state.
+    #[staticmethod]
+    fn load(py: Python, path: PathBuf) -> PyResult<Self> {
+        let state = py.detach(|| RenderState::read(&path)).map_err(state_error)?;
+        Ok(Self::wrap(state.checkpoint.store, state.settings.seed))
+    }
+
+    #[getter]
+    fn width(&self) -> usize {
+        self.store.width()
+    }
+
+    #[getter]
+    fn height(&self) -> usize {
+        self.store.height()
+    }
+
+    /// Names of the dimensions, in the order of the last axis of statistics.
+    #[getter]
+    fn dimensions(&self) -> Vec<&'static str> {
+        self.store.layout().names().collect()
+    }
+
+    /// Sample vectors that are kept of each pixel at most.
+    #[getter]
+    fn reservoir(&self) -> usize {
+        self.store.capacity()
+    }
+
+    #[getter]
+    fn seed(&self) -> u64 {
+        self.seed
+    }
+
+    /// Valid samples of the whole image.
+    #[getter]
+    fn samples(&self) -> u64 {
+        self.store.samples()
+    }
+
+    /// Samples of the whole image that were rejected.
+    #[getter]
+    fn rejected(&self) -> u64 {
+        self.store.rejected()
+    }
+
+    /// Valid samples per pixel, on average.
+    #[getter]
+    fn spp(&self) -> f64 {
+        self.store.samples() as f64 / self.store.pixels() as f64
+    }
+
+    /// Adds the samples of a rectangle of pixels with its upper left corner at (x, y).
+    #[pyo3(signature = (samples, *, x=0, y=0))]
+    fn push(&mut self, py: Python, samples: &Bound<PyAny>, x: usize, y: usize) -> PyResult<()> {
+        let columns = self.columns.count();
+        let accepted = format!(
+            "an array of real numbers of shape (height, width, samples, {columns}) or (height, width, {columns})"
+        );
+        let array = arrays::reals("samples", samples, &[3, 4], &accepted)?;
+        let (size, samples, found) = match *array.shape() {
+            [height, width, found] => ([width, height], 1, found),
+            [height, width, samples, found] => ([width, height], samples, found),
+            _ => unreachable!("three or four axes"),
+        };
+        if found != columns {
+            return Err(arrays::wrong_shape("samples", array.shape(), &accepted));
+        }
+        let values = array.try_readonly()?;
+        let rectangle = SampleRectangle { corner: [x, y], size, samples, values: values.as_slice()? };
+        py.detach(|| Arc::make_mut(&mut self.store).push_rectangle(&self.columns, &rectangle))
+            .map_err(value_error)
+    }
+
+    /// Adds samples of pixels in any order: one row of `pixels`, (x, y), and one of `samples` for each.
+    fn push_pixels(&mut self, py: Python, pixels: &Bound<PyAny>, samples: &Bound<PyAny>) -> PyResult<()> {
+        let columns = self.columns.count();
+        let accepted = "an array of integers of shape (samples, 2), an x and a y a row";
+        let pixels = arrays::integers("pixels", pixels, &[2], accepted)?;
+        if pixels.shape()[1] != 2 {
+            return Err(arrays::wrong_shape("pixels", pixels.shape(), accepted));
+        }
+        let accepted = format!("an array of real numbers of shape ({}, {columns})", pixels.shape()[0]);
+        let samples = arrays::reals("samples", samples, &[2], &accepted)?;
+        if samples.shape() != [pixels.shape()[0], columns] {
+            return Err(arrays::wrong_shape("samples", samples.shape(), &accepted));
+        }
+        let (pixels, samples) = (pixels.try_readonly()?, samples.try_readonly()?);
+        let (pixels, samples) = (pixels.as_slice()?, samples.as_slice()?);
+        let (width, height) = (self.store.width(), self.store.height());
+        let is_outside = |pixel: &&[u32]| pixel[0] as usize >= width || pixel[1] as usize >= height;
+        if let Some(found) = pixels.chunks_exact(2).find(is_outside) {
+            return Err(value_error(format!(
+                "pixels: found ({}, {}); accepted are pixels within {width}x{height}",
+                found[0], found[1]
+            )));
+        }
+        py.detach(|| {
+            let store = Arc::make_mut(&mut self.store);
+            let mut sample = Vec::new();
+            for (pixel, values) in pixels.chunks_exact(2).zip(samples.chunks_exact(columns)) {
+                let (x, y) = (pixel[0] as usize, pixel[1] as usize);
+                sample.clear();
+                sample.extend(self.columns.arrange(x, y, values));
+                store.push(x, y, &sample);
+            }
+        });
+        Ok(())
+    }
+
+    /// Valid samples of each pixel.
+    #[pyo3(signature = (half=None))]
+    fn counts(&self, py: Python, half: Option<usize>) -> PyResult<Py<PyAny>> {
+        let part = part(half)?;
+        let counts = py.detach(|| self.store.counts(part));
+        arrays::map(py, counts, self.store.width())
+    }
+
+    /// Means of the samples.
+    #[pyo3(signature = (names=None, *, half=None))]
+    fn mean(&self, py: Python, names: Option<&Bound<PyAny>>, half: Option<usize>) -> PyResult<Py<PyAny>> {
+        self.read(py, names, half, |store, part, dimensions| store.means(part, dimensions))
+    }
+
+    /// Unbiased variances of the samples.
+    #[pyo3(signature = (names=None, *, half=None))]
+    fn variance(&self, py: Python, names: Option<&Bound<PyAny>>, half: Option<usize>) -> PyResult<Py<PyAny>> {
+        self.read(py, names, half, |store, part, dimensions| store.variances(part, dimensions))
+    }
+
+    /// Standard deviations of the samples.
+    #[pyo3(signature = (names=None, *, half=None))]
+    fn deviation(
+        &self,
+        py: Python,
+        names: Option<&Bound<PyAny>>,
+        half: Option<usize>,
+    ) -> PyResult<Py<PyAny>> {
+        self.read(py, names, half, |store, part, dimensions| {
+            let mut planes = store.variances(part, dimensions);
+            planes.data_mut().iter_mut().for_each(|value| *value = value.sqrt());
+            planes
+        })
+    }
+
+    fn __repr__(&self) -> String {
+        format!("<prpf.Store {}x{} pixels, {:.1} spp>", self.width(), self.height(), self.spp())
+    }
+}

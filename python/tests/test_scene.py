@@ -1,0 +1,92 @@
+"""Scenes: reading, sizes, and rendering into stores."""
+
+import numpy as np
+import pytest
+
+import prpf
+
+
+def test_a_scene_tells_what_is_in_it(scene_file):
+    scene = prpf.Scene.load(scene_file)
+    assert (scene.width, scene.height, scene.spp) == (40, 24, 4)
+    assert "environment" in scene.effects
+    assert scene.dimensions[:5] == ["film.x", "film.y", "R", "G", "B"]
+    assert scene.warnings == []
+    smaller = prpf.Scene.load(str(scene_file), resolution=(20, 12), pixel_bounds=(5, 15, 2, 12))
+    assert (smaller.width, smaller.height, smaller.resolution) == (10, 10, (20, 12))
+    assert smaller.pixel_bounds == (5, 15, 2, 12)
+
+
+def test_counts_do_not_depend_on_how_they_are_divided(scene):
+    at_once, in_parts = scene.store(seed=3), scene.store(seed=3)
+    counts = np.arange(40 * 24).reshape(24, 40) % 7
+    scene.render(at_once, counts)
+    scene.render(in_parts, counts // 2)
+    scene.render(in_parts, (counts - counts // 2).astype(np.uint8))
+    assert np.array_equal(at_once.counts(), counts)
+    assert np.array_equal(at_once.mean(), in_parts.mean())
+    assert np.array_equal(at_once.variance(), in_parts.variance())
+    other_seed = scene.store(seed=4)
+    scene.render(other_seed, counts)
+    assert not np.array_equal(at_once.mean("RGB"), other_seed.mean("RGB"))
+
+
+def test_one_number_of_any_integer_type_is_for_all_pixels(scene):
+    for number in [2, np.int64(2), np.uint8(2), np.array(2)]:
+        store = scene.store()
+        scene.render(store, number)
+        assert (store.counts() == 2).all()
+
+
+@pytest.mark.parametrize(
+    "counts, error, words",
+    [
+        (-1, ValueError, "found -1"),
+        (2**32, ValueError, "found 4294967296"),
+        (2**70, TypeError, "object"),
+        (1.5, TypeError, "float64"),
+        ("4", TypeError, "counts: found an array of <U1"),
+        (np.nan, TypeError, "float64"),
+        (np.ones((40, 24), int), ValueError, r"shape \(40, 24\); accepted is .* \(24, 40\)"),
+        (np.ones((0, 0), int), ValueError, r"shape \(0, 0\)"),
+        (np.ones((24, 40, 1), int), ValueError, r"shape \(24, 40, 1\)"),
+        (np.full((24, 40), -5), ValueError, "found -5"),
+        (np.full((24, 40), 2**63, np.uint64), ValueError, "found 9223372036854775808"),
+        (None, TypeError, "object"),
+    ],
+)
+def test_wrong_counts_are_exceptions(scene, counts, error, words):
+    store = scene.store()
+    with pytest.raises(error, match=words):
+        scene.render(store, counts)
+    assert store.samples == 0
+
+
+def test_a_store_of_another_scene_is_refused(scene):
+    with pytest.raises(ValueError, match="found 3x2 pixels; accepted is the size of the scene, 40x24"):
+        scene.render(prpf.Store(3, 2, ["R", "G", "B"]), 1)
+    with pytest.raises(ValueError, match="found the dimensions film.x film.y R G B; accepted"):
+        scene.render(prpf.Store(40, 24, ["R", "G", "B"]), 1)
+
+
+def test_scenes_that_cannot_be_read_are_exceptions(tmp_path):
+    with pytest.raises(FileNotFoundError, match="missing.pbrt: cannot be read: no such file"):
+        prpf.Scene.load(tmp_path / "missing.pbrt")
+    with pytest.raises(OSError):
+        prpf.Scene.load(tmp_path)
+    wrong = tmp_path / "wrong.pbrt"
+    wrong.write_text("WorldBegin\nShape 7")
+    with pytest.raises(prpf.Error, match=r"wrong.pbrt:2:"):
+        prpf.Scene.load(wrong)
+
+
+@pytest.mark.parametrize("resolution", [(0, 5), (70000, 1), (60000, 60000)])
+def test_resolutions_out_of_range_are_exceptions(scene_file, resolution):
+    with pytest.raises(ValueError, match="resolution: found"):
+        prpf.Scene.load(scene_file, resolution=resolution)
+
+
+@pytest.mark.parametrize("bounds", [(0, 0, 0, 5), (5, 2, 0, 5), (0, 41, 0, 5)])
+def test_pixel_bounds_outside_the_film_are_exceptions(scene_file, bounds):
+    with pytest.raises(ValueError, match="accepted are 0 <= x0 < x1 <= 40"):
+        prpf.Scene.load(scene_file, pixel_bounds=bounds)
