@@ -26,7 +26,7 @@ def test_every_denoiser_gives_an_image_and_its_maps(rendered):
         assert (result.interpolation_failure is not None) == name.startswith("prpf"), name
         assert result.estimate.low <= result.estimate.relmse <= result.estimate.high
         assert result.estimate.tiles.shape == (2, 3)
-    assert np.allclose(prpf.denoise(rendered, "none").image, rendered.mean("RGB"), atol=1e-6)
+    assert np.allclose(prpf.denoise(rendered, "none").image, rendered.mean("radiance"), atol=1e-6)
 
 
 def test_samples_of_another_renderer_are_denoised():

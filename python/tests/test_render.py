@@ -34,8 +34,8 @@ def test_the_scenes_samples_are_the_default_budget(scene):
 
 
 def test_a_callback_stops_a_render_or_fails(scene):
-    render = prpf.render(scene, spp=10**6, callback=lambda one: one.index == 1)
-    assert render.stopped_by == "interrupt" and render.store.spp < 10**4
+    render = prpf.render(scene, spp=4096, callback=lambda one: one.index == 0)
+    assert render.stopped_by == "interrupt" and render.store.spp < 4096
 
     def fail(one):
         raise KeyError("mine")
