@@ -76,6 +76,21 @@ impl Columns {
         self.count
     }
 
+    /// Returns mean and variance of each of the layout's dimensions at pixel (`x`, `y`), from those of each column.
+    pub fn arrange_moments(
+        &self,
+        x: usize,
+        y: usize,
+        mean: &[f32],
+        variance: &[f32],
+    ) -> impl Iterator<Item = (f32, f32)> {
+        /// Variance of a film position that is uniform in its pixel.
+        const FILM_VARIANCE: f32 = 1.0 / 12.0;
+        let variances =
+            self.sources.iter().map(|source| source.map_or(FILM_VARIANCE, |column| variance[column]));
+        self.arrange(x, y, mean).zip(variances)
+    }
+
     /// Returns the values of a sample of pixel (`x`, `y`) in the layout's order. `sample` has a value for each column.
     pub fn arrange(&self, x: usize, y: usize, sample: &[f32]) -> impl Iterator<Item = f32> {
         let centre = [x as f32 + 0.5, y as f32 + 0.5];

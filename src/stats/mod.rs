@@ -6,6 +6,7 @@
 //! not depend on a renderer.
 
 mod columns;
+mod half_moments;
 mod layout;
 mod moments;
 mod part;
@@ -15,6 +16,7 @@ mod sample_rectangle;
 mod store;
 
 pub use columns::{ColumnError, Columns};
+pub use half_moments::{HalfMoments, HalfMomentsError};
 pub use layout::{Block, Dimension, Feature, Group, Layout, MAX_DIMENSIONS};
 pub use moments::Moments;
 pub use part::Part;

@@ -137,6 +137,25 @@ impl Row {
         rejected
     }
 
+    /// Gives half of a pixel without samples the moments of `count` samples; `values` has the mean and the unbiased variance
+    /// of each dimension.
+    pub(super) fn set_half(
+        &mut self,
+        x: usize,
+        half: usize,
+        count: u32,
+        values: impl Iterator<Item = (f32, f32)>,
+    ) {
+        self.next_index[x] += count;
+        let half = &mut self.halves[half];
+        half.count[x] = count;
+        for (dim, (mean, variance)) in values.enumerate() {
+            let i = dim * self.stride + x;
+            half.mean[i] = f64::from(mean);
+            half.m2[i] = f64::from(variance) * f64::from(count.saturating_sub(1));
+        }
+    }
+
     /// Number of valid samples of a pixel.
     #[inline]
     pub fn count(&self, x: usize, part: Part) -> u32 {
