@@ -101,6 +101,17 @@ class Store:
         """
 
     @staticmethod
+    def from_moments(
+        dimensions: Sequence[str], counts: ArrayLike, means: ArrayLike, variances: ArrayLike, *, seed: int = 0
+    ) -> Store:
+        """Creates a store of buffers that a renderer has reduced its samples to.
+
+        The first axis of each buffer is that of two independent halves of the samples. ``counts``: integers of shape
+        (2, height, width). ``means`` and ``variances``: real numbers of shape (2, height, width, columns); variances are
+        unbiased and of the samples, not of their mean. There are no sample vectors, so ``prpf`` and ``rpf`` cannot filter it.
+        """
+
+    @staticmethod
     def load(path: str | PathLike[str]) -> Store:
         """Reads the store of a render state, as :func:`render` and ``prpf render --state`` write it."""
 

@@ -94,8 +94,7 @@ impl Scene {
         pixel_bounds: Option<[usize; 4]>,
     ) -> PyResult<Self> {
         py.detach(|| {
-            let scene =
-                pbrt::read(&path).map_err(|error| scene_error(error, std::fs::File::open(&path).err()))?;
+            let scene = pbrt::read(&path).map_err(|error| scene_error(error, std::fs::read(&path).err()))?;
             Self::new(scene, resolution, pixel_bounds)
         })
     }

@@ -8,7 +8,7 @@ use prpf::image::Planes;
 use prpf::progressive::{Settings, fits_in_memory};
 use prpf::scene::film::{MAX_PIXELS, MAX_SIDE};
 use prpf::state::RenderState;
-use prpf::stats::{self, Columns, Layout, Part, SampleRectangle};
+use prpf::stats::{self, Columns, HalfMoments, Layout, Part, SampleRectangle};
 use pyo3::exceptions::PyMemoryError;
 use pyo3::prelude::*;
 
@@ -35,15 +35,7 @@ impl Store {
         reservoir: usize,
         seed: u64,
     ) -> PyResult<Self> {
-        let is_accepted = |side: usize| (1..=MAX_SIDE as usize).contains(&side);
-        if !is_accepted(width) || !is_accepted(height) || (width * height) as u64 > MAX_PIXELS {
-            return Err(value_error(format!(
-                "size: found {width}x{height}; accepted are sides from 1 to {MAX_SIDE} and at most {MAX_PIXELS} pixels"
-            )));
-        }
-        let settings = Settings { reservoir, ..Settings::default() };
-        fits_in_memory(columns.layout(), &settings, (width, height), false)
-            .map_err(|error| PyMemoryError::new_err(error.to_string()))?;
+        check_size(&columns, [width, height], reservoir)?;
         let layout = columns.layout().clone();
         let store = py.detach(|| stats::Store::new(width, height, layout, reservoir, seed));
         Ok(Self { store: Arc::new(store), seed, columns })
@@ -68,6 +60,19 @@ impl Store {
         let planes = py.detach(|| read(&self.store, part, dimensions));
         arrays::image(py, planes)
     }
+}
+
+/// Checks that a store of this size has pixels and fits in memory.
+fn check_size(columns: &Columns, [width, height]: [usize; 2], reservoir: usize) -> PyResult<()> {
+    let is_accepted = |side: usize| (1..=MAX_SIDE as usize).contains(&side);
+    if !is_accepted(width) || !is_accepted(height) || (width * height) as u64 > MAX_PIXELS {
+        return Err(value_error(format!(
+            "size: found {width}x{height}; accepted are sides from 1 to {MAX_SIDE} and at most {MAX_PIXELS} pixels"
+        )));
+    }
+    let settings = Settings { reservoir, ..Settings::default() };
+    fits_in_memory(columns.layout(), &settings, (width, height), false)
+        .map_err(|error| PyMemoryError::new_err(error.to_string()))
 }
 
 fn part(half: Option<usize>) -> PyResult<Part> {
@@ -116,6 +121,53 @@ impl Store {
     ) -> PyResult<Self> {
         let columns = Columns::new(&dimensions).map_err(value_error)?;
         Self::empty(py, width, height, columns, reservoir, seed)
+    }
+
+    /// Creates a store from the moments of two independent halves of the samples.
+    #[staticmethod]
+    #[pyo3(signature = (dimensions, counts, means, variances, *, seed=0))]
+    fn from_moments(
+        py: Python,
+        dimensions: Vec<String>,
+        counts: &Bound<PyAny>,
+        means: &Bound<PyAny>,
+        variances: &Bound<PyAny>,
+        seed: u64,
+    ) -> PyResult<Self> {
+        // Take the buffers
+        let columns = Columns::new(&dimensions).map_err(value_error)?;
+        let count = columns.count();
+        let accepted = format!("an array of real numbers of shape (2, height, width, {count})");
+        let means = arrays::reals("means", means, &[4], &accepted)?;
+        let &[halves, height, width, found] = means.shape() else { unreachable!("four axes") };
+        if (halves, found) != (2, count) {
+            return Err(arrays::wrong_shape("means", means.shape(), &accepted));
+        }
+        check_size(&columns, [width, height], 0)?;
+        let accepted = format!("an array of real numbers of shape (2, {height}, {width}, {count})");
+        let variances = arrays::reals("variances", variances, &[4], &accepted)?;
+        if variances.shape() != means.shape() {
+            return Err(arrays::wrong_shape("variances", variances.shape(), &accepted));
+        }
+        let accepted = format!("an array of integers of shape (2, {height}, {width})");
+        let counts = arrays::integers("counts", counts, &[3], &accepted)?;
+        if counts.shape() != [2, height, width] {
+            return Err(arrays::wrong_shape("counts", counts.shape(), &accepted));
+        }
+
+        // Divide them into halves
+        let arrays = (counts.try_readonly()?, means.try_readonly()?, variances.try_readonly()?);
+        let (counts, means, variances) = (arrays.0.as_slice()?, arrays.1.as_slice()?, arrays.2.as_slice()?);
+        let (pixels, values) = (width * height, width * height * count);
+        let halves = [0, 1].map(|half| HalfMoments {
+            counts: &counts[half * pixels..][..pixels],
+            means: &means[half * values..][..values],
+            variances: &variances[half * values..][..values],
+        });
+        let store = py
+            .detach(|| stats::Store::from_half_moments(width, height, &columns, &halves, seed))
+            .map_err(value_error)?;
+        Ok(Self { store: Arc::new(store), seed, columns })
     }
 
     /// Reads the store of a render state.

@@ -33,7 +33,7 @@ def test_pixels_that_are_not_finite_are_excluded():
         (np.ones((0, 5, 3)), ValueError, r"shape \(0, 5, 3\)"),
         (np.full((4, 5, 3), np.nan), ValueError, "no pixel is finite"),
         (np.ones((4, 5, 3), complex), TypeError, "complex128"),
-        ([[1, 2], [3]], ValueError, ""),
+        ([[1, 2], [3]], ValueError, "inhomogeneous"),
     ],
 )
 def test_images_that_cannot_be_compared_are_exceptions(image, error, words):

@@ -136,3 +136,33 @@ def test_unknown_names_and_halves_are_exceptions():
         store.mean(7)
     with pytest.raises(ValueError, match="half: found 2; accepted are 0, 1 and None"):
         store.mean(half=2)
+
+
+def test_moments_of_another_program_give_the_same_image():
+    samples, _ = made_up_samples(20, 30, 8)
+    pushed = prpf.Store(30, 20, FEATURES)
+    pushed.push(samples)
+    halves = [samples[:, :, half::2].astype(np.float64) for half in (0, 1)]
+    means = np.stack([half.mean(2) for half in halves])
+    variances = np.stack([half.var(2, ddof=1) for half in halves])
+    counts = np.full((2, 20, 30), 4)
+    store = prpf.Store.from_moments(FEATURES, counts, means, variances)
+    assert np.allclose(store.variance("RGB"), pushed.variance("RGB"), rtol=1e-4)
+    assert np.allclose(prpf.denoise(store).image, prpf.denoise(pushed).image, rtol=1e-3)
+
+
+@pytest.mark.parametrize(
+    "counts, means, variances, words",
+    [
+        (np.ones((2, 4, 5), int), np.zeros((2, 4, 5, 2)), np.zeros((2, 4, 5, 3)), r"means: found the shape \(2, 4, 5, 2\)"),
+        (np.ones((2, 4, 5), int), np.zeros((1, 4, 5, 3)), np.zeros((2, 4, 5, 3)), "means: found the shape"),
+        (np.ones((2, 4, 5), int), np.zeros((2, 4, 5, 3)), np.zeros((2, 4, 4, 3)), "variances: found the shape"),
+        (np.ones((2, 4), int), np.zeros((2, 4, 5, 3)), np.zeros((2, 4, 5, 3)), "counts: found the shape"),
+        (np.ones((2, 0, 0), int), np.zeros((2, 0, 0, 3)), np.zeros((2, 0, 0, 3)), "size: found 0x0"),
+        (np.ones((2, 4, 5), int), np.full((2, 4, 5, 3), np.nan), np.zeros((2, 4, 5, 3)), "means: found NaN"),
+        (np.ones((2, 4, 5), int), np.zeros((2, 4, 5, 3)), np.full((2, 4, 5, 3), -1), "variances: found -1"),
+    ],
+)
+def test_moments_that_make_no_store_are_exceptions(counts, means, variances, words):
+    with pytest.raises(ValueError, match=words):
+        prpf.Store.from_moments(["R", "G", "B"], counts, means, variances)
