@@ -3,7 +3,7 @@
 //! Any page on the web can make a browser connect to a local port. Every request is therefore checked for its origin:
 //! by its `Host` and `Origin` headers, or by a token in its URL.
 
-use std::net::{IpAddr, SocketAddr};
+use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr, UdpSocket};
 
 /// Length of a token, in bytes: 128 bits cannot be guessed.
 const TOKEN_BYTES: usize = 16;
@@ -30,8 +30,9 @@ impl Access {
         Ok(Self { token: Some(bytes.iter().map(|byte| format!("{byte:02x}")).collect()) })
     }
 
-    /// Returns the URL to open.
+    /// Returns the URL to open of a server that listens at `socket`.
     pub fn url(&self, socket: SocketAddr) -> String {
+        let socket = openable(socket);
         match &self.token {
             Some(token) => format!("http://{socket}/?token={token}"),
             None => format!("http://{socket}/"),
@@ -64,6 +65,28 @@ impl Access {
         let from = origin.and_then(|origin| origin.split_once("://")).map(|(_, authority)| authority);
         self.admits(host, query) && from.is_some() && from == host
     }
+}
+
+/// Returns an address that a browser can open: a server that listens at all addresses of this machine (`0.0.0.0`, `[::]`)
+/// has no such address itself. Returns that of the network interface towards other networks, else the loopback address.
+fn openable(socket: SocketAddr) -> SocketAddr {
+    if !socket.ip().is_unspecified() {
+        return socket;
+    }
+    // Connecting a UDP socket chooses an interface and sends nothing; these networks are reserved for documentation.
+    let towards = |from: IpAddr, to: IpAddr| {
+        let chosen = UdpSocket::bind((from, 0)).and_then(|chosen| chosen.connect((to, 9)).map(|()| chosen));
+        chosen.and_then(|chosen| chosen.local_addr()).ok().map(|address| address.ip())
+    };
+    let documentation: IpAddr = match socket {
+        SocketAddr::V4(_) => Ipv4Addr::new(192, 0, 2, 1).into(),
+        SocketAddr::V6(_) => Ipv6Addr::new(0x2001, 0xdb8, 0, 0, 0, 0, 0, 1).into(),
+    };
+    let loopback: IpAddr = match socket {
+        SocketAddr::V4(_) => Ipv4Addr::LOCALHOST.into(),
+        SocketAddr::V6(_) => Ipv6Addr::LOCALHOST.into(),
+    };
+    SocketAddr::new(towards(socket.ip(), documentation).unwrap_or(loopback), socket.port())
 }
 
 /// Tests for `localhost` or a loopback address, with or without a port.
@@ -107,6 +130,17 @@ mod tests {
         for origin in [None, Some("http://evil.example"), Some("http://127.0.0.1:9999"), Some("null")] {
             assert!(!access.admits_socket(origin, host, None), "{origin:?}");
         }
+    }
+
+    #[test]
+    fn an_address_that_listens_everywhere_is_printed_as_one_that_can_be_opened() {
+        let access = Access::local();
+        for everywhere in ["0.0.0.0:8080", "[::]:8080"] {
+            let url = access.url(everywhere.parse().unwrap());
+            let socket: SocketAddr = url["http://".len()..].trim_end_matches('/').parse().unwrap();
+            assert!(!socket.ip().is_unspecified() && socket.port() == 8080, "{url}");
+        }
+        assert_eq!(access.url("192.168.0.7:80".parse().unwrap()), "http://192.168.0.7:80/");
     }
 
     #[test]
