@@ -16,6 +16,13 @@ pub struct Pending {
 }
 
 impl Pending {
+    /// Requests an image of the generation to come. Duplicate requests are merged.
+    pub fn request_save(&mut self, settings: &Settings) {
+        if !self.saves.contains(settings) {
+            self.saves.push(settings.clone());
+        }
+    }
+
     /// Returns whether the loop has to be left.
     pub fn any(&self) -> bool {
         self.ends_pass() || self.changes_samples()

@@ -31,6 +31,9 @@ pub struct Subject<'a> {
     pub region: Option<Rectangle>,
 }
 
+/// Most points of the error curve; beyond, every second one is dropped, so that a render of many hours reports no more.
+const MOST_POINTS: usize = 256;
+
 /// See the module.
 pub struct Reporter {
     hub: Arc<Hub>,
@@ -215,6 +218,14 @@ impl Reporter {
             self.curve.pop();
         }
         self.curve.push((made_by, Point { seconds, error: estimate.error }));
+        if self.curve.len() > MOST_POINTS {
+            // The first and the latest point stay.
+            let mut index = 0;
+            self.curve.retain(|_| {
+                index += 1;
+                index % 2 == 1
+            });
+        }
     }
 
     /// Publishes frames for the viewers that are ready.

@@ -13,9 +13,10 @@ use crate::progressive::{Host, fits_in_memory};
 use crate::stats::Store;
 
 impl Controller<'_> {
-    /// Handles all commands that have come.
+    /// Handles all commands that have come before; those that come meanwhile wait, or a flood of them would stop the render.
     pub(super) fn receive(&mut self, store: &Arc<Store>) {
-        while let Ok(command) = self.hub.commands().try_recv() {
+        for _ in 0..self.hub.commands().len() {
+            let Ok(command) = self.hub.commands().try_recv() else { break };
             self.handle(command, store);
         }
         if self.configuration.stays && self.is_interrupted() {
@@ -46,7 +47,7 @@ impl Controller<'_> {
             }
             Command::Restart => self.pending.restart = true,
             Command::Save => {
-                self.pending.saves.push(self.configuration.settings.clone());
+                self.pending.request_save(&self.configuration.settings);
                 self.request_pending_saves(store);
             }
             Command::Inspect { pixel, reply } => {

@@ -34,7 +34,7 @@ impl Controller<'_> {
             };
             if !suffices(&request.settings) && !suffices(&self.configuration.settings) {
                 // A generation with the sample vectors that this denoiser needs is about to begin.
-                self.pending.saves.push(request.settings);
+                self.pending.request_save(&request.settings);
             } else if !suffices(&request.settings) {
                 let text = "not saved: another denoiser was chosen before this one had its sample vectors";
                 self.reporter.notice(text.to_owned(), true);
