@@ -568,6 +568,102 @@ fn a_message_that_is_too_long_or_wrong_stops_neither_the_server_nor_the_render()
     while !refused(&socket.read().expect("an answer")) {}
 }
 
+/// Opens so many connections that each send half a request.
+fn half_requests(address: &str, number: usize) -> Vec<std::net::TcpStream> {
+    use std::io::Write;
+    let authority = address.trim_start_matches("http://").split('/').next().expect("a host and port");
+    let open = |_| {
+        let mut stream = std::net::TcpStream::connect(authority).expect("a connection");
+        // The server may have closed it already.
+        let _ = stream.write_all(b"GET / HTTP/1.1\r\nHost: half\r\n");
+        stream
+    };
+    (0..number).map(open).collect()
+}
+
+/// A process that may open 256 files, and a client that holds 500 connections.
+#[cfg(target_os = "linux")]
+#[test]
+fn clients_that_hold_connections_keep_nothing_from_being_written() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    std::fs::write(folder.path().join("scene.pbrt"), SCENE).expect("a file in it");
+    let mut render = Command::new("sh")
+        .current_dir(folder.path())
+        .args(["-c", "ulimit -n 256; exec \"$0\" \"$@\"", env!("CARGO_BIN_EXE_prpf"), "render", "scene.pbrt"])
+        .args(["--preview", "127.0.0.1:0", "--spp", "0", "--time", "4s", "--quiet", "-o", "out.exr"])
+        .args(["--state", "out.state", "--report", "out.json"])
+        .stdout(Stdio::piped())
+        .spawn()
+        .map(Running)
+        .expect("the program starts");
+    let output = render.0.stdout.take().expect("it was asked for");
+    let address = first_line(output, |line| line.strip_prefix("preview at ").map(str::to_owned));
+    let address = address.expect("the program says where the page is");
+    let _held = half_requests(&address, 500);
+    // The page can still be opened.
+    let (own, query) = address.split_once("/?").expect("a token in the address");
+    assert_eq!(socket_status(&address, &format!("/live?{query}"), Some(own), None), 101);
+    assert!(render.0.wait().expect("it ends").success());
+    for name in ["out.exr", "out.state", "out.json"] {
+        assert!(folder.path().join(name).metadata().is_ok_and(|file| file.len() > 100), "{name}");
+    }
+}
+
+#[test]
+fn a_request_that_does_not_end_is_dropped_after_ten_seconds() {
+    use std::io::Read;
+    let (_render, address, _folder) = preview(&["--spp", "1"]);
+    let mut half = half_requests(&address, 1);
+    let started = std::time::Instant::now();
+    half[0].set_read_timeout(Some(std::time::Duration::from_secs(15))).expect("a socket");
+    let _ = half[0].read_to_end(&mut Vec::new()).expect("the server closes the connection");
+    assert!((8..14).contains(&started.elapsed().as_secs()), "{:?}", started.elapsed());
+}
+
+/// Viewers that connect, send every command many times, read little, and leave. `PRPF_VIEWERS=8640` for as many as come
+/// in 24 hours, one each ten seconds.
+#[cfg(target_os = "linux")]
+#[test]
+fn viewers_that_come_and_go_take_no_memory() {
+    let viewers = std::env::var("PRPF_VIEWERS").ok().and_then(|text| text.parse().ok()).unwrap_or(200);
+    let (render, address, _folder) = preview(&["--spp", "0"]);
+    let resident = || -> u64 {
+        let status = std::fs::read_to_string(format!("/proc/{}/status", render.0.id())).expect("a process");
+        let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:")).expect("its memory");
+        line.trim().trim_end_matches("kB").trim().parse::<u64>().expect("kibibytes") / 1024
+    };
+    let visit = |index: usize| {
+        let mut socket = viewer(&address);
+        for message in [
+            r#"{"type":"views","views":["raw","filtered"]}"#,
+            r#"{"type":"ready"}"#,
+            r#"{"type":"inspect","x":3,"y":4}"#,
+            r#"{"type":"camera","orbit":[0.01,0]}"#,
+            r#"{"type":"priority-region","region":[[0.2,0.5],[0.1,0.5]]}"#,
+            r#"{"type":"settings","sampling":"uniform"}"#,
+            r#"{"type":"settings","sampling":"adaptive"}"#,
+            r#"{"type":"pause","paused":false}"#,
+            r#"{"type":"launch"}"#,
+        ] {
+            // A server that does not take more refuses, and this is no reason to stop.
+            (0..10).for_each(|_| drop(socket.send(Message::text(message))));
+        }
+        // Every fourth viewer stays until all its messages are handled: the last ones are refused.
+        let mut refusals = if index.is_multiple_of(4) { 10 } else { 0 };
+        while refusals > 0 {
+            let answer = socket.read().expect("an answer");
+            let is_unknown = |text: &str| text.contains("refused") && text.contains("launch");
+            refusals -= u32::from(answer.to_text().is_ok_and(is_unknown));
+        }
+    };
+    (0..100).for_each(visit);
+    let before = resident();
+    (0..viewers).for_each(visit);
+    let after = resident();
+    println!("{before} MiB after 100 viewers, {after} MiB after {viewers} more");
+    assert!(after < before + 64, "{before} MiB, then {after} MiB");
+}
+
 #[test]
 fn screenshots_of_another_scene() {
     let (Some(program), Some(folder), Some(scene)) =

@@ -19,7 +19,7 @@
 //! | `orbit_camera`, `camera_move` | the camera and its movements |
 //! | `hub`, `viewer` | between the render thread and its viewers |
 //! | `protocol`, `command`, `settings_change` | messages from the page |
-//! | `server`, `session`, `access`, `page` | the web server |
+//! | `server`, `connections`, `session`, `access`, `page` | the web server |
 //! | `tev_client`, `tev_packet` | the tev viewer |
 
 mod access;
@@ -28,6 +28,7 @@ mod camera_move;
 mod colour_scale;
 mod command;
 mod configuration;
+mod connections;
 mod controller;
 mod hub;
 mod orbit_camera;

@@ -12,6 +12,7 @@ use axum::response::{IntoResponse, Response};
 use axum::routing::get;
 
 use super::access::Access;
+use super::connections;
 use super::hub::Hub;
 use super::page;
 use super::protocol::LONGEST_MESSAGE;
@@ -73,8 +74,8 @@ impl Server {
             runtime.block_on(async {
                 let router = Router::new().route("/live", get(live)).fallback(get(file)).with_state(shared);
                 if let Ok(listener) = tokio::net::TcpListener::from_std(listener) {
-                    // Returns when the process ends.
-                    let _ = axum::serve(listener, router).await;
+                    // Ends with the process.
+                    connections::accept(listener, router).await;
                 }
             });
         })?;
