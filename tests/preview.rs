@@ -624,7 +624,7 @@ fn a_request_that_does_not_end_is_dropped_after_ten_seconds() {
 /// in 24 hours, one each ten seconds.
 #[cfg(target_os = "linux")]
 #[test]
-fn viewers_that_come_and_go_take_no_memory() {
+fn viewers_that_come_and_go_take_little_memory() {
     let viewers = std::env::var("PRPF_VIEWERS").ok().and_then(|text| text.parse().ok()).unwrap_or(200);
     let (render, address, _folder) = preview(&["--spp", "0"]);
     let resident = || -> u64 {
