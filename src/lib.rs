@@ -25,7 +25,7 @@
 //! | [`geometry`] | acceleration structure, intersection, instances, motion |
 //! | [`stats`] | the sample vector's [`stats::Layout`], Welford moments, reservoir, the pixel-statistics [`stats::Store`] |
 //! | [`render`] | samplers, BSDFs, light sampling, integrators; renders a batch into a store |
-//! | [`filter`] | what a [`filter::Denoiser`] is, and the denoisers: P-RPF, cross-filtered non-local means, RPF, a learned filter, Open Image Denoise as a guest |
+//! | [`filter`] | what a [`filter::Denoiser`] is, and the denoisers: P-RPF (`prpf` begins with Algorithm 1), cross-filtered non-local means, RPF, a learned filter, Open Image Denoise |
 //! | [`adaptive`] | maps → priority per pixel → sample counts of the next batch |
 //! | [`progressive`] | the render loop as plain state: checkpoint, next action, time constants, a blocking driver |
 //! | [`state`] | a render as a file: to resume, to filter again, to merge |

@@ -17,7 +17,7 @@ use crate::render::Renderer;
 use crate::scene::{Scene, ValidationError};
 use crate::state::ImageMetadata;
 
-/// See the module. Without a budget the scene's samples per pixel are rendered.
+/// A render to come. Without a budget the scene's samples per pixel are rendered.
 #[must_use]
 pub struct RenderBuilder<'a> {
     scene: &'a Scene,
@@ -68,13 +68,13 @@ impl<'a> RenderBuilder<'a> {
         Self { settings, ..self }
     }
 
-    /// Ends the render at so many samples per pixel, on average.
+    /// Ends the render at `spp` samples per pixel, on average.
     pub fn spp(mut self, spp: u32) -> Self {
         self.settings.budget.spp = Some(spp);
         self
     }
 
-    /// Ends the render when so many seconds have passed since [`Self::new`], the last filter pass included.
+    /// Ends the render `seconds` seconds after [`Self::new`], the last filter pass included.
     pub fn seconds(mut self, seconds: f64) -> Self {
         self.settings.budget.seconds = Some(seconds);
         self

@@ -22,7 +22,7 @@ ALBEDO_FLOOR = 0.02
 
 # Channels of what the filter gets. `deviation` is that of the samples' luminance, `difference` that of the luminances of
 # the halves; other deviations are means over the axes, that of the position in units of its mean. `nlm` is the image of
-# the hand-made filter, `has_nlm` 0 or 1.
+# that denoiser, `has_nlm` 0 or 1.
 STATISTICS = {
     "colour": 3,
     "deviation": 1,

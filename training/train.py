@@ -32,7 +32,7 @@ def relative_error(image, reference):
     return (image - reference) ** 2 / (smooth**2 + EPSILON)
 
 
-# Part of the loss that is the predicted kernels' own. Without it the mix chose the hand-made filter or what is not
+# Part of the loss that is the predicted kernels' own. Without it the mix chose `nlm` or what is not
 # filtered in the first steps, and the kernels never learnt.
 OF_KERNELS = 0.5
 

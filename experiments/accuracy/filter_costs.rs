@@ -19,7 +19,7 @@ use crate::test_scene::TestScene;
 pub struct Settings {
     pub spp: u32,
     pub seeds: u64,
-    /// A time is the median of so many runs.
+    /// Number of runs, of which a time is the median.
     repeats: usize,
     nlm: Vec<NlmChanges>,
     prpf: Vec<PrpfChanges>,

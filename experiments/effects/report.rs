@@ -12,7 +12,7 @@ pub fn write(session: &Session, settings: &Settings, all: &[VariantResults]) -> 
     report.paragraph(&format!(
         "Each row adds an effect to those of the rows above it. {} samples per pixel; times are in seconds per million \
          pixels (median of {} turns; in brackets the ratio to the first row). Dimensions are those of the sample vector: \
-         film position, colour, features, random parameters. Only `prpf` computes mutual information, of so many pairs. \
+         film position, colour, features, random parameters. *Pairs* are those of mutual information, which only `prpf` computes. \
          Memory is that of the statistics, and of the reservoir of {} sample vectors that only `prpf` needs.",
         settings.spp,
         settings.repeats,

@@ -15,7 +15,7 @@ pub struct Settings {
     /// Approximate number of pixels of the film.
     pub pixels: f64,
     pub spp: u32,
-    /// Times are the median of so many runs.
+    /// Number of runs, of which a time is the median.
     pub repeats: usize,
     pub effect: Vec<Effect>,
 }

@@ -1,8 +1,8 @@
 //! Computes the priority of each pixel from the maps of a filtered image: total sample counts should be
 //! proportional to it.
 //!
-//! A pixel's own maps have no part in its priority, only those of the pixels around: a rare bright sample would draw
-//! further samples that dilute it, and the image would get darker where light is rare.
+//! The priority of a pixel uses the maps of the pixels around it, not its own: a rare bright sample would draw further
+//! samples that dilute it, and the image would get darker where light is rare.
 //!
 //! If a pixel contributes e/n to the relative error of the image after n samples, the total error for a given
 //! number of samples is minimal for n ∝ √e. A weighted sum of the maps estimates e/n, and the priority is
@@ -123,7 +123,7 @@ pub fn expected_ratio(priority: &[f32]) -> f64 {
 }
 
 /// Returns the mean of the channels that errors are relative to, or that of the pixels around if it is smaller: a pixel
-/// that is dark beside a light counts as dark, and a bright one that owes it to noise does not.
+/// that is dark beside a light counts as dark; one that is bright by noise does not count as bright.
 fn level(image: &Planes, sigma: f32) -> Vec<f32> {
     let mean = |i: usize| (image.plane(0)[i] + image.plane(1)[i] + image.plane(2)[i]) / 3.0;
     let own: Vec<f32> = (0..image.pixels()).map(mean).collect();

@@ -68,7 +68,7 @@ impl ExclusiveFile {
         Ok(())
     }
 
-    /// Tests whether the disk has space for so many bytes beside the current file, and leaves nothing behind.
+    /// Tests whether the disk has space for `bytes` bytes beside the current file, and leaves nothing behind.
     ///
     /// # Errors
     /// Those of [`Self::replace`]; [`io::ErrorKind::StorageFull`] where the file system can tell.

@@ -1,4 +1,4 @@
-//! The names of denoisers, as pictures, reports, states, command line and page show them.
+//! The names of denoisers, as image files, reports, states, command line and page show them.
 
 /// The name of a denoiser.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]

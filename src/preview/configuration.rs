@@ -1,4 +1,4 @@
-//! What a preview is configured with: the scene, how to render it, and its surroundings.
+//! The configuration of a preview: scene, settings, and the interface to the program around it.
 
 use std::path::PathBuf;
 use std::time::Instant;
@@ -18,7 +18,7 @@ pub struct SavedImage<'a> {
     pub settings: &'a Settings,
 }
 
-/// The surroundings of a preview.
+/// The program around a preview.
 pub trait PreviewHost: Host {
     /// Writes an image; returns its paths.
     ///
@@ -36,7 +36,7 @@ pub trait PreviewHost: Host {
     fn wait_for_checkpoint(&mut self) -> Result<(), String>;
 }
 
-/// See the module.
+/// The scene, the settings and the host of a preview.
 pub struct Configuration<'a> {
     pub scene: &'a Scene,
     /// With the scene's own camera.

@@ -1,5 +1,5 @@
-//! Drives a render loop for its viewers: publishes frames, and handles commands between two steps, so within a tenth of
-//! a second or so.
+//! Drives a render loop for its viewers: publishes frames, and handles commands between two steps, which are at most about
+//! 0.15 s apart.
 //!
 //! Changed settings apply where the loop is. A command that discards the samples (another view, a restart) starts a new
 //! loop with an empty store: a new *generation*. A filter pass runs on threads of its own and is given up when a new
@@ -41,7 +41,7 @@ const EARLY: f64 = 0.5;
 /// Time between two checks whether an idle render is interrupted.
 const IDLE_POLL: Duration = Duration::from_millis(200);
 
-/// See the module.
+/// The driver of a preview's render loop.
 pub struct Controller<'a> {
     configuration: Configuration<'a>,
     hub: Arc<Hub>,

@@ -3,7 +3,7 @@
 use super::camera_move::CameraMove;
 use crate::progressive::Settings;
 
-/// See the module.
+/// The pending commands.
 #[derive(Default)]
 pub struct Pending {
     pub moves: Vec<CameraMove>,

@@ -34,7 +34,7 @@ pub struct Subject<'a> {
 /// Most points of the error curve; beyond, every second one is dropped, so that a render of many hours reports no more.
 const MOST_POINTS: usize = 256;
 
-/// See the module.
+/// The status and the frames of a render, as viewers get them.
 pub struct Reporter {
     hub: Arc<Hub>,
     publisher: Publisher,
@@ -175,7 +175,7 @@ impl Reporter {
         }
     }
 
-    /// Returns the seconds that so many samples take here, those of a resumed state included.
+    /// Returns the seconds that `samples` samples take here, those of a resumed state included.
     fn seconds_of(&self, samples: u64) -> Option<f64> {
         let ((first_seconds, first_samples), progress) = self.first.zip(self.progress)?;
         let own = progress.samples.checked_sub(first_samples).filter(|&own| own > 0)?;
@@ -192,7 +192,7 @@ impl Reporter {
         Some(Forecast { halving_seconds: found.halving_after(now), ..found })
     }
 
-    /// Takes the result of a filter pass of so many seconds; `None` if it was given up.
+    /// Takes the result of a filter pass that took `seconds` seconds; `None` if it was given up.
     pub fn filtered(&mut self, filtered: Option<&Filtered>, seconds: f64, store: &Store) {
         self.filter_seconds += seconds;
         if let Some(Filtered { result, estimate, .. }) = filtered {

@@ -20,14 +20,14 @@ use super::time_constants::{
 use crate::adaptive::Sampling;
 use crate::filter::{Denoiser, UNFILTERED};
 
-/// Ratio of an interim image's error to the target below which a batch and the final denoiser may reach it: an image of
-/// twice the samples and of the better denoiser has 0.3 to 0.5 of the error.
+/// Below this ratio of an interim image's error to the target, interim passes are by the final denoiser: twice the
+/// samples and the better denoiser leave 0.3 to 0.5 of the error, so the next batch may reach the target.
 const NEAR_TARGET: f64 = 4.0;
 
 /// An action of the loop.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Action {
-    /// Decide where so many samples go: a new batch.
+    /// Start a batch: decide which pixels get its samples.
     Allocate(Plan),
     /// Render the batch to this fraction.
     Render { to: f64 },
@@ -65,7 +65,7 @@ fn plan(now: &Situation) -> Result<Plan, StoppedBy> {
     schedule.next_batch(now.elapsed, now.samples, now.error)
 }
 
-/// Within a batch of so many samples, of which the fraction `done` is rendered.
+/// Returns the next action within a batch of `samples` samples, of which the fraction `done` is rendered.
 fn next_of_batch(now: &Situation, done: f64, samples: u64) -> Action {
     // Measure the finalisation
     if let Some(denoiser) = calibration(now) {
@@ -92,7 +92,7 @@ fn next_of_batch(now: &Situation, done: f64, samples: u64) -> Action {
     }
 }
 
-/// Between a batch and the interim pass that may follow it.
+/// Returns the next action after a batch, before the interim pass that may follow.
 fn next_after_batch(now: &Situation) -> Action {
     if save_is_due(now, 0.0) {
         return Action::Save;

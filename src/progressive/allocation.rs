@@ -1,5 +1,6 @@
-//! Where the samples of a batch go: the maps of the latest interim pass, the region that is rendered first, and the
-//! allocator, put together; and whether it pays to place them by the maps.
+//! Allocates the samples of a batch to pixels, and predicts whether adaptive sampling is worth its time.
+//!
+//! Takes the maps of the latest interim pass and the priority region; gives the samples of each pixel.
 
 use super::checkpoint::{Checkpoint, InterimPass};
 use super::region::Region;
@@ -23,7 +24,7 @@ pub(super) fn allocate(
         _ => None,
     };
     let (floor, max_spp) = (settings.min_spp.min(settings.max_spp), settings.max_spp);
-    // Other pixels by chance in every batch.
+    // Each batch has its own key, so its uniform fraction goes to other pixels.
     let key = settings.seed.rotate_left(32) ^ store.samples_taken();
     let spread = |priority: Option<&[f32]>, have: &[u32], width: usize, total: u64| match priority {
         Some(priority) => adaptive::allocate_above(floor, priority, have, width, total, max_spp, key),

@@ -16,7 +16,7 @@ use crate::stats::Store;
 const BANDS: usize = 4;
 /// Least number of rows of a band: fewer are mostly borders.
 const LEAST_ROWS: usize = 12;
-/// Memory is prepared in pieces of so many bytes.
+/// Size of the pieces in which memory is prepared, in bytes.
 const PIECE: usize = 8 << 20;
 
 /// Filters some rows of a store and encodes the output of them; returns the times for the whole image.
@@ -37,8 +37,8 @@ pub(super) fn calibrate(
     CalibrationTimes { filter, total, spent: started.elapsed().as_secs_f64() }
 }
 
-/// Takes so many bytes from the system and returns them. The allocator keeps them (see `main`), so that a first pass
-/// takes as long as a calibration says: where memory is slow (a virtual machine), new pages are most of its time.
+/// Allocates `bytes` bytes, touches every page and frees them. The allocator keeps the pages (see `main`), so the first
+/// pass takes no longer than predicted: on a virtual machine new pages can be most of its time.
 pub(super) fn prepare_memory(bytes: usize) {
     // The system provides a page when it is first written, and zeros are not written.
     let pieces: Vec<_> = (0..bytes / PIECE).into_par_iter().map(|_| vec![1u8; PIECE]).collect();

@@ -1,7 +1,7 @@
 //! The complete state of a render as plain data: resumed in another process, it goes on as if it had never stopped.
 //!
-//! Times are no part of it except for the sampling speed: with a budget of samples nothing else of the past decides, and
-//! under a time budget the clock starts anew with the program. `state` writes it to a file.
+//! Its only time is the sampling speed: a budget of samples needs no other, and a time budget starts anew with the
+//! program. `state` writes it to a file.
 
 use std::sync::Arc;
 
@@ -16,7 +16,7 @@ use crate::filter::{DenoiserName, Interpolation};
 use crate::image::Planes;
 use crate::stats::Store;
 
-/// See the module.
+/// The complete state of a render.
 #[derive(Clone, Debug)]
 pub struct Checkpoint {
     pub store: Arc<Store>,

@@ -2,7 +2,7 @@
 
 use std::time::{Duration, Instant};
 
-/// See the module.
+/// A clock that starts with the program and can be held.
 #[derive(Clone, Copy, Debug)]
 pub struct Clock {
     start: Instant,

@@ -1,12 +1,11 @@
 //! The estimate of an image's relMSE, from the two halves of the samples that it was made of.
 //!
-//! Two maps of a filter pass tell of the error. The risk is unbiased as far as the filter is linear, and noisy: one rare
-//! bright sample may dominate its mean. The variance between the halves is far less noisy, and knows nothing of bias. Each
-//! has a standard error, from the spread over tiles, and a deviation that the denoiser states
+//! The estimate combines two maps of a filter pass. The risk is unbiased as far as the filter is linear, and noisy: one
+//! rare bright sample may dominate its mean. The variance between the halves is far less noisy, but blind to bias. Each has a standard error, from the spread over tiles, and a deviation that the denoiser states
 //! ([`Reliability`](crate::filter::Reliability)); their mean, weighted by both in logarithms, is the estimate. Errors are
 //! relative to the blurred image: relative to its noisy pixels they would be up to five times too large.
 //!
-//! Light that no sample has met is in no such estimate.
+//! The estimate cannot include light that no sample found.
 
 use crate::filter::{FilterResult, blur};
 use crate::image::Planes;
@@ -22,7 +21,7 @@ const LEVEL_SIGMA: f32 = 1.5;
 /// Deviations on either side that 95 % of a normal distribution lie within.
 const DEVIATIONS: f64 = 1.96;
 
-/// See the module.
+/// An image's estimated relMSE, in all and by tile.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ErrorEstimate {
     /// Estimated relMSE of the image.
@@ -35,7 +34,7 @@ pub struct ErrorEstimate {
     pub tiles: Planes,
 }
 
-/// An estimate in short, for the page and the progress bar.
+/// Value and interval of an estimate, for the page and the progress bar.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct EstimateSummary {
     /// relMSE of the image.
@@ -145,8 +144,8 @@ impl Tiles {
         self.counts.iter().map(|&n| n as usize).sum()
     }
 
-    /// Returns the mean over the pixels. Its standard error is that of independent tiles; one alone tells of none, and
-    /// counts as uncertain by all of its value.
+    /// Returns the mean over the pixels. Its standard error is that of independent tiles; a single tile has a standard error
+    /// of its whole value.
     fn mean(&self) -> Mean {
         let value = self.sums.iter().sum::<f64>() / self.pixels().max(1) as f64;
         let tiles = self.counts.iter().filter(|&&n| n > 0).count();

@@ -1,7 +1,7 @@
 //! The prediction of the finalisation: the last filter pass, and the encoding and writing of the image.
 //!
-//! Assumed at first from the denoiser's cost, then calibrated on some rows of the image (see `calibration`). Averages of
-//! the latest calibrations, and their mean deviation from that, make the prediction.
+//! The time is first assumed from the denoiser's cost, then calibrated on some rows of the image (see `calibration`). The
+//! prediction is the mean of the latest calibrations plus their mean deviation from it.
 
 use super::time_constants::{
     CALIBRATION_FRACTION, CALIBRATION_USE, CALIBRATIONS, CHECKPOINT_SECONDS, FIRST_CALIBRATION_EXCESS,
@@ -42,8 +42,8 @@ pub struct Finalisation {
     is_fresh: bool,
 }
 
-/// Returns the seconds of a finalisation of so many pixels that is assumed as long as none is measured. `spp`: samples
-/// per pixel; `saves`: whether a checkpoint is written.
+/// Returns the seconds assumed for a finalisation of `pixels` pixels until one is measured. `spp`: samples per pixel;
+/// `saves`: whether a checkpoint is written.
 pub(super) fn assumed_seconds(denoiser: &dyn Denoiser, pixels: u64, spp: f64, saves: bool) -> f64 {
     let cost = denoiser.cost();
     let times = if cost.is_per_sample { spp } else { 1.0 };
@@ -91,7 +91,7 @@ impl Finalisation {
         latest.filter = filter_seconds;
         self.predicted = (self.predicted - excess).max(0.0);
         self.deviation = 0.0;
-        // That is no less than a first calibration says.
+        // A measured pass counts as a full set of calibrations.
         self.averaged = self.averaged.max(CALIBRATIONS);
     }
 
@@ -101,7 +101,7 @@ impl Finalisation {
         (self.predicted, self.deviation, self.averaged) = (0.0, 0.0, 0.0);
     }
 
-    /// Marks the latest calibration as judged.
+    /// Marks the latest calibration as taken into account.
     pub fn age(&mut self) {
         self.is_fresh = false;
     }
@@ -111,8 +111,8 @@ impl Finalisation {
         self.is_fresh
     }
 
-    /// Returns whether another calibration is due, with so many seconds `left` for samples and a finalisation of
-    /// `predicted` seconds.
+    /// Returns whether another calibration is due, with `left` seconds left for samples and a finalisation of `predicted`
+    /// seconds.
     pub fn is_due(&self, elapsed: f64, left: f64, predicted: f64) -> bool {
         let first = FIRST_CALIBRATION_EXCESS * predicted / ROW_RATIO as f64;
         let next = self.latest.map_or(first, |latest| latest.spent);

@@ -18,7 +18,7 @@ pub struct Point {
 const LOOK_BACK: usize = 6;
 /// Factor on the weight of a point from one to the next older.
 const FADING: f64 = 0.7;
-/// Slowest and fastest fall that is believed.
+/// Smallest and largest power that a fit may give.
 const POWERS: (f64, f64) = (0.25, 2.0);
 /// Power while there is one point only: independent samples.
 const PLAIN_POWER: f64 = 1.0;
@@ -33,13 +33,13 @@ pub struct Forecast {
 }
 
 impl Forecast {
-    /// Seconds that halve the error after so many.
+    /// Returns the further seconds that halve the error after `seconds`.
     pub fn halving_after(&self, seconds: f64) -> f64 {
         seconds * (2f64.powf(1.0 / self.power) - 1.0)
     }
 }
 
-/// From points in the order of time; `None` before the first estimate that is above zero.
+/// Fits a forecast to points in order of time; `None` before the first estimate that is above zero.
 pub fn forecast(points: &[Point]) -> Option<Forecast> {
     let usable = |p: &&Point| p.error > 0.0 && p.seconds > 0.0;
     let recent: Vec<_> = points.iter().filter(usable).rev().take(LOOK_BACK).collect();

@@ -22,8 +22,8 @@ pub trait Host {
         false
     }
 
-    /// Does with the image of some rows, and with their store, everything that will be done with the whole image at
-    /// the end, and discards the result: the loop measures how long that takes.
+    /// Encodes the image and checkpoint of some rows as at the end of the render, and discards the result: the loop times
+    /// this call.
     fn encode_and_discard(&self, _settings: &Settings, _rows_result: &FilterResult, _rows: &Store) {}
 
     /// Returns the seconds between two checkpoints; `None` if none are kept.

@@ -8,15 +8,16 @@
 //!
 //! | file | holds |
 //! | --- | --- |
-//! | `action`, `situation` | the decisions |
+//! | `action`, `situation` | the decisions: the next action, and the fallback where time is short (`Situation::fallback`) |
 //! | `schedule`, `budget`, `speed` | sizes of batches and steps, and their limits |
-//! | `finalisation`, `calibration` | the predicted and the measured time of the end |
+//! | `finalisation`, `calibration` | the predicted and the measured time of the last pass and the outputs |
 //! | `time_constants` | every constant of time keeping |
 //! | `checkpoint`, `record`, `stopped_by` | the state of a render, and its outcome |
 //! | `render_loop` | the actions |
 //! | `allocation`, `region`, `steps`, `filter_pass`, `error_estimate` | their parts |
-//! | `blocking`, `host` | the driver of the command line, and its surroundings |
-//! | `settings`, `memory_budget`, `forecast`, `clock` | what the names say |
+//! | `blocking`, `host` | the driver of the command line, and its interface to the program around it |
+//! | `settings`, `memory_budget` | the settings, and the memory they need |
+//! | `forecast`, `clock` | the expected fall of the error; seconds since the program's start |
 
 mod action;
 mod allocation;

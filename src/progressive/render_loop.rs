@@ -1,7 +1,7 @@
 //! The render loop: holds the checkpoint and the measurements, and performs actions on them.
 //!
-//! It decides nothing: [`super::next_action`] does. A driver asks it for the next action, and performs it here or, for
-//! filter passes, wherever it likes.
+//! [`super::next_action`] decides. A driver asks the loop for the next action and lets the loop perform it; filter passes
+//! the driver runs itself, on any thread.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -28,7 +28,7 @@ use crate::image::metrics::Pair;
 use crate::render::Renderer;
 use crate::stats::{Part, Store};
 
-/// See the module.
+/// The state of a render and its measurements, on which actions are performed.
 pub struct RenderLoop<'a> {
     renderer: &'a Renderer<'a>,
     settings: Settings,
@@ -214,7 +214,7 @@ impl<'a> RenderLoop<'a> {
             measured.interim_seconds = Some(seconds);
         }
         if made_by == last {
-            // The time of the whole image is known better now than by some of its rows.
+            // A pass over the whole image replaces the extrapolation from some rows.
             measured.finalisation.correct(seconds);
         }
     }

@@ -19,7 +19,7 @@ pub struct Plan {
     pub is_last: bool,
 }
 
-/// Most samples per pixel of the first batch, unless the floor is higher: they are placed without knowledge.
+/// Most samples per pixel of the first batch, unless the floor is higher: no maps direct them yet.
 const PILOT_SPP: u64 = 8;
 /// Most samples per pixel of any batch, so that there are results now and then.
 const LARGEST_BATCH_SPP: u64 = 64;
@@ -136,7 +136,7 @@ impl Schedule<'_> {
         }
     }
 
-    /// Returns the fraction of a batch of `batch` samples that takes about so many seconds, and at least what makes a
+    /// Returns the fraction of a batch of `batch` samples that takes about `seconds` seconds, and at least what makes a
     /// coarse image.
     pub fn short_step(&self, seconds: f64, batch: u64) -> f64 {
         let least = LEAST_IMAGE * self.pixels as f64;
@@ -160,7 +160,7 @@ impl Schedule<'_> {
         self.is_late(elapsed) && self.finalisation > tolerance
     }
 
-    /// Returns whether every pixel can get a sample within the time budget, with so many samples so far.
+    /// Returns whether every pixel can get a sample within the time budget, after `samples` samples.
     pub fn fills(&self, elapsed: f64, samples: u64) -> bool {
         self.seconds_left(elapsed).is_none_or(|seconds| {
             samples as f64 + seconds.max(0.0) * self.speed.rate().unwrap_or(0.0) >= self.pixels as f64

@@ -5,7 +5,7 @@ use crate::adaptive::{self, PrioritySettings, Sampling};
 use crate::filter::{DENOISERS, Denoiser, SampleVectors};
 use crate::stats::{Layout, Store};
 
-/// Everything that the loop follows.
+/// The settings of a render loop.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Settings {
     pub budget: Budget,

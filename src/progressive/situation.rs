@@ -9,7 +9,7 @@ use crate::adaptive::Sampling;
 use crate::filter::{Denoiser, UNFILTERED};
 use crate::render::RejectedSample;
 
-/// What the host says at a moment.
+/// The host's requests at a moment.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Conditions {
     pub is_interrupted: bool,
@@ -21,11 +21,11 @@ pub struct Conditions {
     pub checkpoint_interval: Option<f64>,
 }
 
-/// A checkpoint's position in short.
+/// A checkpoint's position without its data.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Mark {
     Plan,
-    /// A batch of so many samples is rendered to this fraction.
+    /// Within a batch of `samples` samples, of which the fraction `done` is rendered.
     Render {
         done: f64,
         samples: u64,
@@ -49,7 +49,7 @@ pub struct Measurements {
     pub is_saved: bool,
 }
 
-/// See the module.
+/// The inputs of a decision.
 #[derive(Clone, Copy, Debug)]
 pub struct Situation<'a> {
     pub settings: &'a Settings,

@@ -22,7 +22,7 @@ impl Speed {
         (self.samples > 0.0).then(|| self.samples / self.seconds.max(1e-6))
     }
 
-    /// Returns the seconds that so many samples take; 0 before the first step.
+    /// Returns the seconds that `samples` samples take; 0 before the first step.
     pub fn seconds_for(&self, samples: f64) -> f64 {
         self.rate().map_or(0.0, |rate| samples / rate)
     }

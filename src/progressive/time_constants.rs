@@ -16,8 +16,8 @@ pub const SPEED_MEMORY: f64 = 0.5;
 
 // Time budgets
 
-/// Fraction of a time budget that is kept back for wrong predictions. A budget that is exceeded by a hundredth is
-/// broken, and one of which a twentieth is left is wasted: this is between.
+/// Fraction of a time budget that is kept back for wrong predictions. Exceeding the budget by 1 % breaks it, and leaving
+/// 5 % wastes it; this lies between.
 pub const MARGIN: f64 = 0.02;
 /// A time budget is broken if it is exceeded by more than the larger of these seconds and this fraction of it.
 pub const TOLERANCE: (f64, f64) = (0.1, 0.01);

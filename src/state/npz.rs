@@ -136,7 +136,7 @@ fn header(kind: &str, shape: &[usize]) -> Vec<u8> {
 mod tests {
     use super::*;
 
-    /// A disk with room for so many bytes.
+    /// A disk, and the bytes that it has room for.
     struct Small(io::Cursor<Vec<u8>>, usize);
 
     impl Write for Small {

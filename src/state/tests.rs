@@ -242,7 +242,7 @@ fn shards_that_make_a_whole_become_it_and_others_stay_apart() {
 }
 
 #[test]
-fn only_other_samples_of_the_same_picture_are_added() {
+fn only_other_samples_of_the_same_image_are_added() {
     let mut merge = Merge::new(state(7, Shard::WHOLE));
     let same = merge.add(&state(7, Shard::new(2, 3).unwrap())).unwrap_err();
     assert!(matches!(same, MergeError::Overlap(..)));

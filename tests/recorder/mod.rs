@@ -2,7 +2,7 @@
 
 use prpf::progressive::{Checkpoint, Host, Progress, Settings};
 
-/// See the module.
+/// A host with the checkpoints of a render.
 #[derive(Default)]
 pub struct Recorder {
     /// Seconds between two checkpoints; `None` records none.

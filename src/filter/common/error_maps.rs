@@ -13,7 +13,7 @@
 //!   the other half, which its values do not contain: Σ_h p_h [(F_h − c_{1−h})² − p_h D²] − p_A p_B (F_A − F_B)². That the
 //!   weights contain it makes it too low.
 //!
-//! The error is a map: the variance plus, blurred and where it is positive, what the risk exceeds it by.
+//! The error map is the larger of variance and risk, both averaged over the channels and blurred.
 
 use rayon::prelude::*;
 

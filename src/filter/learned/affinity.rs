@@ -29,7 +29,7 @@ const MAX_LOG_WEIGHT: f32 = 20.0;
 
 const _: () = assert!(1 << (LEVELS - 1) <= MARGIN, "neighbours lie inside the margin");
 
-/// Difference of the fractions of hits from which on two pixels do not mix.
+/// Difference in hit fraction from which two pixels do not mix.
 const APART: f32 = 0.99;
 
 /// Added to the exponent of pixels that do not mix.

@@ -1,9 +1,9 @@
-//! Gives back the light that the filter lost, as filters that distrust bright samples do.
+//! Scales the filtered image to the local brightness of the samples: filters that suppress bright samples darken it.
 //!
 //! Over a wide surrounding the mean of the unfiltered image c is known well. There the filtered image F is multiplied by
-//! 1 + r, r = Σ(c − F) / ΣF, which has the variance Σv / (ΣF)² with the variance v of c. Since r is believed to be 0 with
-//! a deviation of [`USUAL_LOSS`], an uncertain one counts less. Pixels whose variance is unknown, for a half has no samples, do
-//! not count.
+//! 1 + r, r = Σ(c − F) / ΣF, which has the variance Σv / (ΣF)² with the variance v of c. The prior of r is normal with mean
+//! 0 and deviation [`USUAL_LOSS`], so an uncertain r shrinks towards 0. Pixels with an empty half, whose variance is
+//! unknown, are left out.
 
 use rayon::prelude::*;
 
@@ -11,7 +11,7 @@ use super::mixture::Noisy;
 use crate::filter::common::blur;
 use crate::filter::common::half_counts::HalfCounts;
 
-/// Deviation of r from 0 that is expected without seeing the samples.
+/// Standard deviation of the prior of r.
 const USUAL_LOSS: f32 = 0.05;
 
 /// Standard deviation of the blur that the sums are, in pixels.

@@ -1,5 +1,5 @@
-//! Mixes the candidates of a pixel: surfaces filtered without and with their albedo, the means of the samples, and the
-//! image of the hand-made filter. The network predicts the weights, which sum to 1.
+//! Mixes the candidates of a pixel: the filtered colour, the filtered demodulated colour times albedo, the sample means, and
+//! the image of `nlm`. The network predicts the weights, which sum to 1.
 
 use rayon::prelude::*;
 
@@ -198,7 +198,7 @@ impl Candidates {
     }
 }
 
-/// What the colour of a surface with this albedo is divided by.
+/// Returns the divisor of the colour: the albedo, clamped to [`ALBEDO_RANGE`].
 fn divisor(albedo: f32) -> f32 {
     let [min, max] = ALBEDO_RANGE;
     albedo.clamp(min, max)

@@ -1,10 +1,10 @@
-//! Takes back what the network did where the samples show that it was wrong, as on kinds of detail that it never saw.
+//! Blends the network's image with a second estimate where the samples contradict it, as on detail unlike its training.
 //!
 //! The image is F₂ + λ(F₁ − F₂), with the learned F₁ and an estimate F₂ that is never far off. Comparison of the filtered
 //! halves with the other halves' noisy values c, which they do not contain, tells the best λ as N/Q with
 //! N = Σ ρ D_h (c_{1−h} − F₂_h), Q = Σ ρ D_h², D = F₁ − F₂, ρ = 1/(F² + 0.01 F̄²), where the sums extend over halves,
 //! channels and, by a blur, surrounding pixels. This observation of λ has the variance V/Q², V = Σ ρ² D_h² v with the variance
-//! v of c. Before it λ is believed to be 1 with a deviation of [`DOUBT`].
+//! v of c. The prior of λ is normal with mean 1 and deviation [`DOUBT`].
 
 use rayon::prelude::*;
 
@@ -12,7 +12,7 @@ use super::mixture::Noisy;
 use crate::filter::common::blur;
 use crate::filter::common::half_counts::HalfCounts;
 
-/// Deviation of λ from 1 that is expected without seeing the samples.
+/// Standard deviation of the prior of λ.
 const DOUBT: f32 = 0.25;
 
 /// Standard deviation of the blur, in pixels.

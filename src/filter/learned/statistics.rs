@@ -1,4 +1,4 @@
-//! What the network sees: statistics of a pixel's samples that do not change with the scene's brightness or size.
+//! Computes the network's inputs: statistics of each pixel's samples, invariant to the scene's brightness and size.
 
 use rayon::prelude::*;
 
@@ -100,7 +100,7 @@ impl Statistics {
     }
 
     /// Returns the inputs of the network: planes at half the resolution, of the even and the odd rows' even and odd pixels.
-    /// The image is extended to a size that the network can halve. `nlm` is the image of the hand-made filter without
+    /// The image is extended to a size that the network can halve. `nlm` is the image of that denoiser without
     /// directly visible emission, in the unit of the colour: 3 planes.
     pub fn inputs(&self, nlm: Option<&Planes>) -> InterleavedPlanes {
         let (width, height) = (self.colour.width(), self.colour.height());

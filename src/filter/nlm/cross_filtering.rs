@@ -118,10 +118,10 @@ pub fn filter_emission(emission: &DualBuffer, settings: &NlmSettings) -> [Linear
     filtered
 }
 
-/// Takes the light off pixels beside an emitter that none of their samples has met. A few samples may miss it by chance, so
-/// that noise explains the difference to the neighbours and the filter gives such a pixel their light: on a dark wall beside
-/// a bright lamp thousands of times its own. The light stays where the pixel lies between others that have met the emitter,
-/// on its rim or in its image out of focus: outside a convex outline no pixel does.
+/// Removes emission from pixels beside an emitter that none of their samples hit. A few samples may miss it by chance, so
+/// noise explains the difference to the neighbours, and the filter gives the pixel their emission: on a dark wall beside a
+/// bright lamp thousands of times its own radiance. Emission stays where the pixel lies between others whose samples hit
+/// the emitter, on its rim or in its image out of focus: outside a convex outline no pixel does.
 fn darken_rims(filtered: &mut [LinearEstimate; 2], emission: &DualBuffer) {
     /// Distance of the others, in pixels.
     const REACH: isize = 4;

@@ -45,7 +45,7 @@ struct Functions {
     execute_filter: unsafe extern "C" fn(Handle),
 }
 
-/// How well, and how slowly, the library filters.
+/// The library's quality setting (`OIDN_QUALITY_*`).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Quality {
     Fast,

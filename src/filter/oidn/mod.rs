@@ -1,4 +1,4 @@
-//! Intel Open Image Denoise as a guest: a denoiser for those who have its library, and the measure of our own.
+//! Intel Open Image Denoise, loaded if it is installed: an alternative denoiser, and a baseline for the others.
 //!
 //! The library gets the mean of the samples, albedo and normals. It is a network that adds what it has learnt to the
 //! image, not a linear filter of the samples, so that variance and error are those of its results on the two halves.

@@ -19,8 +19,8 @@ pub(super) struct ImageRequest {
 }
 
 impl Controller<'_> {
-    /// Makes requests of pending saves. A save means the image of now, whatever comes next; after a command that discards
-    /// the samples, the first image of the new generation. Duplicate requests are merged.
+    /// Turns pending saves into requests. A save captures the current image or, after a command that discards the samples,
+    /// the first image of the new generation. Duplicate requests are merged.
     pub(super) fn request_pending_saves(&mut self, store: &Arc<Store>) {
         let is_there = is_covered(store) || self.reporter.phase() == Phase::Finished || self.pending.quit;
         if self.pending.starts_generation() || !is_there {

@@ -34,7 +34,7 @@ fn situation<'a>(settings: &'a Settings, measurements: &'a Measurements, mark: M
     }
 }
 
-/// Measurements of a finalisation of so many seconds, calibrated twice, and of interim passes.
+/// Measurements of a finalisation, calibrated twice, and of interim passes, in seconds.
 fn measured(finalisation: f64, interim: f64) -> Measurements {
     let mut measurements =
         Measurements { interim_seconds: Some(interim), interim_total: interim, ..Measurements::default() };

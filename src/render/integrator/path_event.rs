@@ -7,7 +7,7 @@ use glam::Vec3;
 /// An event of a path. Positions are in render space, radiance is linear RGB.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum PathEvent {
-    /// A ray begins, after so many scattering events.
+    /// A ray begins, after `depth` scattering events.
     Ray { depth: u32, origin: Vec3, direction: Vec3 },
     /// The ray leaves the scene.
     Miss,

@@ -1,4 +1,4 @@
-//! What the path tracer knows of a scene: accelerated geometry, lights, and properties of its materials.
+//! The path tracer's view of a scene: accelerated geometry, lights, and properties of its materials.
 
 use std::sync::Arc;
 

@@ -39,9 +39,9 @@ impl Termination {
 }
 
 /// Returns the probability with which Russian roulette continues a path: the fourth root of its throughput
-/// without changes of the index of refraction (`max_component`). pbrt-v4 takes the throughput itself, so that
-/// all paths carry alike, but what they meet differs far more: the error after equal time is 0.6 to 1.03 of
-/// pbrt-v4's (docs/performance.md).
+/// without changes of the index of refraction (`max_component`). pbrt-v4 takes the throughput itself, which
+/// equalises throughputs, although incident radiance varies far more: the error after equal time is 0.6 to 1.03
+/// of pbrt-v4's (docs/performance.md).
 #[inline(always)]
 pub fn survival_probability(max_component: f32) -> f32 {
     max_component.min(1.0).sqrt().sqrt()
