@@ -1,4 +1,4 @@
-//! `prpf compare`: how far an image is from its reference.
+//! `prpf compare`: errors of an image with respect to a reference.
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -31,7 +31,7 @@ Exit status: 0 compared, 1 above --max-relmse, 2 an image cannot be read or the 
 pub struct CompareArgs {
     /// The image: EXR, PNG or JPEG
     pub image: PathBuf,
-    /// What it should be, of the same size
+    /// The reference, of the same size
     pub reference: PathBuf,
     /// Print one JSON object instead of text (an infinite number becomes null)
     #[arg(long)]
@@ -42,7 +42,7 @@ pub struct CompareArgs {
     /// Exit with status 1 when relMSE is above this
     #[arg(long, value_name = "X", value_parser = parse_limit)]
     pub max_relmse: Option<f64>,
-    /// Compare this layer of IMAGE (an EXR), such as Noisy or Albedo, instead of its picture
+    /// Compare this layer of IMAGE (an EXR), such as Noisy or Albedo, instead of its image
     #[arg(long, value_name = "NAME")]
     pub layer: Option<String>,
 }
@@ -210,7 +210,7 @@ mod tests {
     }
 
     #[test]
-    fn another_layer_is_compared_with_the_references_picture() {
+    fn another_layer_is_compared_with_the_references_image() {
         let image = filled(4, 4, &[0.5, 0.5, 0.5, 0.25, 0.25, 0.25]);
         let files = Files::new(&image, &filled(4, 4, &[0.25; 3]));
         assert_eq!(files.run(&["--layer", "Noisy", "--max-relmse", "0"]).unwrap(), 0);

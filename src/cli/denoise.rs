@@ -27,7 +27,7 @@ Examples:
 Without other options the image is the one that the render wrote. --denoiser prpf needs sample vectors in
 the state: `prpf render --reservoir 8` keeps them.")]
 pub(super) struct DenoiseOptions {
-    /// What `prpf render --state` or `prpf merge` wrote
+    /// State of `prpf render --state` or `prpf merge`
     state: PathBuf,
     /// Output, .exr (all layers) or .png; may be given twice [default: STATE.exr]
     #[arg(short, long, value_name = "FILE")]

@@ -11,7 +11,7 @@ pub(super) struct DenoiserOptions {
     /// The denoiser [default: nlm; of `denoise`: the render's]
     #[arg(long, value_name = "NAME", value_parser = methods())]
     denoiser: Option<String>,
-    /// Preset: draft or standard of `nlm`, `learned` and `oidn` [default: standard], interim of `prpf`
+    /// Preset of the denoiser, e.g. draft [default: its first]
     #[arg(long, value_name = "PRESET")]
     quality: Option<String>,
 }

@@ -20,7 +20,7 @@ Example:
 
 The documentation of the crate's module state::export lists the arrays.")]
 pub(super) struct ExportOptions {
-    /// What `prpf render --state` or `prpf merge` wrote
+    /// State of `prpf render --state` or `prpf merge`
     state: PathBuf,
     /// The archive of arrays
     #[arg(short, long, value_name = "FILE.npz")]

@@ -1,4 +1,4 @@
-//! The surroundings of a render on the command line: progress bar, signals, checkpoints and images.
+//! The host of a render on the command line: progress bar, signals, checkpoints and images.
 
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -20,7 +20,7 @@ use crate::stats::Store;
 /// Steps of the progress bar.
 const BAR_STEPS: u64 = 1000;
 
-/// See the module.
+/// The host of a render.
 pub(super) struct RenderHost<'a> {
     pub metadata: &'a ImageMetadata,
     pub outfiles: &'a [PathBuf],

@@ -11,7 +11,7 @@ use crate::image::OutputFormat;
 use crate::image::{self, Planes};
 use crate::scene::{Scene, pbrt};
 
-/// See the module.
+/// The inputs of a render, and the paths of its images.
 pub(super) struct Inputs {
     pub scene: Scene,
     pub outfiles: Vec<PathBuf>,

@@ -1,4 +1,4 @@
-//! `prpf merge`: adds independent states of one picture.
+//! `prpf merge`: merges states of one image that hold different samples.
 
 use std::path::{Path, PathBuf};
 
@@ -18,14 +18,14 @@ Examples:
   prpf merge a.state b.state -o all.state
   prpf denoise all.state -o image.exr
 
-The states are of the same picture, and of other seeds or other shards of one seed. All shards of a
+The states are of the same image, and of other seeds or other shards of one seed. All shards of a
 uniformly sampled render are that render again: it can go on with --resume. Other sums can be merged
 further, filtered and exported.")]
 pub(super) struct MergeOptions {
-    /// What `prpf render --state` or `prpf merge` wrote
+    /// State of `prpf render --state` or `prpf merge`
     #[arg(required = true, num_args = 2.., value_name = "STATE")]
     states: Vec<PathBuf>,
-    /// The sum
+    /// The merged state
     #[arg(short, long, value_name = "STATE")]
     outfile: PathBuf,
     /// No summary

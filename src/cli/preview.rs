@@ -17,7 +17,7 @@ Examples:
   prpf preview scene.pbrt --preview 0.0.0.0:8080
 
 Prints an address to open in a browser. Only this machine can reach it, unless ADDR:PORT is given; then
-the address holds a token, and whoever has it may look and steer. No image is written until the page's
+the address holds a token: anyone who has it can watch and steer. No image is written until the page's
 Save is used: NAME-0001.exr and .png, the name being that of -o or of the scene's film. Ends with Ctrl-C
 (or SIGTERM), at once, with exit status 0: that is how a preview is closed. With --state what was rendered
 of the scene's own view is kept, when the preview is paused as well, and --resume goes on from there.")]

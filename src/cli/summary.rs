@@ -64,7 +64,7 @@ fn shortcomings(outcome: &Outcome) -> Vec<String> {
     let store = &outcome.store;
     if outcome.is_fallback() {
         lines.push(format!(
-            "time or samples were too few for the denoiser {}: this image is by {}",
+            "too little time or too few samples for the denoiser {}: the image was made by {}",
             outcome.settings.denoiser.name(),
             outcome.result.made_by
         ));
@@ -88,7 +88,8 @@ fn shortcomings(outcome: &Outcome) -> Vec<String> {
     }
     if let Some(ratio) = excessive_ratio(&outcome.passes, &outcome.settings) {
         lines.push(format!(
-            "sampled uniformly: adaptive sampling was expected to leave {ratio:.2} of the error, which is not worth its time"
+            "sampled uniformly: adaptive sampling was predicted to leave {ratio:.2} of uniform sampling's error, too small a \
+             gain for the time it takes"
         ));
     }
     lines

@@ -25,7 +25,7 @@ pub(super) fn one_line(error: &Error) -> String {
         }
         (ErrorKind::MissingRequiredArgument, _) => format!("found no {argument}"),
         (ErrorKind::ArgumentConflict, _) => {
-            format!("found `{argument}` more than once, or with an option that excludes it")
+            format!("found `{argument}` twice, or with an option that it conflicts with")
         }
         (ErrorKind::TooFewValues, _) => {
             let number = |kind| text(kind).unwrap_or_default();

@@ -10,7 +10,7 @@ pub fn error_message(error: &io::Error) -> String {
         io::ErrorKind::PermissionDenied => "permission denied".into(),
         io::ErrorKind::ReadOnlyFilesystem => "the disk is read-only".into(),
         io::ErrorKind::NotFound => "no such file or folder".into(),
-        io::ErrorKind::NotADirectory => "its folder is a file".into(),
+        io::ErrorKind::NotADirectory => "its parent is a file, not a folder".into(),
         io::ErrorKind::IsADirectory => "is a folder".into(),
         _ => error.to_string(),
     }

@@ -26,7 +26,7 @@ pub enum StateErrorKind {
         "found a render state of format version {0}; accepted is version {VERSION}: render the scene again"
     )]
     Version(u32),
-    #[error("found {found} bytes of a render state of {expected}; it was cut off or added to")]
+    #[error("found {found} bytes of a render state of {expected}; it was truncated or extended")]
     Length { found: usize, expected: u64 },
     #[error("the render state is damaged: its checksum is not that of its content")]
     Checksum,

@@ -15,7 +15,7 @@ use crate::stats::Layout;
 pub enum MergeError {
     #[error("{field}: found {found}; accepted is that of the first state, {accepted}")]
     Differ { field: &'static str, found: String, accepted: String },
-    #[error("both hold the same samples: found {0}, beside {1}; accepted are other seeds or other shards")]
+    #[error("both hold the same samples: found {0} and {1}; accepted are states of other seeds or shards")]
     Overlap(Stream, Stream),
     #[error("a pixel would have more than {} samples, which a state cannot count", u32::MAX)]
     TooMany,

@@ -83,7 +83,7 @@ impl SceneBuilder {
                 None => {
                     let message = format!(
                         "unknown material \"{other}\"; expected diffuse, coateddiffuse, conductor, coatedconductor, dielectric, \
-                         thindielectric, diffusetransmission, mix or interface"
+                         thindielectric, diffusetransmission, measured, hair, mix or interface"
                     );
                     return Err(ParseError::new(loc, message));
                 }
