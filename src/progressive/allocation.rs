@@ -10,7 +10,7 @@ use crate::filter;
 use crate::stats::{Part, Store};
 
 /// Spreads `total` samples over the pixels of a checkpoint's store. Returns the samples of each pixel.
-pub(super) fn allocate(
+pub(super) fn allocate_batch(
     checkpoint: &Checkpoint,
     region: Option<Region>,
     settings: &Settings,
@@ -20,7 +20,7 @@ pub(super) fn allocate(
     // Rejected samples count: a pixel that rejects all of them must not hold up the others.
     let taken = store.next_indices();
     let priority = match (checkpoint.sampling(settings), interim) {
-        (Sampling::Adaptive, Some(interim)) => Some(priority(store, interim, settings)),
+        (Sampling::Adaptive, Some(interim)) => Some(batch_priority(store, interim, settings)),
         _ => None,
     };
     let (floor, max_spp) = (settings.min_spp.min(settings.max_spp), settings.max_spp);
@@ -45,11 +45,11 @@ pub(super) fn allocate(
 /// Returns the [expected ratio](adaptive::expected_ratio) of the errors of adaptive and uniform sampling by the maps of
 /// an interim pass.
 pub(super) fn expected_ratio(store: &Store, interim: &InterimPass, settings: &Settings) -> f64 {
-    adaptive::expected_ratio(&priority(store, interim, settings))
+    adaptive::expected_ratio(&batch_priority(store, interim, settings))
 }
 
 /// Computes the priority of each pixel.
-fn priority(store: &Store, interim: &InterimPass, settings: &Settings) -> Vec<f32> {
+fn batch_priority(store: &Store, interim: &InterimPass, settings: &Settings) -> Vec<f32> {
     let maps = Maps {
         counts: &store.counts(Part::Whole),
         image: &interim.image,

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use super::action::{Action, next_action};
-use super::allocation::{allocate, expected_ratio};
+use super::allocation::{allocate_batch, expected_ratio};
 use super::calibration::{calibrate, prepare_memory};
 use super::checkpoint::{Checkpoint, InterimPass, Position, SampleBatch};
 use super::clock::Clock;
@@ -203,7 +203,7 @@ impl<'a> RenderLoop<'a> {
         self.record(&filtered);
         self.checkpoint.interim = Some(InterimPass::new(filtered));
         self.checkpoint.position = Position::Plan;
-        self.foretell_ratio();
+        self.predict_ratio();
 
         // Learn from the time that the pass took
         let last = self.situation(&Conditions::default()).final_denoiser().name();
@@ -219,12 +219,12 @@ impl<'a> RenderLoop<'a> {
         }
     }
 
-    /// Foretells by the first pass with enough samples whether adaptive sampling is worth its time.
-    fn foretell_ratio(&mut self) {
+    /// Predicts by the first pass with enough samples whether adaptive sampling is worth its time.
+    fn predict_ratio(&mut self) {
         let Self { checkpoint: Checkpoint { store, passes, interim, .. }, settings, .. } = self;
         let floor = u64::from(settings.min_spp) * store.pixels() as u64;
-        let is_foretold = passes.iter().any(|pass| pass.expected_ratio.is_some());
-        if settings.sampling == Sampling::Uniform || is_foretold || store.samples_taken() < floor {
+        let is_predicted = passes.iter().any(|pass| pass.expected_ratio.is_some());
+        if settings.sampling == Sampling::Uniform || is_predicted || store.samples_taken() < floor {
             return;
         }
         if let (Some(pass), Some(interim)) = (passes.last_mut(), interim) {
@@ -297,7 +297,7 @@ impl<'a> RenderLoop<'a> {
     fn allocate(&mut self, plan: Plan) {
         let started = Instant::now();
         let grain = if self.checkpoint.store.samples_taken() == 0 { Grain::Pixel } else { Grain::Block };
-        let counts = allocate(&self.checkpoint, self.region, &self.settings, plan.samples);
+        let counts = allocate_batch(&self.checkpoint, self.region, &self.settings, plan.samples);
         self.checkpoint.position = Position::Render(SampleBatch { counts, done: 0.0, grain });
         self.measurements.seconds.allocate += started.elapsed().as_secs_f64();
     }

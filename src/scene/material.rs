@@ -69,7 +69,7 @@ pub enum Metal {
 
 /// A microfacet lobe with a tint for reflection and for transmission.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Layer {
+pub struct Lobe {
     /// Tint of reflection and of transmission; `None` is black.
     pub colours: [Option<RgbTextureId>; 2],
     /// Relative index of refraction.
@@ -83,9 +83,9 @@ pub struct Additive {
     /// Lambertian reflection and transmission; `None` is black.
     pub diffuse: [Option<RgbTextureId>; 2],
     /// A glossy lobe; its transmission is the mirror image below the surface.
-    pub gloss: Option<Layer>,
+    pub gloss: Option<Lobe>,
     /// A dielectric interface that reflects and refracts.
-    pub dielectric: Option<Layer>,
+    pub dielectric: Option<Lobe>,
     /// Fraction of light that is scattered; the rest passes straight through. `None` is opaque.
     pub opacity: Option<RgbTextureId>,
 }

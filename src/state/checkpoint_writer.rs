@@ -20,12 +20,12 @@ pub struct CheckpointWriter {
     to_write: Sender<Vec<u8>>,
     /// Buffers that come back once they are written, and the result of writing each.
     written: Mutex<Receiver<(Vec<u8>, io::Result<()>)>>,
-    progress: Mutex<Progress>,
+    progress: Mutex<WriteProgress>,
     thread: JoinHandle<()>,
 }
 
 #[derive(Default)]
-struct Progress {
+struct WriteProgress {
     /// The one buffer; `None` while it is being written.
     buffer: Option<Vec<u8>>,
     /// Result of the latest write that has ended.
@@ -52,7 +52,7 @@ impl CheckpointWriter {
                 }
             }
         })?;
-        let progress = Mutex::new(Progress { buffer: Some(Vec::new()), ..Progress::default() });
+        let progress = Mutex::new(WriteProgress { buffer: Some(Vec::new()), ..WriteProgress::default() });
         Ok(Self { to_write, written: Mutex::new(written), progress, thread })
     }
 
@@ -91,7 +91,7 @@ impl CheckpointWriter {
     }
 
     /// Takes back a buffer that has been written; if `waits`, until nothing is being written.
-    fn progress(&self, waits: bool) -> MutexGuard<'_, Progress> {
+    fn progress(&self, waits: bool) -> MutexGuard<'_, WriteProgress> {
         let mut progress = self.progress.lock().expect("no thread panics while it holds this");
         if progress.buffer.is_none() {
             let written = self.written.lock().expect("no thread panics while it holds this");

@@ -23,8 +23,8 @@ use super::half_counts::HalfCounts;
 use super::linear_estimate::LinearEstimate;
 use crate::image::Planes;
 
-/// Standard deviation of the blur of the estimated bias, in pixels.
-const BIAS_SIGMA: f32 = 4.0;
+/// Standard deviation of the blur of variance and risk in the error map, in pixels.
+const ERROR_SIGMA: f32 = 4.0;
 
 /// Maximum residual: where almost no noise is expected any difference is many times too large.
 const MAX_RESIDUAL: f32 = 1e6;
@@ -181,7 +181,7 @@ fn error(variance: &Planes, risk: &Planes) -> Planes {
     let blurred_mean = |planes: &Planes| {
         let mean = |i: usize| (0..3).map(|c| planes.plane(c)[i]).sum::<f32>() / 3.0;
         let plane: Vec<f32> = (0..planes.pixels()).into_par_iter().map(mean).collect();
-        blur::gaussian(width, height, &plane, BIAS_SIGMA)
+        blur::gaussian(width, height, &plane, ERROR_SIGMA)
     };
     let [variance, risk] = [variance, risk].map(blurred_mean);
     let mut error = Planes::new(width, height, 1);

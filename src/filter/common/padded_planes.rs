@@ -7,7 +7,7 @@
 use rayon::prelude::*;
 
 /// Values after the last row, so that a row can be read in whole vectors.
-pub const SLACK: usize = 32;
+const SLACK: usize = 32;
 
 /// Planes of one size with `margin` additional pixels on every side.
 #[derive(Clone, Debug)]
@@ -38,7 +38,7 @@ impl PaddedPlanes {
     }
 
     /// Returns `length` values of row `y` from column `x` on. Both coordinates may lie in the margin.
-    /// The span may extend past the right margin by up to [`SLACK`] values, which are unspecified.
+    /// The span may extend past the right margin by up to `SLACK` values, which are unspecified.
     #[inline]
     pub fn span(&self, plane: usize, x: isize, y: isize, length: usize) -> &[f32] {
         let margin = self.margin as isize;

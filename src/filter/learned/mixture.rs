@@ -66,36 +66,36 @@ pub struct Candidates {
     pub emission: Option<Noisy>,
     /// Albedo of surfaces: 3 planes.
     pub albedo: Planes,
-    /// Image of the hand-made filter, without emission.
-    pub hand_made: Option<Noisy>,
+    /// Image of `nlm`, without emission.
+    pub nlm: Option<Noisy>,
 }
 
-/// Weights of the mixture at a pixel.
+/// MixtureWeights of the mixture at a pixel.
 #[derive(Clone, Copy)]
-struct Weights {
+struct MixtureWeights {
     /// Surfaces filtered without their albedo.
     demodulated: f32,
     /// Surfaces filtered with it.
     plain: f32,
-    hand_made: f32,
+    nlm: f32,
     /// Fraction of the filtered albedo in the one that is multiplied by; the rest is the pixel's own.
     albedo: f32,
     /// Fraction of the filtered emission; the rest is the pixel's own.
     emission: f32,
 }
 
-impl Weights {
-    fn new(predicted: [f32; 6], has_hand_made: bool) -> Self {
+impl MixtureWeights {
+    fn new(predicted: [f32; 6], has_nlm: bool) -> Self {
         /// Greatest magnitude of a logarithmic weight.
         const MAX_LOG: f32 = 8.0;
-        let [demodulated, plain, own, hand_made, albedo, emission] = predicted;
+        let [demodulated, plain, own, nlm, albedo, emission] = predicted;
         let weight = |v: f32| (MAX_LOG * (v / MAX_LOG).tanh()).exp();
-        let [demodulated, plain, own, hand_made] = [demodulated, plain, own, hand_made].map(weight);
-        let hand_made = if has_hand_made { hand_made } else { 0.0 };
-        let sum = demodulated + plain + own + hand_made;
+        let [demodulated, plain, own, nlm] = [demodulated, plain, own, nlm].map(weight);
+        let nlm = if has_nlm { nlm } else { 0.0 };
+        let sum = demodulated + plain + own + nlm;
         let sigmoid = |v: f32| 1.0 / (1.0 + (-v).exp());
-        let [demodulated, plain, hand_made] = [demodulated, plain, hand_made].map(|weight| weight / sum);
-        Self { demodulated, plain, hand_made, albedo: sigmoid(albedo), emission: sigmoid(emission) }
+        let [demodulated, plain, nlm] = [demodulated, plain, nlm].map(|weight| weight / sum);
+        Self { demodulated, plain, nlm, albedo: sigmoid(albedo), emission: sigmoid(emission) }
     }
 }
 
@@ -105,9 +105,9 @@ impl Candidates {
         self.with_emission(&self.colour)
     }
 
-    /// Returns the image of the hand-made filter with its emission.
-    pub fn hand_made(&self) -> Option<Noisy> {
-        self.hand_made.as_ref().map(|image| self.with_emission(image))
+    /// Returns the image of `nlm` with its emission.
+    pub fn nlm(&self) -> Option<Noisy> {
+        self.nlm.as_ref().map(|image| self.with_emission(image))
     }
 
     fn with_emission(&self, image: &Noisy) -> Noisy {
@@ -152,13 +152,13 @@ impl Candidates {
     /// Mixes the candidates with the filtered planes of [`Self::values`], and adds the emission.
     pub fn mix(&self, predicted: &InterleavedPlanes, filtered: &InterleavedPlanes) -> Noisy {
         let (width, height) = (predicted.width(), predicted.height());
-        let has_hand_made = self.hand_made.is_some();
-        let weights: Vec<Weights> = (0..width * height)
+        let has_nlm = self.nlm.is_some();
+        let weights: Vec<MixtureWeights> = (0..width * height)
             .into_par_iter()
             .map(|i| {
                 let predicted =
                     std::array::from_fn(|k| predicted.at(MIXTURE.start + k, i % width, i / width));
-                Weights::new(predicted, has_hand_made)
+                MixtureWeights::new(predicted, has_nlm)
             })
             .collect();
         let last = 2 * self.planes_per_part();
@@ -168,7 +168,7 @@ impl Candidates {
             for (c, plane) in mixed.planes_mut().enumerate() {
                 let colour = self.colour.parts()[part].plane(c);
                 let emission = self.emission.as_ref().map(|emission| emission.parts()[part].plane(c));
-                let hand_made = self.hand_made.as_ref().map(|image| image.parts()[part].plane(c));
+                let nlm = self.nlm.as_ref().map(|image| image.parts()[part].plane(c));
                 let albedo = self.albedo.plane(c);
                 plane.par_chunks_mut(width).enumerate().for_each(|(y, out)| {
                     let row = |plane: usize| filtered.row(plane, y);
@@ -183,8 +183,8 @@ impl Candidates {
                         // Changes of the pixel's own value, so that a candidate equal to it changes nothing
                         *out =
                             own + weights.demodulated * (textured - own) + weights.plain * (plain[x] - own);
-                        if let Some(hand_made) = hand_made {
-                            *out += weights.hand_made * (hand_made[i] - own);
+                        if let Some(nlm) = nlm {
+                            *out += weights.nlm * (nlm[i] - own);
                         }
                         if let (Some(emission), Some(soft)) = (emission, soft_emission) {
                             *out += emission[i] + weights.emission * (soft[x] - emission[i]);

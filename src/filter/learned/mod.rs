@@ -19,7 +19,7 @@ mod mixture;
 mod network;
 mod safeguard;
 mod statistics;
-mod weights;
+mod weight_file;
 
 use super::common::error_maps::ErrorMaps;
 use super::common::fireflies::{self, FireflyClamp, FireflySettings};
@@ -100,8 +100,8 @@ impl Denoiser for Learned {
     }
 
     fn filter(&self, store: &Store, seed: u64) -> FilterResult {
-        let hand_made = self.is_mixed.then(|| nlm::STANDARD.filter(store, seed));
-        FilterResult { made_by: self.name(), ..filter(store, hand_made) }
+        let nlm = self.is_mixed.then(|| nlm::STANDARD.filter(store, seed));
+        FilterResult { made_by: self.name(), ..filter(store, nlm) }
     }
 }
 
@@ -109,24 +109,24 @@ impl Denoiser for Learned {
 const FIREFLIES: FireflySettings =
     FireflySettings { median_factor: 7.0, deviation_factor: 4.0, ..FireflySettings::DEFAULT };
 
-/// Filters a store. `hand_made` is the result of the hand-made filter.
-fn filter(store: &Store, hand_made: Option<FilterResult>) -> FilterResult {
+/// Filters a store. `nlm` is the result of that denoiser.
+fn filter(store: &Store, nlm: Option<FilterResult>) -> FilterResult {
     let (width, height) = (store.width(), store.height());
     let counts = HalfCounts::from_store(store);
     let [a, b] = [0, 1].map(|half| store.means(Part::Half(half), store.layout().colour()));
     let clamped = fireflies::clamp(&counts.mean([&a, &b]), [&a, &b], counts.integers(), &FIREFLIES);
     let statistics = Statistics::from_store(store, &counts, &clamped);
-    let candidates = candidates(store, &counts, &statistics, clamped, hand_made);
+    let candidates = candidates(store, &counts, &statistics, clamped, nlm);
 
     // Filter the image
-    let inputs = statistics.inputs(candidates.hand_made.as_ref().map(|image| &image.mean));
+    let inputs = statistics.inputs(candidates.nlm.as_ref().map(|image| &image.mean));
     let predicted = NETWORK.predict(&inputs, width, height);
     let values = InterleavedPlanes::extended(&candidates.values(), MARGIN);
     let hit = InterleavedPlanes::extended(&statistics.hit, MARGIN);
     let mut mixed = candidates.mix(&predicted, &affinity::filter(&predicted, &hit, values));
     let unfiltered_image = candidates.unfiltered();
-    let hand_made = candidates.hand_made();
-    let second = hand_made.as_ref().unwrap_or(&unfiltered_image);
+    let nlm = candidates.nlm();
+    let second = nlm.as_ref().unwrap_or(&unfiltered_image);
     safeguard::blend(&mut mixed, second, &unfiltered_image, &counts);
     brightness::restore(&mut mixed, &unfiltered_image, &counts);
 
@@ -155,14 +155,14 @@ fn candidates(
     counts: &HalfCounts,
     statistics: &Statistics,
     clamped: FireflyClamp,
-    hand_made: Option<FilterResult>,
+    nlm: Option<FilterResult>,
 ) -> Candidates {
     let layout = store.layout();
     let halves =
         |dims: std::ops::Range<usize>| [0, 1].map(|half| store.means(Part::Half(half), dims.clone()));
     let noisy = |mean: &Planes, halves| Noisy::new(mean.clone(), halves, counts);
     let emission = layout.block(Block::Emission).map(|dims| noisy(&statistics.emission, halves(dims)));
-    let hand_made = hand_made.map(|result| {
+    let nlm = nlm.map(|result| {
         let mut image = Noisy::new(result.image, result.halves, counts);
         if let Some(emission) = &emission {
             image.add_scaled(-1.0, emission);
@@ -170,7 +170,7 @@ fn candidates(
         image
     });
     let colour = noisy(&statistics.colour, clamped.halves);
-    Candidates { colour, emission, albedo: statistics.albedo.mean.clone(), hand_made }
+    Candidates { colour, emission, albedo: statistics.albedo.mean.clone(), nlm }
 }
 
 #[cfg(test)]
@@ -214,7 +214,7 @@ mod tests {
         };
         let noisy = |mean: &Planes| Noisy { mean: mean.clone(), noise: mean.clone() };
         for name in ["mixed", "alone"] {
-            let hand_made = (name == "mixed").then(|| {
+            let nlm = (name == "mixed").then(|| {
                 let mut image = noisy(&exported("nlm"));
                 image.add_scaled(-1.0, &noisy(&statistics.emission));
                 image
@@ -223,9 +223,9 @@ mod tests {
                 colour: noisy(&statistics.colour),
                 emission: Some(noisy(&statistics.emission)),
                 albedo: statistics.albedo.mean.clone(),
-                hand_made,
+                nlm,
             };
-            let inputs = statistics.inputs(candidates.hand_made.as_ref().map(|image| &image.mean));
+            let inputs = statistics.inputs(candidates.nlm.as_ref().map(|image| &image.mean));
             let expected = exported(name);
             let predicted = NETWORK.predict(&inputs, expected.width(), expected.height());
             let values = InterleavedPlanes::extended(&candidates.values(), MARGIN);

@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use super::affinity::{LEVELS, PLANES_PER_LEVEL};
 use super::convolution::{Layer, MARGIN};
 use super::statistics::INPUTS;
-use super::weights::{Weights, WeightsError};
+use super::weight_file::{WeightFile, WeightFileError};
 use crate::filter::common::interleaved_planes::{InterleavedPlanes, extend};
 
 /// Where the weights of the mixture are among the predicted planes.
@@ -41,8 +41,8 @@ impl Network {
     ///
     /// # Errors
     /// If the bytes are no weights of this network.
-    pub fn new(bytes: &[u8]) -> Result<Self, WeightsError> {
-        let weights = Weights::new(bytes)?;
+    pub fn new(bytes: &[u8]) -> Result<Self, WeightFileError> {
+        let weights = WeightFile::new(bytes)?;
         let layer = |name, inputs, outputs| weights.layer(name, 3, inputs, outputs);
         Ok(Self {
             enter: layer("enter", 4 * INPUTS, 48)?,

@@ -42,7 +42,7 @@ const FIRST_FEATURES: usize = 3;
 const MAX_DIMENSIONS: usize = 18;
 
 /// Filters all channels of `values` with the same weights. `weights` are α, β and W_c^r of the pass, as
-/// [`WeightInputs::evaluate`](super::weights::WeightInputs::evaluate) writes them.
+/// [`WeightInputs::evaluate`](super::weight_inputs::WeightInputs::evaluate) writes them.
 pub fn filter(
     values: &InterleavedPlanes,
     guide: &FeatureGuide,

@@ -50,8 +50,8 @@ impl Controller<'_> {
             let made_by = suited_to(&request.store, request.settings.denoiser).name();
             let is_done = self.reporter.phase() == Phase::Finished
                 && self.reporter.shown_samples() == request.store.samples();
-            let is_it = |shown: &&FilterResult| is_done && shown.made_by == made_by;
-            if let Some(shown) = self.reporter.shown().filter(is_it).cloned() {
+            let matches = |shown: &&FilterResult| is_done && shown.made_by == made_by;
+            if let Some(shown) = self.reporter.shown().filter(matches).cloned() {
                 self.write_image(&request, Some(&shown));
             } else if self.background.len() == MOST_IN_BACKGROUND {
                 self.reporter.notice("not saved: earlier images are still being made".to_owned(), true);

@@ -34,7 +34,7 @@ fn checkpoint(store: Arc<Store>) -> Checkpoint {
 
 #[test]
 fn pixels_that_reject_all_their_samples_do_not_make_the_others_uniform() {
-    let counts = allocate(&checkpoint(store()), None, &Settings::default(), 8 * (WIDTH * WIDTH) as u64);
+    let counts = allocate_batch(&checkpoint(store()), None, &Settings::default(), 8 * (WIDTH * WIDTH) as u64);
     let sum = |first: usize| -> u32 {
         let rows = counts.chunks(WIDTH);
         rows.map(|row| row[first..][..WIDTH / 2].iter().sum::<u32>()).sum()
@@ -47,7 +47,7 @@ fn pixels_that_reject_all_their_samples_do_not_make_the_others_uniform() {
 fn every_batch_selects_other_pixels() {
     let mut checkpoint = checkpoint(store());
     let counts = |checkpoint: &Checkpoint| {
-        allocate(checkpoint, None, &Settings::default(), 10 * (WIDTH * WIDTH) as u64)
+        allocate_batch(checkpoint, None, &Settings::default(), 10 * (WIDTH * WIDTH) as u64)
     };
     let first = counts(&checkpoint);
     assert_eq!(counts(&checkpoint), first, "the same for the same store");
@@ -61,7 +61,7 @@ fn samples_are_placed_uniformly_where_little_is_expected_of_priorities() {
     let mut checkpoint = checkpoint(store());
     let settings = Settings::default();
     let per_pixel = |checkpoint: &Checkpoint| {
-        let counts = allocate(checkpoint, None, &settings, 8 * (WIDTH * WIDTH) as u64);
+        let counts = allocate_batch(checkpoint, None, &settings, 8 * (WIDTH * WIDTH) as u64);
         counts.iter().max().copied()
     };
     let pass = |expected_ratio| PassRecord { expected_ratio: Some(expected_ratio), ..PassRecord::default() };

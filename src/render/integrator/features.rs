@@ -10,7 +10,7 @@ use crate::geometry::HitLanes;
 use crate::render::sample_records::SampleRecords;
 
 /// Distance, in scene diameters, of the position recorded for a path that leaves the scene.
-pub const ENVIRONMENT_DISTANCE: f32 = 2.0;
+const ENVIRONMENT_DISTANCE: f32 = 2.0;
 
 impl PathTracer<'_> {
     /// Records the first hit: position, normal and albedo. The position stands for the second hit as well,

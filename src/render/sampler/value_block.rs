@@ -9,7 +9,7 @@ use crate::simd::{LANES, Lanes};
 const MAX_SETS: usize = 3;
 
 /// Sample values of consecutive dimensions, a sample a lane.
-pub type ValueBlock = [Lanes; MAX_SETS * SET_SIZE as usize];
+type ValueBlock = [Lanes; MAX_SETS * SET_SIZE as usize];
 
 /// Generates the `size` dimensions of each lane's sample from its `starts` on. These are even: pairs are
 /// stratified together, and never straddle two sets.

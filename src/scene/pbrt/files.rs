@@ -8,7 +8,7 @@ use flate2::bufread::MultiGzDecoder;
 use crate::files::open_regular;
 
 /// Largest expansion of a gzip file (the limit of DEFLATE).
-pub const MAX_INFLATION: u64 = 1032;
+const MAX_INFLATION: u64 = 1032;
 
 /// An open file, decompressed.
 pub struct Source {

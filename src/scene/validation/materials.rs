@@ -3,7 +3,7 @@
 use super::textures::{float_id, rgb_id};
 use super::validation_error::Result;
 use super::values::{index, positive};
-use crate::scene::material::{Additive, Layer, Metal, Roughness};
+use crate::scene::material::{Additive, Lobe, Metal, Roughness};
 use crate::scene::{FloatTextureId, MaterialKind, RgbTextureId, Scene};
 
 /// Checks the texture ids, indices of refraction and mixed materials of all materials.
@@ -90,7 +90,7 @@ impl Check<'_> {
             self.rgb("kind.diffuse", id)?;
         }
         for (name, layer) in [("kind.gloss", additive.gloss), ("kind.dielectric", additive.dielectric)] {
-            let Some(Layer { colours, eta, roughness }) = layer else { continue };
+            let Some(Lobe { colours, eta, roughness }) = layer else { continue };
             for id in colours.into_iter().flatten() {
                 self.rgb(name, id)?;
             }

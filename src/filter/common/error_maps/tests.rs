@@ -78,7 +78,7 @@ fn maps_of_cross_filtered_images_agree_with_the_formulas() {
         }
         let blurred = |planes: &Planes| {
             let mean = |i: usize| (0..3).map(|k| planes.plane(k)[i]).sum::<f32>() / 3.0;
-            blur::gaussian(WIDTH, HEIGHT, &(0..PIXELS).map(mean).collect::<Vec<_>>(), BIAS_SIGMA)
+            blur::gaussian(WIDTH, HEIGHT, &(0..PIXELS).map(mean).collect::<Vec<_>>(), ERROR_SIGMA)
         };
         let [variance, risk] = [&found.variance, &found.risk].map(blurred);
         assert!(variance.iter().zip(&risk).any(|(v, r)| r > v));

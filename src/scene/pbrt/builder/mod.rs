@@ -17,7 +17,7 @@ pub use self::image_files::ImageFiles;
 pub use self::material_ref::{MaterialEntity, MaterialRef};
 pub use self::named_textures::{NamedTextures, TexturesByName};
 pub use self::object_definition::{InstanceEntity, ObjectDefinition, ObjectPart};
-pub use self::parser_scope::{Block, ParserScope};
+pub use self::parser_scope::{ParserScope, ScopeKind};
 pub use self::primitive_group::PrimitiveGroup;
 pub use self::render_options::{OptionStatement, RenderOptions};
 pub use self::scene_builder::SceneBuilder;

@@ -5,19 +5,19 @@ use crate::scene::pbrt::parser::FileLoc;
 
 /// The kind of a block, such as `AttributeBegin` ... `AttributeEnd`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Block {
+pub enum ScopeKind {
     Attribute,
     Transform,
     Object,
 }
 
-impl Block {
+impl ScopeKind {
     /// The directive's name without `Begin` or `End`.
     pub fn name(self) -> &'static str {
         match self {
-            Block::Attribute => "Attribute",
-            Block::Transform => "Transform",
-            Block::Object => "Object",
+            ScopeKind::Attribute => "Attribute",
+            ScopeKind::Transform => "Transform",
+            ScopeKind::Object => "Object",
         }
     }
 }
@@ -26,7 +26,7 @@ impl Block {
 pub struct ParserScope {
     /// The graphics state at the block's beginning.
     pub saved: GraphicsState,
-    pub block: Block,
+    pub block: ScopeKind,
     /// Location of the directive that opened the block.
     pub loc: FileLoc,
 }

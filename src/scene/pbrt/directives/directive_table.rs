@@ -2,7 +2,7 @@
 
 use sha2::Digest;
 
-use crate::scene::pbrt::builder::{Block, SceneBuilder};
+use crate::scene::pbrt::builder::{SceneBuilder, ScopeKind};
 use crate::scene::pbrt::parser::{Arguments, FileLoc, Lexer, ParseError, Result, Statement, TokenKind};
 
 /// Part of a scene file that a directive is accepted in.
@@ -41,8 +41,12 @@ const TABLE: &[Directive] = {
         directive("ActiveTransform", Word, Anywhere, SceneBuilder::active_transform),
         directive("AreaLightSource", Parameters(1), World, SceneBuilder::area_light_source),
         directive("Attribute", Parameters(1), Anywhere, SceneBuilder::attribute),
-        directive("AttributeBegin", Nothing, World, |builder, s| builder.push_scope(Block::Attribute, s.loc)),
-        directive("AttributeEnd", Nothing, World, |builder, s| builder.pop_scope(Block::Attribute, s.loc)),
+        directive("AttributeBegin", Nothing, World, |builder, s| {
+            builder.push_scope(ScopeKind::Attribute, s.loc)
+        }),
+        directive("AttributeEnd", Nothing, World, |builder, s| {
+            builder.pop_scope(ScopeKind::Attribute, s.loc)
+        }),
         directive("Camera", Parameters(1), Options, SceneBuilder::keep_option),
         directive("ColorSpace", Strings(1), Anywhere, SceneBuilder::color_space),
         directive("ConcatTransform", Numbers(16), Anywhere, SceneBuilder::concat_transform),
@@ -75,9 +79,11 @@ const TABLE: &[Directive] = {
         directive("Texture", Parameters(3), World, SceneBuilder::texture),
         directive("Transform", Numbers(16), Anywhere, SceneBuilder::transform),
         directive("TransformBegin", Nothing, Anywhere, |builder, s| {
-            builder.push_scope(Block::Transform, s.loc)
+            builder.push_scope(ScopeKind::Transform, s.loc)
         }),
-        directive("TransformEnd", Nothing, Anywhere, |builder, s| builder.pop_scope(Block::Transform, s.loc)),
+        directive("TransformEnd", Nothing, Anywhere, |builder, s| {
+            builder.pop_scope(ScopeKind::Transform, s.loc)
+        }),
         directive("TransformTimes", Numbers(2), Options, SceneBuilder::set_transform_times),
         directive("Translate", Numbers(3), Anywhere, SceneBuilder::translate),
         directive("Volume", Parameters(1), World, SceneBuilder::medium),

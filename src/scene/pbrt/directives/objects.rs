@@ -7,7 +7,7 @@ use glam::{DAffine3, DVec3};
 
 use super::transforms::inverse;
 use crate::scene::pbrt::builder::{
-    Block, InstanceEntity, ObjectDefinition, ObjectPart, PrimitiveGroup, SceneBuilder, TransformSet,
+    InstanceEntity, ObjectDefinition, ObjectPart, PrimitiveGroup, SceneBuilder, ScopeKind, TransformSet,
 };
 use crate::scene::pbrt::parser::{FileLoc, ParseError, Result, Statement};
 use crate::scene::{AnimatedTransform, Instance};
@@ -88,7 +88,7 @@ impl SceneBuilder {
             let message = format!("ObjectBegin inside object \"{open}\"; expected ObjectEnd");
             return Err(ParseError::new(statement.loc, message));
         }
-        self.push_scope(Block::Object, statement.loc)?;
+        self.push_scope(ScopeKind::Object, statement.loc)?;
         self.current_object = Some(ObjectDefinition { name, parts: Vec::new() });
         Ok(())
     }
@@ -99,7 +99,7 @@ impl SceneBuilder {
             let message = "ObjectEnd without ObjectBegin; expected another directive";
             return Err(ParseError::new(statement.loc, message));
         };
-        self.pop_scope(Block::Object, statement.loc)?;
+        self.pop_scope(ScopeKind::Object, statement.loc)?;
         self.objects.insert(name, parts);
         Ok(())
     }

@@ -1,6 +1,6 @@
 //! Blocks: `AttributeBegin`, `TransformBegin`, `ObjectBegin` and their ends.
 
-use crate::scene::pbrt::builder::{Block, ParserScope, SceneBuilder};
+use crate::scene::pbrt::builder::{ParserScope, SceneBuilder, ScopeKind};
 use crate::scene::pbrt::parser::{FileLoc, ParseError, Result};
 
 /// Nesting limit of blocks. Each block may hold a copy of the `Attribute` defaults.
@@ -8,7 +8,7 @@ const MAX_SCOPES: usize = 1024;
 
 impl SceneBuilder {
     /// Opens a block: saves the graphics state.
-    pub fn push_scope(&mut self, block: Block, loc: FileLoc) -> Result<()> {
+    pub fn push_scope(&mut self, block: ScopeKind, loc: FileLoc) -> Result<()> {
         if self.scopes.len() >= MAX_SCOPES {
             let message = format!("blocks are nested too deep; expected at most {MAX_SCOPES} levels");
             return Err(ParseError::new(loc, message));
@@ -18,7 +18,7 @@ impl SceneBuilder {
     }
 
     /// Closes a block: restores the graphics state. A surplus end is a warning in all dialects.
-    pub fn pop_scope(&mut self, block: Block, loc: FileLoc) -> Result<()> {
+    pub fn pop_scope(&mut self, block: ScopeKind, loc: FileLoc) -> Result<()> {
         let Some(scope) = self.scopes.pop() else {
             let name = block.name();
             self.warnings.add(loc, format!("{name}End without {name}Begin is ignored"));
@@ -26,7 +26,8 @@ impl SceneBuilder {
         };
 
         // Check that the end matches the beginning
-        let crosses = scope.block != block && (scope.block == Block::Object || block == Block::Object);
+        let crosses =
+            scope.block != block && (scope.block == ScopeKind::Object || block == ScopeKind::Object);
         if crosses && !self.dialect.allows_crossed_blocks() {
             let (found, opened) = (block.name(), scope.block.name());
             let line = scope.loc.line;
@@ -35,7 +36,7 @@ impl SceneBuilder {
         }
 
         // Restore the state
-        if block == Block::Transform && self.dialect.transform_end_restores_transform_only() {
+        if block == ScopeKind::Transform && self.dialect.transform_end_restores_transform_only() {
             self.state.ctm = scope.saved.ctm;
             self.state.active = scope.saved.active;
         } else {

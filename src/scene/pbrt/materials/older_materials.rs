@@ -7,7 +7,7 @@
 use glam::Vec3;
 
 use crate::scene::RgbTextureId;
-use crate::scene::material::{Additive, Layer, MaterialKind, Metal};
+use crate::scene::material::{Additive, Lobe, MaterialKind, Metal};
 use crate::scene::pbrt::builder::SceneBuilder;
 use crate::scene::pbrt::dialect::Dialect;
 use crate::scene::pbrt::parser::{FileLoc, ParameterDictionary, Result};
@@ -63,7 +63,7 @@ impl SceneBuilder {
                 let diffuse = [Some(self.rgb_texture_or(params, "Kd", gray(0.25))?), None];
                 let colours = [Some(self.rgb_texture_or(params, "Ks", gray(0.25))?), None];
                 let roughness = self.roughness(params, "", 0.1)?;
-                let gloss = Some(Layer { colours, eta: 1.0 / PLASTIC_ETA, roughness });
+                let gloss = Some(Lobe { colours, eta: 1.0 / PLASTIC_ETA, roughness });
                 MaterialKind::Additive(Box::new(Additive { diffuse, gloss, ..Additive::default() }))
             }
             "uber" => self.uber(params)?,
@@ -84,7 +84,7 @@ impl SceneBuilder {
         if colours.iter().all(white) {
             return Ok(MaterialKind::Dielectric { eta, roughness });
         }
-        let dielectric = Some(Layer { colours, eta, roughness });
+        let dielectric = Some(Lobe { colours, eta, roughness });
         Ok(MaterialKind::Additive(Box::new(Additive { dielectric, ..Additive::default() })))
     }
 
@@ -99,8 +99,8 @@ impl SceneBuilder {
         let gloss = [colour("Ks", 0.25)?, None];
         let boundary = [colour("Kr", 0.0)?, colour("Kt", 0.0)?];
         let opacity = colour("opacity", 1.0)?;
-        let gloss = Some(Layer { colours: gloss, eta, roughness: self.roughness(params, "", 0.1)? });
-        let dielectric = Some(Layer { colours: boundary, eta, roughness: self.zero_roughness() });
+        let gloss = Some(Lobe { colours: gloss, eta, roughness: self.roughness(params, "", 0.1)? });
+        let dielectric = Some(Lobe { colours: boundary, eta, roughness: self.zero_roughness() });
         Ok(MaterialKind::Additive(Box::new(Additive { diffuse, gloss, dielectric, opacity })))
     }
 
@@ -116,7 +116,7 @@ impl SceneBuilder {
         };
         let (diffuse, colours) = (colours("Kd")?, colours("Ks")?);
         let roughness = self.roughness(params, "", 0.1)?;
-        let layer = |eta| Some(Layer { colours, eta, roughness });
+        let layer = |eta| Some(Lobe { colours, eta, roughness });
         // v2 mirrors its glossy lobe below the surface; v3 uses rough glass
         let (gloss, dielectric) = match self.dialect {
             Dialect::V2 => (layer(1.0 / PLASTIC_ETA), None),

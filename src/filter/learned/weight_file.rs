@@ -10,7 +10,7 @@ use super::convolution::Layer;
 
 /// What is wrong with a file of weights.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum WeightsError {
+pub enum WeightFileError {
     #[error("not a file of weights: {0}")]
     Format(String),
     #[error("tensor {name}: found {found}, expected {expected}")]
@@ -18,11 +18,11 @@ pub enum WeightsError {
 }
 
 /// A file of weights.
-pub struct Weights<'a>(SafeTensors<'a>);
+pub struct WeightFile<'a>(SafeTensors<'a>);
 
-impl<'a> Weights<'a> {
-    pub fn new(bytes: &'a [u8]) -> Result<Self, WeightsError> {
-        SafeTensors::deserialize(bytes).map(Self).map_err(|error| WeightsError::Format(error.to_string()))
+impl<'a> WeightFile<'a> {
+    pub fn new(bytes: &'a [u8]) -> Result<Self, WeightFileError> {
+        SafeTensors::deserialize(bytes).map(Self).map_err(|error| WeightFileError::Format(error.to_string()))
     }
 
     /// Returns a layer with a kernel of `side`×`side` pixels.
@@ -32,15 +32,15 @@ impl<'a> Weights<'a> {
         side: usize,
         inputs: usize,
         outputs: usize,
-    ) -> Result<Layer, WeightsError> {
+    ) -> Result<Layer, WeightFileError> {
         let weights = self.tensor(&format!("{name}.weight"), &[side, side, inputs, outputs])?;
         let bias = self.tensor(&format!("{name}.bias"), &[outputs])?;
         Ok(Layer::new(side, inputs, &weights, &bias))
     }
 
-    fn tensor(&self, name: &str, shape: &[usize]) -> Result<Vec<f32>, WeightsError> {
+    fn tensor(&self, name: &str, shape: &[usize]) -> Result<Vec<f32>, WeightFileError> {
         let expected = format!("finite F16 {shape:?}");
-        let error = |found| WeightsError::Tensor { name: name.into(), found, expected: expected.clone() };
+        let error = |found| WeightFileError::Tensor { name: name.into(), found, expected: expected.clone() };
         let tensor = self.0.tensor(name).map_err(|_| error("none".into()))?;
         if (tensor.dtype(), tensor.shape()) != (Dtype::F16, shape) {
             return Err(error(format!("{:?} {:?}", tensor.dtype(), tensor.shape())));
