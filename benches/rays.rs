@@ -64,11 +64,13 @@ fn million_triangles() -> TriangleMesh {
 
 fn scene_of(mesh: TriangleMesh) -> Scene {
     Scene {
+        // Describe no files
         source: String::new(),
         dialect: None,
         hash: String::new(),
         files: Vec::new(),
         origin: DVec3::ZERO,
+        // Set a camera and a film, which no ray uses
         camera: Camera {
             to_render: AnimatedTransform::fixed(DAffine3::IDENTITY),
             projection: Projection::Orthographic,
@@ -89,6 +91,7 @@ fn scene_of(mesh: TriangleMesh) -> Scene {
         integrator: Integrator::Path { max_depth: 1 },
         sampler: SamplerKind::Independent,
         spp: 1,
+        // Place the mesh
         textures: Textures::default(),
         materials: Vec::new(),
         primitives: vec![Primitive {

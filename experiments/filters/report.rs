@@ -41,11 +41,13 @@ pub fn write(
     denoisers: &[&dyn Denoiser],
     samples: &[Sample],
 ) -> anyhow::Result<()> {
+    // Choose the reference
     let names: Vec<String> = denoisers.iter().map(|denoiser| denoiser.name().to_string()).collect();
     let is_there = |method: &&str| denoisers.iter().any(|denoiser| denoiser.name().method == *method);
     let reference = REFERENCES.into_iter().find(is_there).expect("nlm is always there");
     let results = Results { settings, names, samples, reference };
 
+    // Compare the errors
     let mut report =
         Report::new("Which denoiser makes the best image of the same samples?", &results.finding());
     for (error, heading) in ERRORS {
@@ -61,6 +63,8 @@ pub fn write(
         head.push("views");
         report.table(&head, &rows);
     }
+
+    // Compare view by view
     report.section("View by view");
     report.paragraph(
         "relMSE without the worst 0.1 % of the pixels, uniform samples; ratios as above, of `learned standard` and \
@@ -69,6 +73,8 @@ pub fn write(
     let spps: Vec<String> = settings.spp.iter().map(u32::to_string).collect();
     let head: Vec<&str> = ["view"].into_iter().chain(spps.iter().map(String::as_str)).collect();
     report.table(&head, &results.view_rows());
+
+    // Compare brightness and time
     report.section("Brightness");
     report.paragraph("Mean over views of the image's deviation from the reference's mean, in per cent.");
     let rows = results.each(|sampling, spp| results.brightness_row(sampling, spp));

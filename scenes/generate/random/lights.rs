@@ -13,6 +13,7 @@ use crate::noise::Stream;
 /// Lights a place.
 pub fn light(world: &mut World, place: &Place, stream: &mut Stream) {
     match place.kind {
+        // Light a room through its window and by lamps
         Kind::Room { window } => {
             if let Some([low, high]) = window {
                 let portal = stream.chance(0.3).then(|| {
@@ -37,6 +38,7 @@ pub fn light(world: &mut World, place: &Place, stream: &mut Stream) {
                 lamp(world, place, stream);
             }
         }
+        // Light open ground by sky and sun
         Kind::Outdoors => {
             environment::sky(world, stream.log_range(0.3, 1.5), None, stream);
             if stream.chance(0.6) {
@@ -45,6 +47,7 @@ pub fn light(world: &mut World, place: &Place, stream: &mut Stream) {
                 sun(world, direction, stream.log_range(1.0, 6.0), stream);
             }
         }
+        // Light a studio by lamps
         Kind::Studio => {
             for _ in 0..stream.count(1, 4) {
                 lamp(world, place, stream);

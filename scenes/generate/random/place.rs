@@ -51,6 +51,7 @@ impl Place {
         let DVec2 { x, y: z } = self.half;
         let h = self.height;
         match self.kind {
+            // Enclose a room
             Kind::Room { window } => {
                 rectangle(
                     world,
@@ -72,7 +73,7 @@ impl Place {
                     Surface::Wall,
                     [[-x, 0.0, z], [-x, 0.0, -z], [-x, h, -z], [-x, h, z]],
                 );
-                // The wall at +x, around its window
+                // Build the wall at +x, around its window
                 let [low, high] = window.unwrap_or([DVec2::new(h, z); 2]);
                 for [y0, z0, y1, z1] in [
                     [0.0, -z, low.x, z],
@@ -86,6 +87,7 @@ impl Place {
                     }
                 }
             }
+            // Lay open ground, with a wall now and then
             Kind::Outdoors => {
                 let r = 60.0;
                 rectangle(
@@ -100,6 +102,7 @@ impl Place {
                     rectangle(world, stream, Surface::Wall, corners);
                 }
             }
+            // Lay a studio's ground and its backdrop
             Kind::Studio => {
                 let r = 8.0;
                 let back = z + 1.0;

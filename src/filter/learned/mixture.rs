@@ -161,40 +161,52 @@ impl Candidates {
                 MixtureWeights::new(predicted, has_nlm)
             })
             .collect();
-        let last = 2 * self.planes_per_part();
         let [mean, noise] = [0, 1].map(|part| {
-            let first = part * self.planes_per_part();
             let mut mixed = Planes::new(width, height, 3);
-            for (c, plane) in mixed.planes_mut().enumerate() {
-                let colour = self.colour.parts()[part].plane(c);
-                let emission = self.emission.as_ref().map(|emission| emission.parts()[part].plane(c));
-                let nlm = self.nlm.as_ref().map(|image| image.parts()[part].plane(c));
-                let albedo = self.albedo.plane(c);
+            for (channel, plane) in mixed.planes_mut().enumerate() {
                 plane.par_chunks_mut(width).enumerate().for_each(|(y, out)| {
-                    let row = |plane: usize| filtered.row(plane, y);
-                    let (demodulated, plain, soft_albedo) =
-                        (row(first + c), row(first + 3 + c), row(last + c));
-                    let soft_emission = self.emission.as_ref().map(|_| row(first + 6 + c));
-                    for (x, out) in out.iter_mut().enumerate() {
-                        let i = y * width + x;
-                        let (weights, own) = (&weights[i], colour[i]);
-                        let albedo = divisor(albedo[i]);
-                        let textured = demodulated[x] * (albedo + weights.albedo * (soft_albedo[x] - albedo));
-                        // Changes of the pixel's own value, so that a candidate equal to it changes nothing
-                        *out =
-                            own + weights.demodulated * (textured - own) + weights.plain * (plain[x] - own);
-                        if let Some(nlm) = nlm {
-                            *out += weights.nlm * (nlm[i] - own);
-                        }
-                        if let (Some(emission), Some(soft)) = (emission, soft_emission) {
-                            *out += emission[i] + weights.emission * (soft[x] - emission[i]);
-                        }
-                    }
+                    self.mix_row(part, channel, y, &weights[y * width..], filtered, out);
                 });
             }
             mixed
         });
         Noisy { mean, noise }
+    }
+
+    /// Mixes row `y` of a channel of the means (`part` 0) or of the noise (1). `weights` begin at the row.
+    fn mix_row<'a>(
+        &'a self,
+        part: usize,
+        channel: usize,
+        y: usize,
+        weights: &[MixtureWeights],
+        filtered: &InterleavedPlanes,
+        out: &mut [f32],
+    ) {
+        // Find the candidates' rows
+        let pixels = y * out.len()..(y + 1) * out.len();
+        let (first, last) = (part * self.planes_per_part(), 2 * self.planes_per_part());
+        let own_row = |image: &'a Noisy| &image.parts()[part].plane(channel)[pixels.clone()];
+        let colour = own_row(&self.colour);
+        let albedo = &self.albedo.plane(channel)[pixels.clone()];
+        let (nlm, emission) = (self.nlm.as_ref().map(own_row), self.emission.as_ref().map(own_row));
+        let filtered_row = |plane: usize| filtered.row(plane + channel, y);
+        let (demodulated, plain, soft_albedo) =
+            (filtered_row(first), filtered_row(first + 3), filtered_row(last));
+        let soft_emission = self.emission.as_ref().map(|_| filtered_row(first + 6));
+
+        // Add changes of the pixel's own value, so that a candidate equal to it changes nothing
+        for (x, (out, weights)) in out.iter_mut().zip(weights).enumerate() {
+            let (own, albedo) = (colour[x], divisor(albedo[x]));
+            let textured = demodulated[x] * (albedo + weights.albedo * (soft_albedo[x] - albedo));
+            *out = own + weights.demodulated * (textured - own) + weights.plain * (plain[x] - own);
+            if let Some(nlm) = nlm {
+                *out += weights.nlm * (nlm[x] - own);
+            }
+            if let (Some(emission), Some(soft)) = (emission, soft_emission) {
+                *out += emission[x] + weights.emission * (soft[x] - emission[x]);
+            }
+        }
     }
 }
 

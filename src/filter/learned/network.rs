@@ -18,9 +18,6 @@ pub const MIXTURE: Range<usize> = LEVELS * PLANES_PER_LEVEL..OUTPUTS;
 /// Predicted planes.
 const OUTPUTS: usize = LEVELS * PLANES_PER_LEVEL + 6;
 
-/// Width and height that the network works on are multiples of this: it halves the resolution three times after the input's.
-pub const ALIGNMENT: usize = 16;
-
 /// The network with the weights of this version.
 pub static NETWORK: LazyLock<Network> = LazyLock::new(|| {
     Network::new(include_bytes!("weights.safetensors")).expect("the embedded weights are valid")

@@ -3,7 +3,6 @@
 use rayon::prelude::*;
 
 use super::convolution::MARGIN;
-use super::network::ALIGNMENT;
 use crate::filter::common::fireflies::{FireflyClamp, luminance};
 use crate::filter::common::half_counts::HalfCounts;
 use crate::filter::common::interleaved_planes::InterleavedPlanes;
@@ -12,6 +11,10 @@ use crate::stats::{Block, Part, Store};
 
 /// Numbers per pixel that the network gets.
 pub const INPUTS: usize = 25;
+
+/// Width and height that the network works on are multiples of this: it halves the resolution three times after the
+/// input's.
+const ALIGNMENT: usize = 16;
 
 /// Smallest and largest albedo that colours are divided by.
 pub const ALBEDO_RANGE: [f32; 2] = [0.02, 64.0];
@@ -52,8 +55,10 @@ pub struct Feature {
 }
 
 impl Statistics {
-    /// Reads the statistics of a store, its colours with clamped fireflies. Blocks that its layout lacks have the values of a white surface that does not vary.
+    /// Reads the statistics of a store, its colours with clamped fireflies. Blocks that its layout lacks have the values of
+    /// a white surface that does not vary.
     pub fn from_store(store: &Store, counts: &HalfCounts, clamped: &FireflyClamp) -> Self {
+        // Read blocks of dimensions, with values for those that are missing
         let layout = store.layout();
         let constant = |value: f32, planes| {
             let mut constant = Planes::new(store.width(), store.height(), planes);
@@ -76,12 +81,15 @@ impl Statistics {
             None => constant(missing, planes),
         };
 
+        // Compute the statistics of the clamped colour
         let variance = store.variances(Part::Whole, layout.colour());
         let mut deviation = per_pixel(&variance, |v| luminance(v.map(f32::sqrt)));
         clamped.fireflies.iter().for_each(|firefly| deviation[firefly.pixel] *= firefly.scale);
         let [a, b] = clamped.halves.each_ref().map(|half| per_pixel(half, luminance));
         let difference = a.iter().zip(&b).map(|(a, b)| a - b).collect();
         let colour = filled_mean(counts, clamped.halves.clone());
+
+        // Read the features
         let mut position_deviation = feature(Block::Position1, 0.0).deviation;
         to_units_of_the_mean(&mut position_deviation);
         Self {
@@ -124,6 +132,7 @@ impl Statistics {
 
     /// Returns a pixel's inputs, numbers near 1.
     fn at(&self, i: usize, nlm: Option<&Planes>) -> [f32; INPUTS] {
+        // Compute radiance relative to albedo and brightness, in logarithms
         let rgb = |planes: &Planes| [0, 1, 2].map(|c| planes.plane(c)[i]);
         let log = |v: f32| (1.0 + v).min(f32::MAX).ln();
         let albedo = rgb(&self.albedo.mean);
@@ -136,6 +145,8 @@ impl Statistics {
         let count = self.count[i].max(1.0);
         let [[c0, c1, c2], [m0, m1, m2]] = [demodulated(&self.colour), nlm.map_or([0.0; 3], demodulated)];
         let ([n0, n1, n2], [s0, s1, s2]) = (rgb(&self.normal.mean), rgb(&self.second_normal));
+
+        // List the inputs in the order of the training program
         [
             c0,
             c1,

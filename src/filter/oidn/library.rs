@@ -196,15 +196,18 @@ impl Device {
         quality: Quality,
         are_guides_clean: bool,
     ) -> Option<Interleaved> {
+        // Provide the output
         let (width, height) = (image.width, image.height);
         if width * height == 0 {
             return Some(Interleaved { values: Vec::new(), width, height });
         }
         let mut output = vec![0.0_f32; image.values.len()];
         let functions = self.functions;
+
         // SAFETY: all images have width × height pixels of three floats and outlive the filter, which only writes to
         // the output.
         unsafe {
+            // Set the images
             let filter = (functions.new_filter)(self.handle, c"RT".as_ptr())?;
             let set = |name: &CStr, data: *mut f32| {
                 (functions.set_image)(filter, name.as_ptr(), data.cast(), FLOAT3, width, height, 0, 0, 0);
@@ -215,6 +218,8 @@ impl Device {
                 set(name, guide.values.as_ptr().cast_mut());
             }
             set(c"output", output.as_mut_ptr());
+
+            // Set the parameters
             if name == c"color" {
                 (functions.set_filter_bool)(filter, c"hdr".as_ptr(), true);
                 (functions.set_filter_bool)(filter, c"cleanAux".as_ptr(), are_guides_clean);
@@ -224,6 +229,8 @@ impl Device {
                 Quality::High => 6,
             };
             (functions.set_filter_int)(filter, c"quality".as_ptr(), quality);
+
+            // Filter, and ask for errors
             (functions.commit_filter)(filter);
             (functions.execute_filter)(filter);
             (functions.release_filter)(filter);

@@ -192,6 +192,7 @@ fn load_integers(
     encoding: Encoding,
     channels: Channels,
 ) -> Result<TextureImage, String> {
+    // Decode the file
     let mut reader = ImageReader::with_format(reader, format);
     let mut limits = Limits::default();
     // Allow four channels of 16 bits
@@ -202,8 +203,9 @@ fn load_integers(
     check_size(width.into(), height.into(), length)?;
     let image = DynamicImage::from_decoder(decoder).map_err(|error| error.to_string())?;
     let image = channels.select_integers(image);
+
+    // Convert texels of 8 and 16 bits. As in pbrt-v4, alpha is used in PNG files only
     let (width, height) = (width as usize, height as usize);
-    // As in pbrt-v4, alpha is used in PNG files only
     let png = format == ImageFormat::Png;
     let bytes = |channels, data: Vec<u8>| {
         without_opaque_alpha(width, height, channels, data, u8::MAX, |w, h, c, data| {
@@ -216,6 +218,8 @@ fn load_integers(
         decode(&mut data, channels, encoding);
         without_opaque_alpha(width, height, channels, data, 1.0, TextureImage::from_floats)
     };
+
+    // Choose the number of channels
     Ok(match image {
         DynamicImage::ImageLuma8(image) => bytes(1, image.into_raw()),
         DynamicImage::ImageLumaA8(_) => bytes(1, image.into_luma8().into_raw()),
