@@ -4,7 +4,7 @@ use anyhow::bail;
 use clap::Args;
 use clap::builder::PossibleValue;
 
-use crate::filter::{DENOISERS, Denoiser, find};
+use crate::filter::{DENOISERS, Denoiser, find, presets};
 
 #[derive(Args)]
 pub(super) struct DenoiserOptions {
@@ -28,10 +28,11 @@ fn methods() -> Vec<PossibleValue> {
     methods
 }
 
-/// Returns the presets of a method.
-fn presets(method: &str) -> Vec<&'static str> {
-    let names = DENOISERS.into_iter().map(Denoiser::name).filter(|name| name.method == method);
-    names.filter_map(|name| name.preset).collect()
+/// Returns the methods that have presets, for a message.
+fn methods_with_presets() -> String {
+    let methods = methods();
+    let names = methods.iter().map(PossibleValue::get_name).filter(|name| !presets(name).is_empty());
+    names.collect::<Vec<_>>().join(", ")
 }
 
 impl DenoiserOptions {
@@ -67,7 +68,8 @@ impl DenoiserOptions {
                  is the published method"
             ),
             [] => bail!(
-                "--quality {quality}: found with --denoiser {method}, which has no presets; accepted with nlm, oidn and prpf"
+                "--quality {quality}: found with --denoiser {method}, which has no presets; accepted with {}",
+                methods_with_presets()
             ),
             ref presets => bail!("--quality: found `{quality}`; accepted are {}", presets.join(" and ")),
         }

@@ -28,8 +28,14 @@ pub static UNFILTERED: &dyn Denoiser = &none::NONE;
 
 /// Returns the denoiser of a method and one of its presets; without a preset the method's default.
 pub fn find(method: &str, preset: Option<&str>) -> Option<&'static dyn Denoiser> {
-    let is_it = |name: DenoiserName| name.method == method && (preset.is_none() || name.preset == preset);
-    DENOISERS.into_iter().find(|denoiser| is_it(denoiser.name()))
+    let matches = |name: DenoiserName| name.method == method && (preset.is_none() || name.preset == preset);
+    DENOISERS.into_iter().find(|denoiser| matches(denoiser.name()))
+}
+
+/// Returns the presets of a method, its default first; none if it has no presets.
+pub fn presets(method: &str) -> Vec<&'static str> {
+    let names = DENOISERS.into_iter().map(Denoiser::name).filter(|name| name.method == method);
+    names.filter_map(|name| name.preset).collect()
 }
 
 /// Returns the denoiser with which to filter a store if `denoiser` is selected: its stand-in while the store has fewer

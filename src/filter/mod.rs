@@ -22,7 +22,7 @@ pub use common::blur;
 pub use common::fireflies::FireflySettings;
 pub use denoiser::{Cost, Denoiser, Reads, SampleVectors};
 pub use denoiser_name::DenoiserName;
-pub use denoisers::{DENOISERS, UNFILTERED, find, needed_sample_vectors, suited_to};
+pub use denoisers::{DENOISERS, UNFILTERED, find, needed_sample_vectors, presets, suited_to};
 pub use nlm::NlmSettings;
 pub use none::unfiltered;
 pub use prpf::{Bandwidth, PrpfSettings, mutual_information};

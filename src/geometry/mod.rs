@@ -46,6 +46,7 @@ pub use accel::Accel;
 pub use area::area;
 pub use hit::Hit;
 pub use lanes::{HitLanes, InteractionLanes, RayLanes};
+pub use local_interaction::face_forward;
 pub use ray::Ray;
 pub use rounding::offset_origin;
 pub use sampling::{pdf_shape, sample_shape};

@@ -26,6 +26,11 @@ pub fn gaussian(width: usize, height: usize, plane: &[f32], sigma: f32) -> Vec<f
     blurred
 }
 
+/// Returns the variance of a blurred value relative to the blurred variance, 1/(4πσ²), for independent values.
+pub fn variance_factor(sigma: f32) -> f32 {
+    1.0 / (4.0 * std::f32::consts::PI * sigma * sigma)
+}
+
 /// Does the same as [`gaussian`], with a weight of 0 for the pixel itself: the result at a pixel does not depend on its
 /// own value, however large.
 pub fn gaussian_of_others(width: usize, height: usize, plane: &[f32], sigma: f32) -> Vec<f32> {

@@ -33,11 +33,10 @@ pub fn restore(filtered: &mut Noisy, noisy: &Noisy, counts: &HalfCounts) {
     let brightness = over_surrounding(&|i| image[i]);
     let variance = over_surrounding(&|i| noise[i] * noise[i]);
 
-    // The variance of a blurred value is this part of the blurred variance
-    let of_variance = 1.0 / (4.0 * std::f32::consts::PI * SIGMA * SIGMA);
+    let variance_factor = blur::variance_factor(SIGMA);
     let factor = |i: usize| {
         let loss = lost[i] / brightness[i];
-        let uncertainty = of_variance * variance[i] / (brightness[i] * brightness[i]);
+        let uncertainty = variance_factor * variance[i] / (brightness[i] * brightness[i]);
         let change = loss / (1.0 + uncertainty / (USUAL_LOSS * USUAL_LOSS));
         if change.is_finite() { 1.0 + change.max(-0.5) } else { 1.0 }
     };

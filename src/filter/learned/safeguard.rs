@@ -60,11 +60,10 @@ fn fraction_of_learned(learned: &Noisy, second: &Noisy, noisy: &Noisy, counts: &
     }
     let [n, q, v] = sums.map(|plane| blur::gaussian(width, height, &plane, SIGMA));
 
-    // The variance of a blurred value is this part of the blurred variance
-    let of_variance = 1.0 / (4.0 * std::f32::consts::PI * SIGMA * SIGMA);
-    let believed = |i: usize| {
-        // Precision of the observation over that of the belief
-        let certainty = DOUBT * DOUBT * q[i] * q[i] / (of_variance * v[i]).max(f32::MIN_POSITIVE);
+    let variance_factor = blur::variance_factor(SIGMA);
+    let posterior = |i: usize| {
+        // Precision of the observation over that of the prior
+        let certainty = DOUBT * DOUBT * q[i] * q[i] / (variance_factor * v[i]).max(f32::MIN_POSITIVE);
         let observed = if q[i] > 0.0 { n[i] / q[i] } else { 1.0 };
         if certainty.is_finite() && observed.is_finite() {
             (1.0 + (observed - 1.0) * certainty / (1.0 + certainty)).clamp(0.0, 1.0)
@@ -72,7 +71,7 @@ fn fraction_of_learned(learned: &Noisy, second: &Noisy, noisy: &Noisy, counts: &
             1.0
         }
     };
-    (0..pixels).into_par_iter().map(believed).collect()
+    (0..pixels).into_par_iter().map(posterior).collect()
 }
 
 #[cfg(test)]

@@ -4,9 +4,9 @@ use glam::Vec3;
 
 use super::path_packet::PathPacket;
 use super::path_tracer::PathTracer;
-use super::surface_interactions::{SurfaceInteractions, face_forward};
+use super::surface_interactions::SurfaceInteractions;
 use super::wavefront::record_slot;
-use crate::geometry::HitLanes;
+use crate::geometry::{HitLanes, face_forward};
 use crate::render::sample_records::SampleRecords;
 
 /// Distance, in scene diameters, of the position recorded for a path that leaves the scene.

@@ -3,7 +3,7 @@
 use glam::Vec3;
 
 use super::scalar_interaction::{ScalarInteraction, scalar_lanes};
-use crate::geometry::{InteractionLanes, RayLanes, SurfaceInteraction};
+use crate::geometry::{InteractionLanes, RayLanes, SurfaceInteraction, face_forward};
 use crate::render::bsdf::{Bsdf, BsdfSamples, BsdfValues, SimdBsdfs};
 use crate::render::lights::LightSampleContexts;
 use crate::render::sampler::BounceSamples;
@@ -87,10 +87,4 @@ fn light_sampling_contexts(
         contexts.position.set(lane, points.offset_origin(lane, wo));
         contexts.normal.set(lane, face_forward(normals.at(lane), wo));
     }
-}
-
-/// Returns the normal on the side of `w`.
-#[inline(always)]
-pub fn face_forward(normal: Vec3, w: Vec3) -> Vec3 {
-    if normal.dot(w) < 0.0 { -normal } else { normal }
 }
