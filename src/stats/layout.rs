@@ -136,6 +136,21 @@ pub const MAX_DIMENSIONS: usize = {
     sum
 };
 
+/// An invariant of a layout that does not hold.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum LayoutError {
+    #[error("{0:?} is not in its place in the table of blocks")]
+    Order(Block),
+    #[error("{0:?} is disabled; it is always enabled")]
+    Disabled(Block),
+    #[error("{block:?} starts at {found}; the block before it ends at {expected}")]
+    Start { block: Block, found: usize, expected: usize },
+    #[error("{0:?} has dimensions that are not its own")]
+    Dimensions(Block),
+    #[error("found {found} dimensions; the blocks have {expected}")]
+    Length { found: usize, expected: usize },
+}
+
 /// The dimensions of a sample and their indices. Record sizes, statistics planes, mutual-information pairs
 /// and filter terms follow from it.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -157,34 +172,32 @@ impl Layout {
             })
         });
         let layout = Self { dimensions, starts };
-        if cfg!(debug_assertions) {
-            layout.validate();
-        }
+        debug_assert_eq!(layout.validate(), Ok(()));
         layout
     }
 
     /// Checks the invariants: enabled blocks follow each other in the order of [`Block`] without gaps, each
     /// with its own dimensions, and film position and colour are among them.
     ///
-    /// # Panics
-    /// If an invariant does not hold.
-    pub fn validate(&self) {
+    /// # Errors
+    /// The first invariant that does not hold.
+    pub fn validate(&self) -> Result<(), LayoutError> {
         let mut end = 0;
         for (index, (block, dimensions)) in ALL.into_iter().enumerate() {
-            assert_eq!(block as usize, index, "the table is in the order of blocks");
+            let check = |holds: bool, error: LayoutError| if holds { Ok(()) } else { Err(error) };
+            check(block as usize == index, LayoutError::Order(block))?;
             let Some(range) = self.block(block) else {
-                assert!(!matches!(block, Block::Film | Block::Colour), "{block:?} is always enabled");
+                check(!matches!(block, Block::Film | Block::Colour), LayoutError::Disabled(block))?;
                 continue;
             };
-            assert_eq!(range.start, end, "{block:?} starts where the block before it ends");
-            assert_eq!(
-                self.dimensions.get(range.clone()),
-                Some(dimensions),
-                "{block:?} has its own dimensions"
-            );
+            check(range.start == end, LayoutError::Start { block, found: range.start, expected: end })?;
+            check(self.dimensions.get(range.clone()) == Some(dimensions), LayoutError::Dimensions(block))?;
             end = range.end;
         }
-        assert_eq!(self.len(), end, "every dimension belongs to a block");
+        match self.len() {
+            found if found == end => Ok(()),
+            found => Err(LayoutError::Length { found, expected: end }),
+        }
     }
 
     /// The layout whose dimensions have these names, in this order; `None` if none has.
@@ -308,7 +321,7 @@ mod tests {
         let dropped = ALL.map(|(block, _)| block).map(|block| move |b: Block| b != block);
         for is_enabled in dropped {
             let layout = Layout::with_blocks(is_enabled);
-            layout.validate();
+            layout.validate().unwrap();
             let mut end = 0;
             for (block, dims) in ALL {
                 let expected = matches!(block, Block::Film | Block::Colour) || is_enabled(block);

@@ -17,7 +17,7 @@ mod store;
 
 pub use columns::{ColumnError, Columns};
 pub use half_moments::{HalfMoments, HalfMomentsError};
-pub use layout::{Block, Dimension, Feature, Group, Layout, MAX_DIMENSIONS};
+pub use layout::{Block, Dimension, Feature, Group, Layout, LayoutError, MAX_DIMENSIONS};
 pub use moments::Moments;
 pub use part::Part;
 pub use row::{LARGEST_VALUE, PIXEL_BLOCK, PixelBlockValues, Row, RowError};
