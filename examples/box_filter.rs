@@ -6,9 +6,11 @@
 use std::error::Error;
 use std::path::PathBuf;
 
-use prpf::filter::{Cost, Denoiser, DenoiserName, FilterResult, Reads, SampleVectors, unfiltered};
+use prpf::filter::{
+    Cost, Denoiser, DenoiserName, ErrorMaps, FilterResult, Reads, Reliability, SampleVectors, unfiltered,
+};
 use prpf::image::Planes;
-use prpf::stats::{Block, Store};
+use prpf::stats::{Block, Part, Store};
 use prpf::{RenderBuilder, scene::pbrt};
 
 /// The mean of the pixels within [`RADIUS`].
@@ -42,17 +44,34 @@ impl Denoiser for BoxFilter {
     }
 
     fn filter(&self, store: &Store, _seed: u64) -> FilterResult {
-        let means = unfiltered(store);
-        let (image, halves) = (average(&means.image), means.halves.each_ref().map(average));
-        // The halves are independent: a quarter of their squared difference estimates the variance of their mean.
-        let mut variance = means.variance.clone();
-        let pairs = halves[0].data().iter().zip(halves[1].data());
-        variance.data_mut().iter_mut().zip(pairs).for_each(|(v, (a, b))| *v = 0.25 * (a - b).powi(2));
-        let mut error = means.error.clone();
-        for (i, error) in error.data_mut().iter_mut().enumerate() {
-            *error = (0..3).map(|channel| variance.plane(channel)[i]).sum::<f32>() / 3.0;
+        // Filter the image, and each half of the samples alone
+        let noisy = unfiltered(store);
+        let (image, halves) = (average(&noisy.image), noisy.halves.each_ref().map(average));
+
+        // Estimate the error from the filtered and the noisy halves
+        let radiance = store.layout().radiance();
+        let [mean, sample_variance] =
+            [store.means(Part::Whole, radiance.clone()), store.variances(Part::Whole, radiance)];
+        let counts = [0, 1].map(|half| store.counts(Part::Half(half)));
+        let ErrorMaps { variance, residual, risk, error } = ErrorMaps::self_filtered(
+            &image,
+            halves.each_ref(),
+            &mean,
+            &sample_variance,
+            noisy.halves.each_ref(),
+            counts.each_ref().map(Vec::as_slice),
+        );
+        FilterResult {
+            made_by: self.name(),
+            image,
+            halves,
+            variance,
+            error,
+            residual,
+            risk,
+            reliability: Reliability::SELF_FILTERED,
+            interpolation: None,
         }
-        FilterResult { made_by: self.name(), image, halves, variance, error, ..means }
     }
 }
 
@@ -80,4 +99,34 @@ fn main() -> Result<(), Box<dyn Error>> {
     let scene = pbrt::read(&scene)?;
     RenderBuilder::new(&scene).spp(16).denoiser(&BoxFilter).run()?.write(image)?;
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use prpf::filter::UNFILTERED;
+    use prpf::progressive::ErrorEstimate;
+    use prpf::stats::Layout;
+    use rand::{RngExt, SeedableRng};
+    use rand_pcg::Pcg32;
+
+    use super::*;
+
+    #[test]
+    fn the_estimated_error_of_a_constant_falls_by_the_filter() {
+        let layout = Layout::with_blocks(|_| false);
+        let mut store = Store::new(64, 64, layout.clone(), 0, 0);
+        let mut rng = Pcg32::seed_from_u64(1);
+        let mut sample = vec![0.0; layout.len()];
+        for pixel in 0..64 * 64 {
+            for _ in 0..8 {
+                layout.write(&mut sample, Block::Colour, &[2.0 * rng.random::<f32>(); 3]);
+                store.push(pixel % 64, pixel / 64, &sample);
+            }
+        }
+        let [filtered, unfiltered] = [&BoxFilter as &dyn Denoiser, UNFILTERED].map(|denoiser| {
+            let result = denoiser.filter(&store, 0);
+            ErrorEstimate::new(&result, &store).expect("every pixel has samples of both halves").value
+        });
+        assert!(filtered > 0.0 && filtered < 0.2 * unfiltered, "{filtered} of {unfiltered}");
+    }
 }

@@ -19,6 +19,7 @@ pub mod stages;
 pub(crate) mod synthetic;
 
 pub use common::blur;
+pub use common::error_maps::ErrorMaps;
 pub use common::fireflies::FireflySettings;
 pub use denoiser::{Cost, Denoiser, Reads, SampleVectors};
 pub use denoiser_name::DenoiserName;

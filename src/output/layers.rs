@@ -38,9 +38,11 @@ impl Source<'_> {
 /// How a layer is computed; `None` if this render does not have it.
 type Compute = fn(&Source) -> Option<Planes>;
 
-/// All layers: name, suffixes of the channels (one plane each), precision, and how it is computed. The image itself has
-/// no name. To add a layer, add a line.
-const TABLE: [(&str, &[&str], Precision, Compute); 11] = [
+/// A layer: name, suffixes of the channels (one plane each), precision, and how it is computed.
+type Row = (&'static str, &'static [&'static str], Precision, Compute);
+
+/// All layers. The image itself has no name. To add a layer, add a row.
+const TABLE: &[Row] = &[
     ("", RGB, Precision::Float, |source| Some(source.result.image.clone())),
     ("Noisy", RGB, Precision::Float, |source| {
         Some(source.store.means(Part::Whole, source.store.layout().radiance()))
@@ -92,10 +94,10 @@ impl Layers {
         let is_wanted = |name: &str| {
             name.is_empty() || names.is_none_or(|names| names.iter().any(|wanted| wanted == name))
         };
-        let compute = |(name, suffixes, precision, compute): (_, _, _, Compute)| {
+        let compute = |&(name, suffixes, precision, compute): &Row| {
             Some(Layer { name, suffixes, precision, planes: compute(&source)? })
         };
-        Self(TABLE.into_iter().filter(|(name, ..)| is_wanted(name)).filter_map(compute).collect())
+        Self(TABLE.iter().filter(|(name, ..)| is_wanted(name)).filter_map(compute).collect())
     }
 
     /// Checks that some renders have layers of these names, before anything is rendered.
@@ -103,7 +105,7 @@ impl Layers {
     /// # Errors
     /// A name that no layer ever has.
     pub fn check_names(names: &[String]) -> Result<(), UnknownLayer> {
-        check(names, TABLE.into_iter().map(|(name, ..)| name))
+        check(names, TABLE.iter().map(|&(name, ..)| name))
     }
 
     /// Checks that this render has layers of these names.

@@ -78,7 +78,11 @@ impl PartChannel<'_> {
 
 impl ErrorMaps {
     /// Estimates the error of a cross-filtered image, the sum of colour and emission. The residual is that of the colour.
-    pub fn cross_filtered(colour: FilteredPart, emission: Option<FilteredPart>, counts: &HalfCounts) -> Self {
+    pub(in crate::filter) fn cross_filtered(
+        colour: FilteredPart,
+        emission: Option<FilteredPart>,
+        counts: &HalfCounts,
+    ) -> Self {
         let (width, height) = (colour.noisy.mean[0].width(), colour.noisy.mean[0].height());
         let [n_a, n_b] = counts.floats();
         let mut variance = Planes::new(width, height, 3);
