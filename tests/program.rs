@@ -251,26 +251,86 @@ fn nobody_listening_is_no_failure() {
     }
 }
 
+/// Arguments of a render that only a signal ends.
+#[cfg(unix)]
+const ENDLESS: [&str; 8] = ["render", "scene.pbrt", "--spp", "2000000", "-o", "a.exr", "--report", "a.json"];
+
+/// Sends signals to a render with the arguments [`ENDLESS`], and checks what it leaves.
+#[cfg(unix)]
+fn check_interruption(folder: &Path, child: std::process::Child, signals: &[i32]) {
+    // Long enough to have begun: an earlier signal would end the program at once.
+    std::thread::sleep(std::time::Duration::from_secs(2));
+    for signal in signals {
+        let sent = Command::new("kill").arg(format!("-{signal}")).arg(child.id().to_string()).status();
+        assert!(sent.expect("kill is there").success());
+    }
+    let output = child.wait_with_output().expect("the program ends");
+    assert_eq!(output.status.code(), Some(130), "{}", stderr(&output));
+    assert!(folder.join("a.exr").exists());
+    let report = std::fs::read(folder.join("a.json")).expect("a report");
+    let report: serde_json::Value = serde_json::from_slice(&report).expect("JSON");
+    assert_eq!(report["stopped_by"], "interrupt");
+    // Whole batches of whole samples per pixel.
+    assert_eq!(report["samples_total"].as_u64().expect("a number") % (24 * 16), 0);
+}
+
 #[cfg(unix)]
 #[test]
 fn an_interrupted_render_finishes_its_batch_and_writes_the_image() {
     for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
         let folder = folder_with(SCENE);
-        let arguments = ["render", "scene.pbrt", "--spp", "2000000", "-o", "a.exr", "--report", "a.json"];
-        let child = command(folder.path(), &arguments).spawn().expect("the program starts");
-        // Long enough to have begun: an earlier signal would end the program at once.
-        std::thread::sleep(std::time::Duration::from_secs(2));
-        let sent = Command::new("kill").arg(format!("-{signal}")).arg(child.id().to_string()).status();
-        assert!(sent.expect("kill is there").success());
-        let output = child.wait_with_output().expect("the program ends");
-        assert_eq!(output.status.code(), Some(130), "{}", stderr(&output));
-        assert!(folder.path().join("a.exr").exists());
-        let report = std::fs::read(folder.path().join("a.json")).expect("a report");
-        let report: serde_json::Value = serde_json::from_slice(&report).expect("JSON");
-        assert_eq!(report["stopped_by"], "interrupt");
-        // Whole batches of whole samples per pixel.
-        assert_eq!(report["samples_total"].as_u64().expect("a number") % (24 * 16), 0);
+        let child = command(folder.path(), &ENDLESS).spawn().expect("the program starts");
+        check_interruption(folder.path(), child, &[signal]);
     }
+}
+
+/// System and shell may both send SIGHUP. `env` lets the program receive it even if the tests run under `nohup`.
+#[cfg(target_os = "linux")]
+#[test]
+fn closing_the_terminal_interrupts_a_render() {
+    use signal_hook::consts::SIGHUP;
+    let folder = folder_with(SCENE);
+    let child = Command::new("env")
+        .current_dir(folder.path())
+        .args(["--default-signal=HUP", env!("CARGO_BIN_EXE_prpf")])
+        .args(ENDLESS)
+        .stdout(std::process::Stdio::piped())
+        .stderr(std::process::Stdio::piped())
+        .spawn()
+        .expect("env is there");
+    check_interruption(folder.path(), child, &[SIGHUP, SIGHUP]);
+}
+
+/// `nohup` starts a program with SIGHUP ignored, and it stays ignored.
+#[cfg(target_os = "linux")]
+#[test]
+fn nohup_keeps_a_render_going() {
+    let folder = folder_with(SCENE);
+    let child = Command::new("nohup")
+        .current_dir(folder.path())
+        .args([
+            env!("CARGO_BIN_EXE_prpf"),
+            "render",
+            "scene.pbrt",
+            "--spp",
+            "0",
+            "--time",
+            "3s",
+            "-o",
+            "a.png",
+        ])
+        .args(["--report", "a.json"])
+        .stdout(std::process::Stdio::piped())
+        .stderr(std::process::Stdio::piped())
+        .spawn()
+        .expect("nohup is there");
+    std::thread::sleep(std::time::Duration::from_secs(1));
+    let sent = Command::new("kill").args(["-HUP", &child.id().to_string()]).status();
+    assert!(sent.expect("kill is there").success());
+    let output = child.wait_with_output().expect("the program ends");
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    let report = std::fs::read_to_string(folder.path().join("a.json")).expect("a report");
+    assert!(report.contains(r#""stopped_by": "time""#), "{report}");
 }
 
 #[test]

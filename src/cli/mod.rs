@@ -1,7 +1,7 @@
 //! The command line: arguments → settings → loop → report.
 //!
 //! Exit status: 0 done; 1 the render failed (or an image is farther from its reference than asked);
-//! 2 the command line or an input file is wrong; 130 interrupted by SIGINT or SIGTERM, image and state written
+//! 2 the command line or an input file is wrong; 130 interrupted by SIGINT, SIGTERM or SIGHUP, image and state written
 //! (a preview that is closed has nothing to write, and is done: 0).
 
 mod checkpoints;

@@ -24,7 +24,7 @@ Examples:
   prpf render scene.pbrt --spp 4096 --state scene.state --resume      go on wherever it was stopped
 
 Several budgets may be given: the first one reached ends the render; 0 means off. The clock of --time
-counts everything: loading, building, the last filter pass and writing. Ctrl-C (or SIGTERM) finishes the
+counts everything: loading, building, the last filter pass and writing. Ctrl-C (or SIGTERM, SIGHUP) finishes the
 batch being rendered if that takes no more than a second, else a step of it, writes the image (and the
 --state) and exits 130; a second one quits at once.")]
 pub(super) struct RenderOptions {

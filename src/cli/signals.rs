@@ -1,4 +1,4 @@
-//! SIGINT and SIGTERM.
+//! SIGINT, SIGTERM and SIGHUP.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -12,8 +12,8 @@ use super::mode::Mode;
 /// Exit status after an interruption: 128 + SIGINT.
 pub(super) const INTERRUPTED: u8 = 130;
 
-/// Handles SIGINT and SIGTERM. Before the first sample, a signal ends the program at once. Later, a first one ends the
-/// render soon, and a second one the program at once.
+/// Handles SIGINT, SIGTERM and SIGHUP. Before the first sample, a signal ends the program at once. Later, a first one ends
+/// the render soon, and a second SIGINT or SIGTERM the program at once.
 pub(super) struct Signals {
     /// Whether nothing has been rendered that would be lost.
     loading: Arc<AtomicBool>,
@@ -31,15 +31,24 @@ impl Signals {
         // A signal is the way to close a preview.
         let closed = if mode == Mode::Preview { 0 } else { INTERRUPTED };
         for signal in [SIGINT, SIGTERM] {
-            flag::register_conditional_shutdown(signal, closed.into(), signals.loading.clone())
-                .and_then(|_| {
-                    let again = signals.interrupt.clone();
-                    flag::register_conditional_shutdown(signal, INTERRUPTED.into(), again)
-                })
-                .and_then(|_| flag::register(signal, signals.interrupt.clone()))
-                .context("listening to signals")?;
+            signals.register(signal, closed, true).context("listening to signals")?;
+        }
+        #[cfg(unix)]
+        if !is_ignored(signal_hook::consts::SIGHUP) {
+            // A terminal that is closed may send it twice: by the system and by the shell.
+            signals.register(signal_hook::consts::SIGHUP, closed, false).context("listening to signals")?;
         }
         Ok(signals)
+    }
+
+    /// Handles one signal; `can_quit` if a second one ends the program.
+    fn register(&self, signal: i32, closed: u8, can_quit: bool) -> std::io::Result<()> {
+        flag::register_conditional_shutdown(signal, closed.into(), self.loading.clone())?;
+        if can_quit {
+            flag::register_conditional_shutdown(signal, INTERRUPTED.into(), self.interrupt.clone())?;
+        }
+        flag::register(signal, self.interrupt.clone())?;
+        Ok(())
     }
 
     /// Begins the render, which a signal does not end at once any more; returns the flag that a first signal sets.
@@ -47,4 +56,13 @@ impl Signals {
         self.loading.store(false, Ordering::Relaxed);
         &self.interrupt
     }
+}
+
+/// Returns whether the program was started with a signal ignored, as by `nohup`. Only Linux tells.
+#[cfg(unix)]
+fn is_ignored(signal: i32) -> bool {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
+    let mask = mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok()).unwrap_or(0);
+    mask & 1 << (signal - 1) != 0
 }
