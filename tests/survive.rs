@@ -282,7 +282,7 @@ fn a_state_that_does_not_fit_gets_one_line_and_stays() {
     }
 
     for (name, content, expected) in [
-        ("cut", state[..state.len() / 2].to_vec(), "cut off"),
+        ("cut", state[..state.len() / 2].to_vec(), "truncated"),
         (
             "flipped",
             state.iter().enumerate().map(|(i, &b)| if i == 5000 { b ^ 4 } else { b }).collect(),
