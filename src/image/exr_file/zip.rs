@@ -4,20 +4,23 @@
 //! before, and the result is a zlib stream (OpenEXR, "Technical Introduction", section on compression). The `exr` crate does
 //! the same with a slower encoder.
 
-use flate2::{Compress, Compression, FlushCompress};
+use libdeflater::{CompressionLvl, Compressor};
 
 /// Level of the encoder. Noisy numbers hardly get smaller on higher ones, which take several times as long.
-const LEVEL: Compression = Compression::new(1);
+const LEVEL: i32 = 1;
 
 /// Returns the compressed bytes, or `data` itself if they would not be fewer, as the format asks for.
 pub fn compress(data: Vec<u8>) -> Vec<u8> {
-    let differences = differences(&data);
+    let mut encoder = Compressor::new(CompressionLvl::new(LEVEL).expect("a level of the encoder"));
     // No more room than the data takes: an encoder that does not get by with it is of no use
-    let mut compressed = Vec::with_capacity(data.len());
-    let status =
-        Compress::new(LEVEL, true).compress_vec(&differences, &mut compressed, FlushCompress::Finish);
-    let is_smaller = matches!(status, Ok(flate2::Status::StreamEnd)) && compressed.len() < data.len();
-    if is_smaller { compressed } else { data }
+    let mut compressed = vec![0; data.len()];
+    match encoder.zlib_compress(&differences(&data), &mut compressed) {
+        Ok(length) if length < data.len() => {
+            compressed.truncate(length);
+            compressed
+        }
+        _ => data,
+    }
 }
 
 /// Separates the bytes at even and odd places, and takes differences of neighbours, with an offset of half the range.
