@@ -4,8 +4,9 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
 
+use super::failure::Failure;
 use super::state_options::StateOptions;
-use super::{Failure, print_error};
+use super::terminal::print_error;
 use crate::progressive::{Checkpoint, Settings};
 use crate::render::Renderer;
 use crate::state::{self, CheckpointWriter, ImageMetadata, RenderState, Stream};

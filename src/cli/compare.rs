@@ -7,6 +7,7 @@ use anyhow::{Context, ensure};
 use clap::Args;
 
 use super::output_paths::{are_distinct, can_be_written};
+use super::terminal;
 use crate::image::metrics::{BLOCK_SIDE, Pair};
 use crate::image::{Comparison, OutputFormat, read_rgb};
 use crate::image::{Planes, Problem, exr_file, png_file};
@@ -83,10 +84,10 @@ pub fn run(args: &CompareArgs) -> anyhow::Result<u8> {
     } else {
         table(&comparison, &pair)?
     };
-    super::print(&output)?;
+    terminal::print(&output)?;
     match args.max_relmse {
         Some(limit) if comparison.relmse > limit => {
-            super::print_error(&format!("relMSE {:.6} is above the limit of {limit}", comparison.relmse));
+            terminal::print_error(&format!("relMSE {:.6} is above the limit of {limit}", comparison.relmse));
             Ok(ABOVE)
         }
         _ => Ok(WITHIN),

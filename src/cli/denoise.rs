@@ -6,10 +6,14 @@ use std::time::Instant;
 use anyhow::bail;
 use clap::Args;
 
+use super::command_line::command_line;
 use super::denoiser_options::DenoiserOptions;
+use super::failure::Failure;
 use super::output_paths::{are_distinct, can_be_written, replaces_no_state};
+use super::parse;
 use super::summary::describe;
-use super::{Failure, command_line, in_pool, parse, print};
+use super::terminal::print;
+use super::workers::in_pool;
 use crate::filter::suited_to;
 use crate::image::OutputFormat;
 use crate::output::{ImageOutput, Layers};

@@ -5,8 +5,10 @@ use std::path::PathBuf;
 use anyhow::{Context, anyhow};
 use clap::Args;
 
+use super::failure::Failure;
 use super::output_paths::{are_distinct, can_be_written, replaces_no_state};
-use super::{Failure, denoise, in_pool};
+use super::workers::in_pool;
+use super::{denoise, terminal};
 use crate::files::replace_file;
 use crate::state::{self, RenderState};
 
@@ -47,7 +49,7 @@ pub(super) fn run(options: &ExportOptions) -> Result<u8, Failure> {
             .map_err(Failure::Run)
     })?;
     if !options.quiet {
-        super::print(&format!("{}\n", options.outfile.display())).map_err(Failure::Run)?;
+        terminal::print(&format!("{}\n", options.outfile.display())).map_err(Failure::Run)?;
     }
     Ok(0)
 }

@@ -8,7 +8,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use rayon::prelude::*;
 
 use super::checkpoints::Checkpoints;
-use super::command_line;
+use super::command_line::command_line;
 use super::viewers::next_names;
 use crate::filter::FilterResult;
 use crate::output::ImageOutput;

@@ -4,7 +4,9 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::{Failure, escaped};
+use super::failure::Failure;
+use super::terminal;
+use super::terminal::escaped;
 use crate::filter::{DENOISERS, Denoiser, Reads, SampleVectors};
 use crate::render::sample_layout;
 use crate::scene::{Integrator, Light, Scene, Shape, pbrt};
@@ -23,7 +25,7 @@ pub(super) fn run(options: &InfoOptions) -> Result<u8, Failure> {
     let warnings: String =
         scene.warnings.iter().map(|warning| format!("warning: {}\n", escaped(warning))).collect();
     let dark = if scene.is_lit() { "" } else { "warning: the scene has no light\n" };
-    super::print(&(describe(&scene) + &warnings + dark)).map_err(Failure::Run)?;
+    terminal::print(&(describe(&scene) + &warnings + dark)).map_err(Failure::Run)?;
     Ok(0)
 }
 

@@ -6,7 +6,7 @@ use indicatif::ProgressBar;
 
 use super::options::RenderOptions;
 use super::output_paths::{are_distinct, can_be_written, replaces_no_state};
-use super::{escaped, print_error};
+use super::terminal::{escaped, print_error};
 use crate::image::OutputFormat;
 use crate::image::{self, Planes};
 use crate::scene::{Scene, pbrt};

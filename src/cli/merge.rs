@@ -5,8 +5,9 @@ use std::path::{Path, PathBuf};
 use anyhow::Context;
 use clap::Args;
 
-use super::Failure;
+use super::failure::Failure;
 use super::output_paths::{are_distinct, can_be_written, replaces_state};
+use super::terminal;
 use crate::state::{Merge, RenderState};
 
 /// `prpf merge`.
@@ -45,7 +46,7 @@ pub(super) fn run(options: &MergeOptions) -> Result<u8, Failure> {
         let streams: Vec<String> = sum.streams.iter().map(ToString::to_string).collect();
         let text =
             format!("{spp:.1} samples per pixel: {}\n{}\n", streams.join("; "), options.outfile.display());
-        super::print(&text).map_err(Failure::Run)?;
+        terminal::print(&text).map_err(Failure::Run)?;
     }
     Ok(0)
 }

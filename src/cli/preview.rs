@@ -4,9 +4,10 @@ use std::time::Instant;
 
 use clap::Args;
 
+use super::failure::Failure;
 use super::mode::Mode;
 use super::options::RenderOptions;
-use super::{Failure, render};
+use super::render;
 
 /// `prpf preview`.
 #[derive(Args)]

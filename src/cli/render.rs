@@ -8,12 +8,16 @@ use anyhow::Context;
 use indicatif::ProgressBar;
 
 use super::checkpoints::{self, Checkpoints};
+use super::command_line::command_line;
+use super::failure::Failure;
 use super::host::{RenderHost, progress_bar};
 use super::inputs::Inputs;
 use super::mode::Mode;
 use super::options::RenderOptions;
 use super::signals::{INTERRUPTED, Signals};
-use super::{Failure, command_line, escaped, in_pool, print, print_error, summary, viewers};
+use super::terminal::{escaped, print, print_error};
+use super::workers::in_pool;
+use super::{summary, viewers};
 use crate::geometry::Accel;
 use crate::image::OutputFormat;
 use crate::output::{ImageOutput, Report, Times};

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use super::escaped;
+use super::terminal::escaped;
 use crate::output::{SampleCounts, Times};
 use crate::progressive::{ErrorEstimate, Outcome, PassRecord, excessive_ratio};
 use crate::render::RejectedSample;

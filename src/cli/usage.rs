@@ -2,7 +2,7 @@
 
 use clap::error::{ContextKind, ContextValue, Error, ErrorKind};
 
-use super::escaped;
+use super::terminal::escaped;
 
 /// Returns clap's message in one line.
 pub(super) fn one_line(error: &Error) -> String {

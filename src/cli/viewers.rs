@@ -4,7 +4,8 @@ use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use super::{Failure, print};
+use super::failure::Failure;
+use super::terminal::print;
 use crate::preview::{Hub, Server, TevClient};
 use crate::scene::Scene;
 

@@ -1,0 +1,82 @@
+//! The program: which commands there are, and the exit status of each outcome.
+
+use std::ffi::OsString;
+use std::process::ExitCode;
+use std::time::Instant;
+
+use clap::error::ErrorKind;
+use clap::{Parser, Subcommand};
+
+use super::failure::Failure;
+use super::mode::Mode;
+use super::terminal::{escaped, print_error};
+use super::{compare, denoise, export, info, merge, options, preview, render, usage};
+
+#[derive(Parser)]
+#[command(
+    name = "prpf",
+    version,
+    about = "Progressive path tracer whose adaptive sampling is coupled to its denoiser (P-RPF)",
+    before_help = "Try: prpf render scenes/pool/pool.pbrt -o pool.png --spp 16",
+    arg_required_else_help = true,
+    disable_help_subcommand = true
+)]
+struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Render a scene; write the image and print a summary
+    Render(Box<options::RenderOptions>),
+    /// Render live: serve a page that shows the image as it converges, and steers it
+    Preview(Box<preview::PreviewOptions>),
+    /// Filter a render's state again, with another denoiser, without tracing a ray
+    Denoise(denoise::DenoiseOptions),
+    /// Add states of one scene: other seeds, other shards
+    Merge(merge::MergeOptions),
+    /// Write the content of a state as named numpy arrays
+    Export(export::ExportOptions),
+    /// Show what a scene holds, the effects it calls for, and the dimensions of its sample vector
+    Info(info::InfoOptions),
+    /// Compare an image with a reference: MSE, relMSE, PSNR, SSIM, FLIP, brightness
+    Compare(compare::CompareArgs),
+}
+
+/// Runs the program; `start` is when it started, which is what time budgets count from.
+pub fn run(arguments: impl IntoIterator<Item = OsString>, start: Instant) -> ExitCode {
+    let arguments = match Arguments::try_parse_from(arguments) {
+        Ok(arguments) => arguments,
+        Err(error)
+            if error.use_stderr() && error.kind() != ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand =>
+        {
+            print_error(&format!("prpf: {}", usage::one_line(&error)));
+            return ExitCode::from(2);
+        }
+        Err(error) => {
+            let _ = error.print();
+            return ExitCode::from(if error.use_stderr() { 2 } else { 0 });
+        }
+    };
+    let outcome = match arguments.command {
+        Command::Render(options) => render::run(&options, Mode::Render, start),
+        Command::Preview(options) => preview::run(&options, start),
+        Command::Denoise(options) => denoise::run(&options, start),
+        Command::Merge(options) => merge::run(&options),
+        Command::Export(options) => export::run(&options),
+        Command::Info(options) => info::run(&options),
+        Command::Compare(options) => compare::run(&options).map_err(Failure::Input),
+    };
+    match outcome {
+        Ok(status) => ExitCode::from(status),
+        Err(failure) => {
+            let (error, status) = match failure {
+                Failure::Input(error) => (error, 2),
+                Failure::Run(error) => (error, 1),
+            };
+            print_error(&format!("prpf: {}", escaped(&format!("{error:#}"))));
+            ExitCode::from(status)
+        }
+    }
+}
