@@ -177,7 +177,7 @@ const MAX_CORRECTION: f64 = 1.0 + 1e-6;
 
 /// Rounds targets to integers, diffusing the rounding error along a serpentine path through the image. Their
 /// sum is `pairs`, or the sum of the targets if that is smaller. `room` limits each of them.
-fn round(targets: &[f64], width: usize, pairs: u64, room: impl Fn(usize) -> f64) -> Vec<u32> {
+pub(super) fn round(targets: &[f64], width: usize, pairs: u64, room: impl Fn(usize) -> f64) -> Vec<u32> {
     let sum: f64 = targets.iter().sum();
     // Correct the error of the bisection, but not what ceilings cut off
     let scale = if sum > 0.0 { (pairs as f64 / sum).min(MAX_CORRECTION) } else { 0.0 };

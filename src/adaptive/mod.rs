@@ -1,19 +1,21 @@
 //! Allocates the samples of the next batch: from the maps of a filtered image to a priority per pixel, and
-//! from priorities to sample counts.
+//! from priorities, or from a given map of counts, to sample counts.
 //!
 //! Functions of planes and settings only; nothing here renders, filters or reads a clock.
 
 mod allocate;
 mod priority;
+mod sample_map;
 
 pub use allocate::{CEILING, allocate, allocate_above, uniform};
 pub use priority::{Maps, PrioritySettings, expected_ratio, priority};
+pub use sample_map::{MapValues, SampleMap, SampleMapError, follow};
 
 /// How the samples of a batch are distributed over the pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Sampling {
-    /// Equally.
+    /// Equally, or by a [`SampleMap`].
     Uniform,
     /// By the priorities of the pixels.
     Adaptive,

@@ -7,6 +7,7 @@ use indicatif::ProgressBar;
 use super::options::RenderOptions;
 use super::output_paths::{are_distinct, can_be_written, replaces_no_state};
 use super::terminal::{escaped, print_error};
+use crate::adaptive::SampleMap;
 use crate::image::OutputFormat;
 use crate::image::{self, Planes};
 use crate::scene::{Scene, pbrt};
@@ -16,10 +17,11 @@ pub(super) struct Inputs {
     pub scene: Scene,
     pub outfiles: Vec<PathBuf>,
     pub reference: Option<Planes>,
+    pub sample_map: Option<SampleMap>,
 }
 
 impl Inputs {
-    /// Reads the scene and the reference, and checks that outputs replace nothing but earlier outputs.
+    /// Reads the scene, the reference and the sample map, and checks that outputs replace nothing but earlier outputs.
     ///
     /// # Errors
     /// One line that names the file.
@@ -33,15 +35,16 @@ impl Inputs {
         outputs.iter().try_for_each(|path| replaces_no_state(path))?;
         outputs.extend(options.state.state.as_deref());
         outputs.iter().try_for_each(|path| can_be_written(path))?;
-        let inputs = scene.files.iter().chain(&options.reference);
+        let inputs = scene.files.iter().chain(&options.reference).chain(&options.sample_map.sample_map);
         are_distinct(inputs.map(PathBuf::as_path), &outputs)?;
         if options.state.replaces_one()? && !options.quiet {
             print_error("warning: --state replaces the existing state; --resume would go on from it");
         }
 
         let reference = options.reference.as_deref().map(|path| reference(path, &scene)).transpose()?;
+        let sample_map = options.sample_map.read(size(&scene))?;
         warn(options, &scene);
-        Ok(Self { scene, outfiles, reference })
+        Ok(Self { scene, outfiles, reference, sample_map })
     }
 }
 
@@ -67,11 +70,16 @@ fn outfiles(options: &RenderOptions, scene: &mut Scene) -> Vec<PathBuf> {
     vec![fallback]
 }
 
+/// Returns the width and height of the render.
+fn size(scene: &Scene) -> (usize, usize) {
+    let [x0, x1, y0, y1] = scene.film.pixel_bounds;
+    (x1 - x0, y1 - y0)
+}
+
 /// Reads the reference image, which has to have the size of the render.
 fn reference(path: &Path, scene: &Scene) -> anyhow::Result<Planes> {
     let reference = image::read_rgb(path)?;
-    let [x0, x1, y0, y1] = scene.film.pixel_bounds;
-    let (width, height) = (x1 - x0, y1 - y0);
+    let (width, height) = size(scene);
     if (reference.width(), reference.height()) != (width, height) {
         anyhow::bail!(
             "{}: found a reference of {}x{} pixels; accepted is the size of the render, {width}x{height}",

@@ -23,6 +23,7 @@ mod parse;
 mod preview;
 mod program;
 mod render;
+mod sample_map;
 mod signals;
 mod state_options;
 mod summary;

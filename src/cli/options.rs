@@ -8,6 +8,7 @@ use clap::{Args, ValueEnum};
 use super::debug_sample::DebugSample;
 use super::denoiser_options::DenoiserOptions;
 use super::parse;
+use super::sample_map::SampleMapOptions;
 use super::state_options::StateOptions;
 use crate::adaptive::{PrioritySettings, Sampling};
 use crate::filter::DENOISERS;
@@ -22,6 +23,7 @@ Examples:
   prpf render scene.pbrt --time 30s -o out.exr -o out.png --report out.json
   prpf render scene.pbrt --sampling uniform --denoiser none --spp 1024 -o reference.exr
   prpf render scene.pbrt --spp 4096 --state scene.state --resume      go on wherever it was stopped
+  prpf render scene.pbrt --spp 64 --sample-map counts.exr             samples in proportion to a map
 
 Several budgets may be given: the first one reached ends the render; 0 means off. The clock of --time
 counts everything: loading, building, the last filter pass and writing. Ctrl-C (or SIGTERM, SIGHUP) finishes the
@@ -42,9 +44,11 @@ pub(super) struct RenderOptions {
     /// Budget: stop when the image's estimated relMSE falls to this
     #[arg(long, value_name = "E", value_parser = parse::positive, allow_negative_numbers = true)]
     pub target_error: Option<f64>,
-    /// How samples are spread over the pixels
-    #[arg(long, value_enum, default_value_t = SamplingOption::Adaptive)]
-    pub sampling: SamplingOption,
+    /// How samples are spread over the pixels [default: adaptive]
+    #[arg(long, value_enum)]
+    pub sampling: Option<SamplingOption>,
+    #[command(flatten)]
+    pub sample_map: SampleMapOptions,
     #[command(flatten)]
     pub denoiser: DenoiserOptions,
     /// Seed of all random numbers
@@ -108,9 +112,19 @@ impl RenderOptions {
     /// Checks that the options do not contradict each other.
     ///
     /// # Errors
-    /// A ceiling per pixel below the floor or below the budget, a floor above the budget, an unknown denoiser.
+    /// A ceiling per pixel below the floor or below the budget, a floor above the budget, an unknown denoiser, a sample map
+    /// beside something else that places samples.
     pub fn check(&self) -> anyhow::Result<()> {
         self.denoiser.choose(DENOISERS[0])?;
+        if self.sample_map.sample_map.is_some() && self.sampling == Some(SamplingOption::Adaptive) {
+            anyhow::bail!("--sampling adaptive: found with --sample-map; accepted is one of them");
+        }
+        if let (Some(spp), true) = (self.spp.filter(|&spp| spp > 0), self.sample_map.is_budget()) {
+            anyhow::bail!(
+                "--spp {spp}: found with --sample-map-values absolute, which gives the number of samples; accepted is \
+                 one of them"
+            );
+        }
         if let (Some(floor), Some(spp)) = (self.min_spp, self.spp.filter(|&spp| spp > 0))
             && floor > spp
         {
@@ -133,16 +147,20 @@ impl RenderOptions {
         let on = |value: Option<f64>| value.filter(|&v| v > 0.0);
         let (seconds, target_error) = (on(self.time), on(self.target_error));
         let spp = match self.spp.filter(|&spp| spp > 0) {
-            None if seconds.is_none() && target_error.is_none() => Some(scene.spp),
+            None if seconds.is_none() && target_error.is_none() && !self.sample_map.is_budget() => {
+                Some(scene.spp)
+            }
             spp => spp,
         };
         let max_spp = self.max_spp.filter(|&n| n > 0).unwrap_or(NO_CEILING);
         Ok(Settings {
             budget: Budget { spp, seconds, target_error },
             sampling: match self.sampling {
-                SamplingOption::Uniform => Sampling::Uniform,
-                SamplingOption::Adaptive => Sampling::Adaptive,
+                Some(SamplingOption::Uniform) => Sampling::Uniform,
+                None if self.sample_map.sample_map.is_some() => Sampling::Uniform,
+                None | Some(SamplingOption::Adaptive) => Sampling::Adaptive,
             },
+            sample_map: None,
             denoiser: self.denoiser.choose(DENOISERS[0])?,
             seed: self.seed,
             min_spp: self.min_spp.unwrap_or(MIN_SPP.min(max_spp)),

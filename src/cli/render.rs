@@ -117,7 +117,18 @@ impl Job<'_> {
             settings.budget.spp = None;
         }
         self.options.state.apply_shard(&mut settings.budget)?;
+        self.apply_sample_map(&mut settings);
         Ok(settings)
+    }
+
+    /// Lets samples follow the map, of whose counts a shard renders its part.
+    fn apply_sample_map(&self, settings: &mut Settings) {
+        let Some(map) = self.inputs.sample_map.clone() else { return };
+        let map = map.map_counts(|count| self.options.state.shard.samples_among(count));
+        if let Some(total) = map.total() {
+            settings.budget.spp = Some(total.div_ceil(map.values().len() as u64) as u32);
+        }
+        settings.sample_map = Some(map);
     }
 
     /// Renders, with a live page and a display server if the options ask for them.

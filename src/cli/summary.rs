@@ -69,11 +69,16 @@ fn shortcomings(outcome: &Outcome) -> Vec<String> {
             outcome.result.made_by
         ));
     }
-    if store.samples_taken() < store.pixels() as u64 {
-        let empty = store.counts(Part::Whole).iter().filter(|&&n| n == 0).count();
+    let is_sparse = store.samples_taken() < store.pixels() as u64;
+    let empty = store.counts(Part::Whole).iter().filter(|&&n| n == 0).count();
+    if empty > 0 && (is_sparse || outcome.settings.sample_map.is_some()) {
         lines.push(format!(
-            "there is less than one sample per pixel: {:.0} % of the pixels have none, and are filled from their \
-             neighbours",
+            "{}{:.0} % of the pixels have none, and are filled from their neighbours",
+            if is_sparse {
+                "there is less than one sample per pixel: "
+            } else {
+                "the sample map leaves pixels without samples: "
+            },
             100.0 * empty as f64 / store.pixels().max(1) as f64
         ));
     }

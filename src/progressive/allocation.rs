@@ -1,6 +1,6 @@
 //! Allocates the samples of a batch to pixels, and predicts whether adaptive sampling is worth its time.
 //!
-//! Takes the maps of the latest interim pass and the priority region; gives the samples of each pixel.
+//! Takes the maps of the latest interim pass or a given map, and the priority region; gives the samples of each pixel.
 
 use super::checkpoint::{Checkpoint, InterimPass};
 use super::region::Region;
@@ -19,16 +19,18 @@ pub(super) fn allocate_batch(
     let Checkpoint { store, interim, .. } = checkpoint;
     // Rejected samples count: a pixel that rejects all of them must not hold up the others.
     let taken = store.next_indices();
+    let map = settings.followed_map(store.pixels());
     let priority = match (checkpoint.sampling(settings), interim) {
         (Sampling::Adaptive, Some(interim)) => Some(batch_priority(store, interim, settings)),
-        _ => None,
+        _ => map.map(|map| map.values().to_vec()),
     };
     let (floor, max_spp) = (settings.min_spp.min(settings.max_spp), settings.max_spp);
     // Each batch has its own key, so its uniform fraction goes to other pixels.
     let key = settings.seed.rotate_left(32) ^ store.samples_taken();
-    let spread = |priority: Option<&[f32]>, have: &[u32], width: usize, total: u64| match priority {
-        Some(priority) => adaptive::allocate_above(floor, priority, have, width, total, max_spp, key),
-        None => adaptive::uniform(total, have, max_spp, key),
+    let spread = |priority: Option<&[f32]>, have: &[u32], width: usize, total: u64| match (priority, map) {
+        (Some(values), Some(map)) => adaptive::follow(values, map.unit(), have, width, total, max_spp, key),
+        (Some(priority), None) => adaptive::allocate_above(floor, priority, have, width, total, max_spp, key),
+        (None, _) => adaptive::uniform(total, have, max_spp, key),
     };
 
     // A region comes first only when every pixel has a sample.

@@ -45,6 +45,8 @@ pub struct Schedule<'a> {
     /// Floor and ceiling per pixel.
     pub min_spp: u64,
     pub max_spp: u64,
+    /// Samples of a map of counts.
+    pub map_total: Option<u64>,
     pub speed: Speed,
     /// Predicted seconds of the finalisation.
     pub finalisation: f64,
@@ -62,8 +64,9 @@ impl Schedule<'_> {
     /// # Errors
     /// The budget that is spent.
     pub fn next_batch(&self, elapsed: f64, samples: u64, error: Option<f64>) -> Result<Plan, StoppedBy> {
-        let most = |spp: u64| spp.saturating_mul(self.pixels).saturating_sub(samples);
-        let left = most(self.budget.spp.map_or(self.max_spp, |spp| u64::from(spp).min(self.max_spp)));
+        let most = self.budget.spp.map_or(self.max_spp, |spp| u64::from(spp).min(self.max_spp));
+        let most = most.saturating_mul(self.pixels).min(self.map_total.unwrap_or(u64::MAX));
+        let left = most.saturating_sub(samples);
         if left == 0 {
             return Err(StoppedBy::Spp);
         }

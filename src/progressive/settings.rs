@@ -1,7 +1,7 @@
 //! The settings of a render.
 
 use super::budget::Budget;
-use crate::adaptive::{self, PrioritySettings, Sampling};
+use crate::adaptive::{self, PrioritySettings, SampleMap, Sampling};
 use crate::filter::{DENOISERS, Denoiser, SampleVectors};
 use crate::stats::{Layout, Store};
 
@@ -10,6 +10,10 @@ use crate::stats::{Layout, Store};
 pub struct Settings {
     pub budget: Budget,
     pub sampling: Sampling,
+    /// The map that uniform sampling follows, of the render's size; one of another size is ignored. In files, only the
+    /// meaning of its values.
+    #[serde(default, skip_deserializing)]
+    pub sample_map: Option<SampleMap>,
     /// In files: `denoiser`, and `quality` for one that has presets.
     #[serde(flatten)]
     pub denoiser: &'static dyn Denoiser,
@@ -33,6 +37,7 @@ impl Default for Settings {
         Self {
             budget: Budget::default(),
             sampling: Sampling::Adaptive,
+            sample_map: None,
             denoiser: DENOISERS[0],
             seed: 0,
             min_spp: MIN_SPP,
@@ -120,13 +125,20 @@ impl Settings {
         needed.max(self.reservoir)
     }
 
+    /// Returns the map that the samples of an image of `pixels` pixels follow.
+    pub(super) fn followed_map(&self, pixels: usize) -> Option<&SampleMap> {
+        let map = self.sample_map.as_ref().filter(|map| map.values().len() == pixels)?;
+        (self.sampling == Sampling::Uniform).then_some(map)
+    }
+
     /// Returns the samples that a pixel can get, as far as budgets limit them.
     fn most_samples(&self) -> usize {
-        let ratio_to_mean = match self.sampling {
-            Sampling::Uniform => 1.0,
-            Sampling::Adaptive => adaptive::CEILING,
+        let ratio_to_mean = match (self.sampling, &self.sample_map) {
+            (Sampling::Uniform, None) => 1.0,
+            (Sampling::Uniform, Some(map)) => map.peak(),
+            (Sampling::Adaptive, _) => adaptive::CEILING,
         };
-        let budget = self.budget.spp.map_or(u32::MAX, |spp| (f64::from(spp) * ratio_to_mean) as u32);
+        let budget = self.budget.spp.map_or(u32::MAX, |spp| (f64::from(spp) * ratio_to_mean).ceil() as u32);
         budget.min(self.max_spp) as usize
     }
 }

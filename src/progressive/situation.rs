@@ -5,7 +5,7 @@ use super::record::Seconds;
 use super::schedule::Schedule;
 use super::settings::Settings;
 use super::speed::Speed;
-use crate::adaptive::Sampling;
+use crate::adaptive::{SampleMap, Sampling};
 use crate::filter::{Denoiser, UNFILTERED};
 use crate::render::RejectedSample;
 
@@ -134,6 +134,7 @@ impl Situation<'_> {
             pixels: self.pixels,
             min_spp: self.settings.min_spp.into(),
             max_spp: self.settings.max_spp.into(),
+            map_total: self.settings.followed_map(self.pixels as usize).and_then(SampleMap::total),
             speed: self.speed,
             finalisation,
         }
