@@ -19,9 +19,10 @@ use super::background_pass::{BackgroundPass, PassThreads};
 use super::command::Rectangle;
 use super::configuration::{Configuration, PreviewHost};
 use super::hub::Hub;
+use super::image_request::ImageRequest;
 use super::orbit_camera::OrbitCamera;
 use super::pending::Pending;
-use super::publisher::COVERED_SPP;
+use super::publisher::is_covered;
 use super::reporter::{Reporter, Subject};
 use super::status::{CameraStatus, Phase};
 use crate::filter::FilterResult;
@@ -30,7 +31,6 @@ use crate::progressive::{
 };
 use crate::render::Renderer;
 use crate::stats::Store;
-use image_requests::ImageRequest;
 
 /// Longest step of a batch, in seconds: commands are handled between two.
 const STEP_SECONDS: f64 = 0.15;
@@ -356,11 +356,6 @@ impl<'a> Controller<'a> {
         let subject = Subject { scene, settings, camera, region: self.region };
         self.reporter.report(&subject, store, at_once);
     }
-}
-
-/// Returns whether every pixel has samples.
-fn is_covered(store: &Store) -> bool {
-    store.samples_taken() as f64 >= COVERED_SPP * store.pixels() as f64
 }
 
 #[cfg(test)]

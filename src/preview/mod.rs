@@ -12,7 +12,7 @@
 //!
 //! | file | holds |
 //! | --- | --- |
-//! | `controller`, `pending`, `configuration`, `background_pass` | control of the render |
+//! | `controller`, `pending`, `configuration`, `image_request`, `background_pass` | control of the render |
 //! | `reporter`, `status` | the status of the render |
 //! | `publisher`, `preview_frame` | encoded images for the viewers |
 //! | `view`, `colour_scale`, `pixel_values` | what the page shows |
@@ -31,6 +31,7 @@ mod configuration;
 mod connections;
 mod controller;
 mod hub;
+mod image_request;
 mod orbit_camera;
 mod page;
 mod pending;

@@ -18,9 +18,14 @@ const LONGEST_INTERVAL: Duration = Duration::from_millis(200);
 /// Fraction of the time that encoding frames should take.
 const TIME_FRACTION: f64 = 0.04;
 /// Mean samples per pixel from which on every pixel has some: samples come in pairs.
-pub const COVERED_SPP: f64 = 2.0;
+const COVERED_SPP: f64 = 2.0;
 /// First steps of a generation, whose coarse images are all shown.
 const EAGER_STEPS: u64 = 4;
+
+/// Returns whether every pixel has samples.
+pub fn is_covered(store: &Store) -> bool {
+    store.samples_taken() as f64 >= COVERED_SPP * store.pixels() as f64
+}
 
 /// Publishes frames of one render; see the module.
 pub struct Publisher {

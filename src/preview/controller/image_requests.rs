@@ -2,21 +2,17 @@
 
 use std::sync::Arc;
 
-use super::{Controller, is_covered};
+use super::Controller;
 use crate::filter::{FilterResult, suited_to};
 use crate::preview::configuration::SavedImage;
+use crate::preview::image_request::ImageRequest;
+use crate::preview::publisher::is_covered;
 use crate::preview::status::Phase;
 use crate::progressive::Settings;
 use crate::stats::Store;
 
 /// Most images that are made in the background while the render has gone on to others: each holds a store.
 const MOST_IN_BACKGROUND: usize = 2;
-
-/// An image to be saved.
-pub(super) struct ImageRequest {
-    store: Arc<Store>,
-    settings: Settings,
-}
 
 impl Controller<'_> {
     /// Turns pending saves into requests. A save captures the current image or, after a command that discards the samples,

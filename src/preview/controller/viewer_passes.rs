@@ -3,9 +3,10 @@
 use std::sync::Arc;
 use std::time::Instant;
 
-use super::{Controller, is_covered};
+use super::Controller;
 use crate::filter::{UNFILTERED, suited_to};
 use crate::preview::background_pass::Event;
+use crate::preview::publisher::is_covered;
 use crate::preview::status::Phase;
 use crate::preview::view::View;
 use crate::progressive::{FailureMap, FilterPass, Filtered, Settings};
