@@ -47,6 +47,7 @@ fn render_writes_image_and_report_and_says_where() {
         "scene",
         "seed",
         "threads",
+        "camera",
         "effects",
         "dimensions",
         "settings",
@@ -512,4 +513,22 @@ fn the_cornell_box_agrees_with_its_reference() {
     let pair = prpf::image::metrics::Pair::new(&image, &part).unwrap();
     assert!((pair.mean_ratio() - 1.0).abs() < 0.02, "{}", pair.mean_ratio());
     assert!(pair.block_relmse() < 0.01, "{}", pair.block_relmse());
+}
+
+#[test]
+fn a_camera_file_that_is_wrong_is_named_with_its_line() {
+    let folder = folder_with(SCENE);
+    for (text, said) in [
+        ("LookAt 0 0 0  0 0 1  0 1 0", "found no Camera"),
+        ("LookAt 0 0 0\nCamera \"perspective\"", "camera.txt:2:1"),
+        ("Camera \"perspective\"\nWorldBegin", "WorldBegin"),
+        ("Camera \"perspective\"\nShape \"sphere\"", "camera.txt:2:1"),
+    ] {
+        std::fs::write(folder.path().join("camera.txt"), text).unwrap();
+        let error =
+            refused(folder.path(), &["render", "scene.pbrt", "--camera", "camera.txt", "-o", "a.exr"]);
+        assert!(error.contains("camera.txt") && error.contains(said), "{error}");
+    }
+    let error = refused(folder.path(), &["render", "scene.pbrt", "--camera", "none.txt", "-o", "a.exr"]);
+    assert!(error.contains("none.txt"), "{error}");
 }

@@ -52,6 +52,7 @@ impl RenderHost<'_> {
         result: &'o FilterResult,
         store: &'o Store,
         settings: &'o Settings,
+        metadata: &'o ImageMetadata,
         command_line: &'o str,
     ) -> ImageOutput<'o> {
         ImageOutput {
@@ -59,7 +60,7 @@ impl RenderHost<'_> {
             store,
             estimate: None,
             passes: &[],
-            metadata: self.metadata,
+            metadata,
             settings,
             reference: None,
             seconds: self.start.elapsed().as_secs_f64(),
@@ -86,7 +87,7 @@ impl Host for RenderHost<'_> {
     }
 
     fn encode_and_discard(&self, settings: &Settings, result: &FilterResult, rows: &Store) {
-        let output = self.output(result, rows, settings, "");
+        let output = self.output(result, rows, settings, self.metadata, "");
         self.outfiles.par_iter().for_each(|path| output.encode_and_discard(path));
         self.checkpoints.iter().for_each(|checkpoints| checkpoints.write_and_discard(settings, rows));
     }
@@ -107,7 +108,8 @@ impl PreviewHost for RenderHost<'_> {
     fn write_image(&mut self, image: &SavedImage) -> Result<Vec<PathBuf>, String> {
         let names = next_names(&self.outfiles[0]).ok_or("all numbers are taken")?;
         let command_line = command_line();
-        let output = self.output(image.result, image.store, image.settings, &command_line);
+        let metadata = self.metadata.with_camera(image.camera);
+        let output = self.output(image.result, image.store, image.settings, &metadata, &command_line);
         for name in &names {
             output.write(name).map_err(|error| error.to_string())?;
         }

@@ -114,7 +114,7 @@ fn warn(options: &RenderOptions, scene: &Scene) {
 fn read_scene(options: &RenderOptions) -> anyhow::Result<Scene> {
     let bar = if options.quiet { ProgressBar::hidden() } else { ProgressBar::new_spinner() };
     let shown = bar.clone();
-    let scene = pbrt::read_reporting(&options.scene, move |reading| {
+    let scene = pbrt::read_reporting(&options.scene, options.camera.as_deref(), move |reading| {
         shown.set_message(format!("reading: {} shapes, {} triangles", reading.shapes, reading.triangles));
         shown.tick();
     });

@@ -69,6 +69,9 @@ pub(super) struct RenderOptions {
     /// Override the part of the film that is rendered: pixels, half open
     #[arg(long, value_name = "X0,X1,Y0,Y1", value_parser = parse::bounds, allow_hyphen_values = true)]
     pub pixelbounds: Option<[usize; 4]>,
+    /// Camera in place of the scene's: a file with directives such as LookAt and Camera, as the live page gives them
+    #[arg(long, value_name = "FILE")]
+    pub camera: Option<PathBuf>,
     /// Override the integrator's path depth
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub max_depth: Option<u32>,

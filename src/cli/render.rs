@@ -61,7 +61,8 @@ fn run_in_pool(
     // Render
     let job = Job { options, mode, inputs: &inputs, renderer: &renderer, metadata: &metadata, start };
     let settings = job.settings().map_err(Failure::Input)?;
-    let Rendered { outcome, checkpoints, display } = job.render(&settings, signals.begin_render())?;
+    let Rendered { outcome, metadata, checkpoints, display } =
+        job.render(&settings, signals.begin_render())?;
     let Some(outcome) = outcome else {
         // A preview that was closed has written its images already.
         return checkpoints.map_or(Ok(()), Checkpoints::finish).map(|()| 0);
@@ -69,7 +70,7 @@ fn run_in_pool(
 
     // Write the outputs
     let writing = Instant::now();
-    let images = job.write_images(&outcome);
+    let images = job.write_images(&outcome, &metadata);
     let checkpoints = checkpoints.map_or(Ok(()), Checkpoints::finish);
     let (write, total) = (writing.elapsed().as_secs_f64(), start.elapsed().as_secs_f64());
     drop(display);
@@ -104,6 +105,8 @@ struct Job<'a> {
 struct Rendered {
     /// `None` of a preview that was closed.
     outcome: Option<Outcome>,
+    /// With the camera of the outcome.
+    metadata: ImageMetadata,
     checkpoints: Option<Checkpoints>,
     /// Dropped after the image is written: disconnecting may take time, which is part of no budget.
     display: Option<TevClient>,
@@ -154,6 +157,7 @@ impl Job<'_> {
         let outfiles = &inputs.outfiles;
         let mut host =
             RenderHost { metadata, outfiles, checkpoints, interrupt, has_viewers, bar: bar.clone(), start };
+        let mut metadata = metadata.clone();
         let (outcome, display) = if has_viewers {
             let hub = Arc::new(Hub::default());
             if serves {
@@ -170,7 +174,11 @@ impl Job<'_> {
                 stays: self.mode == Mode::Preview,
                 host: &mut host,
             };
-            (Controller::new(hub, configuration).run(), display)
+            let outcome = Controller::new(hub, configuration).run().map(|(outcome, camera)| {
+                metadata = metadata.with_camera(&camera);
+                outcome
+            });
+            (outcome, display)
         } else {
             let render_loop = RenderLoop::new(renderer, settings, start);
             let mut render_loop = render_loop.with_reference(inputs.reference.as_ref());
@@ -180,7 +188,7 @@ impl Job<'_> {
             (Some(progressive::run(render_loop, &mut host)), None)
         };
         bar.finish_and_clear();
-        Ok(Rendered { outcome, checkpoints: host.checkpoints, display })
+        Ok(Rendered { outcome, metadata, checkpoints: host.checkpoints, display })
     }
 
     /// Starts to send images to a display server, if the options name one.
@@ -194,12 +202,12 @@ impl Job<'_> {
         viewers::display(hub, self.options.display_server.as_deref(), &self.inputs.scene, warn)
     }
 
-    fn write_images(&self, outcome: &Outcome) -> anyhow::Result<()> {
+    fn write_images(&self, outcome: &Outcome, metadata: &ImageMetadata) -> anyhow::Result<()> {
         let output = ImageOutput {
             reference: self.inputs.reference.as_ref(),
             seconds: self.start.elapsed().as_secs_f64(),
             command_line: &command_line(),
-            ..ImageOutput::new(outcome, self.metadata)
+            ..ImageOutput::new(outcome, metadata)
         };
         Ok(output.write_all(&self.inputs.outfiles)?)
     }

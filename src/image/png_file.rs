@@ -11,6 +11,9 @@ use super::tone::{srgb_decode, to_srgb8};
 use super::{ImageError, Planes, Problem};
 use crate::files::replace_file;
 
+/// Length of the chunk `IEND` in bytes.
+const END_LENGTH: usize = 12;
+
 /// Writes the first three planes, or one plane as grey, as 8-bit sRGB PNG.
 ///
 /// `exposure` is in stops; 0 leaves values unchanged. Values above 1 are clipped.
@@ -20,6 +23,32 @@ use crate::files::replace_file;
 /// hold, [`Problem::Io`].
 pub fn write(path: &Path, planes: &Planes, exposure: f32) -> Result<(), ImageError> {
     write_srgb8(path, planes.width(), planes.height(), &to_srgb8(planes, exposure))
+}
+
+/// Like [`write()`] without a change of exposure, and with texts: pairs of a keyword (1 to 79 characters) and a text, both
+/// in ASCII.
+///
+/// # Errors
+/// As [`write()`].
+pub fn write_with_texts(path: &Path, planes: &Planes, texts: &[(&str, &str)]) -> Result<(), ImageError> {
+    let with_texts = |png: Vec<u8>| {
+        // The last chunk ends the file.
+        let (image, end) = png.split_at(png.len() - END_LENGTH);
+        [image, &texts.iter().flat_map(|(keyword, text)| text_chunk(keyword, text)).collect::<Vec<u8>>(), end]
+            .concat()
+    };
+    encode(planes.width(), planes.height(), &to_srgb8(planes, 0.0))
+        .and_then(|png| replace_file(path, |writer| Ok(writer.write_all(&with_texts(png))?)))
+        .map_err(|problem: Problem| problem.at(path))
+}
+
+/// Returns the chunk of a text (PNG specification, section 11.3.3.2).
+fn text_chunk(keyword: &str, text: &str) -> Vec<u8> {
+    let content = [b"tEXt", keyword.as_bytes(), &[0], text.as_bytes()].concat();
+    let mut checksum = flate2::Crc::new();
+    checksum.update(&content);
+    let length = (content.len() - 4) as u32;
+    [&length.to_be_bytes(), &*content, &checksum.sum().to_be_bytes()].concat()
 }
 
 /// Writes interleaved 8-bit sRGB values unchanged: `3 × width × height` bytes.
@@ -107,6 +136,19 @@ mod tests {
             write(&path, &planes, 0.0).unwrap();
             assert_eq!(read(&path).unwrap(), planes);
         }
+    }
+
+    #[test]
+    fn texts_stand_in_chunks_that_readers_skip() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.png");
+        let planes = gradient(16, 16);
+        write_with_texts(&path, &planes, &[("camera", "LookAt\nCamera")]).unwrap();
+        assert_eq!(read(&path).unwrap(), planes);
+        let bytes = std::fs::read(&path).unwrap();
+        let chunk = b"\0\0\0\x14tEXtcamera\0LookAt\nCamera";
+        assert!(bytes.windows(chunk.len()).any(|window| window == chunk));
+        assert!(bytes.ends_with(b"IEND\xae\x42\x60\x82"));
     }
 
     #[test]

@@ -17,6 +17,9 @@ use crate::progressive::{ErrorEstimate, Outcome, PassRecord, Settings};
 use crate::state::ImageMetadata;
 use crate::stats::Store;
 
+/// Name of the attribute, and of the text in a PNG, that holds the camera's directives.
+const CAMERA: &str = "prpf.camera";
+
 /// An image to be written, and what its attributes say of it.
 #[derive(Clone, Copy)]
 pub struct ImageOutput<'a> {
@@ -72,7 +75,10 @@ impl<'a> ImageOutput<'a> {
     /// Those of the file system, and an extension of another format.
     pub fn write(&self, path: &Path) -> Result<(), ImageError> {
         match OutputFormat::from_path(path)? {
-            OutputFormat::Png => png_file::write(path, &self.result.image, 0.0),
+            OutputFormat::Png => {
+                let texts = [(CAMERA, &*self.metadata.camera)];
+                png_file::write_with_texts(path, &self.result.image, &texts)
+            }
             OutputFormat::Exr => {
                 let windows = Windows { data: self.metadata.pixel_bounds, display: self.metadata.film };
                 exr_file::write(path, windows, &self.select_layers().channels(), &self.attributes())
@@ -121,6 +127,7 @@ impl<'a> ImageOutput<'a> {
             (own("commandLine"), Attribute::Text(self.command_line.to_owned())),
             (own("scene"), Attribute::Text(self.metadata.source.clone())),
             (own("sceneHash"), Attribute::Text(format!("sha256:{}", self.metadata.hash))),
+            (CAMERA.to_owned(), Attribute::Text(self.metadata.camera.clone())),
             (own("denoiser"), Attribute::Text(self.result.made_by.to_string())),
             (own("samplesMin"), Attribute::Int(counts.min.try_into().unwrap_or(i32::MAX))),
             (own("samplesMean"), Attribute::Float(counts.mean as f32)),

@@ -45,6 +45,8 @@ pub struct Report<'a> {
     height: usize,
     seed: u64,
     threads: usize,
+    /// The camera, as directives of a scene file.
+    camera: &'a str,
     effects: &'a [String],
     dimensions: Vec<&'static str>,
     settings: &'a Settings,
@@ -83,6 +85,7 @@ impl<'a> Report<'a> {
             height: store.height(),
             seed: settings.seed,
             threads: rayon::current_num_threads(),
+            camera: &metadata.camera,
             effects: &metadata.effects,
             dimensions: store.layout().dimensions().iter().map(|dimension| dimension.name).collect(),
             settings,

@@ -23,6 +23,8 @@ pub struct CameraMove {
     pub aperture: Option<f32>,
     /// Focal distance, in scene units.
     pub focus: Option<f32>,
+    /// Index of the bookmark to go to first.
+    pub bookmark: Option<usize>,
     /// Pixel whose visible point comes into focus.
     pub focus_at: Option<[u32; 2]>,
     /// Whether the scene's own camera returns first.

@@ -17,6 +17,10 @@ pub enum Command {
     Pause(bool),
     ChangeSettings(SettingsChange),
     MoveCamera(CameraMove),
+    /// Keeps the camera as a bookmark.
+    AddBookmark,
+    /// Removes the bookmark with this index.
+    RemoveBookmark(usize),
     /// Renders this region first; `None` ends that.
     SetRegion(Option<Rectangle>),
     /// Discards all samples.

@@ -7,7 +7,7 @@ use crate::filter::FilterResult;
 use crate::image::Planes;
 use crate::progressive::{Checkpoint, Host, Settings};
 use crate::render::Renderer;
-use crate::scene::Scene;
+use crate::scene::{Camera, Scene};
 use crate::stats::Store;
 
 /// An image that a viewer wants written.
@@ -16,6 +16,7 @@ pub struct SavedImage<'a> {
     pub store: &'a Store,
     pub result: &'a FilterResult,
     pub settings: &'a Settings,
+    pub camera: &'a Camera,
 }
 
 /// The program around a preview.

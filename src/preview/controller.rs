@@ -5,6 +5,7 @@
 //! loop with an empty store: a new *generation*. A filter pass runs on threads of its own and is given up when a new
 //! generation begins, so that no movement of the camera waits for it.
 
+mod camera;
 mod commands;
 mod image_requests;
 mod viewer_passes;
@@ -24,12 +25,13 @@ use super::orbit_camera::OrbitCamera;
 use super::pending::Pending;
 use super::publisher::is_covered;
 use super::reporter::{Reporter, Subject};
-use super::status::{CameraStatus, Phase};
+use super::status::Phase;
 use crate::filter::FilterResult;
 use crate::progressive::{
     Action, Checkpoint, Conditions, Filtered, Host, Outcome, Region, RenderLoop, Settings, StoppedBy,
 };
 use crate::render::Renderer;
+use crate::scene::Camera;
 use crate::stats::Store;
 
 /// Longest step of a batch, in seconds: commands are handled between two.
@@ -48,6 +50,8 @@ pub struct Controller<'a> {
     pass_threads: PassThreads,
     reporter: Reporter,
     camera: Option<OrbitCamera>,
+    /// Cameras to return to.
+    bookmarks: Vec<OrbitCamera>,
     pending: Pending,
     is_paused: bool,
     region: Option<Rectangle>,
@@ -99,6 +103,7 @@ impl<'a> Controller<'a> {
             pass_threads: PassThreads::default(),
             configuration,
             camera: None,
+            bookmarks: Vec::new(),
             pending: Pending::default(),
             is_paused: false,
             region: None,
@@ -109,9 +114,9 @@ impl<'a> Controller<'a> {
         }
     }
 
-    /// Renders until a budget is spent or, if the preview stays, until it is interrupted: then there is no outcome. Must
-    /// not be called on a thread that others need.
-    pub fn run(mut self) -> Option<Outcome> {
+    /// Renders until a budget is spent or, if the preview stays, until it is interrupted: then there is no outcome. Returns
+    /// the camera with it. Must not be called on a thread that others need.
+    pub fn run(mut self) -> Option<(Outcome, Camera)> {
         let mut start = self.configuration.start;
         let outcome = loop {
             match self.run_generation(start) {
@@ -123,15 +128,14 @@ impl<'a> Controller<'a> {
         for (request, pass) in std::mem::take(&mut self.background) {
             self.write_image(&request, pass.wait().ok().map(|filtered| filtered.result).as_ref());
         }
-        outcome
+        outcome.map(|outcome| (outcome, self.current_camera().clone()))
     }
 
     /// Renders one view with one set of samples.
     fn run_generation(&mut self, start: Instant) -> GenerationEnd {
         // Set up the camera and the loop
         let scene = self.configuration.scene;
-        let camera = self.camera.as_ref().map_or(&scene.camera, OrbitCamera::camera);
-        let renderer = self.configuration.renderer.with_camera(camera);
+        let renderer = self.configuration.renderer.with_camera(self.current_camera());
         if self.camera.is_none() {
             let (width, height) = renderer.resolution();
             let pivot = renderer.seen_at(width / 2, height / 2).map(|p| p.as_dvec3());
@@ -177,7 +181,10 @@ impl<'a> Controller<'a> {
                 self.pending.clear_for_generation();
                 continue;
             }
-            if self.starts_generation(&renderer, &render_loop) {
+            if self.moves_camera(&renderer)
+                || self.pending.restart
+                || !render_loop.can_change_to(&self.configuration.settings)
+            {
                 self.stop_keeping_checkpoints(&mut render_loop);
                 return GenerationEnd::Replaced;
             }
@@ -303,27 +310,6 @@ impl<'a> Controller<'a> {
         self.keeps_checkpoints = false;
     }
 
-    /// Moves the camera by the pending movements; returns whether a new generation has to begin.
-    fn starts_generation(&mut self, renderer: &Renderer, render_loop: &RenderLoop) -> bool {
-        let mut starts = self.pending.restart || !render_loop.can_change_to(&self.configuration.settings);
-        if let Some(camera) = self.camera.as_mut() {
-            let before = camera.camera().clone();
-            let (width, height) = renderer.resolution();
-            for step in self.pending.moves.drain(..) {
-                let pixel = step.focus_at.map(|[x, y]| [x as usize, y as usize]);
-                let inside = pixel.filter(|[x, y]| *x < width && *y < height);
-                let seen = inside.and_then(|[x, y]| renderer.seen_at(x, y));
-                if step.focus_at.is_some() && seen.is_none() {
-                    self.reporter.notice("nothing there to focus on".to_owned(), true);
-                }
-                camera.apply(&step, seen.map(|p| p.as_dvec3()));
-            }
-            // A movement that ends at the same view discards no sample.
-            starts |= !camera.is_equivalent(&before);
-        }
-        starts
-    }
-
     fn begin_generation(&mut self, renderer: &Renderer) {
         self.pending.clear_for_generation();
         self.reporter.begin(renderer.layout(), &self.configuration.settings);
@@ -347,13 +333,10 @@ impl<'a> Controller<'a> {
 
     /// Publishes the status.
     fn report(&mut self, store: &Store, at_once: bool) {
-        let camera = self.camera.as_ref().map_or(CameraStatus::default(), |camera| CameraStatus {
-            aperture: camera.camera().lens_radius,
-            focus: camera.camera().focal_distance,
-            distance: camera.distance(),
-        });
         let (scene, settings) = (&self.configuration.scene.source, &self.configuration.settings);
-        let subject = Subject { scene, settings, camera, region: self.region };
+        let bookmarks = self.bookmarks.iter().map(|bookmark| self.directives(bookmark.camera())).collect();
+        let camera = self.camera_status();
+        let subject = Subject { scene, settings, camera, bookmarks, region: self.region };
         self.reporter.report(&subject, store, at_once);
     }
 }

@@ -25,6 +25,8 @@ pub struct OrbitCamera {
     pivot: DVec3,
     /// Distance from the scene's own camera to the pivot.
     first_distance: f64,
+    /// Whether a user has set the focal distance.
+    is_focused: bool,
     /// The vertical axis of orbits: the coordinate axis nearest to the camera's up.
     up: DVec3,
 }
@@ -55,6 +57,7 @@ impl OrbitCamera {
             camera: camera.clone(),
             pivot: pose.position + distance * pose.forward,
             first_distance: distance,
+            is_focused: false,
             up: nearest_axis(pose.up),
         }
     }
@@ -62,6 +65,11 @@ impl OrbitCamera {
     /// Returns the camera to render with.
     pub fn camera(&self) -> &Camera {
         &self.camera
+    }
+
+    /// Returns whether the camera can have a lens.
+    pub fn has_lens(&self) -> bool {
+        !matches!(self.camera.projection, Projection::Spherical(_))
     }
 
     /// Returns the distance to the pivot, in scene units.
@@ -116,10 +124,11 @@ impl OrbitCamera {
         }
         if let Some(radius) = step.aperture {
             // The focal distance of a pinhole camera is arbitrary: its first lens focuses on the pivot.
-            if self.camera.lens_radius == 0.0 && self.original.lens_radius == 0.0 && step.focus.is_none() {
-                self.focus(self.depth_of(self.pivot));
+            let is_pinhole = self.camera.lens_radius == 0.0 && self.original.lens_radius == 0.0;
+            if is_pinhole && !self.is_focused {
+                self.camera.focal_distance = self.nearest_focus(self.depth_of(self.pivot));
             }
-            self.camera.lens_radius = radius;
+            self.camera.lens_radius = if self.has_lens() { radius } else { 0.0 };
         }
         if let Some(distance) = step.focus {
             self.focus(f64::from(distance));
@@ -134,6 +143,7 @@ impl OrbitCamera {
         Self {
             camera: self.original.clone(),
             pivot: pose.position + self.first_distance * pose.forward,
+            is_focused: false,
             ..self.clone()
         }
     }
@@ -146,7 +156,13 @@ impl OrbitCamera {
     }
 
     fn focus(&mut self, depth: f64) {
-        self.camera.focal_distance = depth.max(NEAREST_FOCUS * self.first_distance) as f32;
+        self.camera.focal_distance = self.nearest_focus(depth);
+        self.is_focused = true;
+    }
+
+    /// Returns a focal distance that is not too small.
+    fn nearest_focus(&self, depth: f64) -> f32 {
+        depth.max(NEAREST_FOCUS * self.first_distance) as f32
     }
 
     /// Rotates around the pivot so that the image follows the pointer.
@@ -339,6 +355,19 @@ mod tests {
         );
         orbit.apply(&CameraMove { reset: true, ..CameraMove::default() }, None);
         assert_eq!(orbit.camera, orbit.original);
+    }
+
+    #[test]
+    fn a_focus_that_was_set_survives_a_change_of_the_aperture() {
+        let mut orbit = orbit_camera(1.0);
+        let aperture = |radius| CameraMove { aperture: Some(radius), ..CameraMove::default() };
+        orbit.apply(&CameraMove::default(), Some(DVec3::new(0.0, 0.0, 7.0)));
+        for radius in [0.1, 0.0, 0.3] {
+            orbit.apply(&aperture(radius), None);
+            assert_eq!(orbit.camera.focal_distance, 7.0, "{radius}");
+        }
+        orbit.apply(&CameraMove { reset: true, ..aperture(0.1) }, None);
+        assert_eq!(orbit.camera.focal_distance, 10.0, "the pivot's");
     }
 
     #[test]

@@ -25,6 +25,10 @@ pub enum Message {
     Settings(SettingsChange),
     /// Moves the camera.
     Camera(CameraMove),
+    /// Keeps the camera as a bookmark.
+    AddBookmark {},
+    /// Removes a bookmark.
+    RemoveBookmark { index: usize },
     /// Sets the region that is rendered first; `null` ends that.
     PriorityRegion { region: Option<Rectangle> },
     /// Discards all samples.
@@ -56,6 +60,8 @@ impl Message {
             Message::Pause { paused } => Command::Pause(paused),
             Message::Settings(change) => Command::ChangeSettings(change),
             Message::Camera(step) => Command::MoveCamera(step),
+            Message::AddBookmark {} => Command::AddBookmark,
+            Message::RemoveBookmark { index } => Command::RemoveBookmark(index),
             Message::PriorityRegion { region } => Command::SetRegion(region),
             Message::Restart {} => Command::Restart,
             Message::Save {} => Command::Save,

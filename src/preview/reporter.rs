@@ -28,6 +28,8 @@ pub struct Subject<'a> {
     pub scene: &'a str,
     pub settings: &'a Settings,
     pub camera: CameraStatus,
+    /// As directives.
+    pub bookmarks: Vec<String>,
     pub region: Option<Rectangle>,
 }
 
@@ -256,7 +258,8 @@ impl Reporter {
             statistics: self.statistics(store),
             curve: self.curve.iter().map(|(_, point)| *point).collect(),
             forecast: self.forecast(),
-            camera: subject.camera,
+            camera: &subject.camera,
+            bookmarks: &subject.bookmarks,
             region: subject.region,
             notices: &self.notices,
         };

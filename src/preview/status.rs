@@ -42,7 +42,9 @@ pub struct Status<'a> {
     /// Estimated error over time.
     pub curve: Vec<Point>,
     pub forecast: Option<Forecast>,
-    pub camera: CameraStatus,
+    pub camera: &'a CameraStatus,
+    /// Cameras to return to, as directives.
+    pub bookmarks: &'a [String],
     /// The region that is rendered first.
     pub region: Option<Rectangle>,
     /// The latest notices, newest last.
@@ -82,8 +84,8 @@ pub struct Statistics {
     pub estimate: Option<EstimateSummary>,
 }
 
-/// The camera's lens and its distance to the pivot, in scene units.
-#[derive(Clone, Copy, Debug, Default, Serialize)]
+/// The camera: its lens and its distance to the pivot, in scene units, and all of it in writing.
+#[derive(Clone, Debug, Default, Serialize)]
 pub struct CameraStatus {
     /// Radius of the lens.
     pub aperture: f32,
@@ -91,6 +93,8 @@ pub struct CameraStatus {
     pub focus: f32,
     /// Distance to the pivot.
     pub distance: f64,
+    /// The camera as directives of a scene file.
+    pub directives: String,
 }
 
 /// A notice to the user, such as where an image was saved.

@@ -1,9 +1,15 @@
 //! The metadata of an image, as a state file and the outputs describe it.
 
+use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 use crate::render::Renderer;
-use crate::scene::{Integrator, Scene};
+use crate::scene::pbrt::camera_directives;
+use crate::scene::{Camera, Integrator, Scene};
+
+fn directives(camera: &Camera, origin: DVec3, [width, height]: [usize; 2]) -> String {
+    camera_directives(camera, origin, width as f32 / height as f32)
+}
 
 /// The metadata of an image: what identifies its scene and its view.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -20,6 +26,9 @@ pub struct ImageMetadata {
     pub integrator: String,
     /// Names of the effects that the scene calls for.
     pub effects: Vec<String>,
+    /// The camera, as directives of a scene file; empty in states of earlier versions.
+    #[serde(default)]
+    pub camera: String,
     /// World-space position of the origin of render space.
     pub origin: [f64; 3],
     /// Diameter of the scene, by which positions in the store are divided, in scene units.
@@ -40,9 +49,16 @@ impl ImageMetadata {
             pixel_bounds: scene.film.pixel_bounds,
             integrator,
             effects: scene.effects().names().into_iter().map(str::to_owned).collect(),
+            camera: directives(&scene.camera, scene.origin, [scene.film.width, scene.film.height]),
             origin: scene.origin.to_array(),
             diameter: renderer.diameter(),
         }
+    }
+
+    /// Returns the metadata of an image that another camera sees.
+    pub fn with_camera(&self, camera: &Camera) -> Self {
+        let camera = directives(camera, self.origin.into(), self.film);
+        Self { camera, ..self.clone() }
     }
 
     /// Returns width and height of the rendered part, in pixels; `None` if its bounds are not within the film.

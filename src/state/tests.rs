@@ -23,6 +23,7 @@ fn metadata() -> ImageMetadata {
         pixel_bounds: [3, 3 + WIDTH, 2, 2 + HEIGHT],
         integrator: "path, depth 5".into(),
         effects: vec!["area-lights".into()],
+        camera: "Camera \"orthographic\"".into(),
         origin: [0.1, 1e9, -3.0],
         diameter: 0.3,
     }

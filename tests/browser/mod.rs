@@ -1,32 +1,18 @@
 //! A headless Chromium, driven through its DevTools protocol: just enough to see a page and use it.
 
-use std::io::{BufRead, BufReader};
 use std::net::TcpStream;
 use std::path::Path;
-use std::process::{Child, Command, Stdio};
+use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
 use serde_json::{Value, json};
 use tungstenite::stream::MaybeTlsStream;
 use tungstenite::{Message, WebSocket};
 
+use crate::live::{Running, first_line};
+
 /// How long anything may take before a test fails.
 const PATIENCE: Duration = Duration::from_secs(30);
-
-/// A process that ends with its owner.
-pub struct Running(pub Child);
-
-impl Drop for Running {
-    fn drop(&mut self) {
-        let _ = self.0.kill();
-        let _ = self.0.wait();
-    }
-}
-
-/// Lines that a process prints, until one that `pick` takes.
-pub fn first_line<T>(output: impl std::io::Read, pick: impl Fn(&str) -> Option<T>) -> Option<T> {
-    BufReader::new(output).lines().map_while(Result::ok).find_map(|line| pick(&line))
-}
 
 /// A page in a browser.
 pub struct Page {
@@ -124,7 +110,7 @@ impl Page {
         let started = Instant::now();
         while self.value(&format!("Boolean({expression})")) != Value::Bool(true) {
             if started.elapsed() > PATIENCE {
-                let seen = self.value("document.body.innerText + JSON.stringify(window.prpf?.state)");
+                let seen = self.value("document.body.innerText.slice(0, 1500)");
                 panic!("waited in vain for {expression}; the page says {seen}");
             }
             std::thread::sleep(Duration::from_millis(30));

@@ -41,6 +41,8 @@ impl Controller<'_> {
             }
             Command::ChangeSettings(change) => self.change_settings(&change, store),
             Command::MoveCamera(step) => self.pending.moves.push(step),
+            Command::AddBookmark => self.add_bookmark(),
+            Command::RemoveBookmark(index) => self.remove_bookmark(index),
             Command::SetRegion(region) => {
                 self.pending.region |= region != self.region;
                 self.region = region;

@@ -24,7 +24,8 @@ impl Controller<'_> {
         }
         let suffices = |settings: &Settings| settings.reservoir_capacity() <= store.capacity();
         for settings in std::mem::take(&mut self.pending.saves) {
-            let request = ImageRequest { store: store.clone(), settings };
+            let request =
+                ImageRequest { store: store.clone(), settings, camera: self.current_camera().clone() };
             let is_same = |other: &ImageRequest| {
                 Arc::ptr_eq(&other.store, &request.store) && other.settings == request.settings
             };
@@ -67,10 +68,11 @@ impl Controller<'_> {
 
     /// Writes a requested image; without a `result` its pass has failed.
     pub(super) fn write_image(&mut self, request: &ImageRequest, result: Option<&FilterResult>) {
-        let ImageRequest { store, settings } = request;
-        let written = result
-            .ok_or("the filter ended early".to_owned())
-            .and_then(|result| self.configuration.host.write_image(&SavedImage { store, result, settings }));
+        let ImageRequest { store, settings, camera } = request;
+        let written = result.ok_or("the filter ended early".to_owned()).and_then(|result| {
+            let image = SavedImage { store, result, settings, camera };
+            self.configuration.host.write_image(&image)
+        });
         match written {
             Ok(paths) => {
                 let names: Vec<_> = paths.iter().map(|path| path.display().to_string()).collect();

@@ -105,7 +105,7 @@ fn render_on(
         stays,
         host: &mut host,
     };
-    let outcome = Controller::new(hub.clone(), configuration).run();
+    let outcome = Controller::new(hub.clone(), configuration).run().map(|(outcome, _)| outcome);
     let status = hub.status().borrow().clone();
     (outcome, status)
 }

@@ -59,7 +59,7 @@ const connection = new Connection({
   refused: ({ reason }) => notify(`refused: ${reason}`, true),
 });
 
-const panel = new Panel((type, content) => send(type, content), selectView);
+const panel = new Panel((type, content) => send(type, content), notify, selectView);
 
 const pointer = new PointerInput($("viewport"), viewport, {
   camera: (move) => send("camera", move),
@@ -207,12 +207,21 @@ const actualSize = () => viewport.zoomBy(1 / viewport.zoom);
 const togglePause = () => state.status && state.status.phase !== "finished" && send("pause", { paused: state.status.phase !== "paused" });
 const restart = () => send("restart", {});
 const save = () => { notify("saving …", false); send("save", {}); };
-const resetCamera = () => send("camera", { reset: true });
 const clearRegion = () => send("priority-region", { region: null });
 const toggleHelp = () => {
   $("help").hidden = !$("help").hidden;
   $("keys").setAttribute("aria-expanded", String(!$("help").hidden));
 };
+
+// Closes what is open, else lets go of the pinned pixel or the region: first of that which the tool makes.
+function letGo() {
+  if (!$("help").hidden) return toggleHelp();
+  if (!$("lines").hidden) return panel.camera.toggleLines();
+  const isRegionNext = state.status?.region && (pointer.tool === "region" || !state.isPinned);
+  if (isRegionNext) return clearRegion();
+  state.isPinned = false;
+  placeOverlays();
+}
 
 $("pause").onclick = togglePause;
 $("restart").onclick = restart;
@@ -220,7 +229,6 @@ $("save").onclick = save;
 $("keys").onclick = toggleHelp;
 $("fit").onclick = () => viewport.fit();
 $("actual").onclick = actualSize;
-$("reset-camera").onclick = resetCamera;
 $("clear-region").onclick = clearRegion;
 $("wiping").onchange = ({ target }) => toggleWipe(target.checked);
 $("exposure").oninput = ({ target }) => setExposure(Number(target.value));
@@ -241,8 +249,9 @@ const KEYS = {
   e: () => setExposure(viewport.exposure + 1 / 3), E: () => setExposure(viewport.exposure - 1 / 3),
   0: () => viewport.fit(), z: actualSize, "+": () => viewport.zoomBy(1.25), "-": () => viewport.zoomBy(0.8),
   q: () => selectTool("inspect"), c: () => selectTool("camera"), f: () => selectTool("focus"), r: () => selectTool("region"),
-  " ": togglePause, s: save, R: restart, Home: resetCamera,
-  Escape: () => $("help").hidden ? clearRegion() : toggleHelp(), "?": toggleHelp,
+  " ": togglePause, s: save, R: restart,
+  Home: () => panel.camera.reset(), b: () => panel.camera.addBookmark(), l: () => panel.camera.toggleLines(),
+  Escape: letGo, "?": toggleHelp,
 };
 
 const FIELD_KEYS = new Set([" ", "Enter", "Home", "End", "PageUp", "PageDown", "ArrowLeft", "ArrowRight", "ArrowUp", "ArrowDown"]);
@@ -251,7 +260,7 @@ document.addEventListener("keydown", (event) => {
   const field = event.target.closest("input:not([type=radio]), button, [role=slider]");
   if (event.ctrlKey || event.metaKey || event.altKey) return;
   // Fields keep the keys that they use themselves.
-  if (field && (event.target.type === "number" || FIELD_KEYS.has(event.key))) return;
+  if (field && (event.target.inputMode || FIELD_KEYS.has(event.key))) return;
   // Shift decides the case, whatever Caps Lock is.
   const key = event.key.length > 1 ? event.key : event.shiftKey ? event.key.toUpperCase() : event.key.toLowerCase();
   const number = Number(key);

@@ -1,7 +1,9 @@
 // The side panel: statistics of the render, and its settings.
 
 import { short } from "./colour_scale.js";
+import { CameraPanel } from "./camera_panel.js";
 import { drawErrorCurve, duration } from "./error_curve.js";
+import { fillField, numberField } from "./number_field.js";
 
 const $ = (id) => document.getElementById(id);
 
@@ -32,32 +34,31 @@ function count(value) {
 }
 
 export class Panel {
-  // `send(type, content)` sends a message, `selectView(view)` changes the view.
-  constructor(send, selectView) {
+  // `send(type, content)` sends a message, `notify(text, isProblem)` tells the user something, `selectView(view)` changes
+  // the view.
+  constructor(send, notify, selectView) {
+    this.camera = new CameraPanel(send, notify);
     this.selectView = selectView;
     this.viewList = "";
     for (const group of document.querySelectorAll("[data-setting]")) {
       group.addEventListener("change", ({ target }) => send("settings", { [group.dataset.setting]: target.value }));
     }
-    for (const name of ["spp", "seconds", "target_error"]) {
-      this.onNumber(name, (value) => send("settings", { [name]: name === "spp" ? Math.round(value) : value }));
+    for (const [id, name] of [["spp", "Samples"], ["seconds", "Seconds"], ["target_error", "Error"]]) {
+      const change = (value) => send("settings", { [id]: value });
+      numberField($(id), $("budgets-explanation"), { name, isWhole: id === "spp", change });
     }
-    for (const name of ["aperture", "focus"]) this.onNumber(name, (value) => send("camera", { [name]: value }));
+    const group = document.querySelector("[data-setting=denoiser]");
+    for (const type of ["pointerover", "focusin"]) {
+      group.addEventListener(type, ({ target }) => this.showMeaning(target.closest("label")?.querySelector("input")?.value));
+    }
+    for (const type of ["pointerout", "focusout"]) group.addEventListener(type, () => this.showMeaning());
     new ResizeObserver(() => this.status && this.showCurve()).observe($("curve"));
-  }
-
-  // Calls `change` with each valid number that is entered; an empty field is 0.
-  onNumber(id, change) {
-    $(id).addEventListener("change", ({ target }) => {
-      const value = target.value === "" ? 0 : Number(target.value);
-      if (value >= 0 && value <= 1e9) change(value);
-    });
   }
 
   // Shows a new status.
   show(status) {
     this.status = status;
-    const { settings, statistics, camera } = status;
+    const { settings, statistics } = status;
     $("scene").textContent = status.scene.split("/").pop() || "scene";
     $("scene").title = status.scene;
     document.title = `${PHASES[status.phase]} · ${$("scene").textContent}`;
@@ -69,24 +70,33 @@ export class Panel {
     $("pause").textContent = paused ? "Resume" : "Pause";
     $("pause").setAttribute("aria-pressed", String(paused));
     $("pause").disabled = status.phase === "finished";
-    $("clear-region").disabled = !status.region;
+    $("clear-region").hidden = !status.region;
     this.showViews(status.views);
     this.showDenoisers(status.denoisers, settings.denoiser);
-    this.showSettings(settings, camera);
+    this.showSettings(settings);
+    this.showMeaning(this.considered);
+    this.camera.show(status);
     this.showStatistics(status);
     this.showCurve();
   }
 
-  showSettings(settings, camera) {
+  showSettings(settings) {
     for (const name of ["sampling", "denoiser", "quality"]) {
       const input = document.querySelector(`input[name=${name}][value=${settings[name]}]`);
       if (input) input.checked = true;
     }
-    this.fill("spp", settings.budget.spp);
-    this.fill("seconds", settings.budget.seconds);
-    this.fill("target_error", settings.budget.target_error);
-    this.fill("aperture", camera.aperture);
-    this.fill("focus", camera.aperture > 0 ? camera.focus : camera.focus >= 1e6 ? null : camera.focus);
+    for (const name of ["spp", "seconds", "target_error"]) fillField($(name), settings.budget[name]);
+  }
+
+  // Shows what a denoiser does: the one that the user points at, else the selected one.
+  showMeaning(considered = null) {
+    if (!this.status) return;
+    this.considered = considered;
+    const { denoisers, settings } = this.status;
+    const shown = considered ?? settings.denoiser;
+    const found = denoisers.find(({ denoiser, quality }) => denoiser === shown && (denoiser !== settings.denoiser || quality === settings.quality))
+      ?? denoisers.find(({ denoiser }) => denoiser === shown);
+    $("meaning").textContent = found ? `${shown}: ${found.summary}` : "";
   }
 
   // Builds one radio button per denoiser, and one per preset of the selected denoiser.
@@ -129,14 +139,6 @@ export class Panel {
     for (const [name, text] of Object.entries(values)) {
       document.querySelector(`[data-value=${name}]`).textContent = text;
     }
-  }
-
-  // Shows a value in a field, unless the user is editing it.
-  fill(id, value) {
-    const field = $(id);
-    if (document.activeElement === field) return;
-    const text = value === null || value === undefined ? "" : String(Number(value.toPrecision(6)));
-    if (field.value !== text) field.value = text;
   }
 
   // Builds one radio button per view.

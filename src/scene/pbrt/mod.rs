@@ -7,6 +7,7 @@
 //! Source: the file format specification of pbrt-v4 (pbrt.org/fileformat-v4).
 
 mod builder;
+mod camera_directives;
 mod color_space;
 mod dialect;
 mod dialect_detection;
@@ -25,6 +26,7 @@ mod spectrum;
 mod tests;
 mod textures;
 
+pub use self::camera_directives::camera_directives;
 pub use self::dialect::Dialect;
 pub use self::read_progress::ReadProgress;
 pub use self::reader::{read, read_reporting, read_str};

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::builder::SceneBuilder;
+use super::builder::{CameraFile, SceneBuilder};
 use super::parser;
 use super::{ReadProgress, SceneError, files};
 use crate::scene::Scene;
@@ -13,24 +13,36 @@ use crate::scene::Scene;
 /// # Errors
 /// If a file is missing or has an error.
 pub fn read(path: &Path) -> Result<Scene, SceneError> {
-    read_reporting(path, |_| {})
+    read_reporting(path, None, |_| {})
 }
 
-/// Like [`read`], and calls `report` after each shape.
+/// Like [`read`], and calls `report` after each shape. The camera is that of the file `camera` if there is one:
+/// directives such as `LookAt` and `Camera`, without a world.
 ///
 /// # Errors
-/// As [`read`].
-pub fn read_reporting(path: &Path, report: impl Fn(ReadProgress) + 'static) -> Result<Scene, SceneError> {
+/// As [`read`], of either file.
+pub fn read_reporting(
+    path: &Path,
+    camera: Option<&Path>,
+    report: impl Fn(ReadProgress) + 'static,
+) -> Result<Scene, SceneError> {
     let source = path.display().to_string();
-    let text = files::read(path).map_err(|message| SceneError {
-        file: source.clone(),
-        line: 0,
-        column: 0,
-        message: format!("cannot be read: {message}; expected a pbrt scene file"),
-    })?;
+    let read = |path: &Path, kind: &str| {
+        files::read(path).map_err(|message| SceneError {
+            file: path.display().to_string(),
+            line: 0,
+            column: 0,
+            message: format!("cannot be read: {message}; expected {kind}"),
+        })
+    };
+    let text = read(path, "a pbrt scene file")?;
     let folder = path.parent().unwrap_or(Path::new(""));
     let mut builder = SceneBuilder::new(&text, source.clone(), folder, Some(path));
     builder.report_progress = Box::new(report);
+    if let Some(camera) = camera {
+        let text = read(camera, "a file with the directives LookAt and Camera")?;
+        builder.camera_file = Some(CameraFile { path: camera.to_owned(), text });
+    }
     let mut scene = build(builder, &text)?;
     scene.source = source;
     Ok(scene)

@@ -2,6 +2,7 @@
 //!
 //! [`SceneBuilder`] holds the data; the directives are methods of it in the folders beside this one.
 
+mod camera_file;
 mod graphics_state;
 mod image_files;
 mod material_ref;
@@ -12,6 +13,7 @@ mod primitive_group;
 mod render_options;
 mod scene_builder;
 
+pub use self::camera_file::CameraFile;
 pub use self::graphics_state::{AreaLightSource, GraphicsState, TransformSet};
 pub use self::image_files::ImageFiles;
 pub use self::material_ref::{MaterialEntity, MaterialRef};

@@ -11,8 +11,8 @@ use rayon::prelude::*;
 use sha2::{Digest, Sha256};
 
 use super::{
-    GraphicsState, ImageFiles, InstanceEntity, MaterialRef, NamedTextures, ObjectDefinition, ObjectPart,
-    OptionStatement, ParserScope, PrimitiveGroup, RenderOptions, TransformSet,
+    CameraFile, GraphicsState, ImageFiles, InstanceEntity, MaterialRef, NamedTextures, ObjectDefinition,
+    ObjectPart, OptionStatement, ParserScope, PrimitiveGroup, RenderOptions, TransformSet,
 };
 use crate::scene::measured_brdf::MeasuredBrdf;
 use crate::scene::pbrt::dialect::Dialect;
@@ -48,6 +48,8 @@ pub struct SceneBuilder {
 
     /// Option directives by name, until `WorldBegin`.
     pub option_statements: BTreeMap<&'static str, OptionStatement>,
+    /// The camera that replaces the scene's own; taken by `WorldBegin`.
+    pub camera_file: Option<CameraFile>,
     /// Set by `WorldBegin`.
     pub options: Option<RenderOptions>,
 
@@ -105,6 +107,7 @@ impl SceneBuilder {
             coordinate_systems: HashMap::new(),
             transform_times: [0.0, 1.0],
             option_statements: BTreeMap::new(),
+            camera_file: None,
             options: None,
             textures: Textures::default(),
             named_textures: NamedTextures::default(),

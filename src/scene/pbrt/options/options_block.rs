@@ -9,8 +9,8 @@ use super::film::{exposure_time, make_film};
 use super::option_entity::OptionEntity;
 use super::pixel_filter::make_pixel_filter;
 use crate::scene::integrator::MAX_DEPTH;
-use crate::scene::pbrt::builder::{OptionStatement, RenderOptions, SceneBuilder};
-use crate::scene::pbrt::parser::{FileLoc, ParameterDictionary, Result, Statement};
+use crate::scene::pbrt::builder::{CameraFile, GraphicsState, OptionStatement, RenderOptions, SceneBuilder};
+use crate::scene::pbrt::parser::{FileLoc, ParameterDictionary, ParseError, Result, Statement};
 use crate::scene::{Integrator, SamplerKind};
 
 /// Largest number of samples per pixel.
@@ -29,7 +29,10 @@ impl SceneBuilder {
 
     /// `WorldBegin`: evaluates the options and resets the current transform.
     pub fn world_begin(&mut self, statement: &Statement) -> Result<()> {
-        let statements = std::mem::take(&mut self.option_statements);
+        let mut statements = std::mem::take(&mut self.option_statements);
+        if let Some(file) = self.camera_file.take() {
+            statements.insert("Camera", self.read_camera(&file)?);
+        }
         let options = make_options(self, &statements, statement.loc)?;
         for option in statements.values() {
             self.report_unused(&option.statement);
@@ -39,6 +42,30 @@ impl SceneBuilder {
         self.state.active = [true; 2];
         self.coordinate_systems.insert("world".into(), self.state.ctm);
         Ok(())
+    }
+
+    /// Reads the `Camera` of a file of its own. What the scene has placed by its own camera stays where it is.
+    fn read_camera(&mut self, file: &CameraFile) -> Result<OptionStatement> {
+        // Begin with the state of a scene's first line
+        let (times, systems) = (self.transform_times, self.coordinate_systems.clone());
+        let initial = GraphicsState::new(self.state.material.clone());
+        let state = std::mem::replace(&mut self.state, initial);
+
+        // Carry out the directives
+        self.files.push(file.path.display().to_string());
+        let index = (self.files.len() - 1) as u32;
+        self.inclusions.insert(file.path.canonicalize().unwrap_or_else(|_| file.path.clone()), 1);
+        self.read_text(&file.text, index)?;
+        let loc = FileLoc { file: index, line: 1, column: 1 };
+        if self.options.is_some() {
+            let message = "found WorldBegin in a camera's file; expected only LookAt, Camera and their like";
+            return Err(ParseError::new(loc, message));
+        }
+        let camera = std::mem::take(&mut self.option_statements).remove("Camera");
+
+        // Go on with the scene's own state
+        (self.transform_times, self.coordinate_systems, self.state) = (times, systems, state);
+        camera.ok_or_else(|| ParseError::new(loc, "found no Camera; expected LookAt and Camera"))
     }
 }
 

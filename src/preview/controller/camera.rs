@@ -1,0 +1,96 @@
+//! The camera: its movements, its bookmarks, and its part of the status.
+
+use super::Controller;
+use crate::preview::camera_move::CameraMove;
+use crate::preview::orbit_camera::OrbitCamera;
+use crate::preview::status::CameraStatus;
+use crate::render::Renderer;
+use crate::scene::Camera;
+use crate::scene::pbrt::camera_directives;
+
+/// Most bookmarks: every status repeats them.
+const MOST_BOOKMARKS: usize = 16;
+
+impl Controller<'_> {
+    /// Returns the camera that renders: the scene's own before the first generation.
+    pub(super) fn current_camera(&self) -> &Camera {
+        self.camera.as_ref().map_or(&self.configuration.scene.camera, OrbitCamera::camera)
+    }
+
+    /// Moves the camera by the pending movements; returns whether the image changes.
+    pub(super) fn moves_camera(&mut self, renderer: &Renderer) -> bool {
+        let Some(mut camera) = self.camera.take() else { return false };
+        let before = camera.camera().clone();
+        for step in std::mem::take(&mut self.pending.moves) {
+            self.apply_move(&mut camera, &step, renderer);
+        }
+        let has_moved = !camera.is_equivalent(&before);
+        self.camera = Some(camera);
+        has_moved
+    }
+
+    fn apply_move(&mut self, camera: &mut OrbitCamera, step: &CameraMove, renderer: &Renderer) {
+        if let Some(bookmark) = step.bookmark.and_then(|index| self.bookmarks.get(index)) {
+            *camera = bookmark.clone();
+        }
+        // Find the point to focus on
+        let (width, height) = renderer.resolution();
+        let pixel = step.focus_at.map(|[x, y]| [x as usize, y as usize]);
+        let inside = pixel.filter(|[x, y]| *x < width && *y < height);
+        let seen = inside.and_then(|[x, y]| renderer.seen_at(x, y));
+        if step.focus_at.is_some() && seen.is_none() {
+            self.reporter.notice("nothing there to focus on".to_owned(), true);
+        }
+
+        // Move, and tell why nothing changes
+        camera.apply(step, seen.map(|p| p.as_dvec3()));
+        let sets_lens = step.focus.is_some() || seen.is_some() || step.aperture.is_some_and(|a| a > 0.0);
+        if sets_lens && !camera.has_lens() {
+            self.reporter.notice("a spherical camera has no lens: everything is in focus".to_owned(), false);
+        } else if sets_lens && camera.camera().lens_radius == 0.0 {
+            let text = format!(
+                "focus is at {:.4}, but with aperture 0 everything is in focus: enter an aperture to see it",
+                camera.camera().focal_distance
+            );
+            self.reporter.notice(text, false);
+        }
+    }
+
+    /// Keeps the camera as a bookmark.
+    pub(super) fn add_bookmark(&mut self) {
+        let Some(camera) = &self.camera else { return };
+        if self.bookmarks.iter().any(|bookmark| bookmark.camera() == camera.camera()) {
+            self.reporter.notice("there is a bookmark of this camera already".to_owned(), false);
+        } else if self.bookmarks.len() == MOST_BOOKMARKS {
+            let text = format!("there are {MOST_BOOKMARKS} bookmarks: remove one first");
+            self.reporter.notice(text, true);
+        } else {
+            self.bookmarks.push(camera.clone());
+            self.reporter.hasten();
+        }
+    }
+
+    /// Removes a bookmark, by its index.
+    pub(super) fn remove_bookmark(&mut self, index: usize) {
+        if index < self.bookmarks.len() {
+            self.bookmarks.remove(index);
+            self.reporter.hasten();
+        }
+    }
+
+    /// Returns the directives of a camera.
+    pub(super) fn directives(&self, camera: &Camera) -> String {
+        let scene = self.configuration.scene;
+        camera_directives(camera, scene.origin, scene.film.width as f32 / scene.film.height as f32)
+    }
+
+    pub(super) fn camera_status(&self) -> CameraStatus {
+        let camera = self.current_camera();
+        CameraStatus {
+            aperture: camera.lens_radius,
+            focus: camera.focal_distance,
+            distance: self.camera.as_ref().map_or(0.0, OrbitCamera::distance),
+            directives: self.directives(camera),
+        }
+    }
+}

@@ -1,0 +1,37 @@
+// Number fields: each explains what it accepts when a number is out of range.
+
+const LARGEST = 1e9;
+
+// Calls `change` with each valid number that is entered in the field; an empty field is 0. Otherwise the range is explained
+// in the element `explanation`, until the number is corrected. `name`: what the number is.
+export function numberField(field, explanation, { name, isWhole = false, change }) {
+  const explain = (text) => {
+    explanation.hidden = !text;
+    explanation.textContent = text;
+    field.toggleAttribute("aria-invalid", Boolean(text));
+    if (text) field.setAttribute("aria-invalid", "true");
+  };
+  field.setAttribute("aria-describedby", explanation.id);
+  field.addEventListener("change", () => {
+    const value = Number(field.value.trim().replace(",", "."));
+    const isInRange = value >= 0 && value <= LARGEST && !(isWhole && !Number.isInteger(value));
+    explain(isInRange ? "" : `${name} is a ${isWhole ? "whole " : ""}number from 0 to 10⁹: ${field.value} was not taken`);
+    if (isInRange) change(value);
+  });
+  // Escape takes the render's own number back.
+  field.addEventListener("keydown", (event) => {
+    if (event.key !== "Escape") return;
+    explain("");
+    field.value = field.dataset.value ?? "";
+    field.blur();
+    event.stopPropagation();
+  });
+}
+
+// Shows a value in a field, unless the user is editing it or has to correct it.
+export function fillField(field, value) {
+  const text = value === null || value === undefined ? "" : String(Number(value.toPrecision(6)));
+  field.dataset.value = text;
+  if (document.activeElement === field || field.hasAttribute("aria-invalid")) return;
+  if (field.value !== text) field.value = text;
+}

@@ -1,0 +1,55 @@
+//! A running preview of a small scene.
+
+use std::io::{BufRead, BufReader};
+use std::process::{Child, Command, Stdio};
+
+/// A process that ends with its owner.
+pub struct Running(pub Child);
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+/// Lines that a process prints, until one that `pick` takes.
+pub fn first_line<T>(output: impl std::io::Read, pick: impl Fn(&str) -> Option<T>) -> Option<T> {
+    BufReader::new(output).lines().map_while(Result::ok).find_map(|line| pick(&line))
+}
+
+/// A ball on a floor, under a lamp.
+pub const SCENE: &str = r#"
+LookAt 0 1.5 -4  0 0 0  0 1 0
+Camera "perspective" "float fov" 40
+Integrator "path" "integer maxdepth" 3
+Film "rgb" "integer xresolution" 96 "integer yresolution" 64 "string filename" "named.exr"
+WorldBegin
+LightSource "infinite" "rgb L" [ 0.2 0.25 0.3 ]
+AttributeBegin
+AreaLightSource "diffuse" "rgb L" [ 6 5 4 ]
+Translate 2 3 -1
+Shape "sphere" "float radius" 0.5
+AttributeEnd
+Material "diffuse" "rgb reflectance" [ 0.7 0.2 0.2 ]
+Shape "sphere" "float radius" 1
+Material "diffuse" "rgb reflectance" [ 0.5 0.5 0.5 ]
+Shape "trianglemesh" "point3 P" [ -9 -1 -9  9 -1 -9  9 -1 9  -9 -1 9 ] "integer indices" [ 0 1 2 0 2 3 ]
+"#;
+
+/// Starts a preview in a folder of its own; returns its URL as well.
+pub fn preview(arguments: &[&str]) -> (Running, String, tempfile::TempDir) {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    std::fs::write(folder.path().join("scene.pbrt"), SCENE).expect("a file in it");
+    let mut program = Command::new(env!("CARGO_BIN_EXE_prpf"))
+        .current_dir(folder.path())
+        .args(["preview", "scene.pbrt"])
+        .args(arguments)
+        .stdout(Stdio::piped())
+        .spawn()
+        .map(Running)
+        .expect("the program starts");
+    let output = program.0.stdout.take().expect("it was asked for");
+    let address = first_line(output, |line| line.strip_prefix("preview at ").map(str::to_owned));
+    (program, address.expect("the program says where the page is"), folder)
+}

@@ -1,0 +1,83 @@
+//! Where the image is, and what it looks like.
+
+use std::path::Path;
+use std::process::{Command, Stdio};
+
+use super::*;
+use crate::browser::chromium;
+use crate::live::first_line;
+
+#[test]
+fn on_a_phone_in_landscape_the_image_is_beside_the_controls() {
+    let Some(program) = chromium() else { return };
+    let (mut page, _render, _folder) = recording_page(program, [812, 375]);
+    for size in [[812, 375], [667, 375]] {
+        page.resize(size);
+        page.wait(&format!(
+            "innerWidth === {} && document.documentElement.scrollWidth <= innerWidth",
+            size[0]
+        ));
+        let seen = page.value(
+            "(() => { const box = (s) => document.querySelector(s).getBoundingClientRect(); \
+             const image = box('#image-area'), panel = box('aside'); \
+             return image.height > 0.9 * innerHeight && image.width > 0.55 * innerWidth \
+               && panel.left >= image.right && panel.height > 0.7 * innerHeight; })()",
+        );
+        assert_eq!(seen, true, "{size:?}");
+    }
+}
+
+/// The pointer hits the pixel that it was aimed at.
+#[test]
+fn the_image_does_not_move_when_the_pointer_arrives() {
+    let Some(program) = chromium() else { return };
+    for size in [[390, 844], [812, 375], [1024, 768], [1600, 1000]] {
+        let (mut page, _render, _folder) = recording_page(program, size);
+        let middle = on_image(&mut page, [0.0, 0.0]);
+        page.drag_with(0, &[middle, middle]);
+        page.wait("document.getElementById('values').textContent.includes('albedo')");
+        assert_eq!(on_image(&mut page, [0.0, 0.0]), middle, "{size:?}");
+    }
+}
+
+#[test]
+fn screenshots_of_another_scene() {
+    let (Some(program), Some(folder), Some(scene)) =
+        (chromium(), screenshots(), std::env::var_os("PRPF_SCENE"))
+    else {
+        return;
+    };
+    let mut render = Command::new(env!("CARGO_BIN_EXE_prpf"))
+        .args(["preview", &scene.to_string_lossy(), "--spp", "64"])
+        .stdout(Stdio::piped())
+        .spawn()
+        .map(Running)
+        .unwrap();
+    let address = first_line(render.0.stdout.take().unwrap(), |line| {
+        line.strip_prefix("preview at ").map(str::to_owned)
+    });
+    let mut page = Page::open(program, &address.unwrap(), [1600, 1000]);
+    page.wait("window.prpf && window.prpf.viewport.frames.size > 0");
+    page.screenshot(&Path::new(&folder).join("preview-wide-first.png"));
+    page.wait("window.prpf.viewport.frames.has('filtered')");
+    page.key("w");
+    page.wait("window.prpf.state.status.curve.length > 0");
+    let at = on_image(&mut page, [0.1, 0.1]);
+    page.hover(at);
+    page.wait("window.prpf.state.values");
+    let shot = |page: &mut Page, name: &str| page.screenshot(&Path::new(&folder).join(name));
+    shot(&mut page, "preview-wide-wipe.png");
+    page.key("w");
+    page.key("3");
+    page.wait("window.prpf.viewport.shown.right === 'samples' && window.prpf.viewport.frames.has('samples')");
+    std::thread::sleep(std::time::Duration::from_millis(500));
+    shot(&mut page, "preview-wide-samples.png");
+    page.key("4");
+    page.wait("window.prpf.viewport.frames.has('error')");
+    std::thread::sleep(std::time::Duration::from_millis(500));
+    shot(&mut page, "preview-wide-error.png");
+    page.resize([420, 900]);
+    page.key("1");
+    std::thread::sleep(std::time::Duration::from_millis(700));
+    shot(&mut page, "preview-narrow.png");
+}
