@@ -3,6 +3,7 @@
 use tokio::sync::mpsc;
 
 use super::camera_move::CameraMove;
+use super::history::HistoryStep;
 use super::settings_change::SettingsChange;
 
 /// A rectangle of the image: x and y ranges as fractions of its width and height, half open.
@@ -25,6 +26,8 @@ pub enum Command {
     SetRegion(Option<Rectangle>),
     /// Discards all samples.
     Restart,
+    /// Returns to the render before or after this one.
+    Return(HistoryStep),
     /// Writes the image as it is now.
     Save,
     /// Sends all values at a pixel to `reply`, as JSON.

@@ -7,6 +7,7 @@
 
 mod camera;
 mod commands;
+mod generations;
 mod image_requests;
 mod viewer_passes;
 
@@ -19,6 +20,8 @@ use crossbeam::channel::RecvTimeoutError;
 use super::background_pass::{BackgroundPass, PassThreads};
 use super::command::Rectangle;
 use super::configuration::{Configuration, PreviewHost};
+use super::generation_record::GenerationRecord;
+use super::history::{History, KeptRender};
 use super::hub::Hub;
 use super::image_request::ImageRequest;
 use super::orbit_camera::OrbitCamera;
@@ -26,7 +29,7 @@ use super::pending::Pending;
 use super::publisher::is_covered;
 use super::reporter::{Reporter, Subject};
 use super::status::Phase;
-use crate::filter::FilterResult;
+use crate::filter::{DENOISERS, Denoiser, FilterResult};
 use crate::progressive::{
     Action, Checkpoint, Conditions, Filtered, Host, Outcome, Region, RenderLoop, Settings, StoppedBy,
 };
@@ -50,6 +53,10 @@ pub struct Controller<'a> {
     pass_threads: PassThreads,
     reporter: Reporter,
     camera: Option<OrbitCamera>,
+    /// Renders that commands have replaced, and the one that comes back.
+    history: History,
+    returning: Option<KeptRender>,
+    denoisers: Vec<&'static dyn Denoiser>,
     /// Cameras to return to.
     bookmarks: Vec<OrbitCamera>,
     pending: Pending,
@@ -103,6 +110,9 @@ impl<'a> Controller<'a> {
             pass_threads: PassThreads::default(),
             configuration,
             camera: None,
+            history: History::default(),
+            returning: None,
+            denoisers: DENOISERS.into_iter().filter(|denoiser| denoiser.missing().is_none()).collect(),
             bookmarks: Vec::new(),
             pending: Pending::default(),
             is_paused: false,
@@ -122,7 +132,7 @@ impl<'a> Controller<'a> {
             match self.run_generation(start) {
                 GenerationEnd::Finished(outcome) => break Some(*outcome),
                 GenerationEnd::Closed => break None,
-                GenerationEnd::Replaced => start = Instant::now(),
+                GenerationEnd::Replaced => start = self.next_start(),
             }
         };
         for (request, pass) in std::mem::take(&mut self.background) {
@@ -143,10 +153,14 @@ impl<'a> Controller<'a> {
         }
         let mut render_loop = RenderLoop::new(&renderer, &self.configuration.settings, start)
             .with_reference(self.configuration.reference);
-        if let Some(checkpoint) = self.configuration.checkpoint.take() {
+        let (checkpoint, record) = match self.returning.take() {
+            Some(kept) => (Some(kept.checkpoint), kept.record),
+            None => (self.configuration.checkpoint.take(), GenerationRecord::default()),
+        };
+        if let Some(checkpoint) = checkpoint {
             render_loop = render_loop.resume(checkpoint);
         }
-        self.begin_generation(&renderer);
+        self.begin_generation(&renderer, record);
         render_loop.set_region(self.pixel_region(renderer.resolution()));
 
         loop {
@@ -181,11 +195,18 @@ impl<'a> Controller<'a> {
                 self.pending.clear_for_generation();
                 continue;
             }
+            if let Some(step) = self.pending.history.take() {
+                self.save_checkpoint(&mut render_loop);
+                self.return_to(step, render_loop);
+                return GenerationEnd::Replaced;
+            }
+            let before = (self.camera.clone(), render_loop.settings().clone());
             if self.moves_camera(&renderer)
                 || self.pending.restart
                 || !render_loop.can_change_to(&self.configuration.settings)
             {
-                self.stop_keeping_checkpoints(&mut render_loop);
+                self.save_last_checkpoint(&mut render_loop);
+                self.keep_render(render_loop, before);
                 return GenerationEnd::Replaced;
             }
             render_loop.change(&self.configuration.settings);
@@ -299,7 +320,7 @@ impl<'a> Controller<'a> {
     }
 
     /// Saves the last checkpoint of the scene's own view: a new generation must not replace it.
-    fn stop_keeping_checkpoints(&mut self, render_loop: &mut RenderLoop) {
+    fn save_last_checkpoint(&mut self, render_loop: &mut RenderLoop) {
         if self.generation_host().checkpoint_interval().is_some() {
             self.save_checkpoint(render_loop);
             let saved = self.configuration.host.wait_for_checkpoint();
@@ -307,12 +328,11 @@ impl<'a> Controller<'a> {
             let what = saved.err().unwrap_or("the state file keeps the view so far".to_owned());
             self.reporter.notice(format!("{what}; the new render is not saved to it"), is_problem);
         }
-        self.keeps_checkpoints = false;
     }
 
-    fn begin_generation(&mut self, renderer: &Renderer) {
+    fn begin_generation(&mut self, renderer: &Renderer, record: GenerationRecord) {
         self.pending.clear_for_generation();
-        self.reporter.begin(renderer.layout(), &self.configuration.settings);
+        self.reporter.begin(renderer.layout(), &self.configuration.settings, record);
         self.viewer_pass_seconds = 0.0;
     }
 
@@ -334,9 +354,10 @@ impl<'a> Controller<'a> {
     /// Publishes the status.
     fn report(&mut self, store: &Store, at_once: bool) {
         let (scene, settings) = (&self.configuration.scene.source, &self.configuration.settings);
+        let (denoisers, history) = (self.denoiser_infos(store), self.history_status(store));
         let bookmarks = self.bookmarks.iter().map(|bookmark| self.directives(bookmark.camera())).collect();
         let camera = self.camera_status();
-        let subject = Subject { scene, settings, camera, bookmarks, region: self.region };
+        let subject = Subject { scene, settings, denoisers, history, camera, bookmarks, region: self.region };
         self.reporter.report(&subject, store, at_once);
     }
 }

@@ -12,8 +12,8 @@
 //!
 //! | file | holds |
 //! | --- | --- |
-//! | `controller`, `pending`, `configuration`, `image_request`, `background_pass` | control of the render |
-//! | `reporter`, `status` | the status of the render |
+//! | `controller`, `pending`, `configuration`, `image_request`, `history`, `background_pass` | control of the render |
+//! | `reporter`, `generation_record`, `status` | the status of the render |
 //! | `publisher`, `preview_frame` | encoded images for the viewers |
 //! | `view`, `colour_scale`, `pixel_values` | what the page shows |
 //! | `orbit_camera`, `camera_move` | the camera and its movements |
@@ -30,6 +30,8 @@ mod command;
 mod configuration;
 mod connections;
 mod controller;
+mod generation_record;
+mod history;
 mod hub;
 mod image_request;
 mod orbit_camera;

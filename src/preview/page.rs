@@ -13,6 +13,7 @@ const FILES: &[(&str, &str, &[u8])] = files![
     "/camera_panel.js": "text/javascript; charset=utf-8" = "camera_panel.js",
     "/colour_scale.js": "text/javascript; charset=utf-8" = "colour_scale.js",
     "/connection.js": "text/javascript; charset=utf-8" = "connection.js",
+    "/discarding.js": "text/javascript; charset=utf-8" = "discarding.js",
     "/error_curve.js": "text/javascript; charset=utf-8" = "error_curve.js",
     "/half_float.js": "text/javascript; charset=utf-8" = "half_float.js",
     "/inspector.js": "text/javascript; charset=utf-8" = "inspector.js",

@@ -1,6 +1,7 @@
 //! Commands that have to wait for the end of a step, or of a filter pass.
 
 use super::camera_move::CameraMove;
+use super::history::HistoryStep;
 use crate::progressive::Settings;
 
 /// The pending commands.
@@ -8,6 +9,7 @@ use crate::progressive::Settings;
 pub struct Pending {
     pub moves: Vec<CameraMove>,
     pub restart: bool,
+    pub history: Option<HistoryStep>,
     pub settings: bool,
     pub region: bool,
     /// Images to be saved of the generation to come, each filtered by these settings.
@@ -30,7 +32,7 @@ impl Pending {
 
     /// Returns whether the samples so far are discarded.
     pub fn starts_generation(&self) -> bool {
-        !self.moves.is_empty() || self.restart
+        !self.moves.is_empty() || self.restart || self.history.is_some()
     }
 
     /// Returns whether a filter pass is no longer needed.

@@ -5,6 +5,7 @@ use tokio::sync::mpsc;
 
 use super::camera_move::CameraMove;
 use super::command::{Command, Rectangle};
+use super::history::HistoryStep;
 use super::settings_change::SettingsChange;
 use super::view::View;
 
@@ -33,6 +34,10 @@ pub enum Message {
     PriorityRegion { region: Option<Rectangle> },
     /// Discards all samples.
     Restart {},
+    /// Returns to the render that a command has replaced.
+    Undo {},
+    /// Takes back an undo.
+    Redo {},
     /// Writes the image as it is now.
     Save {},
     /// Asks for all values at a pixel.
@@ -64,6 +69,8 @@ impl Message {
             Message::RemoveBookmark { index } => Command::RemoveBookmark(index),
             Message::PriorityRegion { region } => Command::SetRegion(region),
             Message::Restart {} => Command::Restart,
+            Message::Undo {} => Command::Return(HistoryStep::Undo),
+            Message::Redo {} => Command::Return(HistoryStep::Redo),
             Message::Save {} => Command::Save,
             Message::Inspect { x, y } => Command::Inspect { pixel: [x, y], reply: reply.clone() },
         }

@@ -5,14 +5,14 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use super::command::Rectangle;
+use super::generation_record::GenerationRecord;
 use super::hub::Hub;
 use super::publisher::Publisher;
-use super::status::{CameraStatus, DenoiserInfo, Notice, Phase, Statistics, Status};
+use super::status::{CameraStatus, DenoiserInfo, HistoryStatus, Notice, Phase, Statistics, Status};
 use super::view::View;
-use crate::filter::{DENOISERS, DenoiserName, FilterResult};
+use crate::filter::{DenoiserName, FilterResult};
 use crate::progressive::{
-    ErrorEstimate, EstimateSummary, Filtered, Forecast, Point, Progress, Settings, StoppedBy, forecast,
-    memory_bytes,
+    ErrorEstimate, Filtered, Forecast, Point, Progress, Settings, StoppedBy, forecast, memory_bytes,
 };
 use crate::stats::{Layout, Part, Store};
 
@@ -28,6 +28,8 @@ pub struct Subject<'a> {
     pub scene: &'a str,
     pub settings: &'a Settings,
     pub camera: CameraStatus,
+    pub denoisers: Vec<DenoiserInfo>,
+    pub history: HistoryStatus,
     /// As directives.
     pub bookmarks: Vec<String>,
     pub region: Option<Rectangle>,
@@ -42,19 +44,8 @@ pub struct Reporter {
     publisher: Publisher,
     phase: Phase,
     stopped_by: Option<StoppedBy>,
-    /// The newest filter result of this generation, and its number of samples.
-    shown: Option<FilterResult>,
-    shown_samples: u64,
-    denoisers: Vec<DenoiserInfo>,
-    progress: Option<Progress>,
-    /// Elapsed seconds and samples, of the last [`RATE_WINDOW`].
-    recent: VecDeque<(f64, u64)>,
-    /// The same after the first step.
-    first: Option<(f64, u64)>,
-    filter_seconds: f64,
-    /// The estimated error of the newest image, and those of all images against time.
-    estimate: Option<EstimateSummary>,
-    curve: Vec<(DenoiserName, Point)>,
+    /// The record of the current generation.
+    record: GenerationRecord,
     /// The latest [`NOTICES`], newest last.
     notices: VecDeque<Notice>,
     /// Time of the latest report; `None` if the next one is urgent.
@@ -68,33 +59,27 @@ impl Reporter {
             hub,
             phase: Phase::Rendering,
             stopped_by: None,
-            shown: None,
-            shown_samples: 0,
-            denoisers: (DENOISERS.into_iter().filter(|d| d.missing().is_none()))
-                .map(|d| DenoiserInfo { name: d.name(), summary: d.summary() })
-                .collect(),
-            progress: None,
-            recent: VecDeque::new(),
-            first: None,
-            filter_seconds: 0.0,
-            estimate: None,
-            curve: Vec::new(),
+            record: GenerationRecord::default(),
             notices: VecDeque::new(),
             reported: None,
         }
     }
 
-    /// Starts a generation with other samples.
-    pub fn begin(&mut self, layout: &Layout, settings: &Settings) {
+    /// Starts a generation, or goes on with one that has a record; returns the record of the one before.
+    pub fn begin(
+        &mut self,
+        layout: &Layout,
+        settings: &Settings,
+        record: GenerationRecord,
+    ) -> GenerationRecord {
         self.publisher.begin(layout, settings);
         self.enter(Phase::Rendering);
-        self.forget_image();
-        self.shown_samples = 0;
-        self.progress = None;
-        self.recent.clear();
-        self.first = None;
-        self.filter_seconds = 0.0;
         self.reported = None;
+        if record.progress.is_some() {
+            self.publisher.stepped();
+            self.publisher.filtered();
+        }
+        std::mem::replace(&mut self.record, record)
     }
 
     /// Follows other settings.
@@ -105,9 +90,12 @@ impl Reporter {
 
     /// Drops the image of another denoiser, and its errors.
     pub fn forget_image(&mut self) {
-        self.estimate = None;
-        self.curve.clear();
-        self.shown = None;
+        self.record.forget_image();
+    }
+
+    /// Takes the record of the current generation, which ends.
+    pub fn take_record(&mut self) -> GenerationRecord {
+        std::mem::take(&mut self.record)
     }
 
     pub fn phase(&self) -> Phase {
@@ -129,17 +117,17 @@ impl Reporter {
     }
 
     pub fn progress(&self) -> Option<&Progress> {
-        self.progress.as_ref()
+        self.record.progress.as_ref()
     }
 
     /// Returns the newest filter result.
     pub fn shown(&self) -> Option<&FilterResult> {
-        self.shown.as_ref()
+        self.record.shown.as_ref()
     }
 
     /// Returns the number of samples behind it.
     pub fn shown_samples(&self) -> u64 {
-        self.shown_samples
+        self.record.shown_samples
     }
 
     /// Returns whether a viewer is ready for one of the views that `selects` selects.
@@ -165,47 +153,40 @@ impl Reporter {
     /// Takes the progress after a step.
     pub fn stepped(&mut self, progress: Progress, store: &Store) {
         self.enter(Phase::Rendering);
-        self.progress = Some(progress);
-        self.recent.push_back((progress.elapsed, progress.samples));
-        while self.recent.len() > 2 && progress.elapsed - self.recent[0].0 > RATE_WINDOW {
-            self.recent.pop_front();
+        self.record.progress = Some(progress);
+        self.record.recent.push_back((progress.elapsed, progress.samples));
+        while self.record.recent.len() > 2 && progress.elapsed - self.record.recent[0].0 > RATE_WINDOW {
+            self.record.recent.pop_front();
         }
-        self.first.get_or_insert((progress.elapsed, progress.samples));
+        self.record.first.get_or_insert((progress.elapsed, progress.samples));
         self.publisher.stepped();
         if self.publisher.is_due() {
             self.publish(store);
         }
     }
 
-    /// Returns the seconds that `samples` samples take here, those of a resumed state included.
-    fn seconds_of(&self, samples: u64) -> Option<f64> {
-        let ((first_seconds, first_samples), progress) = self.first.zip(self.progress)?;
-        let own = progress.samples.checked_sub(first_samples).filter(|&own| own > 0)?;
-        Some((progress.elapsed - first_seconds) * samples as f64 / own as f64)
-    }
-
     /// Returns how the error is expected to fall from here.
     fn forecast(&self) -> Option<Forecast> {
         // Images of another denoiser lie on another curve.
-        let (first, _) = self.curve.first()?;
-        let of_first = self.curve.iter().filter(|(made_by, _)| made_by == first);
+        let (first, _) = self.record.curve.first()?;
+        let of_first = self.record.curve.iter().filter(|(made_by, _)| made_by == first);
         let found = forecast(&of_first.map(|(_, point)| *point).collect::<Vec<_>>())?;
-        let now = self.seconds_of(self.progress?.samples)?;
+        let now = self.record.seconds_of(self.record.progress?.samples)?;
         Some(Forecast { halving_seconds: found.halving_after(now), ..found })
     }
 
     /// Takes the result of a filter pass that took `seconds` seconds; `None` if it was given up.
     pub fn filtered(&mut self, filtered: Option<&Filtered>, seconds: f64, store: &Store) {
-        self.filter_seconds += seconds;
+        self.record.filter_seconds += seconds;
         if let Some(Filtered { result, estimate, .. }) = filtered {
-            self.estimate = estimate.as_ref().map(ErrorEstimate::summary);
+            self.record.estimate = estimate.as_ref().map(ErrorEstimate::summary);
             self.extend_curve(result.made_by);
             let mut result = result.clone();
             // Not every pass makes the map of interpolation failures: the latest one stays on show.
-            let earlier = self.shown.take().and_then(|shown| shown.interpolation);
+            let earlier = self.record.shown.take().and_then(|shown| shown.interpolation);
             result.interpolation = result.interpolation.or(earlier);
-            self.shown = Some(result);
-            self.shown_samples = store.samples();
+            self.record.shown = Some(result);
+            self.record.shown_samples = store.samples();
             self.publisher.filtered();
             self.publish(store);
         }
@@ -213,17 +194,18 @@ impl Reporter {
 
     /// Adds the latest estimate, of an image by this denoiser, to the curve.
     fn extend_curve(&mut self, made_by: DenoiserName) {
-        let Some(estimate) = self.estimate else { return };
-        let Some(seconds) = self.seconds_of(estimate.samples) else { return };
+        let Some(estimate) = self.record.estimate else { return };
+        let Some(seconds) = self.record.seconds_of(estimate.samples) else { return };
         // The same image again
-        if self.curve.last().is_some_and(|(last, point)| *last == made_by && point.seconds == seconds) {
-            self.curve.pop();
+        if self.record.curve.last().is_some_and(|(last, point)| *last == made_by && point.seconds == seconds)
+        {
+            self.record.curve.pop();
         }
-        self.curve.push((made_by, Point { seconds, error: estimate.error }));
-        if self.curve.len() > MOST_POINTS {
+        self.record.curve.push((made_by, Point { seconds, error: estimate.error }));
+        if self.record.curve.len() > MOST_POINTS {
             // The first and the latest point stay.
             let mut index = 0;
-            self.curve.retain(|_| {
+            self.record.curve.retain(|_| {
                 index += 1;
                 index % 2 == 1
             });
@@ -232,7 +214,7 @@ impl Reporter {
 
     /// Publishes frames for the viewers that are ready.
     pub fn publish(&mut self, store: &Store) {
-        self.publisher.publish(store, self.shown.as_ref(), self.progress.as_ref());
+        self.publisher.publish(store, self.record.shown.as_ref(), self.record.progress.as_ref());
     }
 
     /// Publishes the status; not too often unless it is urgent or `at_once`.
@@ -252,11 +234,12 @@ impl Reporter {
             phase: self.phase,
             stopped_by: self.stopped_by,
             settings: subject.settings,
-            denoisers: &self.denoisers,
-            made_by: self.shown.as_ref().map(|shown| shown.made_by),
+            denoisers: &subject.denoisers,
+            history: &subject.history,
+            made_by: self.record.shown.as_ref().map(|shown| shown.made_by),
             views: self.publisher.views(),
             statistics: self.statistics(store),
-            curve: self.curve.iter().map(|(_, point)| *point).collect(),
+            curve: self.record.curve.iter().map(|(_, point)| *point).collect(),
             forecast: self.forecast(),
             camera: &subject.camera,
             bookmarks: &subject.bookmarks,
@@ -269,20 +252,24 @@ impl Reporter {
 
     fn statistics(&self, store: &Store) -> Statistics {
         let counts = store.counts(Part::Whole);
-        let (first, last) = (self.recent.front(), self.recent.back());
+        let (first, last) = (self.record.recent.front(), self.record.recent.back());
         let rate = first.zip(last).map_or(0.0, |(a, b)| (b.1 - a.1) as f64 / (b.0 - a.0).max(1e-6));
-        let seconds = self.progress.map_or(0.0, |p| p.elapsed);
+        let seconds = self.record.progress.map_or(0.0, |p| p.elapsed);
         Statistics {
             seconds,
-            fraction: self.progress.map_or(0.0, |p| p.fraction),
+            fraction: self.record.progress.map_or(0.0, |p| p.fraction),
             samples: store.samples(),
             mean: store.samples() as f64 / counts.len().max(1) as f64,
             min: counts.iter().copied().min().unwrap_or(0),
             max: counts.iter().copied().max().unwrap_or(0),
             samples_per_second: if self.phase == Phase::Rendering { rate } else { 0.0 },
-            filter_fraction: if seconds > 0.0 { (self.filter_seconds / seconds).min(1.0) } else { 0.0 },
+            filter_fraction: if seconds > 0.0 {
+                (self.record.filter_seconds / seconds).min(1.0)
+            } else {
+                0.0
+            },
             memory_bytes: memory_bytes("VmRSS"),
-            estimate: self.estimate,
+            estimate: self.record.estimate,
         }
     }
 }

@@ -35,6 +35,7 @@ pub struct Status<'a> {
     pub settings: &'a Settings,
     /// All denoisers, for the page to choose from.
     pub denoisers: &'a [DenoiserInfo],
+    pub history: &'a HistoryStatus,
     /// The denoiser that made the image that is shown.
     pub made_by: Option<DenoiserName>,
     pub views: &'a [ViewInfo],
@@ -51,12 +52,26 @@ pub struct Status<'a> {
     pub notices: &'a VecDeque<Notice>,
 }
 
-/// A denoiser that the page offers.
+/// A denoiser that the page offers, and what choosing it costs.
 #[derive(Clone, Copy, Serialize)]
 pub struct DenoiserInfo {
     #[serde(flatten)]
     pub name: DenoiserName,
     pub summary: &'static str,
+    /// Whether it needs sample vectors that the store does not keep, so that the render begins anew.
+    pub begins_anew: bool,
+    /// Memory of a render with it; `None` if it has no bound.
+    pub memory_bytes: Option<f64>,
+}
+
+/// The renders to which a user can return.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct HistoryStatus {
+    /// Descriptions of the renders to which undo and redo lead.
+    pub undo: Option<String>,
+    pub redo: Option<String>,
+    /// Whether the current render can be kept beside another one.
+    pub has_room: bool,
 }
 
 /// A view that this render has; maps have a colour scale.

@@ -22,59 +22,97 @@ pub fn fits_in_memory(
     size: (usize, usize),
     keeps_checkpoints: bool,
 ) -> Result<(), MemoryError> {
-    let mut memory = PixelMemory::new(layout, settings);
-    let keeps_all = matches!(settings.denoiser.reads().sample_vectors, SampleVectors::All { .. });
-    if keeps_all && memory.sample_vectors >= NO_CEILING as usize {
+    let Some(demand) = Demand::new(layout, settings, keeps_checkpoints) else {
         return Err(MemoryError(format!(
             "--denoiser {} keeps all sample vectors, whose number has no limit here: add --spp N or --max-spp N",
             settings.denoiser.name()
         )));
-    }
-    let mut copy = 0;
-    if keeps_checkpoints {
-        let bytes = |samples| Row::byte_len(1, layout.len(), samples).unwrap_or(usize::MAX);
-        copy = bytes(0);
-        memory.per_sample_vector += bytes(1) - bytes(0);
-    }
-    let pass = settings.denoiser.cost().bytes;
-    available_bytes().map_or(Ok(()), |available| within(available, &memory, copy, pass, size, keeps_all))
+    };
+    available_bytes().map_or(Ok(()), |available| demand.fits(available, size))
 }
 
-/// `copy`: bytes of a pixel's statistics in a checkpoint; `pass`: bytes of a pixel during a filter pass.
-fn within(
-    available: f64,
-    memory: &PixelMemory,
+/// Returns the bytes that such a render takes, as [`fits_in_memory`] counts them; `None` if they have no bound.
+pub fn memory_needed(
+    layout: &Layout,
+    settings: &Settings,
+    size: (usize, usize),
+    keeps_checkpoints: bool,
+) -> Option<f64> {
+    Demand::new(layout, settings, keeps_checkpoints).map(|demand| demand.bytes(size))
+}
+
+/// The memory that a render demands of each pixel.
+#[derive(Clone, Copy)]
+struct Demand {
+    memory: PixelMemory,
+    /// Bytes of a pixel's statistics in a checkpoint.
     copy: usize,
+    /// Bytes of a pixel during a filter pass.
     pass: usize,
-    (width, height): (usize, usize),
+    /// Whether all sample vectors are kept.
     keeps_all: bool,
-) -> Result<(), MemoryError> {
-    /// The filters hold planes of their own beside the store, more of them the more it holds.
-    const BESIDE_STORE: f64 = 0.5;
-    let pixels = width as f64 * height as f64;
-    // Statistics come in whole blocks of a row.
-    let blocks = width.next_multiple_of(PIXEL_BLOCK) as f64 / width.max(1) as f64;
-    let store = memory.statistics as f64 * blocks;
-    let statistics = store + (BESIDE_STORE * store).max(pass as f64) + copy as f64;
-    let samples = memory.sample_vectors as f64 * memory.per_sample_vector as f64;
-    let needed = (statistics + samples) * pixels;
-    if needed <= available {
-        return Ok(());
+}
+
+impl Demand {
+    /// The demand of a render with these settings; `None` if it has no bound.
+    fn new(layout: &Layout, settings: &Settings, keeps_checkpoints: bool) -> Option<Self> {
+        let mut memory = PixelMemory::new(layout, settings);
+        let keeps_all = matches!(settings.denoiser.reads().sample_vectors, SampleVectors::All { .. });
+        if keeps_all && memory.sample_vectors >= NO_CEILING as usize {
+            return None;
+        }
+        let mut copy = 0;
+        if keeps_checkpoints {
+            let bytes = |samples| Row::byte_len(1, layout.len(), samples).unwrap_or(usize::MAX);
+            copy = bytes(0);
+            memory.per_sample_vector += bytes(1) - bytes(0);
+        }
+        Some(Self { memory, copy, pass: settings.denoiser.cost().bytes, keeps_all })
     }
-    let whole = match memory.sample_vectors {
-        0 => String::new(),
-        size => format!(" with {size} sample vectors each"),
-    };
-    let fewer = ((available / pixels - statistics) / memory.per_sample_vector as f64).floor();
-    let fewer =
-        if keeps_all && fewer >= 1.0 { format!(", or these with --max-spp {fewer}") } else { String::new() };
-    Err(MemoryError(format!(
-        "{width}x{height} pixels{whole} need about {:.1} GB of memory, {:.1} GB are available; up to {:.0} \
-         pixels would fit{fewer}",
-        needed / 1e9,
-        available / 1e9,
-        (available / (statistics + samples)).floor()
-    )))
+
+    /// Returns the bytes of a pixel beside its sample vectors, in an image of this width.
+    fn statistics(&self, width: usize) -> f64 {
+        /// The filters hold planes of their own beside the store, more of them the more it holds.
+        const BESIDE_STORE: f64 = 0.5;
+        // Statistics come in whole blocks of a row.
+        let blocks = width.next_multiple_of(PIXEL_BLOCK) as f64 / width.max(1) as f64;
+        let store = self.memory.statistics as f64 * blocks;
+        store + (BESIDE_STORE * store).max(self.pass as f64) + self.copy as f64
+    }
+
+    /// Returns the bytes of a pixel's sample vectors.
+    fn samples(&self) -> f64 {
+        self.memory.sample_vectors as f64 * self.memory.per_sample_vector as f64
+    }
+
+    fn bytes(&self, (width, height): (usize, usize)) -> f64 {
+        (self.statistics(width) + self.samples()) * (width as f64 * height as f64)
+    }
+
+    fn fits(&self, available: f64, (width, height): (usize, usize)) -> Result<(), MemoryError> {
+        let needed = self.bytes((width, height));
+        if needed <= available {
+            return Ok(());
+        }
+        let whole = match self.memory.sample_vectors {
+            0 => String::new(),
+            size => format!(" with {size} sample vectors each"),
+        };
+        let (statistics, per_sample_vector) = (self.statistics(width), self.memory.per_sample_vector as f64);
+        let fewer = ((available / (width as f64 * height as f64) - statistics) / per_sample_vector).floor();
+        let fewer = if self.keeps_all && fewer >= 1.0 {
+            format!(", or these with --max-spp {fewer}")
+        } else {
+            String::new()
+        };
+        Err(MemoryError(format!(
+            "{width}x{height} pixels{whole} need about {:.1} GB of memory, {:.1} GB are available; up to {:.0} \
+             pixels would fit{fewer}",
+            needed / 1e9,
+            available / 1e9,
+            (available / (statistics + self.samples())).floor()
+        )))
+    }
 }
 
 /// Returns the memory that the program holds now (`VmRSS`) or has held at most (`VmHWM`), if the system tells.
@@ -87,7 +125,7 @@ pub fn memory_bytes(kind: &str) -> Option<u64> {
 
 /// Returns the memory that is available to this process, of the machine or, if that is less, of its container; `None` if
 /// the system does not tell.
-fn available_bytes() -> Option<f64> {
+pub fn available_bytes() -> Option<f64> {
     let mut system = System::new();
     system.refresh_memory();
     if system.total_memory() == 0 || system.available_memory() == 0 {
@@ -104,7 +142,8 @@ mod tests {
     const MEMORY: PixelMemory = PixelMemory { statistics: 1000, sample_vectors: 10, per_sample_vector: 100 };
 
     fn refused(available: f64, copy: usize, size: (usize, usize), keeps_all: bool) -> String {
-        within(available, &MEMORY, copy, 400, size, keeps_all)
+        Demand { memory: MEMORY, copy, pass: 400, keeps_all }
+            .fits(available, size)
             .map_or_else(|error| error.to_string(), |()| String::new())
     }
 
@@ -131,8 +170,9 @@ mod tests {
     fn what_a_pass_holds_counts_where_it_is_more_than_half_of_the_store() {
         let needs = |pass| (1000 + pass + 1000) as f64;
         for (pass, counted) in [(500, 500), (700, 700), (100, 500)] {
-            assert!(within(16.0 * needs(counted), &MEMORY, 0, pass, (16, 1), false).is_ok(), "{pass}");
-            assert!(within(16.0 * needs(counted) - 1.0, &MEMORY, 0, pass, (16, 1), false).is_err(), "{pass}");
+            let demand = Demand { memory: MEMORY, copy: 0, pass, keeps_all: false };
+            assert!(demand.fits(16.0 * needs(counted), (16, 1)).is_ok(), "{pass}");
+            assert!(demand.fits(16.0 * needs(counted) - 1.0, (16, 1)).is_err(), "{pass}");
         }
     }
 

@@ -51,7 +51,7 @@ pub use error_estimate::{ErrorEstimate, EstimateSummary, TILE};
 pub use filter_pass::{FailureMap, FilterPass, Filtered};
 pub use forecast::{Forecast, Point, forecast};
 pub use host::Host;
-pub use memory_budget::{MemoryError, fits_in_memory, memory_bytes};
+pub use memory_budget::{MemoryError, available_bytes, fits_in_memory, memory_bytes, memory_needed};
 pub use record::{Outcome, PassRecord, Progress, Seconds, excessive_ratio};
 pub use region::Region;
 pub use render_loop::RenderLoop;

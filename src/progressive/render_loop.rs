@@ -134,6 +134,16 @@ impl<'a> RenderLoop<'a> {
         self.clock.hold(duration);
     }
 
+    /// Returns the settings that the loop follows.
+    pub fn settings(&self) -> &Settings {
+        &self.settings
+    }
+
+    /// Ends the loop, which [`Self::resume`] lets go on.
+    pub fn into_checkpoint(self) -> Checkpoint {
+        self.checkpoint
+    }
+
     /// Returns the pixel statistics.
     pub fn store(&self) -> &Arc<Store> {
         &self.checkpoint.store

@@ -48,6 +48,8 @@ impl Controller<'_> {
                 self.region = region;
             }
             Command::Restart => self.pending.restart = true,
+            Command::Return(step) if self.history.leads(step) => self.pending.history = Some(step),
+            Command::Return(_) => {}
             Command::Save => {
                 self.pending.request_save(&self.configuration.settings);
                 self.request_pending_saves(store);

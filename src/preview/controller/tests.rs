@@ -9,6 +9,7 @@ use crate::geometry::Accel;
 use crate::preview::camera_move::CameraMove;
 use crate::preview::command::Command;
 use crate::preview::configuration::SavedImage;
+use crate::preview::history::HistoryStep;
 use crate::preview::settings_change::SettingsChange;
 use crate::progressive::{Budget, Progress};
 use crate::scene::pbrt;
@@ -446,4 +447,33 @@ fn another_filter_chosen_at_a_pause_makes_an_image_and_forgets_the_error_of_the_
     let outcome = render_with(&settings, false, moments).expect("it ends by its budget");
     assert_eq!((rested.get(), outcome.settings.denoiser), (2, UNFILTERED));
     assert_eq!(outcome.store.samples(), 64 * SIDE * SIDE);
+}
+
+#[test]
+fn what_a_restart_replaces_comes_back_with_all_its_samples() {
+    let (left, at_restart) = (Cell::new(0), Cell::new(0));
+    let saved_samples = RefCell::new(Vec::new());
+    let all = u64::from(SPP) * SIDE * SIDE;
+    let outcome = render(Reactions {
+        stepped: &|progress, hub, _| {
+            if progress.samples == all && left.get() == 0 {
+                // The last pass comes next; the render is worth keeping once it is finished.
+                left.set(1);
+            } else if left.get() == 2 && progress.spp >= 2.0 {
+                left.set(3);
+                assert!(hub.send(Command::Return(HistoryStep::Undo)));
+            }
+        },
+        checkpoint: &|_, checkpoint, hub| {
+            saved_samples.borrow_mut().push(checkpoint.store.samples());
+            if left.get() == 1 && checkpoint.store.samples() == all {
+                left.set(2);
+                at_restart.set(checkpoint.store.samples());
+                assert!(hub.send(Command::Restart));
+            }
+        },
+        saved: &|_| unreachable!("nobody asked for it"),
+    });
+    assert_eq!(outcome.store.samples(), all);
+    assert_eq!(at_restart.get(), all);
 }

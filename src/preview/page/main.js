@@ -2,6 +2,7 @@
 
 import { drawLegend } from "./colour_scale.js";
 import { Connection } from "./connection.js";
+import { Discarding } from "./discarding.js";
 import { showValues } from "./inspector.js";
 import { Panel } from "./panel.js";
 import { PointerInput } from "./pointer_input.js";
@@ -86,9 +87,16 @@ const pointer = new PointerInput($("viewport"), viewport, {
   },
 });
 
+const discarding = new Discarding($("question"));
+
+// Sends a message, after a question where it would discard a render that cannot be kept.
 function send(type, content) {
+  discarding.ask(type, content, state.status, () => sendNow(type, content), () => panel.show(state.status));
+}
+
+function sendNow(type, content) {
   // A new generation begins with unfiltered images.
-  if (type === "camera" || type === "restart") { state.movedGeneration = state.status?.generation ?? 0; requestViews(); }
+  if (["camera", "restart", "undo", "redo"].includes(type)) { state.movedGeneration = state.status?.generation ?? 0; requestViews(); }
   connection.send(type, content);
 }
 
@@ -206,6 +214,8 @@ function selectTool(tool) {
 const actualSize = () => viewport.zoomBy(1 / viewport.zoom);
 const togglePause = () => state.status && state.status.phase !== "finished" && send("pause", { paused: state.status.phase !== "paused" });
 const restart = () => send("restart", {});
+const undo = () => $("undo").disabled || send("undo", {});
+const redo = () => $("redo").disabled || send("redo", {});
 const save = () => { notify("saving …", false); send("save", {}); };
 const clearRegion = () => send("priority-region", { region: null });
 const toggleHelp = () => {
@@ -225,6 +235,8 @@ function letGo() {
 
 $("pause").onclick = togglePause;
 $("restart").onclick = restart;
+$("undo").onclick = undo;
+$("redo").onclick = redo;
 $("save").onclick = save;
 $("keys").onclick = toggleHelp;
 $("fit").onclick = () => viewport.fit();
@@ -249,7 +261,7 @@ const KEYS = {
   e: () => setExposure(viewport.exposure + 1 / 3), E: () => setExposure(viewport.exposure - 1 / 3),
   0: () => viewport.fit(), z: actualSize, "+": () => viewport.zoomBy(1.25), "-": () => viewport.zoomBy(0.8),
   q: () => selectTool("inspect"), c: () => selectTool("camera"), f: () => selectTool("focus"), r: () => selectTool("region"),
-  " ": togglePause, s: save, R: restart,
+  " ": togglePause, s: save, R: restart, u: undo, U: redo,
   Home: () => panel.camera.reset(), b: () => panel.camera.addBookmark(), l: () => panel.camera.toggleLines(),
   Escape: letGo, "?": toggleHelp,
 };
@@ -258,6 +270,11 @@ const FIELD_KEYS = new Set([" ", "Enter", "Home", "End", "PageUp", "PageDown", "
 
 document.addEventListener("keydown", (event) => {
   const field = event.target.closest("input:not([type=radio]), button, [role=slider]");
+  if ($("question").open) return;
+  if ((event.ctrlKey || event.metaKey) && !event.altKey && event.key.toLowerCase() === "z" && !field?.inputMode) {
+    event.preventDefault();
+    return event.shiftKey ? redo() : undo();
+  }
   if (event.ctrlKey || event.metaKey || event.altKey) return;
   // Fields keep the keys that they use themselves.
   if (field && (event.target.inputMode || FIELD_KEYS.has(event.key))) return;

@@ -33,6 +33,14 @@ function count(value) {
   return String(Math.round(value));
 }
 
+// Returns what it costs to choose a denoiser.
+function cost({ denoiser, begins_anew, memory_bytes }, settings) {
+  if (denoiser === settings.denoiser) return "";
+  if (memory_bytes === null) return "Keeps every sample: enter a number of samples first.";
+  if (!begins_anew) return "Uses the samples so far.";
+  return `Begins the render anew, in about ${(memory_bytes / 1e9).toPrecision(2)} GB.`;
+}
+
 export class Panel {
   // `send(type, content)` sends a message, `notify(text, isProblem)` tells the user something, `selectView(view)` changes
   // the view.
@@ -70,6 +78,11 @@ export class Panel {
     $("pause").textContent = paused ? "Resume" : "Pause";
     $("pause").setAttribute("aria-pressed", String(paused));
     $("pause").disabled = status.phase === "finished";
+    for (const [way, keys] of [["undo", "U"], ["redo", "Shift+U"]]) {
+      const render = status.history[way];
+      $(way).disabled = !render;
+      $(way).title = render ? `${way === "undo" ? "Back" : "Forth"} to ${render} (${keys})` : `No render to go ${way === "undo" ? "back" : "forth"} to`;
+    }
     $("clear-region").hidden = !status.region;
     this.showViews(status.views);
     this.showDenoisers(status.denoisers, settings.denoiser);
@@ -96,7 +109,7 @@ export class Panel {
     const shown = considered ?? settings.denoiser;
     const found = denoisers.find(({ denoiser, quality }) => denoiser === shown && (denoiser !== settings.denoiser || quality === settings.quality))
       ?? denoisers.find(({ denoiser }) => denoiser === shown);
-    $("meaning").textContent = found ? `${shown}: ${found.summary}` : "";
+    $("meaning").textContent = found ? `${found.summary}. ${cost(found, settings)}` : "";
   }
 
   // Builds one radio button per denoiser, and one per preset of the selected denoiser.

@@ -1,0 +1,39 @@
+//! What viewers are told of one generation: its image, its progress, its errors over time.
+
+use std::collections::VecDeque;
+
+use crate::filter::{DenoiserName, FilterResult};
+use crate::progressive::{EstimateSummary, Point, Progress};
+
+/// The record of a generation.
+#[derive(Default)]
+pub struct GenerationRecord {
+    /// The newest filter result, and its number of samples.
+    pub shown: Option<FilterResult>,
+    pub shown_samples: u64,
+    pub progress: Option<Progress>,
+    /// Elapsed seconds and samples of the latest steps.
+    pub recent: VecDeque<(f64, u64)>,
+    /// The same after the first step.
+    pub first: Option<(f64, u64)>,
+    pub filter_seconds: f64,
+    /// The estimated error of the newest image, and those of all images against time.
+    pub estimate: Option<EstimateSummary>,
+    pub curve: Vec<(DenoiserName, Point)>,
+}
+
+impl GenerationRecord {
+    /// Returns the seconds that `samples` samples take here, those of a resumed state included.
+    pub fn seconds_of(&self, samples: u64) -> Option<f64> {
+        let ((first_seconds, first_samples), progress) = self.first.zip(self.progress)?;
+        let own = progress.samples.checked_sub(first_samples).filter(|&own| own > 0)?;
+        Some((progress.elapsed - first_seconds) * samples as f64 / own as f64)
+    }
+
+    /// Drops the image of another denoiser, and its errors.
+    pub fn forget_image(&mut self) {
+        self.estimate = None;
+        self.curve.clear();
+        self.shown = None;
+    }
+}

@@ -1,0 +1,144 @@
+//! The renders that commands have replaced, for undo and redo, as far as memory allows.
+//!
+//! A command that discards the samples puts the render so far here, and the page can have it back: the samples, the camera
+//! and the settings. Where there are too many, those go first that took the least time.
+
+use super::generation_record::GenerationRecord;
+use super::orbit_camera::OrbitCamera;
+use crate::progressive::{Checkpoint, Settings, available_bytes};
+use crate::stats::Store;
+
+/// Most renders that are kept.
+const MOST_KEPT: usize = 8;
+/// Largest fraction of the memory that they may take.
+const MEMORY_FRACTION: f64 = 0.25;
+/// Bytes per pixel of a render beside its store: images and maps of its passes.
+const BYTES_BESIDE: usize = 120;
+/// Shortest time of a render that is kept, in seconds; a movement of the camera passes through many shorter ones.
+const SHORTEST: f64 = 2.0;
+
+/// A render that can go on.
+pub struct KeptRender {
+    pub camera: Option<OrbitCamera>,
+    pub settings: Settings,
+    pub checkpoint: Checkpoint,
+    pub record: GenerationRecord,
+    /// Whether its checkpoints go to the state file.
+    pub keeps_checkpoints: bool,
+    pub is_finished: bool,
+}
+
+/// A way through the history.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum HistoryStep {
+    Undo,
+    Redo,
+}
+
+/// The kept renders; see the module.
+#[derive(Default)]
+pub struct History {
+    /// Before the current render, the latest last.
+    done: Vec<KeptRender>,
+    /// After it, the next last.
+    undone: Vec<KeptRender>,
+}
+
+impl KeptRender {
+    /// Returns whether it is worth keeping.
+    fn is_worth_it(&self) -> bool {
+        self.is_finished || self.seconds() >= SHORTEST
+    }
+
+    /// Returns the seconds of its render.
+    pub fn seconds(&self) -> f64 {
+        self.record.progress.map_or(0.0, |progress| progress.elapsed)
+    }
+
+    /// Describes it in a few words.
+    fn description(&self) -> String {
+        let store = &self.checkpoint.store;
+        let spp = store.samples() as f64 / store.pixels().max(1) as f64;
+        format!("{spp:.1} samples per pixel by {}", self.settings.denoiser.name())
+    }
+}
+
+/// Returns the bytes of a kept render.
+fn bytes(store: &Store) -> f64 {
+    let beside = BYTES_BESIDE + Store::bytes_per_pixel(store.layout(), 0);
+    (beside * store.pixels()) as f64 + store.reservoir_bytes() as f64
+}
+
+impl History {
+    fn bytes(&self) -> f64 {
+        self.done.iter().chain(&self.undone).map(|kept| bytes(&kept.checkpoint.store)).sum()
+    }
+
+    /// Returns whether a render with this store could be kept, if nothing else were.
+    pub fn has_room(&self, store: &Store) -> bool {
+        available_bytes().is_none_or(|available| {
+            // The store is part of what is taken already.
+            bytes(store) <= MEMORY_FRACTION * (available + self.bytes() + bytes(store))
+        })
+    }
+
+    /// Keeps a render that another one replaces, if it is worth it and there is room.
+    pub fn keep(&mut self, render: KeptRender) {
+        // What was undone stays reachable: it moves before the render.
+        let undone = std::mem::take(&mut self.undone);
+        self.done.splice(0..0, undone);
+        if render.is_worth_it() {
+            self.done.push(render);
+        }
+        self.make_room();
+    }
+
+    fn make_room(&mut self) {
+        let limit = available_bytes().map(|available| MEMORY_FRACTION * (available + self.bytes()));
+        let is_full = |history: &Self| {
+            history.done.len() + history.undone.len() > MOST_KEPT
+                || limit.is_some_and(|limit| history.bytes() > limit)
+        };
+        while is_full(self) {
+            let least = |list: &[KeptRender]| {
+                let seconds = list.iter().map(KeptRender::seconds).enumerate();
+                seconds.min_by(|a, b| a.1.total_cmp(&b.1))
+            };
+            match (least(&self.done), least(&self.undone)) {
+                (Some((i, a)), b) if b.is_none_or(|(_, b)| a <= b) => drop(self.done.remove(i)),
+                (_, Some((i, _))) => drop(self.undone.remove(i)),
+                _ => return,
+            }
+        }
+    }
+
+    /// Returns whether there is a render that way.
+    pub fn leads(&self, step: HistoryStep) -> bool {
+        match step {
+            HistoryStep::Undo => !self.done.is_empty(),
+            HistoryStep::Redo => !self.undone.is_empty(),
+        }
+    }
+
+    /// Exchanges the current render for the next one that way.
+    ///
+    /// # Errors
+    /// The current render, if there is none.
+    pub fn exchange(&mut self, step: HistoryStep, current: KeptRender) -> Result<KeptRender, KeptRender> {
+        let (from, to) = match step {
+            HistoryStep::Undo => (&mut self.done, &mut self.undone),
+            HistoryStep::Redo => (&mut self.undone, &mut self.done),
+        };
+        let Some(next) = from.pop() else { return Err(current) };
+        if current.is_worth_it() {
+            to.push(current);
+        }
+        Ok(next)
+    }
+
+    /// Returns the description of the render that way.
+    pub fn description(&self, step: HistoryStep) -> Option<String> {
+        let list = if step == HistoryStep::Undo { &self.done } else { &self.undone };
+        list.last().map(KeptRender::description)
+    }
+}

@@ -1,0 +1,36 @@
+// Asks before a command discards a render that cannot be kept.
+
+// Renders that took less are not worth a question.
+const WORTH_SECONDS = 10;
+
+// Returns whether a message discards the samples so far.
+function discards(type, content, status) {
+  if (type === "restart" || type === "camera") return true;
+  if (type !== "settings" || !content.denoiser) return false;
+  return status.denoisers.find(({ denoiser }) => denoiser === content.denoiser)?.begins_anew ?? false;
+}
+
+export class Discarding {
+  constructor(dialog) {
+    this.dialog = dialog;
+    this.allowed = null; // generation for which the user has agreed
+  }
+
+  // Calls `act` at once, or once the user has agreed to what it costs; `refuse` otherwise.
+  ask(type, content, status, act, refuse) {
+    const isWorthIt = status && (status.phase === "finished" || status.statistics.seconds > WORTH_SECONDS);
+    const isSafe = !isWorthIt || status.history.has_room || this.allowed === status.generation;
+    if (isSafe || !discards(type, content, status)) return act();
+    if (this.dialog.open) return;
+    const { mean } = status.statistics;
+    this.dialog.querySelector("p").textContent =
+      `There is not enough memory to keep this render of ${mean.toFixed(1)} samples per pixel beside a new one. Discard it?`;
+    this.dialog.onclose = () => {
+      if (this.dialog.returnValue !== "yes") return refuse();
+      this.allowed = status.generation;
+      act();
+    };
+    this.dialog.returnValue = "no";
+    this.dialog.showModal();
+  }
+}
