@@ -6,7 +6,7 @@ use std::process::{Command, Stdio};
 
 use tungstenite::Message;
 
-use live::{Running, SCENE, first_line, preview};
+use live::{Running, SCENE, Socket, first_line, preview, viewer};
 
 /// Returns the status of the answer to a request for the WebSocket with these headers.
 fn socket_status(address: &str, path: &str, origin: Option<&str>, host: Option<&str>) -> u16 {
@@ -44,18 +44,6 @@ fn an_address_that_is_given_needs_the_printed_token() {
     assert_eq!(socket_status(&address, &format!("/live?{query}"), Some(own), None), 101);
     assert_eq!(socket_status(&address, "/live", Some(own), None), 403);
     assert_eq!(socket_status(&address, "/live?token=0", Some(own), None), 403);
-}
-
-type Socket = tungstenite::WebSocket<tungstenite::stream::MaybeTlsStream<std::net::TcpStream>>;
-
-/// Connects a viewer without a browser.
-fn viewer(address: &str) -> Socket {
-    use tungstenite::client::IntoClientRequest;
-    let own = address.trim_end_matches('/');
-    let mut request = own.replace("http", "ws").into_client_request().unwrap();
-    *request.uri_mut() = format!("{}/live", own.replace("http", "ws")).parse().unwrap();
-    request.headers_mut().insert("Origin", own.parse().unwrap());
-    tungstenite::connect(request).expect("a socket").0
 }
 
 fn send(socket: &mut Socket, message: &str) {
@@ -123,6 +111,48 @@ fn a_message_that_is_too_long_or_wrong_stops_neither_the_server_nor_the_render()
     socket.send(Message::text("{\"type\":\"launch\"}")).unwrap();
     let refused = |message: &Message| message.to_text().is_ok_and(|text| text.contains("refused"));
     while !refused(&socket.read().expect("an answer")) {}
+}
+
+/// Returns the status of the answer to a request whether a viewer would be admitted.
+fn admission(address: &str) -> String {
+    use std::io::{Read, Write};
+    let (own, query) = address.split_once("/?").unwrap_or((address.trim_end_matches('/'), ""));
+    let authority = own.trim_start_matches("http://");
+    let mut stream = std::net::TcpStream::connect(authority).expect("a connection");
+    write!(stream, "GET /admission?{query} HTTP/1.1\r\nHost: {authority}\r\nConnection: close\r\n\r\n")
+        .expect("a request");
+    let mut answer = String::new();
+    let _ = stream.read_to_string(&mut answer);
+    answer.split_whitespace().nth(1).unwrap_or_default().to_owned()
+}
+
+#[test]
+fn a_page_learns_why_it_is_not_admitted_and_silent_viewers_make_room_within_ten_seconds() {
+    let (_render, address, _folder) = preview(&["--spp", "1"]);
+    assert_eq!(admission(&address), "204");
+    let _silent: Vec<Socket> = (0..16).map(|_| viewer(&address)).collect();
+    let since = std::time::Instant::now();
+    assert_eq!(admission(&address), "503");
+    while admission(&address) == "503" {
+        assert!(since.elapsed().as_secs() < 10, "silent viewers stay");
+        std::thread::sleep(std::time::Duration::from_millis(100));
+    }
+    assert!(since.elapsed().as_secs() > 4, "{:?}", since.elapsed());
+
+    let (_render, address, _folder) = preview(&["--spp", "1", "--preview", "127.0.0.1:0"]);
+    assert_eq!(admission(&address), "204");
+    assert_eq!(admission(&format!("{address}0")), "403");
+}
+
+#[test]
+fn viewers_that_answer_pings_stay() {
+    let (_render, address, _folder) = preview(&["--spp", "1"]);
+    let mut socket = viewer(&address);
+    let since = std::time::Instant::now();
+    while since.elapsed().as_secs() < 11 {
+        // Reading answers pings.
+        socket.read().expect("an open socket");
+    }
 }
 
 /// Opens so many connections that each send half a request.

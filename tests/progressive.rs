@@ -200,6 +200,26 @@ fn the_estimate_is_of_the_final_image() {
 }
 
 #[test]
+fn a_target_error_has_a_progress_by_the_errors_own_rate() {
+    let budget = Budget { target_error: Some(2e-3), ..Budget::default() };
+    let settings = Settings { budget, ..settings(1, Sampling::Uniform, 0) };
+    let scene = scene();
+    let accel = Accel::build(&scene);
+    let renderer = Renderer::new(&scene, &accel, 0);
+    let mut render_loop = RenderLoop::new(&renderer, &settings, Instant::now());
+    let mut fractions = Vec::new();
+    let stopped_by = loop {
+        if let Some((_, stopped_by)) = perform_next(&mut render_loop) {
+            break stopped_by;
+        }
+        fractions.push(render_loop.progress().fraction);
+    };
+    assert_eq!(stopped_by, StoppedBy::TargetError);
+    assert!(fractions.iter().any(|fraction| (0.05..0.95).contains(fraction)), "{fractions:?}");
+    assert_eq!(fractions.last(), Some(&1.0), "{fractions:?}");
+}
+
+#[test]
 fn a_time_budget_ends_in_an_image() {
     let mut settings = settings(1, Sampling::Adaptive, 0);
     settings.budget = Budget { seconds: Some(1.0), ..Budget::default() };

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::{HumanDuration, ProgressBar, ProgressStyle};
 use rayon::prelude::*;
 
 use super::checkpoints::Checkpoints;
@@ -39,9 +39,8 @@ pub(super) fn progress_bar(is_quiet: bool) -> ProgressBar {
     if is_quiet {
         return ProgressBar::hidden();
     }
-    let style =
-        ProgressStyle::with_template("{elapsed_precise} [{bar:32}] {percent:>3} %  {msg}  to go {eta}")
-            .unwrap_or_else(|_| ProgressStyle::default_bar());
+    let style = ProgressStyle::with_template("{elapsed_precise} [{bar:32}] {percent:>3} %  {msg}")
+        .unwrap_or_else(|_| ProgressStyle::default_bar());
     ProgressBar::new(BAR_STEPS).with_style(style)
 }
 
@@ -75,8 +74,12 @@ impl Host for RenderHost<'_> {
         let error = progress.estimate.map(|e| format!("  relMSE {:.1e} to {:.1e}", e.low, e.high));
         let error = error.unwrap_or_default();
         let ending = if self.is_interrupted() { "  ending soon, Ctrl-C quits at once" } else { "" };
-        self.bar.set_message(format!("{:.1} spp{error}{ending}", progress.spp));
         self.bar.set_position((progress.fraction * BAR_STEPS as f64) as u64);
+        // Without a budget that is reached at a known rate there is nothing to tell.
+        let left = self.bar.eta();
+        let to_go =
+            if left.as_secs() > 0 { format!("  to go {:#}", HumanDuration(left)) } else { String::new() };
+        self.bar.set_message(format!("{:.1} spp{error}{to_go}{ending}", progress.spp));
         if !self.has_viewers {
             self.checkpoint_problem();
         }

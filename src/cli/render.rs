@@ -21,7 +21,7 @@ use super::{summary, viewers};
 use crate::geometry::Accel;
 use crate::image::OutputFormat;
 use crate::output::{ImageOutput, Report, Times};
-use crate::preview::{Configuration, Controller, Hub, TevClient};
+use crate::preview::{Configuration, Controller, Hub, Server, TevClient};
 use crate::progressive::{self, Checkpoint, Outcome, RenderLoop, Settings, StoppedBy, fits_in_memory};
 use crate::render::Renderer;
 use crate::state::ImageMetadata;
@@ -61,11 +61,13 @@ fn run_in_pool(
     // Render
     let job = Job { options, mode, inputs: &inputs, renderer: &renderer, metadata: &metadata, start };
     let settings = job.settings().map_err(Failure::Input)?;
-    let Rendered { outcome, metadata, checkpoints, display } =
+    let Rendered { outcome, metadata, checkpoints, display, server } =
         job.render(&settings, signals.begin_render())?;
     let Some(outcome) = outcome else {
         // A preview that was closed has written its images already.
-        return checkpoints.map_or(Ok(()), Checkpoints::finish).map(|()| 0);
+        let finished = checkpoints.map_or(Ok(()), Checkpoints::finish).map(|()| 0);
+        server.into_iter().for_each(|server| server.close("The preview was closed."));
+        return finished;
     };
 
     // Write the outputs
@@ -74,6 +76,7 @@ fn run_in_pool(
     let checkpoints = checkpoints.map_or(Ok(()), Checkpoints::finish);
     let (write, total) = (writing.elapsed().as_secs_f64(), start.elapsed().as_secs_f64());
     drop(display);
+    server.into_iter().for_each(|server| server.close("The render has ended."));
     let seconds = Times::new(load, build, outcome.seconds, write, total);
     let report = options.report.as_ref().map_or(Ok(()), |path| {
         let report = Report::new(&metadata, &outcome, seconds);
@@ -110,6 +113,8 @@ struct Rendered {
     checkpoints: Option<Checkpoints>,
     /// Dropped after the image is written: disconnecting may take time, which is part of no budget.
     display: Option<TevClient>,
+    /// Closed after the outputs are written.
+    server: Option<Server>,
 }
 
 impl Job<'_> {
@@ -158,10 +163,11 @@ impl Job<'_> {
         let mut host =
             RenderHost { metadata, outfiles, checkpoints, interrupt, has_viewers, bar: bar.clone(), start };
         let mut metadata = metadata.clone();
+        let mut server = None;
         let (outcome, display) = if has_viewers {
             let hub = Arc::new(Hub::default());
             if serves {
-                viewers::serve(&hub, options.preview.flatten())?;
+                server = Some(viewers::serve(&hub, options.preview.flatten())?);
             }
             let display = self.display(&hub, &bar)?;
             let configuration = Configuration {
@@ -188,7 +194,7 @@ impl Job<'_> {
             (Some(progressive::run(render_loop, &mut host)), None)
         };
         bar.finish_and_clear();
-        Ok(Rendered { outcome, metadata, checkpoints: host.checkpoints, display })
+        Ok(Rendered { outcome, metadata, checkpoints: host.checkpoints, display, server })
     }
 
     /// Starts to send images to a display server, if the options name one.

@@ -13,9 +13,10 @@ use crate::scene::Scene;
 const LAST_NUMBER: u32 = 9999;
 
 /// Starts to serve the live page, and prints its address.
-pub(super) fn serve(hub: &Arc<Hub>, address: Option<SocketAddr>) -> Result<(), Failure> {
+pub(super) fn serve(hub: &Arc<Hub>, address: Option<SocketAddr>) -> Result<Server, Failure> {
     let server = Server::start(hub.clone(), address).map_err(|error| Failure::Input(error.into()))?;
-    print(&format!("preview at {}\n", server.address)).map_err(Failure::Run)
+    print(&format!("preview at {}\n", server.address)).map_err(Failure::Run)?;
+    Ok(server)
 }
 
 /// Starts to send images to a display server, if there is an address.

@@ -120,20 +120,17 @@ impl History {
         }
     }
 
-    /// Exchanges the current render for the next one that way.
-    ///
-    /// # Errors
-    /// The current render, if there is none.
-    pub fn exchange(&mut self, step: HistoryStep, current: KeptRender) -> Result<KeptRender, KeptRender> {
+    /// Exchanges the current render for the next one that way; returns it again if there is none.
+    pub fn exchange(&mut self, step: HistoryStep, current: KeptRender) -> KeptRender {
         let (from, to) = match step {
             HistoryStep::Undo => (&mut self.done, &mut self.undone),
             HistoryStep::Redo => (&mut self.undone, &mut self.done),
         };
-        let Some(next) = from.pop() else { return Err(current) };
+        let Some(next) = from.pop() else { return current };
         if current.is_worth_it() {
             to.push(current);
         }
-        Ok(next)
+        next
     }
 
     /// Returns the description of the render that way.

@@ -23,6 +23,8 @@ const COMMAND_QUEUE: usize = 256;
 pub struct Hub {
     frames: watch::Sender<Frames>,
     status: watch::Sender<Arc<str>>,
+    /// Why there will be nothing more, once that is so.
+    end: watch::Sender<Option<Arc<str>>>,
     commands: (Sender<Command>, Receiver<Command>),
     /// Identifier of each viewer, and the views that it is ready for: a bit per view.
     viewers: Mutex<Vec<(u64, u32)>>,
@@ -36,6 +38,7 @@ impl Default for Hub {
         Self {
             frames: watch::Sender::new(Frames::default()),
             status: watch::Sender::new(Arc::from("")),
+            end: watch::Sender::new(None),
             commands: bounded(COMMAND_QUEUE),
             viewers: Mutex::default(),
             wanted: AtomicU32::new(0),
@@ -77,6 +80,16 @@ impl Hub {
     /// Subscribes to the status; it is empty before the first is published.
     pub fn status(&self) -> watch::Receiver<Arc<str>> {
         self.status.subscribe()
+    }
+
+    /// Tells all viewers that there will be nothing more, and why.
+    pub fn end(&self, reason: &str) {
+        self.end.send_replace(Some(reason.into()));
+    }
+
+    /// Subscribes to the end.
+    pub fn ended(&self) -> watch::Receiver<Option<Arc<str>>> {
+        self.end.subscribe()
     }
 
     /// Tests whether there is any viewer.

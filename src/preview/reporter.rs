@@ -8,11 +8,13 @@ use super::command::Rectangle;
 use super::generation_record::GenerationRecord;
 use super::hub::Hub;
 use super::publisher::Publisher;
-use super::status::{CameraStatus, DenoiserInfo, HistoryStatus, Notice, Phase, Statistics, Status};
+use super::status::{
+    CameraStatus, DenoiserInfo, Expectation, HistoryStatus, Notice, Phase, Statistics, Status,
+};
 use super::view::View;
 use crate::filter::{DenoiserName, FilterResult};
 use crate::progressive::{
-    ErrorEstimate, Filtered, Forecast, Point, Progress, Settings, StoppedBy, forecast, memory_bytes,
+    ErrorEstimate, Filtered, Point, Progress, Settings, StoppedBy, forecast, memory_bytes,
 };
 use crate::stats::{Layout, Part, Store};
 
@@ -165,14 +167,23 @@ impl Reporter {
         }
     }
 
-    /// Returns how the error is expected to fall from here.
-    fn forecast(&self) -> Option<Forecast> {
-        // Images of another denoiser lie on another curve.
-        let (first, _) = self.record.curve.first()?;
-        let of_first = self.record.curve.iter().filter(|(made_by, _)| made_by == first);
-        let found = forecast(&of_first.map(|(_, point)| *point).collect::<Vec<_>>())?;
+    /// Returns how the error is expected to fall from the latest point of the curve.
+    fn expectation(&self, target: Option<f64>) -> Option<Expectation> {
+        // The rate is that of one denoiser's images: another one's lie on another curve.
+        let curve = &self.record.curve;
+        let (first, _) = curve.first()?;
+        let of_first = curve.iter().filter(|(made_by, _)| made_by == first);
+        let rate = forecast(&of_first.map(|(_, point)| *point).collect::<Vec<_>>())?;
+
+        let (_, latest) = curve.last().filter(|(_, point)| point.error > 0.0)?;
         let now = self.record.seconds_of(self.record.progress?.samples)?;
-        Some(Forecast { halving_seconds: found.halving_after(now), ..found })
+        let seconds_to = |error: f64| latest.seconds * rate.growth_to(latest.error, error);
+        let halved = Point { seconds: seconds_to(latest.error / 2.0), error: latest.error / 2.0 };
+        Some(Expectation {
+            halved,
+            halving_seconds: (halved.seconds - now).max(0.0),
+            target_seconds: target.map(|target| (seconds_to(target) - now).max(0.0)),
+        })
     }
 
     /// Takes the result of a filter pass that took `seconds` seconds; `None` if it was given up.
@@ -240,7 +251,7 @@ impl Reporter {
             views: self.publisher.views(),
             statistics: self.statistics(store),
             curve: self.record.curve.iter().map(|(_, point)| *point).collect(),
-            forecast: self.forecast(),
+            forecast: self.expectation(subject.settings.budget.target_error),
             camera: &subject.camera,
             bookmarks: &subject.bookmarks,
             region: subject.region,

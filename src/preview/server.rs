@@ -3,6 +3,7 @@
 use std::net::{Ipv4Addr, SocketAddr, TcpListener};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::{Duration, Instant};
 
 use axum::Router;
 use axum::extract::State;
@@ -22,6 +23,8 @@ use super::session::serve_viewer;
 const DEFAULT_PORT: u16 = 7377;
 /// Most viewers at a time.
 const MOST_VIEWERS: usize = 16;
+/// Longest time to wait until the viewers have heard of the end.
+const FAREWELL: Duration = Duration::from_millis(300);
 /// Content security policy: the page loads nothing from other hosts, and no other page may embed it.
 const CONTENT_POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; \
      connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
@@ -39,6 +42,7 @@ pub enum ServeError {
 pub struct Server {
     /// The URL to open in a browser.
     pub address: String,
+    shared: Shared,
 }
 
 #[derive(Clone)]
@@ -69,17 +73,31 @@ impl Server {
         // Serve on a thread of its own
         let address = access.url(listener.local_addr()?);
         let shared = Shared { hub, access: Arc::new(access), viewers: Arc::default() };
+        let state = shared.clone();
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
         std::thread::Builder::new().name("preview".to_owned()).spawn(move || {
             runtime.block_on(async {
-                let router = Router::new().route("/live", get(live)).fallback(get(file)).with_state(shared);
+                let router = Router::new()
+                    .route("/live", get(live))
+                    .route("/admission", get(admission))
+                    .fallback(get(file))
+                    .with_state(state);
                 if let Ok(listener) = tokio::net::TcpListener::from_std(listener) {
                     // Ends with the process.
                     connections::accept(listener, router).await;
                 }
             });
         })?;
-        Ok(Self { address })
+        Ok(Self { address, shared })
+    }
+
+    /// Tells all viewers why there will be nothing more, and waits a moment for them to hear it.
+    pub fn close(self, reason: &str) {
+        self.shared.hub.end(reason);
+        let started = Instant::now();
+        while self.shared.viewers.load(Ordering::Relaxed) > 0 && started.elapsed() < FAREWELL {
+            std::thread::sleep(Duration::from_millis(5));
+        }
     }
 }
 
@@ -110,6 +128,17 @@ async fn file(State(shared): State<Shared>, headers: HeaderMap, uri: Uri) -> Res
         (header::CACHE_CONTROL, "no-store"),
     ];
     (headers, body).into_response()
+}
+
+/// Tells whether a WebSocket would be opened: a page is not told why one was refused.
+async fn admission(State(shared): State<Shared>, headers: HeaderMap, uri: Uri) -> StatusCode {
+    if !shared.access.admits(text(&headers, header::HOST), uri.query()) {
+        StatusCode::FORBIDDEN
+    } else if shared.viewers.load(Ordering::Relaxed) >= MOST_VIEWERS {
+        StatusCode::SERVICE_UNAVAILABLE
+    } else {
+        StatusCode::NO_CONTENT
+    }
 }
 
 /// Answers a request for the WebSocket.

@@ -3,10 +3,12 @@
 //! A viewer gets one image at a time, and the next when it says that it is ready: a slow one gets fewer.
 
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
+use axum::body::Bytes;
 use axum::extract::ws::{Message as Packet, WebSocket};
 use tokio::sync::{mpsc, watch};
+use tokio::time::Interval;
 
 use super::hub::{Frames, Hub};
 use super::protocol::Message;
@@ -14,6 +16,11 @@ use super::viewer::Viewer;
 
 /// A viewer that does not take a packet within this time is disconnected.
 const SEND_TIMEOUT: Duration = Duration::from_secs(20);
+/// Time between two signs of life, and the longest silence of a viewer: a browser answers pings by itself.
+const PING_INTERVAL: Duration = Duration::from_secs(2);
+const LONGEST_SILENCE: Duration = Duration::from_secs(7);
+/// Longest time to wait for a viewer's farewell.
+const FAREWELL: Duration = Duration::from_millis(150);
 /// Length of the queue of answers to a viewer.
 const REPLY_QUEUE: usize = 16;
 
@@ -25,6 +32,10 @@ struct Session {
     is_ready: bool,
     frames: watch::Receiver<Frames>,
     status: watch::Receiver<Arc<str>>,
+    end: watch::Receiver<Option<Arc<str>>>,
+    pulse: Interval,
+    /// When the viewer has last sent or taken something.
+    heard: Instant,
     /// Where the render sends its answers, and where they arrive.
     reply: mpsc::Sender<String>,
     replies: mpsc::Receiver<String>,
@@ -33,6 +44,10 @@ struct Session {
 /// What to do after an event.
 enum Next {
     Send(Packet),
+    /// Send a sign of life, and ask for one.
+    Ping,
+    /// Say why there will be nothing more.
+    End(Arc<str>),
     Wait,
     Disconnect,
 }
@@ -45,17 +60,42 @@ pub async fn serve_viewer(mut socket: WebSocket, hub: Arc<Hub>) {
             Some(packet) => Next::Send(packet),
             None => session.next_event(&mut socket).await,
         };
-        match next {
-            Next::Send(packet) => {
-                let sent = tokio::time::timeout(SEND_TIMEOUT, socket.send(packet)).await;
-                if !matches!(sent, Ok(Ok(()))) {
-                    return;
-                }
-            }
-            Next::Wait => {}
+        let packets = match next {
+            Next::Send(packet) => vec![packet],
+            // A page does not see pings.
+            Next::Ping => vec![Packet::Ping(Bytes::new()), message("alive", "")],
+            Next::End(reason) => return end(&mut socket, &reason).await,
+            Next::Wait => continue,
             Next::Disconnect => return,
+        };
+        for packet in packets {
+            let is_frame = matches!(packet, Packet::Binary(_));
+            let sent = tokio::time::timeout(SEND_TIMEOUT, socket.send(packet)).await;
+            if !matches!(sent, Ok(Ok(()))) {
+                return;
+            }
+            if is_frame {
+                session.heard = Instant::now();
+            }
         }
     }
+}
+
+/// Tells a viewer why there will be nothing more, and waits a moment for its farewell: otherwise what it has sent would cut
+/// off the message.
+async fn end(socket: &mut WebSocket, reason: &str) {
+    let farewell = async {
+        socket.send(message("ended", reason)).await?;
+        socket.send(Packet::Close(None)).await?;
+        while let Some(Ok(_)) = socket.recv().await {}
+        Ok::<(), axum::Error>(())
+    };
+    let _ = tokio::time::timeout(FAREWELL, farewell).await;
+}
+
+/// Returns a message with a reason.
+fn message(kind: &str, reason: &str) -> Packet {
+    Packet::Text(serde_json::json!({ "type": kind, "reason": reason }).to_string().into())
 }
 
 impl Session {
@@ -65,7 +105,12 @@ impl Session {
         status.mark_changed();
         let (reply, replies) = mpsc::channel(REPLY_QUEUE);
         let viewer = Viewer::new(hub.clone());
-        Self { hub, viewer, is_ready: false, frames, status, reply, replies }
+        let mut end = hub.ended();
+        // It may have ended already.
+        end.mark_changed();
+        let pulse = tokio::time::interval(PING_INTERVAL);
+        let heard = Instant::now();
+        Self { hub, viewer, is_ready: false, frames, status, end, pulse, heard, reply, replies }
     }
 
     /// Returns a frame that the viewer has not had, if it is ready for one.
@@ -79,10 +124,13 @@ impl Session {
     /// Waits for a message, a new frame, a new status or an answer.
     async fn next_event(&mut self, socket: &mut WebSocket) -> Next {
         tokio::select! {
-            packet = socket.recv() => match packet {
-                Some(Ok(Packet::Text(text))) => self.handle_message(&text),
-                Some(Ok(_)) => Next::Wait,
-                Some(Err(_)) | None => Next::Disconnect,
+            packet = socket.recv() => {
+                self.heard = Instant::now();
+                match packet {
+                    Some(Ok(Packet::Text(text))) => self.handle_message(&text),
+                    Some(Ok(_)) => Next::Wait,
+                    Some(Err(_)) | None => Next::Disconnect,
+                }
             },
             changed = self.frames.changed(), if self.is_ready => match changed {
                 Ok(()) => Next::Wait,
@@ -91,6 +139,14 @@ impl Session {
             changed = self.status.changed() => match changed {
                 Ok(()) => self.current_status(),
                 Err(_) => Next::Disconnect,
+            },
+            _ = self.end.changed() => match self.end.borrow_and_update().clone() {
+                Some(reason) => Next::End(reason),
+                None => Next::Wait,
+            },
+            _ = self.pulse.tick() => match self.heard.elapsed() > LONGEST_SILENCE {
+                true => Next::Disconnect,
+                false => Next::Ping,
             },
             Some(reply) = self.replies.recv() => Next::Send(Packet::Text(reply.into())),
         }
@@ -124,5 +180,5 @@ impl Session {
 }
 
 fn refuse(reason: &str) -> Next {
-    Next::Send(Packet::Text(serde_json::json!({ "type": "refused", "reason": reason }).to_string().into()))
+    Next::Send(message("refused", reason))
 }

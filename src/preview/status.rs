@@ -8,7 +8,7 @@ use super::colour_scale::ColourScale;
 use super::command::Rectangle;
 use super::view::View;
 use crate::filter::DenoiserName;
-use crate::progressive::{EstimateSummary, Forecast, Point, Settings};
+use crate::progressive::{EstimateSummary, Point, Settings};
 
 /// What the render is doing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -42,7 +42,7 @@ pub struct Status<'a> {
     pub statistics: Statistics,
     /// Estimated error over time.
     pub curve: Vec<Point>,
-    pub forecast: Option<Forecast>,
+    pub forecast: Option<Expectation>,
     pub camera: &'a CameraStatus,
     /// Cameras to return to, as directives.
     pub bookmarks: &'a [String],
@@ -97,6 +97,17 @@ pub struct Statistics {
     pub filter_fraction: f64,
     pub memory_bytes: Option<u64>,
     pub estimate: Option<EstimateSummary>,
+}
+
+/// How the error is expected to fall from the latest point of the curve.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Expectation {
+    /// The point of the curve at which the error is halved.
+    pub halved: Point,
+    /// Seconds of rendering from now until then; 0 if it should be halved by now.
+    pub halving_seconds: f64,
+    /// The same until the target, if there is one.
+    pub target_seconds: Option<f64>,
 }
 
 /// The camera: its lens and its distance to the pivot, in scene units, and all of it in writing.

@@ -37,6 +37,11 @@ impl Forecast {
     pub fn halving_after(&self, seconds: f64) -> f64 {
         seconds * (2f64.powf(1.0 / self.power) - 1.0)
     }
+
+    /// Returns the factor on the time, or on the samples, by which the error falls from `error` to `target`; at least 1.
+    pub fn growth_to(&self, error: f64, target: f64) -> f64 {
+        (error / target).max(1.0).powf(1.0 / self.power)
+    }
 }
 
 /// Fits a forecast to points in order of time; `None` before the first estimate that is above zero.
@@ -79,6 +84,8 @@ mod tests {
             assert!((found.power - power).abs() < 1e-9);
             let halved = 8.0 * 2f64.powf(1.0 / power);
             assert!((8.0 + found.halving_seconds - halved).abs() < 1e-9);
+            assert!((8.0 * found.growth_to(0.4, 0.2) - halved).abs() < 1e-9);
+            assert_eq!(found.growth_to(0.1, 0.2), 1.0);
         }
     }
 

@@ -13,6 +13,7 @@ use super::checkpoint::{Checkpoint, InterimPass, Position, SampleBatch};
 use super::clock::Clock;
 use super::error_estimate::ErrorEstimate;
 use super::filter_pass::{FailureMap, FilterPass, Filtered};
+use super::forecast::{Point, forecast};
 use super::host::Host;
 use super::record::{Outcome, PassRecord, Progress};
 use super::region::Region;
@@ -180,13 +181,27 @@ impl<'a> RenderLoop<'a> {
     pub fn progress(&self) -> Progress {
         let situation = self.situation(&Conditions::default());
         let samples = self.store().samples();
+        let by_budget = situation.schedule().fraction(situation.elapsed, situation.samples);
         Progress {
-            fraction: situation.schedule().fraction(situation.elapsed, situation.samples),
+            fraction: self.target_fraction().map_or(by_budget, |by_target| by_budget.max(by_target)),
             elapsed: situation.elapsed,
             samples,
             spp: samples as f64 / self.store().pixels().max(1) as f64,
             estimate: self.estimate().map(ErrorEstimate::summary),
         }
+    }
+
+    /// Returns the fraction of the samples that lead to the target error, by the error's own rate; `None` without a target,
+    /// or before the first estimate.
+    fn target_fraction(&self) -> Option<f64> {
+        let (target, estimate) = (self.settings.budget.target_error?, self.estimate()?);
+        // Time is proportional to samples, and the power does not depend on the unit.
+        let point = |pass: &PassRecord| {
+            Some(Point { seconds: pass.samples_total as f64, error: pass.estimated_error? })
+        };
+        let points: Vec<Point> = self.checkpoint.passes.iter().filter_map(point).collect();
+        let growth = forecast(&points)?.growth_to(estimate.value, target);
+        Some((self.store().samples() as f64 / (growth * estimate.samples as f64)).min(1.0))
     }
 
     /// Returns the estimated error of the latest interim image.

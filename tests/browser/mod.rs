@@ -130,7 +130,11 @@ impl Page {
     fn type_key(&mut self, key: &str, modifiers: u32) {
         let text = if key.chars().count() == 1 { key } else { "" };
         for kind in ["keyDown", "keyUp"] {
-            let event = json!({ "type": kind, "key": key, "text": text, "modifiers": modifiers });
+            // Dialogs of the browser itself go by the code.
+            let code = if key == "Escape" { 27 } else { 0 };
+            let event = json!({
+                "type": kind, "key": key, "text": text, "modifiers": modifiers, "windowsVirtualKeyCode": code
+            });
             self.call("Input.dispatchKeyEvent", event);
         }
     }

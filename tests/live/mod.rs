@@ -53,3 +53,16 @@ pub fn preview(arguments: &[&str]) -> (Running, String, tempfile::TempDir) {
     let address = first_line(output, |line| line.strip_prefix("preview at ").map(str::to_owned));
     (program, address.expect("the program says where the page is"), folder)
 }
+
+/// A viewer's connection.
+pub type Socket = tungstenite::WebSocket<tungstenite::stream::MaybeTlsStream<std::net::TcpStream>>;
+
+/// Connects a viewer without a browser.
+pub fn viewer(address: &str) -> Socket {
+    use tungstenite::client::IntoClientRequest;
+    let own = address.trim_end_matches('/');
+    let mut request = own.replace("http", "ws").into_client_request().unwrap();
+    *request.uri_mut() = format!("{}/live", own.replace("http", "ws")).parse().unwrap();
+    request.headers_mut().insert("Origin", own.parse().unwrap());
+    tungstenite::connect(request).expect("a socket").0
+}

@@ -32,7 +32,7 @@ impl Controller<'_> {
     pub(super) fn return_to(&mut self, step: HistoryStep, render_loop: RenderLoop) {
         let settings = render_loop.settings().clone();
         let current = self.kept_render(render_loop, self.camera.clone(), settings);
-        let next = self.history.exchange(step, current).unwrap_or_else(|current| current);
+        let next = self.history.exchange(step, current);
         self.camera = next.camera.clone();
         self.configuration.settings = next.settings.clone();
         self.keeps_checkpoints = next.keeps_checkpoints;

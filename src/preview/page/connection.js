@@ -1,31 +1,69 @@
-// The WebSocket to the render: frames, status and answers in, messages out. Reconnects when it breaks.
+// The WebSocket to the render: frames, status and answers in, messages out. Reconnects when it breaks, and finds out why.
 
 export const HEADER = 24; // bytes
 const VERSION = 1;
 // Views by their index in a frame's header.
 const VIEWS = ["filtered", "raw", "samples", "error", "variance", "residual", "failure", "albedo", "normal"];
 const RETRY_MILLISECONDS = 1000;
+// The render gives a sign of life every two seconds.
+const LONGEST_SILENCE = 8000; // milliseconds
+const REASONS = {
+  204: "connection lost, reconnecting",
+  403: "this address is no longer valid: open the one that prpf has printed last",
+  503: "as many others are watching as may: waiting for a place",
+};
 
 export class Connection {
-  // `on`: callbacks { open, lost, frame, status, values, refused }.
+  // `on`: callbacks { open, lost(reason), frame, status, values, refused }.
   constructor(on) {
     this.on = on;
     this.connect();
+    setInterval(() => this.checkSilence(), 1000);
     // A hidden page asks for no frames, so that none are encoded for it.
     document.addEventListener("visibilitychange", () => this.isReadyPending && this.ready());
   }
 
   connect() {
     const scheme = location.protocol === "https:" ? "wss" : "ws";
-    this.socket = new WebSocket(`${scheme}://${location.host}/live${location.search}`);
-    this.socket.binaryType = "arraybuffer";
-    this.socket.onopen = () => { this.on.open(); this.ready(); };
-    this.socket.onmessage = ({ data }) => typeof data === "string" ? this.receiveMessage(JSON.parse(data)) : this.receiveFrame(data);
-    this.socket.onclose = () => { this.on.lost(); setTimeout(() => this.connect(), RETRY_MILLISECONDS); };
+    const socket = new WebSocket(`${scheme}://${location.host}/live${location.search}`);
+    socket.binaryType = "arraybuffer";
+    socket.onopen = () => { this.ended = null; this.on.open(); this.ready(); };
+    socket.onmessage = ({ data }) => {
+      this.heard = performance.now();
+      if (typeof data === "string") this.receiveMessage(JSON.parse(data));
+      else this.receiveFrame(data);
+    };
+    socket.onclose = () => this.lose();
+    this.socket = socket;
+    this.heard = performance.now();
   }
 
+  // Finds out why there is no connection, and tries again.
+  async lose() {
+    setTimeout(() => this.connect(), RETRY_MILLISECONDS);
+    if (this.ended) return this.on.lost(this.ended);
+    const answer = await fetch(`/admission${location.search}`, { cache: "no-store" }).catch(() => null);
+    if (this.isOpen()) return;
+    this.on.lost(answer ? REASONS[answer.status] ?? REASONS[204] : "no answer from prpf: it has ended, or the network is down");
+  }
+
+  // Gives up a connection that has been silent for too long.
+  checkSilence() {
+    if (!this.isOpen() || document.hidden || performance.now() - this.heard < LONGEST_SILENCE) return;
+    this.socket.onmessage = this.socket.onclose = null;
+    this.socket.close();
+    this.lose();
+  }
+
+  isOpen() {
+    return this.socket.readyState === WebSocket.OPEN;
+  }
+
+  // Sends a message; returns false if there is no connection.
   send(type, content = {}) {
-    if (this.socket.readyState === WebSocket.OPEN) this.socket.send(JSON.stringify({ type, ...content }));
+    if (!this.isOpen()) return false;
+    this.socket.send(JSON.stringify({ type, ...content }));
+    return true;
   }
 
   // Asks for the next frame, now or when the page becomes visible.
@@ -35,6 +73,7 @@ export class Connection {
   }
 
   receiveMessage(message) {
+    if (message.type === "ended") this.ended = message.reason;
     this.on[message.type]?.(message);
   }
 

@@ -14,9 +14,9 @@ export function duration(seconds) {
   return `${(seconds / 3600).toFixed(1)} h`;
 }
 
-// Draws the curve. `points`: [{ seconds, error }]; `forecast`: { power, halving_seconds } or null; `target`: an error or
-// null.
-export function drawErrorCurve(canvas, points, forecast, target) {
+// Draws the curve. `points`: [{ seconds, error }]; `halved`: the point at which the latest error is halved, or null;
+// `target`: an error or null.
+export function drawErrorCurve(canvas, points, halved, target) {
   // Size the canvas in device pixels
   const ratio = window.devicePixelRatio || 1;
   const { clientWidth: width, clientHeight: height } = canvas;
@@ -29,8 +29,6 @@ export function drawErrorCurve(canvas, points, forecast, target) {
   // Choose the ranges of both axes
   const known = points.filter((p) => p.error > 0 && p.seconds > 0);
   const last = known.at(-1);
-  const halved = last && forecast
-    ? { seconds: last.seconds * 2 ** (1 / forecast.power), error: last.error / 2 } : null;
   const all = [...known, ...(halved ? [halved] : [])];
   const span = (values, least) => {
     let low = Math.min(...values), high = Math.max(...values);

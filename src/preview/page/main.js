@@ -26,10 +26,16 @@ const state = {
 
 const connection = new Connection({
   // After a reconnection it may be another program.
-  open: () => { viewport.frames.clear(); state.requestedViews = ""; requestViews(); },
-  lost: () => {
-    $("phase").textContent = "connection lost, reconnecting";
+  open: () => {
+    $("save").disabled = $("restart").disabled = false;
+    viewport.frames.clear();
+    state.requestedViews = "";
+    requestViews();
+  },
+  lost: (reason) => {
+    $("phase").textContent = $("phase").title = reason;
     $("phase").className = "lost";
+    $("save").disabled = $("pause").disabled = $("restart").disabled = true;
   },
   frame: (frame) => {
     if (frame.view) viewport.setFrame(frame.view, frame);
@@ -91,13 +97,15 @@ const discarding = new Discarding($("question"));
 
 // Sends a message, after a question where it would discard a render that cannot be kept.
 function send(type, content) {
-  discarding.ask(type, content, state.status, () => sendNow(type, content), () => panel.show(state.status));
+  discarding.ask(type, content, state.status, () => sendNow(type, content), () => panel.restore());
 }
 
 function sendNow(type, content) {
   // A new generation begins with unfiltered images.
   if (["camera", "restart", "undo", "redo"].includes(type)) { state.movedGeneration = state.status?.generation ?? 0; requestViews(); }
-  connection.send(type, content);
+  if (connection.send(type, content)) return;
+  notify("not connected: this was not sent", true);
+  if (state.status) panel.restore();
 }
 
 function notify(text, isProblem) {
@@ -216,7 +224,7 @@ const togglePause = () => state.status && state.status.phase !== "finished" && s
 const restart = () => send("restart", {});
 const undo = () => $("undo").disabled || send("undo", {});
 const redo = () => $("redo").disabled || send("redo", {});
-const save = () => { notify("saving …", false); send("save", {}); };
+const save = () => { if (connection.isOpen()) notify("saving …", false); send("save", {}); };
 const clearRegion = () => send("priority-region", { region: null });
 const toggleHelp = () => {
   $("help").hidden = !$("help").hidden;

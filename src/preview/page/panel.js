@@ -71,7 +71,7 @@ export class Panel {
     $("scene").title = status.scene;
     document.title = `${PHASES[status.phase]} · ${$("scene").textContent}`;
     const end = status.stopped_by ? ` · ${STOP_REASONS[status.stopped_by]}` : "";
-    $("phase").className = "";
+    $("phase").className = $("phase").title = "";
     $("phase").textContent = `${PHASES[status.phase]}${end} · ${status.width}×${status.height}`;
     $("progress").firstElementChild.style.transform = `scaleX(${statistics.fraction})`;
     const paused = status.phase === "paused";
@@ -91,6 +91,12 @@ export class Panel {
     this.camera.show(status);
     this.showStatistics(status);
     this.showCurve();
+  }
+
+  // Shows the render's settings again after a change that did not reach it.
+  restore() {
+    this.showSettings(this.status.settings);
+    this.camera.show(this.status);
   }
 
   showSettings(settings) {
@@ -179,13 +185,21 @@ export class Panel {
   // Shows the error curve and its forecast.
   showCurve() {
     const { curve, forecast, settings } = this.status;
-    drawErrorCurve($("curve"), curve, forecast, settings.budget.target_error);
+    drawErrorCurve($("curve"), curve, forecast?.halved ?? null, settings.budget.target_error);
     const text = $("forecast");
     if (!forecast) {
       text.textContent = "The error is estimated with the first filtered image.";
       return;
     }
-    const time = Object.assign(document.createElement("b"), { textContent: duration(forecast.halving_seconds) });
-    text.replaceChildren("Halving the error takes ", time, " more.");
+    const { error } = this.status.statistics.estimate ?? {};
+    const { halving_seconds, target_seconds } = forecast;
+    const isOnTheWay = target_seconds !== null && error > settings.budget.target_error;
+    const [what, seconds] = isOnTheWay ? ["Reaching the target error takes ", target_seconds] : ["Halving the error takes ", halving_seconds];
+    if (seconds === 0) {
+      text.textContent = isOnTheWay ? "The next filtered image may reach the target error." : "The next filtered image may have half of this error.";
+      return;
+    }
+    const time = Object.assign(document.createElement("b"), { textContent: duration(seconds) });
+    text.replaceChildren(what, time, " more.");
   }
 }
