@@ -3,6 +3,7 @@
 //! Each method has a folder; `common` holds the steps that several of them use. Nothing here depends on where
 //! samples come from.
 
+mod cancellable_pool;
 mod common;
 mod denoiser;
 mod denoiser_name;
@@ -18,6 +19,7 @@ pub mod stages;
 #[cfg(test)]
 pub(crate) mod synthetic;
 
+pub use cancellable_pool::{CancellablePool, stop_if_cancelled};
 pub use common::blur;
 pub use common::error_maps::ErrorMaps;
 pub use common::fireflies::FireflySettings;

@@ -10,6 +10,7 @@ use multiversion::target::match_target;
 use rayon::prelude::*;
 
 use super::convolution::MARGIN;
+use crate::filter::cancellable_pool::stop_if_cancelled;
 use crate::filter::common::fast_exp::exp_negative;
 use crate::filter::common::interleaved_planes::{InterleavedPlanes, extend};
 use crate::filter::common::lanes::{lanes, multiply_add};
@@ -46,6 +47,7 @@ pub fn filter(
     let row_len = values.row_len();
     for level in 0..LEVELS {
         filtered.data_mut().par_chunks_mut(row_len).enumerate().for_each(|(y, out)| {
+            stop_if_cancelled();
             filter_row(predicted, hit, level, &values, y, out);
             out.chunks_exact_mut(values.stride()).for_each(|plane| extend(plane, MARGIN, values.width()));
         });

@@ -6,6 +6,7 @@
 use multiversion::target::match_target;
 use rayon::prelude::*;
 
+use crate::filter::cancellable_pool::stop_if_cancelled;
 use crate::filter::common::interleaved_planes::InterleavedPlanes;
 use crate::filter::common::lanes::multiply_add;
 use crate::simd::{LANES, apply, multiversioned};
@@ -63,6 +64,7 @@ impl Layer {
         let mut output = InterleavedPlanes::new(width, height, self.outputs, MARGIN, 0.0);
         let row_len = output.row_len().max(1);
         output.data_mut().par_chunks_mut(row_len).enumerate().for_each(|(y, out)| {
+            stop_if_cancelled();
             self.convolve_row(input, y, out);
             out.iter_mut().for_each(|v| *v = v.max(SLOPE * *v));
         });

@@ -10,6 +10,7 @@
 use rayon::prelude::*;
 
 use super::patch_distance::{ColourGuide, DistanceSettings, Neighbours, PatchDistance, Tile};
+use crate::filter::cancellable_pool::stop_if_cancelled;
 use crate::filter::common::linear_estimate::LinearEstimate;
 use crate::filter::common::padded_planes::{Margin, PaddedPlanes};
 use crate::simd::{LANES, apply, multiversioned};
@@ -75,8 +76,11 @@ pub fn fit(
     let columns: Vec<&[f32]> = features.into_iter().chain(original).collect();
     let columns = PaddedPlanes::new(width, height, &columns, settings.radius, Margin::Nearest);
     let tiles = distance.noisy_tiles(TILE);
-    let solved: Vec<_> =
-        tiles.par_iter().map(|&tile| fit_tile(tile, &distance, &columns, settings.radius)).collect();
+    let solve = |&tile: &Tile| {
+        stop_if_cancelled();
+        fit_tile(tile, &distance, &columns, settings.radius)
+    };
+    let solved: Vec<_> = tiles.par_iter().map(solve).collect();
 
     // Add the differences to the values
     for (tile, rows) in tiles.iter().zip(&solved) {

@@ -6,6 +6,7 @@
 use rayon::prelude::*;
 
 use super::patch_distance::{ColourGuide, DistanceSettings, PatchDistance, Tile};
+use crate::filter::cancellable_pool::stop_if_cancelled;
 use crate::filter::common::linear_estimate::LinearEstimate;
 use crate::filter::common::padded_planes::{Margin, PaddedPlanes};
 use crate::simd::{apply, multiversioned};
@@ -32,7 +33,11 @@ pub fn filter(
 
     // Sum the tiles with noise
     let tiles = distance.noisy_tiles(TILE);
-    let sums: Vec<Sums> = tiles.par_iter().map(|&tile| Sums::new(tile, &distance, &values)).collect();
+    let sum = |&tile: &Tile| {
+        stop_if_cancelled();
+        Sums::new(tile, &distance, &values)
+    };
+    let sums: Vec<Sums> = tiles.par_iter().map(sum).collect();
 
     // Divide by the sums of weights
     for (tile, sums) in tiles.iter().zip(&sums) {

@@ -12,6 +12,7 @@ use super::feature_guide::FeatureGuide;
 use super::inverse_bandwidths::inverse_bandwidths;
 use super::neighbourhood::Neighbourhood;
 use super::settings::{Bandwidth, PrpfSettings};
+use crate::filter::cancellable_pool::stop_if_cancelled;
 use crate::filter::common::fast_exp::exp_negative_precise;
 use crate::filter::common::interleaved_planes::InterleavedPlanes;
 use crate::filter::common::lanes::{lanes, multiply_add};
@@ -58,6 +59,7 @@ pub fn filter(
     let rows = values.row_len() * TASK_ROWS;
     if rows > 0 {
         filtered.data_mut().par_chunks_mut(rows).enumerate().for_each(|(task, out)| {
+            stop_if_cancelled();
             filter_rows(values, guide, &bandwidths, &spatial, task * TASK_ROWS, out);
         });
     }

@@ -6,6 +6,7 @@
 use rayon::prelude::*;
 
 use super::feature_guide::FeatureGuide;
+use crate::filter::cancellable_pool::stop_if_cancelled;
 use crate::filter::common::interleaved_planes::InterleavedPlanes;
 use crate::filter::common::lanes::lanes;
 use crate::simd::{LANES, Lanes, apply, multiversioned};
@@ -26,6 +27,7 @@ impl Neighbourhood {
         let mut planes = InterleavedPlanes::new(guide.width(), guide.height(), 2 * dims, 0, 0.0);
         let row_len = planes.row_len();
         planes.data_mut().par_chunks_mut(row_len).enumerate().for_each_init(Vec::new, |similar, (y, out)| {
+            stop_if_cancelled();
             compute_row(guide, &offsets, y, similar, out);
         });
         Self { dims, planes }

@@ -38,6 +38,7 @@ mod weights;
 
 use rayon::prelude::*;
 
+use super::cancellable_pool::stop_if_cancelled;
 use super::common::colours::Colours;
 use super::common::fireflies::FireflySettings;
 use super::denoiser::{Cost, Denoiser, Reads, SampleVectors};
@@ -142,6 +143,7 @@ fn filter_once(
                 if own.is_empty() {
                     continue;
                 }
+                stop_if_cancelled();
                 observe(Stage::Neighbourhoods);
                 neighbourhood.gather(samples, &sampler, &clustering, (x, y), (seed, t));
                 observe(Stage::Weights);
