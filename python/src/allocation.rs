@@ -1,9 +1,8 @@
 //! Allocation: from the maps of a result to priorities, and from priorities to the next sample counts.
 
 use numpy::{PyArrayMethods, PyUntypedArrayMethods};
-use prpf::adaptive::{self, Maps, PrioritySettings};
+use prpf::adaptive::{self, Maps, NO_CEILING, PrioritySettings};
 use prpf::filter;
-use prpf::progressive::NO_CEILING;
 use prpf::stats::Part;
 use pyo3::prelude::*;
 
@@ -96,21 +95,9 @@ pub fn allocate(
     }
     let priority = priority.try_readonly()?;
     let priority = priority.as_slice()?;
-    if let Some(found) = priority.iter().find(|value| !(value.is_finite() && **value >= 0.0)) {
-        return Err(value_error(format!("priority: found {found}; accepted is {accepted}, all finite")));
-    }
-    let max_spp = max_spp.unwrap_or(NO_CEILING);
-    if min_spp > max_spp || max_spp > NO_CEILING {
-        return Err(value_error(format!(
-            "max_spp: found {max_spp}; accepted is a number from min_spp, {min_spp}, to {NO_CEILING}"
-        )));
-    }
-    let counts = py.detach(|| {
-        // Rejected samples count: a pixel that rejects all of them must not hold up the others.
-        let taken = store.store.next_indices();
-        // Other pixels by chance in every batch.
-        let key = store.seed.rotate_left(32) ^ store.store.samples_taken();
-        adaptive::allocate_above(min_spp, priority, &taken, width, samples, max_spp, key)
-    });
+    let bounds = [min_spp, max_spp.unwrap_or(NO_CEILING)];
+    let counts = py
+        .detach(|| adaptive::next_counts(&store.store, priority, samples, bounds, store.seed))
+        .map_err(value_error)?;
     arrays::map(py, counts, width)
 }

@@ -1,13 +1,12 @@
 //! Denoisers: filtering a store, and the maps of the result.
 
-use prpf::filter::{DENOISERS, Denoiser, needed_sample_vectors, suited_to};
+use prpf::filter::{CancellablePool, DENOISERS, by_name, can_filter, suited_to};
 use prpf::progressive::{ErrorEstimate, FailureMap, FilterPass, Filtered};
-use prpf::stats;
+use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
 
 use crate::arrays;
 use crate::errors::value_error;
-use crate::settings;
 use crate::store::Store;
 
 /// See `prpf.pyi`.
@@ -89,30 +88,23 @@ pub fn denoisers() -> Vec<String> {
 #[pyfunction]
 #[pyo3(signature = (store, denoiser="nlm"))]
 pub fn denoise(py: Python, store: &Store, denoiser: &str) -> PyResult<Denoised> {
-    let denoiser = settings::denoiser(denoiser)?;
-    check(&store.store, denoiser)?;
+    let denoiser = by_name(denoiser).map_err(value_error)?;
+    can_filter(denoiser, &store.store).map_err(value_error)?;
     let pass = FilterPass {
         store: store.store.clone(),
         denoiser: suited_to(&store.store, denoiser),
         seed: store.seed,
         failure_map: FailureMap::Carry(None),
     };
-    let filtered = py.detach(|| pass.run());
-    Denoised::new(py, filtered)
-}
-
-/// Checks that a store has what a denoiser needs.
-fn check(store: &stats::Store, denoiser: &'static dyn Denoiser) -> PyResult<()> {
-    if store.samples() == 0 {
-        return Err(value_error("store: found no valid samples; accepted is at least one"));
+    let mut pool = CancellablePool::new(rayon::current_num_threads())
+        .map_err(|error| PyRuntimeError::new_err(error.to_string()))?;
+    let mut interrupt = None;
+    let mut is_interrupted = || {
+        interrupt = interrupt.take().or_else(|| Python::attach(|py| py.check_signals()).err());
+        interrupt.is_some()
+    };
+    match py.detach(|| pool.run(|| pass.run(), &mut is_interrupted)) {
+        Some(filtered) => Denoised::new(py, filtered),
+        None => Err(interrupt.expect("only an interrupt cancels a pass")),
     }
-    let (found, needed) = (store.capacity(), needed_sample_vectors(store, denoiser));
-    if found < needed {
-        return Err(value_error(format!(
-            "store: found a reservoir of {found} sample vectors per pixel, and {} needs {needed}; accepted is a store with \
-             reservoir={needed}, or the denoiser nlm",
-            denoiser.name()
-        )));
-    }
-    Ok(())
 }

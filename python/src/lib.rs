@@ -11,7 +11,6 @@ mod images;
 mod render;
 mod render_host;
 mod scene;
-mod settings;
 mod store;
 
 /// A progressive path tracer whose adaptive sampling is coupled to its denoiser: its scenes, pixel statistics,

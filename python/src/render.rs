@@ -4,18 +4,19 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use prpf::RenderBuilder;
+use prpf::adaptive::{NO_CEILING, Sampling};
+use prpf::filter::by_name;
 use prpf::image::OutputFormat;
-use prpf::progressive::{Budget, Filtered, MIN_SPP, NO_CEILING, Outcome, PassRecord, Settings};
+use prpf::progressive::{Budget, Filtered, MIN_SPP, Outcome, PassRecord, Settings};
 use prpf::state::ImageMetadata;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use crate::arrays;
 use crate::denoising::Denoised;
-use crate::errors::{image_error, render_error};
+use crate::errors::{image_error, render_error, value_error};
 use crate::render_host::RenderHost;
 use crate::scene::Scene;
-use crate::settings;
 use crate::store::Store;
 
 /// See `prpf.pyi`.
@@ -96,8 +97,8 @@ pub fn render(
     // Check the arguments before minutes of rendering
     let settings = Settings {
         budget: Budget { spp, seconds: time, target_error },
-        sampling: settings::sampling(sampling)?,
-        denoiser: settings::denoiser(denoiser)?,
+        sampling: self::sampling(sampling)?,
+        denoiser: by_name(denoiser).map_err(value_error)?,
         seed,
         min_spp,
         max_spp: max_spp.unwrap_or(NO_CEILING),
@@ -128,4 +129,16 @@ pub fn render(
         py.detach(|| rendered.write(path)).map_err(image_error)?;
     }
     Render::new(py, rendered.outcome)
+}
+
+/// Returns how samples are placed, by its name.
+///
+/// # Errors
+/// An unknown name.
+fn sampling(name: &str) -> PyResult<Sampling> {
+    match name {
+        "adaptive" => Ok(Sampling::Adaptive),
+        "uniform" => Ok(Sampling::Uniform),
+        _ => Err(value_error(format!("sampling: found `{name}`; accepted are adaptive and uniform"))),
+    }
 }

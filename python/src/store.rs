@@ -5,8 +5,7 @@ use std::sync::Arc;
 
 use numpy::{PyArrayMethods, PyUntypedArrayMethods};
 use prpf::image::Planes;
-use prpf::progressive::{Settings, fits_in_memory};
-use prpf::scene::film::{MAX_PIXELS, MAX_SIDE};
+use prpf::progressive::{StoreSizeError, check_store_size};
 use prpf::state::RenderState;
 use prpf::stats::{self, Columns, HalfMoments, Layout, Part, SampleRectangle};
 use pyo3::exceptions::PyMemoryError;
@@ -64,15 +63,10 @@ impl Store {
 
 /// Checks that a store of this size has pixels and fits in memory.
 fn check_size(columns: &Columns, [width, height]: [usize; 2], reservoir: usize) -> PyResult<()> {
-    let is_accepted = |side: usize| (1..=MAX_SIDE as usize).contains(&side);
-    if !is_accepted(width) || !is_accepted(height) || (width * height) as u64 > MAX_PIXELS {
-        return Err(value_error(format!(
-            "size: found {width}x{height}; accepted are sides from 1 to {MAX_SIDE} and at most {MAX_PIXELS} pixels"
-        )));
-    }
-    let settings = Settings { reservoir, ..Settings::default() };
-    fits_in_memory(columns.layout(), &settings, (width, height), false)
-        .map_err(|error| PyMemoryError::new_err(error.to_string()))
+    check_store_size(columns.layout(), (width, height), reservoir).map_err(|error| match error {
+        StoreSizeError::Size(..) => value_error(error),
+        StoreSizeError::Memory(error) => PyMemoryError::new_err(error.to_string()),
+    })
 }
 
 fn part(half: Option<usize>) -> PyResult<Part> {
@@ -259,25 +253,8 @@ impl Store {
         }
         let (pixels, samples) = (pixels.try_readonly()?, samples.try_readonly()?);
         let (pixels, samples) = (pixels.as_slice()?, samples.as_slice()?);
-        let (width, height) = (self.store.width(), self.store.height());
-        let is_outside = |pixel: &&[u32]| pixel[0] as usize >= width || pixel[1] as usize >= height;
-        if let Some(found) = pixels.chunks_exact(2).find(is_outside) {
-            return Err(value_error(format!(
-                "pixels: found ({}, {}); accepted are pixels within {width}x{height}",
-                found[0], found[1]
-            )));
-        }
-        py.detach(|| {
-            let store = Arc::make_mut(&mut self.store);
-            let mut sample = Vec::new();
-            for (pixel, values) in pixels.chunks_exact(2).zip(samples.chunks_exact(columns)) {
-                let (x, y) = (pixel[0] as usize, pixel[1] as usize);
-                sample.clear();
-                sample.extend(self.columns.arrange(x, y, values));
-                store.push(x, y, &sample);
-            }
-        });
-        Ok(())
+        py.detach(|| Arc::make_mut(&mut self.store).push_pixels(&self.columns, pixels, samples))
+            .map_err(value_error)
     }
 
     /// Valid samples of each pixel.

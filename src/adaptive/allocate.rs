@@ -16,6 +16,9 @@ const UNIFORM_FRACTION: f64 = 0.15;
 /// fraction.
 pub const CEILING: f64 = 8.0;
 
+/// No ceiling per pixel: more samples than any render takes.
+pub const NO_CEILING: u32 = u32::MAX / 4;
+
 /// Distributes `total` samples as evenly as possible over the pixels with fewer than `max_spp` samples. The
 /// remainder of the division goes to the pixels with the fewest samples (`have`), and among equals to random
 /// ones, selected by `key`: the first rows would show as a border in the image. Returns the samples of each pixel.

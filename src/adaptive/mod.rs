@@ -4,10 +4,12 @@
 //! Functions of planes and settings only; nothing here renders, filters or reads a clock.
 
 mod allocate;
+mod next_counts;
 mod priority;
 mod sample_map;
 
-pub use allocate::{CEILING, allocate, allocate_above, uniform};
+pub use allocate::{CEILING, NO_CEILING, allocate, allocate_above, uniform};
+pub use next_counts::{NextCountsError, batch_key, next_counts};
 pub use priority::{Maps, PrioritySettings, expected_ratio, priority};
 pub use sample_map::{MapValues, SampleMap, SampleMapError, follow};
 

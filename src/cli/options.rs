@@ -10,9 +10,9 @@ use super::denoiser_options::DenoiserOptions;
 use super::parse;
 use super::sample_map::SampleMapOptions;
 use super::state_options::StateOptions;
-use crate::adaptive::{PrioritySettings, Sampling};
+use crate::adaptive::{NO_CEILING, PrioritySettings, Sampling};
 use crate::filter::DENOISERS;
-use crate::progressive::{Budget, MIN_SPP, NO_CEILING, Settings};
+use crate::progressive::{Budget, MIN_SPP, Settings};
 use crate::scene::{Integrator, Scene};
 
 /// `prpf render`.

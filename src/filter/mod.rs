@@ -15,6 +15,7 @@ pub mod oidn;
 pub mod prpf;
 mod result;
 pub mod rpf;
+mod selection;
 pub mod stages;
 #[cfg(test)]
 pub(crate) mod synthetic;
@@ -31,6 +32,7 @@ pub use none::unfiltered;
 pub use prpf::{Bandwidth, PrpfSettings, mutual_information};
 pub use result::{FilterResult, Interpolation, Reliability};
 pub use rpf::RpfSettings;
+pub use selection::{SelectionError, by_name, can_filter};
 
 use crate::image::Planes;
 use crate::stats::{Part, Store};

@@ -25,8 +25,7 @@ pub(super) fn allocate_batch(
         _ => map.map(|map| map.values().to_vec()),
     };
     let (floor, max_spp) = (settings.min_spp.min(settings.max_spp), settings.max_spp);
-    // Each batch has its own key, so its uniform fraction goes to other pixels.
-    let key = settings.seed.rotate_left(32) ^ store.samples_taken();
+    let key = adaptive::batch_key(store, settings.seed);
     let spread = |priority: Option<&[f32]>, have: &[u32], width: usize, total: u64| match (priority, map) {
         (Some(values), Some(map)) => adaptive::follow(values, map.unit(), have, width, total, max_spp, key),
         (Some(priority), None) => adaptive::allocate_above(floor, priority, have, width, total, max_spp, key),

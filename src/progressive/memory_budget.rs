@@ -2,7 +2,8 @@
 
 use sysinfo::System;
 
-use super::settings::{NO_CEILING, PixelMemory, Settings};
+use super::settings::{PixelMemory, Settings};
+use crate::adaptive::NO_CEILING;
 use crate::filter::SampleVectors;
 use crate::stats::{Layout, PIXEL_BLOCK, Row};
 

@@ -16,7 +16,7 @@
 //! | `render_loop` | the actions |
 //! | `allocation`, `region`, `steps`, `filter_pass`, `error_estimate` | their parts |
 //! | `blocking`, `host` | the driver of the command line, and its interface to the program around it |
-//! | `settings`, `memory_budget` | the settings, and the memory they need |
+//! | `settings`, `memory_budget`, `store_size` | the settings, and the memory they need |
 //! | `forecast`, `clock` | the expected fall of the error; seconds since the program's start |
 
 mod action;
@@ -41,6 +41,7 @@ mod situation;
 mod speed;
 mod steps;
 mod stopped_by;
+mod store_size;
 mod time_constants;
 
 pub use action::{Action, next_action};
@@ -56,8 +57,9 @@ pub use record::{Outcome, PassRecord, Progress, Seconds, excessive_ratio};
 pub use region::Region;
 pub use render_loop::RenderLoop;
 pub use schedule::Plan;
-pub use settings::{MIN_SPP, NO_CEILING, PixelMemory, Settings, SettingsError};
+pub use settings::{MIN_SPP, PixelMemory, Settings, SettingsError};
 pub use situation::{Conditions, Mark, Measurements, Situation};
 pub use speed::Speed;
 pub use steps::Grain;
 pub use stopped_by::StoppedBy;
+pub use store_size::{StoreSizeError, check_store_size};

@@ -1,7 +1,7 @@
 //! The settings of a render.
 
 use super::budget::Budget;
-use crate::adaptive::{self, PrioritySettings, SampleMap, Sampling};
+use crate::adaptive::{self, NO_CEILING, PrioritySettings, SampleMap, Sampling};
 use crate::filter::{DENOISERS, Denoiser, SampleVectors};
 use crate::stats::{Layout, Store};
 
@@ -48,13 +48,10 @@ impl Default for Settings {
     }
 }
 
-/// No ceiling per pixel: more samples than any render takes.
-pub const NO_CEILING: u32 = u32::MAX / 4;
-
 mod ceiling {
     use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-    use super::NO_CEILING;
+    use crate::adaptive::NO_CEILING;
 
     pub fn serialize<S: Serializer>(spp: &u32, serializer: S) -> Result<S::Ok, S::Error> {
         Some(*spp).filter(|&spp| spp < NO_CEILING).serialize(serializer)

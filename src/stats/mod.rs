@@ -12,6 +12,7 @@ mod moments;
 mod part;
 mod reservoir;
 mod row;
+mod sample_list;
 mod sample_rectangle;
 mod store;
 
@@ -21,5 +22,6 @@ pub use layout::{Block, Dimension, Feature, Group, Layout, LayoutError, MAX_DIME
 pub use moments::Moments;
 pub use part::Part;
 pub use row::{LARGEST_VALUE, PIXEL_BLOCK, PixelBlockValues, Row, RowError};
+pub use sample_list::SampleListError;
 pub use sample_rectangle::{RectangleError, SampleRectangle};
 pub use store::Store;

@@ -55,7 +55,8 @@ impl Store {
             let (corner, size, store) = (rectangle.corner, rectangle.size, [self.width(), self.height()]);
             return Err(RectangleError::Outside { corner, size, store });
         }
-        let accepted = width * height * samples * columns.count();
+        let sizes = [height, samples, columns.count()];
+        let accepted = sizes.into_iter().fold(width, usize::saturating_mul);
         if values.len() != accepted {
             return Err(RectangleError::Length { found: values.len(), accepted });
         }
@@ -164,6 +165,7 @@ mod tests {
         assert!(error(&columns, [0, 0], [1, 1], 1, &[0.0; 4]).contains("found 4 values; accepted are 3"));
         let other = Columns::new(&["R", "G", "B", "time"]).unwrap();
         assert!(error(&other, [0, 0], [1, 1], 1, &[0.0; 4]).contains("found a layout of film.x"));
+        assert!(error(&columns, [0, 0], [4, 4], 1 << 60, &[]).contains("found 0 values"));
         let nothing = SampleRectangle { corner: [0, 0], size: [0, 0], samples: 0, values: &[] };
         store.push_rectangle(&columns, &nothing).unwrap();
         assert_eq!(store.samples_taken(), 0);

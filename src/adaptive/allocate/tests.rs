@@ -3,8 +3,6 @@
 use super::*;
 use proptest::prelude::*;
 
-const NO_CEILING: u32 = u32::MAX / 4;
-
 fn total(counts: &[u32]) -> u64 {
     counts.iter().map(|&n| u64::from(n)).sum()
 }
