@@ -24,6 +24,7 @@
 //! | [`scene`] | the scene: pbrt reader, shapes, materials, textures, lights, camera, and the [`scene::Effects`] it calls for |
 //! | [`geometry`] | acceleration structure, intersection, instances, motion |
 //! | [`stats`] | the sample vector's [`stats::Layout`], Welford moments, reservoir, the pixel-statistics [`stats::Store`] |
+//! | [`import`] | renders of other programs, as a store |
 //! | [`render`] | samplers, BSDFs, light sampling, integrators; renders a batch into a store |
 //! | [`filter`] | what a [`filter::Denoiser`] is, and the denoisers: P-RPF (`prpf` begins with Algorithm 1), cross-filtered non-local means, RPF, a learned filter, Open Image Denoise |
 //! | [`adaptive`] | maps → priority per pixel → sample counts of the next batch |
@@ -75,6 +76,7 @@ pub mod filter;
 pub mod geometry;
 mod hash;
 pub mod image;
+pub mod import;
 pub mod output;
 #[cfg(feature = "app")]
 pub mod preview;

@@ -1,4 +1,4 @@
-//! Files that are exchanged with other programs, as a user does it: sample maps.
+//! Files that are exchanged with other programs, as a user does it: sample maps, and images of other renderers.
 
 mod command;
 
@@ -92,4 +92,127 @@ fn a_map_that_places_no_samples_is_refused() {
         let line = refused(&values, &[]);
         assert!(line.contains(&format!("map.exr: the sample map: found {value} at pixel 5")), "{line}");
     }
+}
+
+/// Two noisy images of a step from 0.2 to 1, and a value for each pixel and channel that is its noise-free half.
+fn images(folder: &Path) -> Vec<f32> {
+    let clean: Vec<f32> =
+        (0..WIDTH * HEIGHT).map(|i| if i % WIDTH < WIDTH / 2 { 0.2 } else { 1.0 }).collect();
+    let normal: Vec<f32> = clean.iter().map(|&v| if v < 0.5 { 1.0 } else { 0.0 }).collect();
+    let rest: Vec<f32> = normal.iter().map(|v| 1.0 - v).collect();
+    let zero = vec![0.0; WIDTH * HEIGHT];
+    for (name, seed) in [("a.exr", 1u32), ("b.exr", 2)] {
+        let noise =
+            |i: usize| ((i as u32 ^ seed << 20).wrapping_mul(0x9e37_79b9) >> 16) as f32 / 32768.0 - 1.0;
+        let noisy: Vec<f32> = clean.iter().enumerate().map(|(i, v)| v * (1.0 + 0.4 * noise(i))).collect();
+        let [key, fill] = [0.75, 0.25].map(|part| noisy.iter().map(|v| part * v).collect::<Vec<_>>());
+        let mut channels: Vec<(String, &[f32])> = Vec::new();
+        for (c, suffix) in ["R", "G", "B"].into_iter().enumerate() {
+            channels.push((suffix.to_owned(), &noisy));
+            channels.push((format!("key.{suffix}"), &key));
+            channels.push((format!("fill.{suffix}"), &fill));
+            let axis = [&normal, &rest, &zero][c];
+            channels.push((format!("Ns.{}", ["X", "Y", "Z"][c]), axis));
+        }
+        let channels: Vec<(&str, &[f32])> =
+            channels.iter().map(|(name, values)| (name.as_str(), *values)).collect();
+        write(&folder.join(name), &channels);
+    }
+    clean
+}
+
+#[test]
+fn two_images_are_denoised_and_their_layers_with_them() {
+    let folder = folder();
+    let clean = images(folder.path());
+    let output = prpf(
+        folder.path(),
+        &["denoise", "a.exr", "b.exr", "-o", "out.exr", "-o", "out.png", "--aovs", "key,fill"],
+    );
+    let said = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    assert!(
+        said.contains("a.exr: colour (no name), normal Ns\n") && said.contains("estimated relMSE"),
+        "{said}"
+    );
+    assert!(folder.path().join("out.png").exists());
+    let read = |names: &[&str]| exr_file::read_channels(&folder.path().join("out.exr"), names).unwrap();
+    let error = |image: &[f32]| image.iter().zip(&clean).map(|(v, c)| ((v - c) / c).powi(2)).sum::<f32>();
+    let planes = read(&["G", "Noisy.G", "key.G", "fill.G"]);
+    let (filtered, noisy) = (error(planes.plane(0)), error(planes.plane(1)));
+    assert!(filtered < 0.3 * noisy, "{filtered} {noisy}");
+    for (i, v) in planes.plane(0).iter().enumerate() {
+        let [key, fill] = [2, 3].map(|c| planes.plane(c)[i]);
+        assert!((key + fill - v).abs() <= 1e-5 * v && (key / v - 0.75).abs() < 1e-3, "{key} {fill} {v}");
+    }
+}
+
+#[test]
+fn parts_and_tiles_are_read() {
+    use exr::prelude::*;
+    let folder = folder();
+    images(folder.path());
+    let size = (WIDTH, HEIGHT);
+    for name in ["a.exr", "b.exr"] {
+        let read = |names: &[&str]| exr_file::read_channels(&folder.path().join(name), names).unwrap();
+        let (colour, normal) = (read(&["R", "G", "B"]), read(&["Ns.X", "Ns.Y", "Ns.Z"]));
+        let layer = |name: &str, suffixes: [&str; 3], planes: &prpf::image::Planes, bounds: IntegerBounds| {
+            let channels = suffixes.iter().enumerate().map(|(c, suffix)| {
+                let values = planes.plane(c).iter().map(|&v| f16::from_f32(v)).collect();
+                AnyChannel::new(format!("View.{name}.{suffix}").as_str(), FlatSamples::F16(values))
+            });
+            let encoding = Encoding { blocks: Blocks::Tiles(Vec2(16, 16)), ..Encoding::FAST_LOSSLESS };
+            let attributes =
+                LayerAttributes::named(format!("View.{name}").as_str()).with_position(bounds.position);
+            Layer::new(size, attributes, encoding, AnyChannels::sort(channels.collect()))
+        };
+        let at = |x, y| IntegerBounds::new((x, y), size);
+        let layers = vec![
+            layer("Combined", ["R", "G", "B"], &colour, at(4, 2)),
+            layer("Denoising Normal", ["X", "Y", "Z"], &normal, at(4, 2)),
+        ];
+        let window = ImageAttributes::new(IntegerBounds::new((0, 0), (WIDTH + 9, HEIGHT + 9)));
+        let image = Image::from_layers(window, layers);
+        image.write().to_file(folder.path().join(format!("parts-{name}"))).unwrap();
+    }
+    let output = prpf(folder.path(), &["denoise", "parts-a.exr", "parts-b.exr", "-o", "out.exr"]);
+    let said = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert!(
+        said.contains("colour View.Combined, normal View.Denoising Normal"),
+        "{said} {:?}",
+        output.stderr
+    );
+    let info = exr_file::read_info(&folder.path().join("out.exr")).unwrap();
+    let windows = Windows { data: [4, 4 + WIDTH, 2, 2 + HEIGHT], display: [WIDTH + 9, HEIGHT + 9] };
+    assert_eq!(info.windows, Some(windows));
+}
+
+#[test]
+fn images_that_cannot_be_denoised_get_one_line() {
+    let folder = folder();
+    images(folder.path());
+    let refused = |more: &[&str]| refused(folder.path(), &[&["denoise"], more].concat());
+    let out = ["-o", "out.exr"];
+    let with_out = |more: &[&str]| refused(&[more, &out[..]].concat());
+    assert!(refused(&["a.exr", "b.exr"]).contains("-o FILE.exr"));
+    assert!(with_out(&["a.exr"]).contains("without a variance"));
+    assert!(with_out(&["a.exr", "a.exr"]).contains("another seed"));
+    assert!(with_out(&["a.exr", "scene.pbrt"]).contains("scene.pbrt: "));
+    assert!(
+        with_out(&["a.exr", "b.exr", "--map", "albedo=skin"])
+            .contains("found no layer `skin`; accepted are ``, `Ns`")
+    );
+    assert!(with_out(&["a.exr", "b.exr", "--map", "skin=a"]).contains("--map"));
+    assert!(
+        with_out(&["a.exr", "b.exr", "--aovs", "key"]).contains("--aovs: found layers whose sum differs")
+    );
+    assert!(
+        with_out(&["a.exr", "b.exr", "--aovs", "key,fill", "--denoiser", "learned"])
+            .contains("accepted is nlm")
+    );
+    assert!(with_out(&["a.exr", "b.exr", "--denoiser", "prpf"]).contains("sample vectors"));
+    assert!(with_out(&["scene.pbrt", "--map", "albedo=a"]).contains("no EXR image"));
+    let values = vec![1.0; WIDTH * HEIGHT];
+    write(&folder.path().join("grey.exr"), &[("Y", &values)]);
+    assert!(with_out(&["grey.exr", "a.exr"]).contains("found no colour among the layers ``"));
 }

@@ -1,4 +1,4 @@
-//! `prpf denoise`: filters a state again, without tracing a ray.
+//! `prpf denoise`: filters a state again, or images of any renderer, without tracing a ray.
 
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -7,6 +7,7 @@ use anyhow::bail;
 use clap::Args;
 
 use super::command_line::command_line;
+use super::denoise_images;
 use super::denoiser_options::DenoiserOptions;
 use super::failure::Failure;
 use super::output_paths::{are_distinct, can_be_written, replaces_no_state};
@@ -16,6 +17,7 @@ use super::terminal::print;
 use super::workers::in_pool;
 use crate::filter::suited_to;
 use crate::image::OutputFormat;
+use crate::import::LayerMap;
 use crate::output::{ImageOutput, Layers};
 use crate::progressive::{Checkpoint, FailureMap, FilterPass, Filtered, Settings};
 use crate::state::RenderState;
@@ -28,25 +30,41 @@ Examples:
   prpf denoise scene.state --quality draft -o draft.png
   prpf denoise scene.state --denoiser none -o noisy.exr --layers Noisy,SampleCount
 
-Without other options the image is the one that the render wrote. --denoiser prpf needs sample vectors in
-the state: `prpf render --reservoir 8` keeps them.")]
+  prpf denoise a.exr b.exr -o out.exr                        two renders of one frame, of any renderer
+  prpf denoise a.exr b.exr -o out.exr --map colour=beauty,albedo=diff_col --aovs key,fill
+
+Of a state: without other options the image is the one that the render wrote. --denoiser prpf needs sample
+vectors in the state: `prpf render --reservoir 8` keeps them.
+
+Of images: two renders that differ in their seeds only are the two halves of the samples. One image is enough
+if it has a layer of its variance. Layers are found under the names of pbrt-v4, Cycles, Mitsuba, Arnold and
+RenderMan, or given by --map.")]
 pub(super) struct DenoiseOptions {
-    /// State of `prpf render --state` or `prpf merge`
-    state: PathBuf,
-    /// Output, .exr (all layers) or .png; may be given twice [default: STATE.exr]
+    /// State of `prpf render --state` or `prpf merge`; or two EXR images, or one with its variance
+    #[arg(required = true, num_args = 1..=2, value_name = "STATE|IMAGE [IMAGE]")]
+    pub inputs: Vec<PathBuf>,
+    /// Output, .exr (all layers) or .png; may be given twice [default: STATE.exr; none for images]
     #[arg(short, long, value_name = "FILE")]
     outfile: Vec<PathBuf>,
     #[command(flatten)]
-    denoiser: DenoiserOptions,
+    pub denoiser: DenoiserOptions,
     /// Only these layers of the EXR beside the image, e.g. Albedo,Ns [default: all]
     #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
-    layers: Option<Vec<String>>,
+    pub layers: Option<Vec<String>>,
+    /// The images' layers, where their names are not known; roles: colour, albedo, normal, position, depth, variance (of
+    /// the mean), sample-variance. The layer none leaves a role out
+    #[arg(long, value_name = "ROLE=LAYER,...")]
+    pub map: Option<LayerMap>,
+    /// The images' layers that sum to the colour, such as light groups: they are filtered with its weights and written,
+    /// and sum to the filtered image
+    #[arg(long, value_name = "LAYER,...", value_delimiter = ',')]
+    pub aovs: Option<Vec<String>>,
     /// Worker threads [default: all cores]
     #[arg(long, visible_alias = "nthreads", value_name = "N", value_parser = parse::threads)]
     threads: Option<std::num::NonZeroUsize>,
     /// No summary
     #[arg(long)]
-    quiet: bool,
+    pub quiet: bool,
 }
 
 pub(super) fn run(options: &DenoiseOptions, start: Instant) -> Result<u8, Failure> {
@@ -54,11 +72,14 @@ pub(super) fn run(options: &DenoiseOptions, start: Instant) -> Result<u8, Failur
 }
 
 fn denoise(options: &DenoiseOptions, start: Instant) -> Result<u8, Failure> {
-    let outfiles = outfiles(options).map_err(Failure::Input)?;
+    let (is_of_images, outfiles) = check(options).map_err(Failure::Input)?;
+    if is_of_images {
+        return denoise_images::denoise(options, &outfiles, start);
+    }
 
     // Filter the state
     let RenderState { metadata, settings, checkpoint, .. } =
-        RenderState::read(&options.state).map_err(|error| Failure::Input(error.into()))?;
+        RenderState::read(&options.inputs[0]).map_err(|error| Failure::Input(error.into()))?;
     let denoiser = options.denoiser.choose(settings.denoiser).map_err(Failure::Input)?;
     let settings = Settings { denoiser, ..settings };
     let Filtered { result, estimate, .. } = filter(&checkpoint, &settings).map_err(Failure::Input)?;
@@ -94,10 +115,16 @@ fn denoise(options: &DenoiseOptions, start: Instant) -> Result<u8, Failure> {
     Ok(0)
 }
 
-/// Returns the output files, after checking them and the names of layers.
-fn outfiles(options: &DenoiseOptions) -> anyhow::Result<Vec<PathBuf>> {
+/// Checks the options; returns whether the inputs are images, and the output files.
+fn check(options: &DenoiseOptions) -> anyhow::Result<(bool, Vec<PathBuf>)> {
+    let state = &options.inputs[0];
+    let is_of_images = options.inputs.len() == 2 || denoise_images::is_image(state);
+    if !is_of_images && (options.map.is_some() || options.aovs.is_some()) {
+        bail!("--map, --aovs: found with {}, which is no EXR image; accepted with images", state.display());
+    }
     let outfiles = match options.outfile.as_slice() {
-        [] => vec![beside(&options.state)],
+        [] if is_of_images => bail!("--outfile: found none; accepted are -o FILE.exr and -o FILE.png"),
+        [] => vec![beside(state)],
         files => files.to_vec(),
     };
     for path in &outfiles {
@@ -106,14 +133,14 @@ fn outfiles(options: &DenoiseOptions) -> anyhow::Result<Vec<PathBuf>> {
         replaces_no_state(path)?;
     }
     let outputs: Vec<&Path> = outfiles.iter().map(PathBuf::as_path).collect();
-    are_distinct([&*options.state], &outputs)?;
+    are_distinct(options.inputs.iter().map(PathBuf::as_path), &outputs)?;
     if let Some(names) = &options.layers {
         if !outfiles.iter().any(|path| is_exr(path)) {
             bail!("--layers: found no output that has layers; accepted with -o FILE.exr");
         }
         Layers::check_names(names)?;
     }
-    Ok(outfiles)
+    Ok((is_of_images, outfiles))
 }
 
 /// Returns the state's name with `.exr` in place of `.state`.

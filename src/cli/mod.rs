@@ -9,6 +9,7 @@ mod command_line;
 mod compare;
 mod debug_sample;
 mod denoise;
+mod denoise_images;
 mod denoiser_options;
 mod export;
 mod failure;

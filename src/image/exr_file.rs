@@ -12,7 +12,7 @@ mod write;
 mod zip;
 
 pub use attribute::Attribute;
-pub use read::{ExrInfo, read_channels, read_info, read_layer};
+pub use read::{ExrInfo, ExrPart, read_channels, read_info, read_layer, read_part, read_parts};
 pub use write::{encode, write};
 
 /// The first bytes of every EXR file.

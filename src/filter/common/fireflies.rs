@@ -72,6 +72,8 @@ pub struct Firefly {
     pub excess: [f32; 3],
     /// Ratio of the luminance after and before clamping, in (0, 1).
     pub scale: f32,
+    /// The same of each half of the samples, in (0, 1].
+    pub half_scales: [f32; 2],
 }
 
 /// Clamps fireflies. `whole` and `halves` are means of 3 planes, `counts` the sample counts of the halves.
@@ -98,10 +100,11 @@ pub fn clamp(
         FireflyClamp { whole: whole.clone(), halves: halves.map(Planes::clone), fireflies: Vec::new() };
     for (pixel, bound) in bounds.iter().enumerate() {
         let Some(bound) = *bound else { continue };
-        for half in &mut clamped.halves {
+        let half_scales = clamped.halves.each_mut().map(|half| {
             let scale = (bound / pixel_luminance(half, pixel).max(bound)).min(1.0);
             half.planes_mut().for_each(|plane| plane[pixel] *= scale);
-        }
+            scale
+        });
         let [n_a, n_b] = counts.map(|counts| counts[pixel] as f32);
         let mut excess = [0.0; 3];
         for (k, excess) in excess.iter_mut().enumerate() {
@@ -112,7 +115,7 @@ pub fn clamp(
             *value = mean;
         }
         let scale = pixel_luminance(&clamped.whole, pixel) / luminances[pixel];
-        clamped.fireflies.push(Firefly { pixel, excess, scale });
+        clamped.fireflies.push(Firefly { pixel, excess, scale, half_scales });
     }
     clamped
 }

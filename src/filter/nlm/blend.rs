@@ -61,13 +61,22 @@ fn mean_magnitude(planes: &Planes) -> f64 {
 pub fn blend(
     noisy: &DualBuffer,
     brightness: &Brightness,
-    mut first: [LinearEstimate; 2],
+    first: [LinearEstimate; 2],
     second: &[LinearEstimate; 2],
     sigma: f32,
 ) -> [LinearEstimate; 2] {
     let fraction = fraction_of_first(noisy, brightness, &first, second, sigma);
+    mix(first, second, &fraction)
+}
+
+/// Blends two estimates by the fraction of the first in each pixel.
+pub fn mix(
+    mut first: [LinearEstimate; 2],
+    second: &[LinearEstimate; 2],
+    fraction: &[f32],
+) -> [LinearEstimate; 2] {
     let blend_values = |first: &mut [f32], second: &[f32]| {
-        let values = first.iter_mut().zip(second).zip(&fraction);
+        let values = first.iter_mut().zip(second).zip(fraction);
         values.for_each(|((f1, &f2), &fraction)| *f1 = f2 + fraction * (*f1 - f2));
     };
     for (first, second) in first.iter_mut().zip(second) {
@@ -79,8 +88,8 @@ pub fn blend(
     first
 }
 
-/// Computes λ for each pixel.
-fn fraction_of_first(
+/// Computes λ for each pixel: the fraction of the first estimate.
+pub fn fraction_of_first(
     noisy: &DualBuffer,
     brightness: &Brightness,
     first: &[LinearEstimate; 2],

@@ -21,8 +21,38 @@ pub fn filter_colour(
     if let Some([a, b]) = albedo {
         colour.divide([b, a]);
     }
+    filter_divided(&colour.mean, &colour, normal, albedo, settings)
+}
+
+/// Filters a layer of the colour, of which it has the means of both halves, as [`filter_colour`] does with the colour.
+pub fn filter_layer(
+    layer: &[Planes; 2],
+    noisy: &DualBuffer,
+    normal: Option<&[Planes; 2]>,
+    albedo: Option<&[Planes; 2]>,
+    settings: &NlmSettings,
+) -> [LinearEstimate; 2] {
+    let (mut colour, mut layer) = (noisy.clone(), layer.clone());
+    if let Some([a, b]) = albedo {
+        colour.divide([b, a]);
+        for (half, divisor) in layer.iter_mut().zip([b, a]) {
+            half.data_mut().iter_mut().zip(divisor.data()).for_each(|(value, &d)| *value /= d);
+        }
+    }
+    filter_divided(&layer, &colour, normal, albedo, settings)
+}
+
+/// Filters values that are divided by the albedo, with the weights of the colour that is divided by it, and multiplies by
+/// it.
+fn filter_divided(
+    values: &[Planes; 2],
+    colour: &DualBuffer,
+    normal: Option<&[Planes; 2]>,
+    albedo: Option<&[Planes; 2]>,
+    settings: &NlmSettings,
+) -> [LinearEstimate; 2] {
     both_halves(|h| {
-        let mut half = filter_half(&colour, normal.map(|normal| &normal[1 - h]), h, settings);
+        let mut half = filter_half(&values[h], colour, normal.map(|normal| &normal[1 - h]), h, settings);
         if let Some(albedo) = albedo {
             half.value.data_mut().iter_mut().zip(albedo[1 - h].data()).for_each(|(v, &a)| *v *= a);
         }
@@ -30,8 +60,9 @@ pub fn filter_colour(
     })
 }
 
-/// Filters one half of the colour.
+/// Filters values of one half.
 fn filter_half(
+    values: &Planes,
     colour: &DualBuffer,
     normal: Option<&Planes>,
     half: usize,
@@ -40,9 +71,9 @@ fn filter_half(
     let guide = 1 - half;
     let features: Vec<&[f32]> = normal.iter().flat_map(|n| [n.plane(0), n.plane(1), n.plane(2)]).collect();
     non_local_means::filter(
-        colour.mean[half].width(),
-        colour.mean[half].height(),
-        channels(&colour.mean[half]),
+        values.width(),
+        values.height(),
+        channels(values),
         ColourGuide {
             value: channels(&colour.mean[guide]),
             variance: channels(&colour.variance[guide]),
@@ -65,6 +96,18 @@ pub fn fit(
     k: f32,
     settings: &NlmSettings,
 ) -> [LinearEstimate; 2] {
+    fit_layer(&noisy.mean, noisy, features, k, settings)
+}
+
+/// Fits a local linear model to a layer of the colour, of which it has the means of both halves, with the weights of the
+/// colour.
+pub fn fit_layer(
+    layer: &[Planes; 2],
+    noisy: &DualBuffer,
+    features: [Option<&[Planes; 2]>; 2],
+    k: f32,
+    settings: &NlmSettings,
+) -> [LinearEstimate; 2] {
     let (width, height) = (noisy.mean[0].width(), noisy.mean[0].height());
     // A regressor of zeros has no effect on the fit.
     let zero = vec![0.0; width * height];
@@ -74,7 +117,7 @@ pub fn fit(
         local_regression::fit(
             width,
             height,
-            channels(&noisy.mean[h]),
+            channels(&layer[h]),
             ColourGuide {
                 value: channels(&noisy.mean[guide]),
                 variance: channels(&noisy.variance[guide]),

@@ -17,6 +17,7 @@
 
 mod blend;
 mod cross_filtering;
+mod layers;
 mod local_regression;
 mod non_local_means;
 mod patch_distance;
@@ -37,8 +38,9 @@ use super::denoiser_name::DenoiserName;
 use super::result::{FilterResult, Reliability};
 use crate::image::Planes;
 use crate::stats::{Block, Store};
-use blend::{Brightness, blend};
+use blend::{Brightness, blend, fraction_of_first, mix};
 use cross_filtering::{filter_colour, filter_emission, filter_feature, fit};
+use layers::ColourSteps;
 pub use settings::NlmSettings;
 
 /// Non-local means with one of its presets.
@@ -99,8 +101,25 @@ impl Denoiser for Nlm {
     }
 }
 
+impl Nlm {
+    /// Filters a store, and layers that sum to its colour with the same weights: of each layer the means of both halves of
+    /// the samples, 3 planes. Returns the layers, which sum to the image without directly visible emission, as well.
+    pub fn filter_with_layers(&self, store: &Store, layers: &[[Planes; 2]]) -> (FilterResult, Vec<Planes>) {
+        let (result, layers) = filter_with_layers(store, &self.settings, layers);
+        (FilterResult { made_by: self.name(), ..result }, layers)
+    }
+}
+
 /// Filters a store.
 pub fn filter(store: &Store, settings: &NlmSettings) -> FilterResult {
+    filter_with_layers(store, settings, &[]).0
+}
+
+fn filter_with_layers(
+    store: &Store,
+    settings: &NlmSettings,
+    layers: &[[Planes; 2]],
+) -> (FilterResult, Vec<Planes>) {
     let settings = &settings.for_samples(store.samples() as f32 / store.pixels().max(1) as f32);
     let layout = store.layout();
     let counts = HalfCounts::from_store(store);
@@ -119,6 +138,7 @@ pub fn filter(store: &Store, settings: &NlmSettings) -> FilterResult {
     let mut emission = noisy_emission.as_ref().map(|emission| filter_emission(emission, settings));
 
     // Blend them with local linear fits
+    let mut fraction = None;
     if settings.fit_radius > 0 {
         let mut image = counts.mean([&colour[0].value, &colour[1].value]);
         if let Some([a, b]) = &emission {
@@ -128,13 +148,24 @@ pub fn filter(store: &Store, settings: &NlmSettings) -> FilterResult {
         let brightness = Brightness::new(&image, parts);
         let features = [normal.as_ref(), albedo.as_ref()];
         let fitted = fit(&noisy, features, settings.fit_k, settings);
-        colour = blend(&noisy, &brightness, colour, &fitted, settings.blend_sigma);
+        let of_first = fraction_of_first(&noisy, &brightness, &colour, &fitted, settings.blend_sigma);
+        colour = mix(colour, &fitted, &of_first);
+        fraction = Some(of_first);
         emission = emission.zip(noisy_emission.as_ref()).map(|(emission, noisy)| {
             let fitted = fit(noisy, [None; 2], settings.fit_emission_k, settings);
             blend(noisy, &brightness, emission, &fitted, settings.blend_sigma)
         });
     }
     add_firefly_excess(&mut colour, &clamped, normal.as_ref(), albedo.as_ref(), settings);
+    let steps = ColourSteps {
+        noisy: &noisy,
+        counts: &counts,
+        fireflies: &clamped.fireflies,
+        features: [normal.as_ref(), albedo.as_ref()],
+        fraction: fraction.as_deref(),
+        settings,
+    };
+    let layers = steps.filter(layers, colour.each_ref().map(|half| &half.value));
 
     // Estimate the error and add the emission
     let part = |noisy, filtered| FilteredPart { noisy, filtered };
@@ -149,7 +180,10 @@ pub fn filter(store: &Store, settings: &NlmSettings) -> FilterResult {
     let image = counts.mean([&halves[0], &halves[1]]);
     let made_by = DenoiserName { method: METHOD, preset: None };
     let reliability = Reliability::CROSS_FILTERED;
-    FilterResult { made_by, image, halves, variance, error, residual, risk, reliability, interpolation: None }
+    let interpolation = None;
+    let result =
+        FilterResult { made_by, image, halves, variance, error, residual, risk, reliability, interpolation };
+    (result, layers)
 }
 
 /// Adds the blurred excess of fireflies to surfaces, multiplied by the albedo.

@@ -22,7 +22,7 @@ use super::{Attribute, Windows};
 use crate::image::error::{MAX_SAMPLES, MAX_SIDE};
 use crate::image::{ImageError, Planes, Problem};
 
-/// The contents of the header of a file's first part.
+/// The contents of the header of one part of a file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ExrInfo {
     pub width: usize,
@@ -35,23 +35,46 @@ pub struct ExrInfo {
     pub attributes: Vec<(String, Attribute)>,
 }
 
-/// Reads the header only.
+/// A part of a file.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ExrPart {
+    pub name: Option<String>,
+    pub info: ExrInfo,
+}
+
+/// Reads the header of the first part only.
 ///
 /// # Errors
 /// As for [`read_channels`], except missing channels.
 pub fn read_info(path: &Path) -> Result<ExrInfo, ImageError> {
-    catch_panic(|| {
-        let reader = open(BufReader::new(File::open(path)?))?;
-        let header = &reader.headers()[0];
-        Ok(ExrInfo {
-            width: header.layer_size.width(),
-            height: header.layer_size.height(),
-            windows: windows(header),
-            channels: channel_names(header),
-            attributes: attribute::extract(header.own_attributes.clone()),
-        })
-    })
-    .map_err(|problem| problem.at(path))
+    read_headers(path, |headers| info(&headers[0]))
+}
+
+/// Reads the headers of all parts.
+///
+/// # Errors
+/// As for [`read_channels`], except missing channels.
+pub fn read_parts(path: &Path) -> Result<Vec<ExrPart>, ImageError> {
+    let part = |header: &Header| ExrPart {
+        name: header.own_attributes.layer_name.as_ref().map(string),
+        info: info(header),
+    };
+    read_headers(path, |headers| headers.iter().map(part).collect())
+}
+
+fn read_headers<T>(path: &Path, read: impl Fn(&[Header]) -> T) -> Result<T, ImageError> {
+    catch_panic(|| Ok(read(open(BufReader::new(File::open(path)?))?.headers())))
+        .map_err(|problem| problem.at(path))
+}
+
+fn info(header: &Header) -> ExrInfo {
+    ExrInfo {
+        width: header.layer_size.width(),
+        height: header.layer_size.height(),
+        windows: windows(header),
+        channels: channel_names(header),
+        attributes: attribute::extract(header.own_attributes.clone()),
+    }
 }
 
 /// Reads the channels of these names as one plane each, in this order, from any stored type. Of a file's
@@ -62,6 +85,30 @@ pub fn read_info(path: &Path) -> Result<ExrInfo, ImageError> {
 /// compression, deep data and subsampled channels; [`Problem::Malformed`] for a damaged file.
 pub fn read_channels(path: &Path, names: &[&str]) -> Result<Planes, ImageError> {
     read_first_present(path, &[names.iter().map(|name| name.to_string()).collect()])
+}
+
+/// Reads the channels of these names of one part as one plane each, in this order.
+///
+/// # Errors
+/// Those of [`read_channels`].
+pub fn read_part(path: &Path, part: usize, names: &[&str]) -> Result<Planes, ImageError> {
+    let names: Vec<String> = names.iter().map(|name| name.to_string()).collect();
+    catch_panic(|| {
+        let reader = open(BufReader::new(File::open(path)?))?;
+        let header = reader.headers().get(part);
+        match header.and_then(|header| channel_indices(header, &names)) {
+            Some(channels) => decode(reader, part, &channels),
+            None => Err(missing(reader.headers(), &names)),
+        }
+    })
+    .map_err(|problem| problem.at(path))
+}
+
+fn missing(headers: &[Header], wanted: &[String]) -> Problem {
+    Problem::MissingChannels {
+        wanted: wanted.to_vec(),
+        present: headers.iter().flat_map(channel_names).collect(),
+    }
 }
 
 /// Reads a layer as three planes: its `R` `G` `B`, or `X` `Y` `Z`, or its only channel (`Y` or
@@ -100,10 +147,7 @@ pub(super) fn decode_first_present(
             .find_map(|(part, indices)| Some((part, indices?)));
         match found {
             Some((part, channels)) => decode(reader, part, &channels),
-            None => Err(Problem::MissingChannels {
-                wanted: choices[0].clone(),
-                present: reader.headers().iter().flat_map(channel_names).collect(),
-            }),
+            None => Err(missing(reader.headers(), &choices[0])),
         }
     })
 }

@@ -5,7 +5,7 @@ use super::*;
 
 #[test]
 fn redistribution_keeps_the_energy_where_no_pixel_reaches_its_limit() {
-    let firefly = Firefly { pixel: 40, excess: [0.3, 0.2, 0.1], scale: 0.5 };
+    let firefly = Firefly { pixel: 40, excess: [0.3, 0.2, 0.1], scale: 0.5, half_scales: [0.5; 2] };
     let (mut image, _) = grey_except([0.5, 0.5]);
     let before: f32 = image.plane(0).iter().sum();
     redistribute(&[firefly], &mut [&mut image], &FireflySettings::default(), |_, _| true);
@@ -16,7 +16,7 @@ fn redistribution_keeps_the_energy_where_no_pixel_reaches_its_limit() {
 
 #[test]
 fn redistribution_respects_the_limit_and_changes_only_similar_pixels() {
-    let firefly = Firefly { pixel: 40, excess: [1e8; 3], scale: 0.5 };
+    let firefly = Firefly { pixel: 40, excess: [1e8; 3], scale: 0.5, half_scales: [0.5; 2] };
     let (mut image, _) = grey_except([0.5, 0.5]);
     redistribute(&[firefly], &mut [&mut image], &FireflySettings::default(), |_, (x, _)| x < 5);
     assert!(image.data().iter().all(|&v| v < 0.5 * 1.021), "{:?}", image.plane(0));
@@ -27,7 +27,8 @@ fn redistribution_respects_the_limit_and_changes_only_similar_pixels() {
 fn redistribution_weights_are_a_gaussian_of_a_quarter_window() {
     let settings =
         FireflySettings { redistribution_window: 5, redistribution_limit: 0.1, ..FireflySettings::default() };
-    let fireflies = [11, 40].map(|pixel| Firefly { pixel, excess: [0.3, 0.2, 0.1], scale: 0.5 });
+    let fireflies =
+        [11, 40].map(|pixel| Firefly { pixel, excess: [0.3, 0.2, 0.1], scale: 0.5, half_scales: [0.5; 2] });
     let is_similar = |_: (usize, usize), (x, y): (usize, usize)| (x + 2 * y) % 3 != 0;
     let (mut image, [mut other, _]) = grey_except([0.5, 0.7]);
     let before = [image.clone(), other.clone()];
@@ -68,7 +69,7 @@ fn blurred_excess_is_a_gaussian_around_each_firefly_up_to_the_limit() {
     let mut divisor = whole.clone();
     divisor.plane_mut(1).fill(0.25);
     for (excess, limit) in [([3.0, 2.0, 1.0], 1.0), ([3e3, 2e3, 1e3], 0.02)] {
-        let fireflies = vec![Firefly { pixel: at, excess, scale: 0.5 }];
+        let fireflies = vec![Firefly { pixel: at, excess, scale: 0.5, half_scales: [0.5; 2] }];
         let halves = [whole.clone(), whole.clone()];
         let clamped = FireflyClamp { whole: whole.clone(), halves, fireflies };
         let light = blurred_excess(&clamped, Some(&divisor), sigma, limit).expect("a firefly");

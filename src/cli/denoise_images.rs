@@ -1,0 +1,177 @@
+//! `prpf denoise` of images of any renderer: two renders of one frame with different seeds, or one with its variance.
+
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use anyhow::{bail, ensure};
+use rayon::prelude::*;
+
+use super::command_line::command_line;
+use super::denoise::DenoiseOptions;
+use super::failure::Failure;
+use super::summary::describe;
+use super::terminal::{escaped, print, print_error};
+use crate::filter::nlm::{self, Nlm};
+use crate::filter::{DENOISERS, Denoiser, FilterResult, SampleVectors};
+use crate::image::exr_file::{self, Attribute, Channel, Precision, Windows};
+use crate::image::{OutputFormat, Planes, png_file};
+use crate::import::{Frame, FrameStore, Role};
+use crate::output::Layers;
+use crate::progressive::ErrorEstimate;
+use crate::state::ImageMetadata;
+
+/// Layers that an EXR gets beside the image, where they exist.
+const LAYERS: [&str; 7] = ["Noisy", "Albedo", "Ns", "Variance", "Error", "FilterResidual", "TileError"];
+
+/// Returns whether a file is an image, by its first bytes.
+pub(super) fn is_image(path: &Path) -> bool {
+    use std::io::Read;
+    let mut start = [0; exr_file::MAGIC.len()];
+    let file = std::fs::File::open(path).and_then(|mut file| file.read_exact(&mut start));
+    file.is_ok() && start == exr_file::MAGIC
+}
+
+pub(super) fn denoise(options: &DenoiseOptions, outfiles: &[PathBuf], start: Instant) -> Result<u8, Failure> {
+    // Read the images
+    let denoiser = choose(options).map_err(Failure::Input)?;
+    let map = options.map.clone().unwrap_or_default();
+    let aovs = options.aovs.clone().unwrap_or_default();
+    let frames: Result<Vec<Frame>, _> =
+        options.inputs.iter().map(|path| Frame::read(path, &map, &aovs)).collect();
+    let frames = frames.map_err(|error| Failure::Input(error.into()))?;
+    let FrameStore { store, aovs, empty_pixels } =
+        FrameStore::new(&frames, 0).map_err(|error| Failure::Input(error.into()))?;
+    if !options.quiet {
+        warn(&frames, empty_pixels);
+    }
+
+    // Filter them
+    let planes: Vec<[Planes; 2]> = aovs.iter().map(|(_, planes)| planes.clone()).collect();
+    let (result, filtered) = match as_nlm(denoiser) {
+        Some(nlm) => nlm.filter_with_layers(&store, &planes),
+        None => (denoiser.filter(&store, 0), Vec::new()),
+    };
+    let estimate = ErrorEstimate::new(&result, &store);
+
+    // Write the image
+    let (width, height) = (store.width(), store.height());
+    let windows = frames[0].windows.unwrap_or(Windows::whole(width, height));
+    let metadata = ImageMetadata {
+        source: String::new(),
+        hash: String::new(),
+        film: windows.display,
+        pixel_bounds: windows.data,
+        integrator: String::new(),
+        effects: Vec::new(),
+        origin: [0.0; 3],
+        diameter: 1.0,
+        camera: String::new(),
+    };
+    let names = options.layers.clone().unwrap_or_else(|| LAYERS.map(str::to_owned).to_vec());
+    let layers = Layers::new(&result, &store, estimate.as_ref(), &metadata, Some(&names));
+    if options.layers.is_some() {
+        layers.check_present(&names).map_err(|error| Failure::Input(error.into()))?;
+    }
+    let mut channels = layers.channels();
+    for ((name, _), planes) in aovs.iter().zip(&filtered) {
+        let channel =
+            |(c, suffix)| Channel::new(format!("{name}.{suffix}"), planes.plane(c), Precision::Float);
+        channels.extend(["R", "G", "B"].into_iter().enumerate().map(channel));
+    }
+    let attributes = attributes(&frames, &result);
+    let write = |path: &PathBuf| match OutputFormat::from_path(path)? {
+        OutputFormat::Png => png_file::write(path, &result.image, 0.0),
+        OutputFormat::Exr => exr_file::write(path, windows, &channels, &attributes),
+    };
+    let errors: Vec<_> = outfiles.par_iter().filter_map(|path| write(path).err()).collect();
+    if !errors.is_empty() {
+        let lines: Vec<String> = errors.iter().map(ToString::to_string).collect();
+        return Err(Failure::Run(anyhow::anyhow!(lines.join("; "))));
+    }
+    if !options.quiet {
+        print(&summary(&frames, &result, estimate.as_ref(), outfiles, start)).map_err(Failure::Run)?;
+    }
+    Ok(0)
+}
+
+/// Returns the denoiser, which images have to suffice for.
+fn choose(options: &DenoiseOptions) -> anyhow::Result<&'static dyn Denoiser> {
+    let denoiser = options.denoiser.choose(DENOISERS[0])?;
+    let name = denoiser.name();
+    ensure!(
+        denoiser.reads().sample_vectors == SampleVectors::None,
+        "--denoiser {name}: found a denoiser that reads sample vectors, which images do not have; accepted are nlm, learned, \
+         oidn and none"
+    );
+    if options.aovs.is_some() && as_nlm(denoiser).is_none() {
+        bail!("--aovs: found --denoiser {name}, whose weights other layers cannot share; accepted is nlm");
+    }
+    Ok(denoiser)
+}
+
+fn as_nlm(denoiser: &dyn Denoiser) -> Option<&'static Nlm> {
+    [&nlm::STANDARD, &nlm::DRAFT].into_iter().find(|nlm| nlm.name() == denoiser.name())
+}
+
+/// Prints what may make the image worse than it could be.
+fn warn(frames: &[Frame], empty_pixels: usize) {
+    let negative: usize = frames.iter().map(|frame| frame.negative_values).sum();
+    let mut warnings = Vec::new();
+    if let [_] = frames {
+        warnings.push(
+            "one image: its halves are made by adding noise of the variance that it states. That variance comes from the same \
+             samples as the image, so fireflies and dark noise stay in part; two renders with different seeds are better"
+                .to_owned(),
+        );
+    }
+    if frames.iter().any(|frame| !frame.found.iter().any(|(role, _)| *role == Role::Normal)) {
+        warnings.push(
+            "no normals: edges between surfaces of one colour may be blurred; --map normal=LAYER names them"
+                .to_owned(),
+        );
+    }
+    if negative > 0 {
+        warnings.push(format!("{negative} negative values of the colour were set to 0"));
+    }
+    if empty_pixels > 0 {
+        warnings
+            .push(format!("{empty_pixels} pixels without finite values are filled from their neighbours"));
+    }
+    warnings.iter().for_each(|warning| print_error(&format!("warning: {warning}")));
+}
+
+fn attributes(frames: &[Frame], result: &FilterResult) -> Vec<(String, Attribute)> {
+    let sources: Vec<String> = frames.iter().map(|frame| frame.path.to_string_lossy().into_owned()).collect();
+    let own = |name: &str, value: String| (format!("prpf.{name}"), Attribute::Text(value));
+    vec![
+        own("version", env!("CARGO_PKG_VERSION").to_owned()),
+        own("commandLine", command_line()),
+        own("sources", sources.join(" ")),
+        own("denoiser", result.made_by.to_string()),
+    ]
+}
+
+fn summary(
+    frames: &[Frame],
+    result: &FilterResult,
+    estimate: Option<&ErrorEstimate>,
+    outfiles: &[PathBuf],
+    start: Instant,
+) -> String {
+    let role = |(role, layer): &(Role, String)| {
+        let shown = if layer.is_empty() { "(no name)" } else { layer };
+        format!("{} {shown}", role.name())
+    };
+    let mut lines: Vec<String> = frames
+        .iter()
+        .map(|frame| {
+            let found: Vec<String> = frame.found.iter().map(role).collect();
+            escaped(&format!("{}: {}", frame.path.display(), found.join(", ")))
+        })
+        .collect();
+    let error = estimate.map(|estimate| format!("{}, ", describe(estimate))).unwrap_or_default();
+    lines.push(format!("{:.2} s, {error}by {}", start.elapsed().as_secs_f64(), result.made_by));
+    lines.extend(outfiles.iter().map(|path| escaped(&path.to_string_lossy())));
+    lines.push(String::new());
+    lines.join("\n")
+}

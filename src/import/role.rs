@@ -1,0 +1,239 @@
+//! What a denoiser needs of a render, and the names by which renderers call it.
+//!
+//! Sources: pbrt-v4's gbuffer film (`film.cpp`), Blender's passes of Cycles, Mitsuba 3's `aov` integrator, Arnold's AOVs
+//! (also with the endings `_noice` and `_denoise`), RenderMan's display channels for its denoiser.
+
+use std::str::FromStr;
+
+use super::layer::Layer;
+
+/// A quantity that a denoiser needs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Role {
+    Colour,
+    Albedo,
+    Normal,
+    Position,
+    Depth,
+    /// Variance of the pixel's mean.
+    Variance,
+    /// Variance of the samples.
+    SampleVariance,
+}
+
+/// All roles with their names in `--map`, and the keys of layers that have them, the best first.
+const TABLE: [(Role, &str, &[&str]); 7] = [
+    (
+        Role::Colour,
+        "colour",
+        &["noisy", "noisyimage", "combined", "", "rgba", "beauty", "rgb", "ci", "color", "colour", "image"],
+    ),
+    (
+        Role::Albedo,
+        "albedo",
+        &["denoisingalbedo", "albedo", "alb", "diffusealbedo", "basecolor", "diffusecolor", "diffcol"],
+    ),
+    (
+        Role::Normal,
+        "normal",
+        &[
+            "denoisingnormal",
+            "ns",
+            "nn",
+            "shnormal",
+            "shadingnormal",
+            "normal",
+            "normals",
+            "n",
+            "nrm",
+            "geonormal",
+        ],
+    ),
+    (Role::Position, "position", &["position", "p", "pp", "pos", "worldposition", "pworld"]),
+    (Role::Depth, "depth", &["denoisingdepth", "depth", "z", "zdepth", "zfiltered", "dd", ""]),
+    (Role::Variance, "variance", &["mse", "variance"]),
+    (Role::SampleVariance, "sample-variance", &[]),
+];
+
+impl Role {
+    /// Returns all roles.
+    pub fn all() -> [Self; TABLE.len()] {
+        TABLE.map(|(role, ..)| role)
+    }
+
+    /// Returns the name in `--map`.
+    pub fn name(self) -> &'static str {
+        self.row().1
+    }
+
+    fn row(self) -> (Self, &'static str, &'static [&'static str]) {
+        TABLE[self as usize]
+    }
+
+    /// Returns the channels of a layer that has this role, three or one; `None` if it has others.
+    pub fn channels(self, layer: &Layer) -> Option<Vec<String>> {
+        if self == Self::Depth {
+            return layer.single().map(|channel| vec![channel.to_owned()]);
+        }
+        layer.triple().map(|channels| channels.map(str::to_owned).to_vec())
+    }
+}
+
+/// The layers that a person names: for each role a layer, or `none`.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct LayerMap(Vec<(Role, String)>);
+
+impl FromStr for LayerMap {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let names = TABLE.map(|(_, name, _)| name).join(", ");
+        let item = |item: &str| {
+            let error = || {
+                format!(
+                    "found `{item}`; accepted are ROLE=LAYER with the roles {names}, each once, and the layer none"
+                )
+            };
+            let (role, layer) = item.split_once('=').ok_or_else(error)?;
+            let role = TABLE.iter().find(|(_, name, _)| *name == role).ok_or_else(error)?.0;
+            Ok((role, layer.to_owned()))
+        };
+        let items = text.split(',').map(item).collect::<Result<Vec<_>, String>>()?;
+        match items
+            .iter()
+            .enumerate()
+            .find(|(i, (role, _))| items[..*i].iter().any(|(other, _)| other == role))
+        {
+            Some((_, (role, _))) => Err(format!("found `{}` twice; accepted is each role once", role.name())),
+            None => Ok(Self(items)),
+        }
+    }
+}
+
+impl LayerMap {
+    /// Returns the layer of each role that a file has, in the order of [`Role::all`].
+    ///
+    /// # Errors
+    /// A named layer that the file does not have, or that has other channels.
+    pub fn find<'a>(&self, layers: &'a [Layer]) -> Result<Vec<(Role, &'a Layer)>, String> {
+        // pbrt's variance, which has a relative one beside it, is that of the samples.
+        let is_of_samples = layers.iter().any(|layer| layer.key() == "relativevariance");
+        let mut found: Vec<(Role, &Layer)> = Vec::new();
+        for role in Role::all() {
+            let named = self.0.iter().find(|(named, _)| *named == role).map(|(_, name)| name.as_str());
+            let layer = match named {
+                Some("none") => None,
+                Some(name) => Some(by_name(layers, name, |layer| role.channels(layer).is_some())?),
+                None => by_convention(layers, role),
+            };
+            let implied = if role == Role::Variance && named.is_none() && is_of_samples {
+                Role::SampleVariance
+            } else {
+                role
+            };
+            found.extend(layer.map(|layer| (implied, layer)));
+        }
+        Ok(found)
+    }
+}
+
+/// Returns the layer of this name, or the only one whose last component it is.
+///
+/// # Errors
+/// There is none with the right channels; the message lists what there is.
+pub fn by_name<'a>(
+    layers: &'a [Layer],
+    name: &str,
+    is_suitable: impl Fn(&Layer) -> bool,
+) -> Result<&'a Layer, String> {
+    let last = |layer: &Layer| layer.name.rsplit('.').next() == Some(name);
+    let suitable = || layers.iter().filter(|layer| is_suitable(layer));
+    suitable().find(|layer| layer.name == name).or_else(|| suitable().find(|layer| last(layer))).ok_or_else(
+        || {
+            let all: Vec<String> = suitable().map(|layer| format!("`{}`", layer.name)).collect();
+            format!(
+                "found no layer `{name}`; accepted are {}",
+                if all.is_empty() { "none".into() } else { all.join(", ") }
+            )
+        },
+    )
+}
+
+fn by_convention(layers: &[Layer], role: Role) -> Option<&Layer> {
+    let has_role = |layer: &&Layer, key: &str| layer.key() == key && role.channels(layer).is_some();
+    role.row().2.iter().find_map(|key| layers.iter().find(|layer| has_role(layer, key)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::layer::layers;
+    use super::*;
+    use crate::image::exr_file::{ExrInfo, ExrPart};
+
+    /// Channels of layers: `name:RGB` stands for `name.R`, `name.G` and `name.B`.
+    fn file(names: &[&str]) -> Vec<Layer> {
+        let expand = |name: &&str| -> Vec<String> {
+            let (layer, suffixes) = name.split_once(':').unwrap();
+            let full = |s: char| if layer.is_empty() { s.to_string() } else { format!("{layer}.{s}") };
+            suffixes.chars().map(full).collect()
+        };
+        let channels = names.iter().flat_map(expand).collect();
+        let info = ExrInfo { width: 1, height: 1, windows: None, channels, attributes: Vec::new() };
+        layers(&[ExrPart { name: None, info }])
+    }
+
+    fn roles(map: &str, names: &[&str]) -> Result<Vec<String>, String> {
+        let map = if map.is_empty() { LayerMap::default() } else { map.parse()? };
+        let layers = file(names);
+        let found = map.find(&layers)?;
+        Ok(found.into_iter().map(|(role, layer)| format!("{}={}", role.name(), layer.name)).collect())
+    }
+
+    #[test]
+    fn the_conventions_of_renderers_are_known() {
+        let all = |names: &[&str]| roles("", names).unwrap().join(" ");
+        assert_eq!(
+            all(&[":RGB", "Albedo:RGB", "P:XYZ", "N:XYZ", "Ns:XYZ", "Variance:RGB", "RelativeVariance:RGB"]),
+            "colour= albedo=Albedo normal=Ns position=P sample-variance=Variance"
+        );
+        assert_eq!(
+            all(&[
+                "V.Combined:RGBA",
+                "V.Depth:Z",
+                "V.Normal:XYZ",
+                "V.Diffuse Color:RGB",
+                "V.Denoising Normal:XYZ",
+                "V.Denoising Albedo:RGB"
+            ]),
+            "colour=V.Combined albedo=V.Denoising Albedo normal=V.Denoising Normal depth=V.Depth"
+        );
+        assert_eq!(
+            all(&[":RGB", "alb:RGB", "dd.y:T", "img:RGBA", "nn:XYZ", "pp:XYZ"]),
+            "colour= albedo=alb normal=nn position=pp depth=dd.y"
+        );
+        assert_eq!(
+            all(&[":RGBAZ", "diffuse_albedo_noice:RGB", "N_noice:XYZ", "variance:RGB"]),
+            "colour= albedo=diffuse_albedo_noice normal=N_noice depth= variance=variance"
+        );
+        assert_eq!(
+            all(&["Ci:rgb", "albedo:rgb", "normal:rgb", "mse:rgb", "zfiltered:r"]),
+            "colour=Ci albedo=albedo normal=normal depth=zfiltered variance=mse"
+        );
+        assert_eq!(
+            all(&[":RGB", "Noisy:RGB", "Variance:RGB"]),
+            "colour=Noisy variance=Variance",
+            "the filtered image of this program is not what is denoised"
+        );
+    }
+
+    #[test]
+    fn a_map_comes_before_the_conventions() {
+        let names = [":RGB", "a.b:RGB", "Albedo:RGB", "d:T"];
+        let found = roles("colour=b,albedo=none,depth=d", &names).unwrap();
+        assert_eq!(found, ["colour=a.b", "depth=d"]);
+        let error = roles("normal=nn", &names).unwrap_err();
+        assert_eq!(error, "found no layer `nn`; accepted are ``, `a.b`, `Albedo`");
+        assert!(roles("shape=x", &names).unwrap_err().contains("the roles colour, albedo"));
+        assert!(roles("albedo=a,albedo=b", &names).unwrap_err().contains("twice"));
+    }
+}
