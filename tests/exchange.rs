@@ -1,4 +1,4 @@
-//! Files that are exchanged with other programs, as a user does it: sample maps, and images of other renderers.
+//! Files that are exchanged with other programs, as a user does it: sample maps, images of other renderers, and single samples.
 
 mod command;
 
@@ -215,4 +215,79 @@ fn images_that_cannot_be_denoised_get_one_line() {
     let values = vec![1.0; WIDTH * HEIGHT];
     write(&folder.path().join("grey.exr"), &[("Y", &values)]);
     assert!(with_out(&["grey.exr", "a.exr"]).contains("found no colour among the layers ``"));
+}
+
+/// A file of samples: the names of its fields, and the values of each sample, those of `u4` fields as numbers.
+fn read_samples(path: &Path) -> (Vec<String>, Vec<Vec<f64>>) {
+    use std::io::Read;
+    let mut archive = zip::ZipArchive::new(std::fs::File::open(path).unwrap()).unwrap();
+    let (mut fields, mut samples) = (Vec::new(), Vec::new());
+    for piece in 0..archive.len() {
+        let mut file = archive.by_index(piece).unwrap();
+        assert_eq!(file.name().unwrap(), format!("samples_{piece:06}.npy"));
+        let mut bytes = Vec::new();
+        file.read_to_end(&mut bytes).unwrap();
+        let start = 10 + usize::from(u16::from_le_bytes([bytes[8], bytes[9]]));
+        let header = String::from_utf8(bytes[10..start].to_vec()).unwrap();
+        let list = header.split_once('[').unwrap().1.split_once(']').unwrap().0;
+        let kinds: Vec<(String, bool)> = list
+            .split("), ")
+            .filter_map(|field| field.trim_start_matches('(').split_once(", "))
+            .map(|(name, kind)| (name.trim_matches('\'').to_owned(), kind.contains("u4")))
+            .collect();
+        for record in bytes[start..].chunks_exact(4 * kinds.len()) {
+            let values =
+                record.as_chunks().0.iter().zip(&kinds).map(|(bytes, (_, is_integer))| match is_integer {
+                    true => f64::from(u32::from_le_bytes(*bytes)),
+                    false => f64::from(f32::from_le_bytes(*bytes)),
+                });
+            samples.push(values.collect());
+        }
+        fields = kinds.into_iter().map(|(name, _)| name).collect();
+    }
+    (fields, samples)
+}
+
+#[test]
+fn every_sample_is_written() {
+    let folder = folder();
+    let options = ["--samples", "all.npz", "--spp", "24", "--threads"];
+    let render = |threads: &str| {
+        let arguments = [&["render", "scene.pbrt", "-o", "out.exr"], &options[..], &[threads]].concat();
+        let output = prpf(folder.path(), &arguments);
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(output.status.success(), "{said}");
+        let path = folder.path().join("all.npz");
+        let (fields, mut samples) = read_samples(&path);
+        samples.sort_by(|a, b| a[..3].iter().rev().partial_cmp(b[..3].iter().rev()).unwrap());
+        (said, fields, samples, path.metadata().unwrap().len() as usize)
+    };
+    let (said, fields, samples, bytes) = render("2");
+    assert!(render("1").2 == samples, "threads make no difference");
+    assert_eq!(fields[..6], ["x", "y", "index", "film.x", "film.y", "R"]);
+    let predicted = 24 * WIDTH * HEIGHT;
+    assert_eq!(samples.len(), predicted);
+    assert!(said.contains(&format!("({predicted} samples of {} bytes)", 4 * fields.len())), "{said}");
+    assert!(bytes > predicted * 4 * fields.len() && bytes < predicted * 4 * fields.len() + 40_000);
+
+    // Counts and means are those of the image
+    let radiance = fields.iter().position(|name| name == "radiance.r").unwrap_or(5);
+    let (mut counts, mut sums) = (vec![0.0; WIDTH * HEIGHT], vec![0.0; WIDTH * HEIGHT]);
+    for sample in &samples {
+        let (x, y) = (sample[0] as usize, sample[1] as usize);
+        assert!((sample[3] - sample[0] - 0.5).abs() < 4.0 && sample[2] == counts[y * WIDTH + x]);
+        counts[y * WIDTH + x] += 1.0;
+        sums[y * WIDTH + x] += sample[radiance];
+    }
+    let planes =
+        exr_file::read_channels(&folder.path().join("out.exr"), &["SampleCount.X", "Noisy.R"]).unwrap();
+    for i in 0..WIDTH * HEIGHT {
+        assert_eq!(f64::from(planes.plane(0)[i]), counts[i]);
+        assert!((f64::from(planes.plane(1)[i]) - sums[i] / counts[i]).abs() < 1e-5);
+    }
+
+    // A file of single samples is refused where the camera may move, and under another name
+    let refused = |more: &[&str]| refused(folder.path(), more);
+    assert!(refused(&["preview", "scene.pbrt", "--samples", "all.npz"]).contains("--samples"));
+    assert!(refused(&["render", "scene.pbrt", "--samples", "all.zarr"]).contains("accepted is .npz"));
 }

@@ -14,7 +14,8 @@ use crate::filter::FilterResult;
 use crate::output::ImageOutput;
 use crate::preview::{PreviewHost, SavedImage};
 use crate::progressive::{Checkpoint, Host, Progress, Settings};
-use crate::state::ImageMetadata;
+use crate::render::SampleSink;
+use crate::state::{ImageMetadata, SampleFile};
 use crate::stats::Store;
 
 /// Steps of the progress bar.
@@ -25,6 +26,7 @@ pub(super) struct RenderHost<'a> {
     pub metadata: &'a ImageMetadata,
     pub outfiles: &'a [PathBuf],
     pub checkpoints: Option<Checkpoints>,
+    pub samples: Option<SampleFile>,
     /// Set by a signal.
     pub interrupt: &'a AtomicBool,
     /// Whether a controller asks for problems with checkpoints.
@@ -97,6 +99,10 @@ impl Host for RenderHost<'_> {
 
     fn checkpoint_interval(&self) -> Option<f64> {
         self.checkpoints.as_ref().map(|checkpoints| checkpoints.interval)
+    }
+
+    fn sample_sink(&mut self) -> Option<&mut dyn SampleSink> {
+        self.samples.as_mut().map(|file| file as &mut dyn SampleSink)
     }
 
     fn save(&mut self, settings: &Settings, checkpoint: Checkpoint) {

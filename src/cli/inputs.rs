@@ -31,7 +31,8 @@ impl Inputs {
         let outfiles = outfiles(options, &mut scene);
 
         // Check the outputs
-        let mut outputs: Vec<&Path> = outfiles.iter().chain(&options.report).map(PathBuf::as_path).collect();
+        let mut outputs: Vec<&Path> =
+            outfiles.iter().chain(&options.report).chain(&options.samples).map(PathBuf::as_path).collect();
         outputs.iter().try_for_each(|path| replaces_no_state(path))?;
         outputs.extend(options.state.state.as_deref());
         outputs.iter().try_for_each(|path| can_be_written(path))?;

@@ -25,6 +25,7 @@ mod preview;
 mod program;
 mod render;
 mod sample_map;
+mod samples;
 mod signals;
 mod state_options;
 mod summary;

@@ -75,6 +75,9 @@ pub(super) struct RenderOptions {
     /// Override the integrator's path depth
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub max_depth: Option<u32>,
+    /// Write every sample vector of this run, in pieces of a numpy archive; the size is printed before it starts
+    #[arg(long, value_name = "FILE.npz")]
+    pub samples: Option<PathBuf>,
     /// Write a machine-readable report
     #[arg(long, value_name = "FILE.json")]
     pub report: Option<PathBuf>,
@@ -127,6 +130,14 @@ impl RenderOptions {
                 "--spp {spp}: found with --sample-map-values absolute, which gives the number of samples; accepted is \
                  one of them"
             );
+        }
+        if let Some(path) = &self.samples
+            && !path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("npz"))
+        {
+            anyhow::bail!("--samples {}: unknown extension; accepted is .npz", path.display());
+        }
+        if self.samples.is_some() && (self.preview.is_some() || self.display_server.is_some()) {
+            anyhow::bail!("--samples: found with --preview or --display-server; accepted is one of them");
         }
         if let (Some(floor), Some(spp)) = (self.min_spp, self.spp.filter(|&spp| spp > 0))
             && floor > spp

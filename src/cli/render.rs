@@ -17,14 +17,14 @@ use super::options::RenderOptions;
 use super::signals::{INTERRUPTED, Signals};
 use super::terminal::{escaped, print, print_error};
 use super::workers::in_pool;
-use super::{summary, viewers};
+use super::{samples, summary, viewers};
 use crate::geometry::Accel;
 use crate::image::OutputFormat;
 use crate::output::{ImageOutput, Report, Times};
 use crate::preview::{Configuration, Controller, Hub, Server, TevClient};
 use crate::progressive::{self, Checkpoint, Outcome, RenderLoop, Settings, StoppedBy, fits_in_memory};
 use crate::render::Renderer;
-use crate::state::ImageMetadata;
+use crate::state::{ImageMetadata, SampleFile};
 
 pub(super) fn run(options: &RenderOptions, mode: Mode, start: Instant) -> Result<u8, Failure> {
     // Errors of the command line are found before minutes of rendering.
@@ -32,6 +32,11 @@ pub(super) fn run(options: &RenderOptions, mode: Mode, start: Instant) -> Result
         OutputFormat::from_path(path).map_err(|error| Failure::Input(error.into()))?;
     }
     options.check().map_err(Failure::Input)?;
+    if mode == Mode::Preview && options.samples.is_some() {
+        let error =
+            anyhow::anyhow!("--samples: found with a preview, whose camera may move; accepted with render");
+        return Err(Failure::Input(error));
+    }
     let signals = Signals::listen(mode).map_err(Failure::Run)?;
     in_pool(options.threads, || run_in_pool(options, mode, &signals, start))
 }
@@ -61,7 +66,7 @@ fn run_in_pool(
     // Render
     let job = Job { options, mode, inputs: &inputs, renderer: &renderer, metadata: &metadata, start };
     let settings = job.settings().map_err(Failure::Input)?;
-    let Rendered { outcome, metadata, checkpoints, display, server } =
+    let Rendered { outcome, metadata, checkpoints, samples, display, server } =
         job.render(&settings, signals.begin_render())?;
     let Some(outcome) = outcome else {
         // A preview that was closed has written its images already.
@@ -74,6 +79,7 @@ fn run_in_pool(
     let writing = Instant::now();
     let images = job.write_images(&outcome, &metadata);
     let checkpoints = checkpoints.map_or(Ok(()), Checkpoints::finish);
+    let samples = samples::finish(samples, options.samples.as_deref());
     let (write, total) = (writing.elapsed().as_secs_f64(), start.elapsed().as_secs_f64());
     drop(display);
     server.into_iter().for_each(|server| server.close("The render has ended."));
@@ -90,7 +96,7 @@ fn run_in_pool(
         let text = summary::summary(&outcome, seconds, &inputs.outfiles, options.verbose);
         print(&text).map_err(Failure::Run)?;
     }
-    checkpoints?;
+    checkpoints.and(samples)?;
     Ok(if outcome.stopped_by == StoppedBy::Interrupt { INTERRUPTED } else { 0 })
 }
 
@@ -111,6 +117,7 @@ struct Rendered {
     /// With the camera of the outcome.
     metadata: ImageMetadata,
     checkpoints: Option<Checkpoints>,
+    samples: Option<SampleFile>,
     /// Dropped after the image is written: disconnecting may take time, which is part of no budget.
     display: Option<TevClient>,
     /// Closed after the outputs are written.
@@ -155,13 +162,25 @@ impl Job<'_> {
             warn_of_surplus(checkpoint, spp);
         }
 
+        let taken = checkpoint.as_ref().map_or(0, |checkpoint| checkpoint.store.samples_taken());
+        let begin = |path| samples::begin(path, renderer, settings, taken, options.quiet);
+        let samples = options.samples.as_deref().map(begin);
+
         // Run the render loop, by one of its drivers
         let bar = progress_bar(options.quiet);
         let serves = self.mode == Mode::Preview || options.preview.is_some();
         let has_viewers = serves || options.display_server.is_some();
         let outfiles = &inputs.outfiles;
-        let mut host =
-            RenderHost { metadata, outfiles, checkpoints, interrupt, has_viewers, bar: bar.clone(), start };
+        let mut host = RenderHost {
+            metadata,
+            outfiles,
+            checkpoints,
+            samples,
+            interrupt,
+            has_viewers,
+            bar: bar.clone(),
+            start,
+        };
         let mut metadata = metadata.clone();
         let mut server = None;
         let (outcome, display) = if has_viewers {
@@ -194,7 +213,8 @@ impl Job<'_> {
             (Some(progressive::run(render_loop, &mut host)), None)
         };
         bar.finish_and_clear();
-        Ok(Rendered { outcome, metadata, checkpoints: host.checkpoints, display, server })
+        let RenderHost { checkpoints, samples, .. } = host;
+        Ok(Rendered { outcome, metadata, checkpoints, samples, display, server })
     }
 
     /// Starts to send images to a display server, if the options name one.

@@ -7,6 +7,7 @@ use super::filter_pass::Filtered;
 use super::record::Progress;
 use super::settings::Settings;
 use crate::filter::FilterResult;
+use crate::render::SampleSink;
 use crate::stats::Store;
 
 /// The program around a render loop. All methods have defaults: `()` is a host.
@@ -28,6 +29,11 @@ pub trait Host {
 
     /// Returns the seconds between two checkpoints; `None` if none are kept.
     fn checkpoint_interval(&self) -> Option<f64> {
+        None
+    }
+
+    /// Returns where the records of all samples go; `None` if nobody wants them.
+    fn sample_sink(&mut self) -> Option<&mut dyn SampleSink> {
         None
     }
 

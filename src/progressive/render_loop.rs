@@ -169,7 +169,7 @@ impl<'a> RenderLoop<'a> {
         }
         match action {
             Action::Allocate(plan) => self.allocate(plan),
-            Action::Render { to } => self.render(to),
+            Action::Render { to } => self.render(to, host),
             Action::EndBatch => self.checkpoint.position = Position::Filter,
             Action::Calibrate(denoiser) => self.calibrate(denoiser, host),
             Action::Save => self.save(host),
@@ -328,14 +328,18 @@ impl<'a> RenderLoop<'a> {
     }
 
     /// Renders the batch up to a fraction.
-    fn render(&mut self, to: f64) {
+    fn render(&mut self, to: f64, host: &mut dyn Host) {
         let started = Instant::now();
         let Checkpoint { store, position: Position::Render(batch), speed, .. } = &mut self.checkpoint else {
             unreachable!("a step is part of a batch")
         };
         let (before, counts) = (store.samples_taken(), batch.step(store, to));
         // Copies only while a filter pass that was given up still reads the store.
-        let rejected = self.renderer.render_batch(&counts, Arc::make_mut(store));
+        let store = Arc::make_mut(store);
+        let rejected = match host.sample_sink() {
+            Some(sink) => self.renderer.render_recorded(&counts, store, sink),
+            None => self.renderer.render_batch(&counts, store),
+        };
         batch.done = to;
         let seconds = started.elapsed().as_secs_f64();
         speed.add(store.samples_taken() - before, seconds);

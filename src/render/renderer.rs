@@ -13,11 +13,12 @@ use super::rejected_sample::RejectedSample;
 use super::row_renderer::RowRenderer;
 use super::sample_layout::sample_layout;
 use super::sample_records::SampleRecords;
+use super::sample_sink::{SampleSink, record_bytes};
 use super::sampler::{Independent, Sobol};
 use super::shard::Shard;
 use crate::geometry::Accel;
 use crate::scene::{Camera, Effects, SamplerKind, Scene};
-use crate::stats::{Layout, Store};
+use crate::stats::{Layout, Row, Store};
 
 /// Renders samples of one scene.
 pub struct Renderer<'s> {
@@ -127,13 +128,72 @@ impl<'s> Renderer<'s> {
         let width = store.width().max(1);
         // One row a task, because rows differ much in cost where sampling is adaptive.
         let rows = store.rows_mut().par_iter_mut().zip(counts.par_chunks(width)).enumerate().with_max_len(1);
+        rows.filter_map(|(y, (row, counts))| self.render_row(y, counts, None, row)).min()
+    }
+
+    /// Does the same as [`Self::render_batch`], and hands the records of all samples to a sink, some rows at a time.
+    ///
+    /// # Panics
+    /// As [`Self::render_batch`].
+    pub fn render_recorded(
+        &self,
+        counts: &[u32],
+        store: &mut Store,
+        sink: &mut dyn SampleSink,
+    ) -> Option<RejectedSample> {
+        /// Bytes of the rows that are rendered before their records are handed over, if there are several rows.
+        const PIECE_BYTES: usize = 32 << 20;
+        assert_eq!(counts.len(), store.pixels(), "one count for each pixel");
+        assert_eq!(*store.layout(), self.layout, "the store must have the renderer's layout");
+        let width = store.width().max(1);
+        let bytes = |y: usize| -> usize {
+            let samples: u64 = counts[y * width..][..width].iter().map(|&n| u64::from(n)).sum();
+            samples as usize * record_bytes(&self.layout)
+        };
+        let mut first_rejected = None;
+        let mut start = 0;
+        while start < store.height() {
+            // Collect rows for a piece
+            let (mut end, mut size) = (start, 0);
+            while end < store.height() && (end == start || size + bytes(end) <= PIECE_BYTES) {
+                size += bytes(end);
+                end += 1;
+            }
+
+            // Render them
+            let rows =
+                store.rows_mut()[start..end].par_iter_mut().zip(counts[start * width..].par_chunks(width));
+            let rendered: Vec<_> = rows
+                .enumerate()
+                .with_max_len(1)
+                .map(|(k, (row, counts))| {
+                    let mut records = Vec::with_capacity(bytes(start + k));
+                    (self.render_row(start + k, counts, Some(&mut records), row), records)
+                })
+                .collect();
+            let mut piece = Vec::with_capacity(size);
+            for (rejected, records) in rendered {
+                first_rejected = first_rejected.or(rejected);
+                piece.extend(records);
+            }
+            if !piece.is_empty() {
+                sink.take(piece);
+            }
+            start = end;
+        }
+        first_rejected
+    }
+
+    fn render_row(
+        &self,
+        y: usize,
+        counts: &[u32],
+        records: Option<&mut Vec<u8>>,
+        row: &mut Row,
+    ) -> Option<RejectedSample> {
         match self.sampler {
-            SamplerKind::Sobol => {
-                rows.filter_map(|(y, (row, counts))| self.rows.render::<Sobol>(y, counts, row)).min()
-            }
-            SamplerKind::Independent => {
-                rows.filter_map(|(y, (row, counts))| self.rows.render::<Independent>(y, counts, row)).min()
-            }
+            SamplerKind::Sobol => self.rows.render::<Sobol>(y, counts, records, row),
+            SamplerKind::Independent => self.rows.render::<Independent>(y, counts, records, row),
         }
     }
 }

@@ -9,6 +9,7 @@ use super::camera_rays::CameraRays;
 use super::filter_sampler::FilterSampler;
 use super::integrator::{PathEvent, PathRadiance, PathTracer, Wavefront};
 use super::rejected_sample::RejectedSample;
+use super::sample_sink::append_records;
 use super::sampler::{SampleAddresses, Sampler};
 use super::shard::Shard;
 use crate::geometry::RayLanes;
@@ -39,9 +40,16 @@ pub struct RowRenderer<'s> {
 
 impl<'s> RowRenderer<'s> {
     /// Renders `counts[x]` more samples into every pixel of row `y` of the film's pixel bounds. Returns the first
-    /// sample, in the order of columns and indices, that the store rejected.
-    pub fn render<S: Sampler>(&self, y: usize, counts: &[u32], row: &mut Row) -> Option<RejectedSample> {
-        let mut batch = WavefrontBatch::default();
+    /// sample, in the order of columns and indices, that the store rejected. Appends the samples to `records`, if there are
+    /// any.
+    pub fn render<S: Sampler>(
+        &self,
+        y: usize,
+        counts: &[u32],
+        records: Option<&mut Vec<u8>>,
+        row: &mut Row,
+    ) -> Option<RejectedSample> {
+        let mut batch = WavefrontBatch { y, recorded: records, ..WavefrontBatch::default() };
         let row_number = (y + self.corner[1]) as u32;
         for (block, counts) in counts.chunks(LANES).enumerate() {
             // Find the pixels' samplers, centres and next sample indices
@@ -126,12 +134,15 @@ impl<'s> RowRenderer<'s> {
     }
 
     /// Traces the paths that were started and adds their samples to the store's row.
-    fn finish<S: Sampler>(&self, batch: &mut WavefrontBatch<'s>, row: &mut Row) {
-        let WavefrontBatch { wave, origins, values, samples, first_rejected } = batch;
+    fn finish<S: Sampler>(&self, batch: &mut WavefrontBatch<'s, '_>, row: &mut Row) {
+        let WavefrontBatch { wave, origins, values, samples, first_rejected, y, recorded } = batch;
         values.resize(self.enabled.len(), [0.0; LANES]);
         self.tracer.trace::<S>(wave);
         for (records, &(block, mask)) in wave.records().iter().zip(&*origins) {
             records.sample_vectors(self.exposure, &self.enabled, values);
+            if let Some(recorded) = recorded {
+                append_records(recorded, *y, row, block, mask, values);
+            }
             for lane in lanes_in(row.push_block(block, mask, values)) {
                 let x = block * LANES + lane;
                 let sample = (x, row.next_index(x) - 1);
@@ -152,7 +163,7 @@ struct CameraSamplePacket {
 
 /// Samples that are traced together.
 #[derive(Default)]
-struct WavefrontBatch<'s> {
+struct WavefrontBatch<'s, 'r> {
     wave: Wavefront<'s>,
     /// The block of pixels of each packet of the wavefront, and the pixels that have a sample in it.
     origins: Vec<(usize, u32)>,
@@ -162,4 +173,7 @@ struct WavefrontBatch<'s> {
     values: Vec<Lanes>,
     /// Column and sample index of the first sample that the store rejected.
     first_rejected: Option<(usize, u32)>,
+    /// The row, and where its samples are recorded.
+    y: usize,
+    recorded: Option<&'r mut Vec<u8>>,
 }

@@ -12,6 +12,7 @@
 //! | `stream` | [`Stream`]: which samples a state holds |
 //! | `merge` | [`Merge`]: adds states that hold other samples |
 //! | [`mod@export`], `npz` | a state as named numpy arrays |
+//! | [`SampleFile`] | the sample vectors of a render as pieces of a numpy archive |
 //! | `error` | [`StateError`] |
 
 mod array_bytes;
@@ -26,6 +27,7 @@ mod image_metadata;
 mod merge;
 mod npz;
 mod render_state;
+mod sample_file;
 mod state_file;
 mod stream;
 
@@ -38,6 +40,7 @@ pub use format::{VERSION, estimate_size};
 pub use image_metadata::ImageMetadata;
 pub use merge::{Merge, MergeError};
 pub use render_state::RenderState;
+pub use sample_file::SampleFile;
 pub use state_file::check_signature;
 pub use stream::Stream;
 

@@ -78,7 +78,7 @@ impl<W: Write + Seek> Npz<W> {
         shape: &[usize],
         values: impl IntoIterator<Item = T>,
     ) -> io::Result<()> {
-        self.begin(name, T::KIND, shape)?;
+        self.begin(name, &quoted(T::KIND), shape)?;
         let mut buffer = Vec::with_capacity(BUFFER);
         for value in values {
             buffer.extend_from_slice(value.bytes().as_ref());
@@ -93,7 +93,7 @@ impl<W: Write + Seek> Npz<W> {
     /// Adds an array of texts; an empty `shape` makes it a scalar.
     pub fn texts(&mut self, name: &str, shape: &[usize], texts: &[&str]) -> io::Result<()> {
         let longest = texts.iter().map(|text| text.chars().count()).max().unwrap_or(0).max(1);
-        self.begin(name, &format!("<U{longest}"), shape)?;
+        self.begin(name, &quoted(&format!("<U{longest}")), shape)?;
         for text in texts {
             let padded = text.chars().map(u32::from).chain(std::iter::repeat(0)).take(longest);
             let bytes: Vec<u8> = padded.flat_map(u32::to_le_bytes).collect();
@@ -102,10 +102,24 @@ impl<W: Write + Seek> Npz<W> {
         Ok(())
     }
 
+    /// Adds an array of records with fields of these names and type strings, whose bytes are given.
+    pub fn records(
+        &mut self,
+        name: &str,
+        fields: &[(&str, &str)],
+        count: usize,
+        bytes: &[u8],
+    ) -> io::Result<()> {
+        let fields: String = fields.iter().map(|(name, kind)| format!("('{name}', '{kind}'), ")).collect();
+        self.begin(name, &format!("[{fields}]"), &[count])?;
+        self.0.write_all(bytes)
+    }
+
     pub fn finish(self) -> io::Result<()> {
         self.0.finish()?.flush()
     }
 
+    /// `kind` is a type in numpy's notation: a quoted type string, or a list of fields.
     fn begin(&mut self, name: &str, kind: &str, shape: &[usize]) -> io::Result<()> {
         let options =
             SimpleFileOptions::default().compression_method(zip::CompressionMethod::Stored).large_file(true);
@@ -117,12 +131,16 @@ impl<W: Write + Seek> Npz<W> {
 /// Size of the write buffer, in bytes.
 const BUFFER: usize = 1 << 20;
 
+fn quoted(kind: &str) -> String {
+    format!("'{kind}'")
+}
+
 /// Returns the head of an `.npy` file: magic, version, and a Python dictionary, padded so that the values are aligned.
 fn header(kind: &str, shape: &[usize]) -> Vec<u8> {
     const ALIGNMENT: usize = 64;
     const PREAMBLE: usize = 10;
     let shape: String = shape.iter().map(|n| format!("{n}, ")).collect();
-    let mut text = format!("{{'descr': '{kind}', 'fortran_order': False, 'shape': ({shape}), }}");
+    let mut text = format!("{{'descr': {kind}, 'fortran_order': False, 'shape': ({shape}), }}");
     let length = (PREAMBLE + text.len() + 1).next_multiple_of(ALIGNMENT) - PREAMBLE;
     text.extend(std::iter::repeat_n(' ', length - 1 - text.len()));
     text.push('\n');
@@ -174,7 +192,7 @@ mod tests {
 
     #[test]
     fn a_header_is_a_padded_python_dictionary() {
-        let header = header("<f4", &[3, 2]);
+        let header = header("'<f4'", &[3, 2]);
         assert_eq!(header.len() % 64, 0);
         assert_eq!(&header[..10], b"\x93NUMPY\x01\x00\x76\x00");
         let text = std::str::from_utf8(&header[10..]).unwrap();

@@ -1,0 +1,62 @@
+//! `--samples`: the file of all samples of a render.
+
+use std::path::Path;
+
+use anyhow::Context;
+
+use super::failure::Failure;
+use super::terminal::{escaped, print_error};
+use crate::adaptive::SampleMap;
+use crate::progressive::Settings;
+use crate::render::Renderer;
+use crate::state::SampleFile;
+
+/// Begins the file, and prints its size. `taken`: samples of an earlier run, which it does not get.
+pub(super) fn begin(
+    path: &Path,
+    renderer: &Renderer,
+    settings: &Settings,
+    taken: u64,
+    is_quiet: bool,
+) -> SampleFile {
+    if !is_quiet {
+        let (width, height) = renderer.resolution();
+        let pixels = (width * height) as u64;
+        let all = settings.sample_map.as_ref().and_then(SampleMap::total);
+        let all = all.or(settings.budget.spp.map(|spp| u64::from(spp) * pixels));
+        let bytes = SampleFile::bytes_per_sample(renderer.layout()) as u64;
+        let predicted = predict(all.map(|all| all.saturating_sub(taken)), bytes, pixels);
+        print_error(&escaped(&format!("{}: {predicted}", path.display())));
+    }
+    SampleFile::begin(path, renderer.layout())
+}
+
+/// Waits until the file is complete.
+pub(super) fn finish(file: Option<SampleFile>, path: Option<&Path>) -> Result<(), Failure> {
+    let result = file.map_or(Ok(()), SampleFile::finish);
+    let name = path.map(|path| path.display().to_string()).unwrap_or_default();
+    result.with_context(|| format!("{name}: cannot write the samples")).map_err(Failure::Run)
+}
+
+/// Describes the size of a file of `samples` samples, whose number may not be known.
+fn predict(samples: Option<u64>, bytes: u64, pixels: u64) -> String {
+    let size = |bytes: u64| match bytes {
+        0..1_000_000_000 => format!("{:.1} MB", bytes as f64 / 1e6),
+        _ => format!("{:.1} GB", bytes as f64 / 1e9),
+    };
+    match samples {
+        Some(samples) => format!("at most {} ({samples} samples of {bytes} bytes)", size(samples * bytes)),
+        None => format!("{} for each sample per pixel ({bytes} bytes a sample)", size(pixels * bytes)),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sizes_are_predicted() {
+        assert_eq!(predict(Some(30_000_000), 100, 1), "at most 3.0 GB (30000000 samples of 100 bytes)");
+        assert_eq!(predict(None, 100, 50_000), "5.0 MB for each sample per pixel (100 bytes a sample)");
+    }
+}
