@@ -13,6 +13,7 @@ mod estimate_check;
 mod filters;
 mod ledger;
 mod paper;
+mod peers;
 mod picture;
 mod plot;
 mod reference;
@@ -49,15 +50,28 @@ const EXPERIMENTS: &[(&str, Run)] = &[
     ("stability", stability::run),
 ];
 
+/// Name of the comparison of given images, which measures nothing of its own.
+const PEERS: &str = "peers";
+
+fn names() -> impl Iterator<Item = &'static str> {
+    EXPERIMENTS.iter().map(|(name, _)| *name).chain([PEERS])
+}
+
 /// Runs an experiment and writes its report.
 #[derive(Parser)]
 #[command(after_help = "\
+  prpf-experiments filters --quick
+  prpf-experiments peers FOLDER      one HTML page of the images FOLDER/SCENE/*.exr and .png beside reference.exr
+
 experiments/NAME.toml holds an experiment's settings. A run can be stopped at any time: the next one continues
 it. Run it in the repository's folder.")]
 struct Arguments {
-    /// Name of the experiment
-    #[arg(value_parser = clap::builder::PossibleValuesParser::new(EXPERIMENTS.iter().map(|(name, _)| *name)))]
+    /// Name of the experiment, or `peers`
+    #[arg(value_parser = clap::builder::PossibleValuesParser::new(names()))]
     name: String,
+    /// Of `peers`: the folder with a folder of images for each scene, which gets the page
+    #[arg(required_if_eq("name", PEERS))]
+    folder: Option<PathBuf>,
     /// Run a smaller variant, which takes minutes
     #[arg(long)]
     quick: bool,
@@ -84,7 +98,12 @@ fn main() -> ExitCode {
 }
 
 fn run(arguments: Arguments) -> anyhow::Result<()> {
-    let Arguments { name, quick, out, scenes_dir, fresh } = arguments;
+    let Arguments { name, folder, quick, out, scenes_dir, fresh } = arguments;
+    if let Some(folder) = &folder {
+        anyhow::ensure!(name == PEERS, "{}: found a folder; accepted with {PEERS} only", folder.display());
+        println!("{}", peers::write_page(folder)?.display());
+        return Ok(());
+    }
     let scenes_dir = scenes_dir.or_else(|| std::env::var_os("PRPF_SCENES").map(PathBuf::from));
     let mut session = Session::new(&name, quick, out, scenes_dir, fresh)?;
     let (_, run) = EXPERIMENTS.iter().find(|(known, _)| *known == name).expect("the parser knows the names");
