@@ -5,6 +5,7 @@ mod common;
 mod recorder;
 
 use std::path::Path;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use common::SCENE;
@@ -12,11 +13,12 @@ use prpf::adaptive::{PrioritySettings, Sampling};
 use prpf::filter::{DENOISERS, Denoiser, FilterResult, UNFILTERED, nlm, prpf as pixelwise, rpf};
 use prpf::geometry::Accel;
 use prpf::progressive::{
-    Action, Budget, Checkpoint, Conditions, Filtered, Outcome, Position, RenderLoop, Settings, StoppedBy, run,
+    Action, Budget, Checkpoint, Conditions, Filtered, Host, Outcome, Position, RenderLoop, Settings,
+    StoppedBy, run,
 };
 use prpf::render::Renderer;
 use prpf::scene::{Scene, pbrt};
-use prpf::stats::Part;
+use prpf::stats::{Part, Store};
 use recorder::Recorder;
 
 const SIDE: usize = 48;
@@ -54,6 +56,32 @@ fn budgets_of_samples_are_spent_exactly() {
             assert!(outcome.result.image.data().iter().all(|v| v.is_finite() && *v >= 0.0));
         }
     }
+}
+
+/// A host that gives all samples of a batch to the first row.
+struct FirstRow;
+
+impl Host for FirstRow {
+    fn choose_counts(&mut self, store: &Arc<Store>, planned: Vec<u32>) -> Vec<u32> {
+        let sum: u32 = planned.iter().sum();
+        let mut counts = vec![0; store.pixels()];
+        counts[..SIDE].fill(sum / SIDE as u32);
+        counts[0] += sum % SIDE as u32;
+        counts
+    }
+}
+
+#[test]
+fn a_host_chooses_the_counts_of_every_batch() {
+    let (scene, settings) = (scene(), settings(6, Sampling::Adaptive, 0));
+    let accel = Accel::build(&scene);
+    let renderer = Renderer::new(&scene, &accel, settings.seed);
+    let outcome = run(RenderLoop::new(&renderer, &settings, Instant::now()), &mut FirstRow);
+    let counts = outcome.store.counts(Part::Whole);
+    assert_eq!(outcome.store.samples(), 6 * (SIDE * SIDE) as u64);
+    assert!(
+        counts[..SIDE].iter().all(|&n| n >= 6 * SIDE as u32 - 6) && counts[SIDE..].iter().all(|&n| n == 0)
+    );
 }
 
 /// Steps that are as short as possible.

@@ -18,6 +18,12 @@ pub trait Host {
     /// Called after every filter pass, the last one included, with its result and the store that it filtered.
     fn complete_pass(&mut self, _filtered: &Filtered, _store: &Arc<Store>) {}
 
+    /// Called before every batch. Returns the samples of each pixel in it; `planned` are those that settings and maps give, by
+    /// default taken as they are. Other counts must not be all zero, and not sum to more.
+    fn choose_counts(&mut self, _store: &Arc<Store>, planned: Vec<u32>) -> Vec<u32> {
+        planned
+    }
+
     /// Returns whether the render should end soon.
     fn is_interrupted(&self) -> bool {
         false

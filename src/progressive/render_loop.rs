@@ -168,7 +168,7 @@ impl<'a> RenderLoop<'a> {
             self.measurements.finalisation.age();
         }
         match action {
-            Action::Allocate(plan) => self.allocate(plan),
+            Action::Allocate(plan) => self.allocate(plan, host),
             Action::Render { to } => self.render(to, host),
             Action::EndBatch => self.checkpoint.position = Position::Filter,
             Action::Calibrate(denoiser) => self.calibrate(denoiser, host),
@@ -319,10 +319,11 @@ impl<'a> RenderLoop<'a> {
     }
 
     /// Begins a batch.
-    fn allocate(&mut self, plan: Plan) {
+    fn allocate(&mut self, plan: Plan, host: &mut dyn Host) {
         let started = Instant::now();
         let grain = if self.checkpoint.store.samples_taken() == 0 { Grain::Pixel } else { Grain::Block };
-        let counts = allocate_batch(&self.checkpoint, self.region, &self.settings, plan.samples);
+        let planned = allocate_batch(&self.checkpoint, self.region, &self.settings, plan.samples);
+        let counts = host.choose_counts(&self.checkpoint.store, planned);
         self.checkpoint.position = Position::Render(SampleBatch { counts, done: 0.0, grain });
         self.measurements.seconds.allocate += started.elapsed().as_secs_f64();
     }
