@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, bail};
+use anyhow::Context;
 
 use super::failure::Failure;
 use super::state_options::StateOptions;
@@ -10,7 +10,7 @@ use super::terminal::print_error;
 use crate::progressive::{Checkpoint, Settings};
 use crate::render::Renderer;
 use crate::state::{self, CheckpointWriter, ImageMetadata, RenderState, Stream};
-use crate::stats::{Layout, Store};
+use crate::stats::Store;
 
 /// Writes checkpoints while the render goes on.
 pub(super) struct Checkpoints {
@@ -39,43 +39,10 @@ pub(super) fn read(
     };
     let state = RenderState::read(path)?;
     let stream = options.stream(settings.seed);
-    fits(&state, metadata, stream, renderer.layout(), settings)
+    state
+        .can_resume(metadata, stream, renderer.layout(), settings)
         .with_context(|| path.display().to_string())?;
     Ok(Some(state.checkpoint))
-}
-
-/// Checks that a render can go on from a state.
-///
-/// # Errors
-/// The first field in which they differ.
-fn fits(
-    state: &RenderState,
-    metadata: &ImageMetadata,
-    stream: Stream,
-    layout: &Layout,
-    settings: &Settings,
-) -> anyhow::Result<()> {
-    if let Some((field, found, accepted)) = metadata.difference(&state.metadata) {
-        bail!("{field}: found a state of {found}; accepted is one of this render, {accepted}");
-    }
-    if state.streams != [stream] {
-        let found: Vec<String> = state.streams.iter().map(Stream::to_string).collect();
-        bail!("seed and shard: found a state of {}; accepted is one of {stream}", found.join(" and "));
-    }
-    let store = &state.checkpoint.store;
-    let names = |layout: &Layout| layout.dimensions().iter().map(|d| d.name).collect::<Vec<_>>().join(" ");
-    if store.layout() != layout {
-        bail!("layout: found a state of {}; accepted is {}", names(store.layout()), names(layout));
-    }
-    let capacity = settings.reservoir_capacity();
-    if store.capacity() < capacity {
-        bail!(
-            "reservoir: found a state with {} sample vectors per pixel; accepted are at least the {capacity} that the \
-             denoiser or --reservoir asks for",
-            store.capacity()
-        );
-    }
-    Ok(())
 }
 
 fn unwritable(path: &Path) -> String {

@@ -10,6 +10,7 @@
 //! | `checkpoint_writer` | [`CheckpointWriter`]: writes states while the render goes on |
 //! | `image_metadata` | [`ImageMetadata`]: scene and view of an image |
 //! | `stream` | [`Stream`]: which samples a state holds |
+//! | `resume` | [`RenderState::can_resume`]: whether a render can go on from a state |
 //! | `merge` | [`Merge`]: adds states that hold other samples |
 //! | [`mod@export`], `npz` | a state as named numpy arrays |
 //! | [`SampleFile`] | the sample vectors of a render as pieces of a numpy archive |
@@ -27,6 +28,7 @@ mod image_metadata;
 mod merge;
 mod npz;
 mod render_state;
+mod resume;
 mod sample_file;
 mod state_file;
 mod stream;
@@ -40,6 +42,7 @@ pub use format::{VERSION, estimate_size};
 pub use image_metadata::ImageMetadata;
 pub use merge::{Merge, MergeError};
 pub use render_state::RenderState;
+pub use resume::ResumeError;
 pub use sample_file::SampleFile;
 pub use state_file::check_signature;
 pub use stream::Stream;

@@ -1,0 +1,52 @@
+//! Whether a render can go on from a state.
+
+use super::image_metadata::ImageMetadata;
+use super::render_state::RenderState;
+use super::stream::Stream;
+use crate::progressive::Settings;
+use crate::stats::Layout;
+
+/// The first thing in which a state and a render differ.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{field}: found a state of {found}; accepted is {accepted}")]
+pub struct ResumeError {
+    pub field: &'static str,
+    pub found: String,
+    pub accepted: String,
+}
+
+impl RenderState {
+    /// Checks that a render of the image `metadata`, the samples `stream` and the dimensions `layout` can go on from this
+    /// state.
+    ///
+    /// # Errors
+    /// A state of another image, of other samples or dimensions, or with too small a reservoir.
+    pub fn can_resume(
+        &self,
+        metadata: &ImageMetadata,
+        stream: Stream,
+        layout: &Layout,
+        settings: &Settings,
+    ) -> Result<(), ResumeError> {
+        let differ = |field, found: String, accepted: String| Err(ResumeError { field, found, accepted });
+        if let Some((field, found, accepted)) = metadata.difference(&self.metadata) {
+            return differ(field, found, format!("one of this render, {accepted}"));
+        }
+        if self.streams != [stream] {
+            let found: Vec<String> = self.streams.iter().map(Stream::to_string).collect();
+            return differ("seed and shard", found.join(" and "), format!("one of {stream}"));
+        }
+        let store = &self.checkpoint.store;
+        let names = |layout: &Layout| layout.names().collect::<Vec<_>>().join(" ");
+        if store.layout() != layout {
+            return differ("layout", names(store.layout()), names(layout));
+        }
+        let (found, needed) = (store.capacity(), settings.reservoir_capacity());
+        if found < needed {
+            let accepted =
+                format!("at least the {needed} that the denoiser or the setting `reservoir` asks for");
+            return differ("reservoir", format!("{found} sample vectors per pixel"), accepted);
+        }
+        Ok(())
+    }
+}
