@@ -8,14 +8,34 @@ system, ``MemoryError`` before more memory is taken than there is, :class:`Error
 
 from collections.abc import Callable, Sequence
 from os import PathLike
-from typing import Any, Final, Literal
+from typing import Any, Final, Literal, final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+__all__ = [
+    "Denoised",
+    "Error",
+    "Estimate",
+    "Pass",
+    "Render",
+    "Scene",
+    "Store",
+    "allocate",
+    "compare",
+    "denoise",
+    "denoisers",
+    "merge",
+    "priority",
+    "read_image",
+    "render",
+    "write_image",
+]
+
 class Error(Exception):
     """A scene, an image or a state whose content is wrong."""
 
+@final
 class Scene:
     """A scene, which does not change. Its acceleration structure is built by the first render."""
 
@@ -37,12 +57,12 @@ class Scene:
     @staticmethod
     def parse(
         text: str,
-        folder: str | PathLike[str] = "",
+        folder: str | PathLike[str] = ...,
         *,
         resolution: tuple[int, int] | None = None,
         pixel_bounds: tuple[int, int, int, int] | None = None,
     ) -> Scene:
-        """Reads a scene from a text; file names in it are relative to ``folder``. Otherwise as :meth:`load`."""
+        """Reads a scene from a text; file names in it are relative to ``folder``, by default the current one. Otherwise as :meth:`load`."""
 
     @property
     def width(self) -> int:
@@ -80,13 +100,14 @@ class Scene:
         between steps of about 130 000 samples; the store then has the samples of the steps before it.
         """
 
+@final
 class Store:
     """Statistics of the samples of every pixel: Welford moments of all samples and of two independent halves, those of even
     and those of odd index, and a reservoir of whole sample vectors."""
 
-    def __init__(
-        self, width: int, height: int, dimensions: Sequence[str], *, reservoir: int = 0, seed: int = 0
-    ) -> None:
+    def __new__(
+        cls, width: int, height: int, dimensions: Sequence[str], *, reservoir: int = 0, seed: int = 0
+    ) -> Store:
         """Creates an empty store for samples of any renderer.
 
         ``dimensions``: the names of the columns of the samples to be pushed, in any order. ``R``, ``G`` and ``B`` are required
@@ -173,6 +194,7 @@ class Store:
     ) -> NDArray[np.float32]:
         """Returns standard deviations of the samples, the roots of :meth:`variance`."""
 
+@final
 class Denoised:
     """An image and its maps."""
 
@@ -198,6 +220,7 @@ class Denoised:
     seconds: Final[float]
     """Seconds of the filter pass."""
 
+@final
 class Estimate:
     """The estimated relMSE of an image."""
 
@@ -209,6 +232,7 @@ class Estimate:
     tiles: Final[NDArray[np.float32]]
     """relMSE of tiles of 16x16 pixels."""
 
+@final
 class Pass:
     """A filter pass of the render loop, as a callback gets it. A store that is kept costs a copy of it."""
 
@@ -216,6 +240,7 @@ class Pass:
     result: Final[Denoised]
     store: Final[Store]
 
+@final
 class Render:
     """A finished render."""
 
@@ -232,7 +257,7 @@ def denoisers() -> list[str]:
     """Returns the names of all denoisers, the default first."""
 
 def denoise(store: Store, denoiser: str = "nlm") -> Denoised:
-    """Filters a store with one of :func:`denoisers`. Ctrl-C is heard after the pass.
+    """Filters a store with one of :func:`denoisers`. Ctrl-C cancels the pass (that of ``oidn`` after it).
 
     Raises ``ValueError`` if the store has no samples, or a smaller reservoir than the denoiser needs.
     """
@@ -279,19 +304,31 @@ def render(
     reservoir: int = 0,
     reference: ArrayLike | None = None,
     callback: Callable[[Pass], object] | None = None,
+    counts: Callable[[Pass, NDArray[np.uint32]], ArrayLike] | None = None,
     output: str | PathLike[str] | None = None,
     state: str | PathLike[str] | None = None,
+    resume: str | PathLike[str] | None = None,
 ) -> Render:
     """Renders, filters and allocates until the first budget is spent.
 
     ``spp``: samples per pixel on average. ``time``: seconds, the last filter pass included. ``target_error``: estimated relMSE.
     Without any of them the scene's samples per pixel are rendered. ``reference``: an image that every pass is compared with.
     ``callback`` is called after every filter pass, the last one included; if it returns a true value, the render ends with the
-    samples so far. ``output``: an ``.exr`` with all layers or a ``.png``. ``state``: a file for :meth:`Store.load` and
-    ``prpf denoise``, ``merge`` and ``render --resume``.
+    samples so far. ``counts`` chooses where samples go: it is called before every batch that follows a pass of this call, with
+    that pass and the counts that our rule plans, and returns the counts to take, integers of shape (height, width), at most as
+    many in all as are planned. ``output``: an ``.exr`` with all layers or a ``.png``. ``state``: a file for :meth:`Store.load` and
+    ``prpf denoise``, ``merge`` and ``render --resume``. ``resume``: a state of the same scene, view and seed to go on from, which may
+    be the same file; with a budget of samples the image is the same to the last bit as without the interruption.
 
     Ctrl-C ends the render after the current step and one filter pass, and raises ``KeyboardInterrupt``; so does an exception of
     the callback.
+    """
+
+def merge(states: Sequence[str | PathLike[str]], output: str | PathLike[str]) -> Store:
+    """Adds the samples of render states of one image with different seeds or shards, writes the sum as a state, and returns its
+    store.
+
+    Raises :class:`Error` for a state of another image, or of samples that are there already.
     """
 
 def compare(image: ArrayLike, reference: ArrayLike) -> dict[str, float]:

@@ -8,6 +8,7 @@ mod arrays;
 mod denoising;
 mod errors;
 mod images;
+mod merging;
 mod render;
 mod render_host;
 mod scene;
@@ -25,6 +26,8 @@ mod module {
     use crate::errors::Error;
     #[pymodule_export]
     use crate::images::{compare, read_image, write_image};
+    #[pymodule_export]
+    use crate::merging::merge;
     #[pymodule_export]
     use crate::render::{Render, render};
     #[pymodule_export]

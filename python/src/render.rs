@@ -4,17 +4,18 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use prpf::RenderBuilder;
-use prpf::adaptive::{NO_CEILING, Sampling};
+use prpf::adaptive::{NO_CEILING, PrioritySettings, Sampling};
 use prpf::filter::by_name;
 use prpf::image::OutputFormat;
-use prpf::progressive::{Budget, Filtered, MIN_SPP, Outcome, PassRecord, Settings};
-use prpf::state::ImageMetadata;
+use prpf::progressive::{Budget, Filtered, Outcome, PassRecord, Settings};
+use prpf::render::Shard;
+use prpf::state::{ImageMetadata, RenderState, Stream};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use crate::arrays;
 use crate::denoising::Denoised;
-use crate::errors::{image_error, render_error, value_error};
+use crate::errors::{Error, image_error, render_error, state_error, value_error};
 use crate::render_host::RenderHost;
 use crate::scene::Scene;
 use crate::store::Store;
@@ -75,7 +76,8 @@ impl Render {
 /// Renders, filters and allocates until a budget is spent.
 #[pyfunction]
 #[pyo3(signature = (scene, *, spp=None, time=None, target_error=None, sampling="adaptive", denoiser="nlm", seed=0,
-                    min_spp=MIN_SPP, max_spp=None, reservoir=0, reference=None, callback=None, output=None, state=None))]
+                    min_spp=4, max_spp=None, reservoir=0, reference=None, callback=None, counts=None, output=None, state=None,
+                    resume=None))]
 #[expect(clippy::too_many_arguments, reason = "keyword arguments of Python")]
 pub fn render(
     py: Python,
@@ -91,18 +93,27 @@ pub fn render(
     reservoir: usize,
     reference: Option<&Bound<PyAny>>,
     callback: Option<Py<PyAny>>,
+    counts: Option<Py<PyAny>>,
     output: Option<PathBuf>,
     state: Option<PathBuf>,
+    resume: Option<PathBuf>,
 ) -> PyResult<Render> {
     // Check the arguments before minutes of rendering
+    let sampling = self::sampling(sampling)?;
+    if counts.is_some() && sampling == Sampling::Uniform {
+        return Err(value_error(
+            "counts: found a function with uniform sampling; accepted is one with adaptive sampling",
+        ));
+    }
     let settings = Settings {
         budget: Budget { spp, seconds: time, target_error },
-        sampling: self::sampling(sampling)?,
+        sampling,
         denoiser: by_name(denoiser).map_err(value_error)?,
         seed,
         min_spp,
         max_spp: max_spp.unwrap_or(NO_CEILING),
         reservoir,
+        priority: priority_settings(counts.is_some()),
         ..Settings::default()
     };
     if let Some(path) = &output {
@@ -112,13 +123,31 @@ pub fn render(
 
     // Render
     let rendered = py.detach(|| {
-        let mut builder = RenderBuilder::new(&scene.scene).settings(settings);
+        let mut builder = RenderBuilder::new(&scene.scene).settings(settings.clone());
         if let Some(reference) = &reference {
             builder = builder.reference(reference);
         }
-        let metadata = ImageMetadata::new(&scene.scene, &scene.renderer(seed));
-        let mut host =
-            RenderHost { callback, state, metadata, seed, passes: 0, is_stopped: false, error: None };
+        let renderer = scene.renderer(seed);
+        let metadata = ImageMetadata::new(&scene.scene, &renderer);
+        if let Some(path) = resume {
+            let found = RenderState::read(&path).map_err(state_error)?;
+            let stream = Stream::new(seed, Shard::WHOLE);
+            found
+                .can_resume(&metadata, stream, renderer.layout(), &settings)
+                .map_err(|error| Error::new_err(format!("{}: {error}", path.display())))?;
+            builder = builder.resume(found.checkpoint);
+        }
+        let mut host = RenderHost {
+            callback,
+            counts,
+            state,
+            metadata,
+            seed,
+            passes: 0,
+            latest: None,
+            is_stopped: false,
+            error: None,
+        };
         let rendered = builder.run_with(&mut host).map_err(render_error)?;
         match host.error {
             Some(error) => Err(error),
@@ -141,4 +170,11 @@ fn sampling(name: &str) -> PyResult<Sampling> {
         "uniform" => Ok(Sampling::Uniform),
         _ => Err(value_error(format!("sampling: found `{name}`; accepted are adaptive and uniform"))),
     }
+}
+
+/// Returns the settings of priorities. Where a function chooses counts, every batch follows a pass: ours would do without
+/// where it expects little of them.
+fn priority_settings(has_counts: bool) -> PrioritySettings {
+    let default = PrioritySettings::default();
+    if has_counts { PrioritySettings { max_ratio: 1.0, ..default } } else { default }
 }

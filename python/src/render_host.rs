@@ -1,4 +1,4 @@
-//! What surrounds a render loop in Python: a callback after every filter pass, signals, the state file.
+//! What surrounds a render loop in Python: a callback after every filter pass, a rule for counts, signals, the state file.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -9,8 +9,9 @@ use prpf::state::{ImageMetadata, RenderState, Stream};
 use prpf::stats;
 use pyo3::prelude::*;
 
+use crate::arrays;
 use crate::denoising::Denoised;
-use crate::errors::state_error;
+use crate::errors::{state_error, value_error};
 use crate::store::Store;
 
 /// See `prpf.pyi`.
@@ -25,11 +26,15 @@ pub struct Pass {
 /// See the module.
 pub struct RenderHost {
     pub callback: Option<Py<PyAny>>,
+    /// The function that chooses the counts of a batch.
+    pub counts: Option<Py<PyAny>>,
     pub state: Option<PathBuf>,
     pub metadata: ImageMetadata,
     pub seed: u64,
     /// Passes so far.
     pub passes: usize,
+    /// The latest pass, until the counts that follow it are chosen.
+    pub latest: Option<Py<Pass>>,
     /// Whether the callback has asked for the end.
     pub is_stopped: bool,
     /// What ends the render and is raised after it.
@@ -37,15 +42,44 @@ pub struct RenderHost {
 }
 
 impl RenderHost {
-    /// Calls the callback; returns whether it asks for the end.
-    fn call(&self, callback: &Py<PyAny>, filtered: &Filtered, store: &Arc<stats::Store>) -> PyResult<bool> {
+    /// Hands a pass over to the callback and to the choice of counts.
+    fn hand_over(&mut self, filtered: &Filtered, store: &Arc<stats::Store>) -> PyResult<()> {
         Python::attach(|py| {
             let pass = Pass {
                 index: self.passes,
                 result: Py::new(py, Denoised::new(py, filtered.clone())?)?,
                 store: Py::new(py, Store::wrap(store.clone(), self.seed))?,
             };
-            callback.bind(py).call1((pass,))?.is_truthy()
+            let pass = Py::new(py, pass)?;
+            if let Some(callback) = &self.callback {
+                self.is_stopped |= callback.bind(py).call1((pass.clone_ref(py),))?.is_truthy()?;
+            }
+            // Kept no longer than needed: the store is copied if it changes meanwhile.
+            self.latest = self.counts.is_some().then_some(pass);
+            Ok(())
+        })
+    }
+
+    /// Calls the choice of counts; returns its counts.
+    fn choose(
+        &self,
+        counts: &Py<PyAny>,
+        pass: Py<Pass>,
+        size: [usize; 2],
+        planned: &[u32],
+    ) -> PyResult<Vec<u32>> {
+        Python::attach(|py| {
+            let most: u64 = planned.iter().map(|&count| u64::from(count)).sum();
+            let planned = arrays::map(py, planned.to_vec(), size[1])?;
+            let chosen = counts.bind(py).call1((pass, planned))?;
+            let chosen = arrays::counts("counts", &chosen, size)?;
+            let sum: u64 = chosen.iter().map(|&count| u64::from(count)).sum();
+            if !(1..=most).contains(&sum) {
+                return Err(value_error(format!(
+                    "counts: found {sum} samples in all; accepted are 1 to {most}, those of the planned batch"
+                )));
+            }
+            Ok(chosen)
         })
     }
 }
@@ -58,13 +92,23 @@ impl Host for RenderHost {
     }
 
     fn complete_pass(&mut self, filtered: &Filtered, store: &Arc<stats::Store>) {
-        if let (Some(callback), None) = (&self.callback, &self.error) {
-            match self.call(callback, filtered, store) {
-                Ok(stop) => self.is_stopped |= stop,
-                Err(error) => self.error = Some(error),
-            }
+        if self.error.is_none() && (self.callback.is_some() || self.counts.is_some()) {
+            self.error = self.hand_over(filtered, store).err();
         }
         self.passes += 1;
+    }
+
+    fn choose_counts(&mut self, store: &Arc<stats::Store>, planned: Vec<u32>) -> Vec<u32> {
+        let (Some(counts), Some(pass), None) = (&self.counts, self.latest.take(), &self.error) else {
+            return planned;
+        };
+        match self.choose(counts, pass, [store.height(), store.width()], &planned) {
+            Ok(chosen) => chosen,
+            Err(error) => {
+                self.error = Some(error);
+                planned
+            }
+        }
     }
 
     fn is_interrupted(&self) -> bool {

@@ -118,3 +118,69 @@ def test_files_that_cannot_be_read_or_written_are_exceptions(scene, tmp_path):
     text.write_text("This is no state.")
     with pytest.raises(prpf.Error, match="found no render state"):
         prpf.Store.load(text)
+
+
+def test_own_counts_are_taken_as_they_are(scene):
+    calls = []
+
+    def left_half(one, planned):
+        assert planned.shape == (24, 40) and planned.dtype == np.uint32
+        counts = np.zeros_like(planned)
+        counts[:, :20] = planned.sum() // (24 * 20)
+        counts[0, 0] += planned.sum() - counts.sum()
+        calls.append((one.index, one.store.counts() + counts))
+        return counts
+
+    render = prpf.render(scene, spp=16, counts=left_half)
+    assert len(calls) > 1 and [index for index, _ in calls] == list(range(len(calls)))
+    assert np.array_equal(calls[-1][1], render.store.counts())
+    assert render.store.counts()[:, 20:].max() < render.store.counts()[:, :20].min()
+    assert render.store.samples == 16 * 40 * 24
+
+    ours = prpf.render(scene, spp=16)
+    same = prpf.render(scene, spp=16, counts=lambda one, planned: planned)
+    assert same.store.samples == ours.store.samples
+
+
+@pytest.mark.parametrize(
+    "answer, error, words",
+    [
+        (np.zeros((24, 40), int), ValueError, "counts: found 0 samples in all; accepted are 1 to"),
+        (1000, ValueError, "counts: found 960000 samples in all"),
+        (np.ones((5, 5), int), ValueError, r"counts: found the shape \(5, 5\)"),
+        (np.ones((24, 40)), TypeError, "counts: found an array of float64"),
+        (-1, ValueError, "counts: found -1"),
+        (None, TypeError, "counts: found an array of object"),
+    ],
+)
+def test_counts_that_cannot_be_taken_are_exceptions(scene, answer, error, words):
+    with pytest.raises(error, match=words):
+        prpf.render(scene, spp=64, counts=lambda one, planned: answer)
+    with pytest.raises(ValueError, match="accepted is one with adaptive sampling"):
+        prpf.render(scene, counts=lambda one, planned: planned, sampling="uniform")
+
+
+def test_a_render_goes_on_from_its_state(scene, tmp_path):
+    state = tmp_path / "a.state"
+    prpf.render(scene, spp=64, state=state, callback=lambda one: one.store.spp >= 8)
+    render = prpf.render(scene, spp=64, state=state, resume=state)
+    assert np.array_equal(render.result.image, prpf.render(scene, spp=64).result.image)
+    with pytest.raises(prpf.Error, match="a.state: seed and shard: found a state of seed 0"):
+        prpf.render(scene, spp=64, resume=state, seed=1)
+    other = prpf.Scene.parse('Film "rgb" "integer xresolution" 5 "integer yresolution" 5 WorldBegin')
+    with pytest.raises(prpf.Error, match="a.state: scene: found a state of"):
+        prpf.render(other, resume=state)
+    with pytest.raises(FileNotFoundError):
+        prpf.render(scene, resume=tmp_path / "missing.state")
+
+
+def test_states_of_other_seeds_are_merged(scene, tmp_path):
+    paths = [tmp_path / f"{seed}.state" for seed in range(3)]
+    stores = [prpf.render(scene, spp=4, seed=seed, state=path).store for seed, path in enumerate(paths)]
+    merged = prpf.merge(paths, tmp_path / "all.state")
+    assert merged.samples == sum(store.samples for store in stores)
+    assert np.array_equal(prpf.Store.load(tmp_path / "all.state").mean(), merged.mean())
+    with pytest.raises(prpf.Error, match="1.state: both hold the same samples"):
+        prpf.merge([paths[1], paths[1]], tmp_path / "twice.state")
+    with pytest.raises(ValueError, match="states: found 1; accepted are two or more"):
+        prpf.merge(paths[:1], tmp_path / "one.state")
