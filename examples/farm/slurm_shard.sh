@@ -1,0 +1,12 @@
+#!/usr/bin/env bash
+# One task of the job array of slurm.sh: HERE SCENE FOLDER SHARDS SPP.
+set -euo pipefail
+here=$1 scene=$2 folder=$3 shards=$4 spp=$5
+
+status=0
+srun --ntasks=1 "$here/shard.sh" "$scene" "$folder" "$SLURM_ARRAY_TASK_ID" "$shards" "$spp" || status=$?
+# Stopped before its end, with its state written: the task waits in the queue again, and goes on from there.
+if ((status == 130)); then
+    scontrol requeue "${SLURM_ARRAY_JOB_ID}_$SLURM_ARRAY_TASK_ID"
+fi
+exit "$status"
