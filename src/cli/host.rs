@@ -9,7 +9,7 @@ use rayon::prelude::*;
 
 use super::checkpoints::Checkpoints;
 use super::command_line::command_line;
-use super::viewers::next_names;
+use super::viewers::{earlier_names, next_names};
 use crate::filter::FilterResult;
 use crate::output::ImageOutput;
 use crate::preview::{PreviewHost, SavedImage};
@@ -123,6 +123,10 @@ impl PreviewHost for RenderHost<'_> {
             output.write(name).map_err(|error| error.to_string())?;
         }
         Ok(names.into())
+    }
+
+    fn earlier_images(&self) -> Vec<PathBuf> {
+        earlier_names(&self.outfiles[0])
     }
 
     fn checkpoint_problem(&mut self) -> Option<String> {

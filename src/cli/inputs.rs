@@ -1,6 +1,7 @@
 //! The files that a render reads, and the paths that it writes.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use indicatif::ProgressBar;
 
@@ -16,7 +17,7 @@ use crate::scene::{Scene, pbrt};
 pub(super) struct Inputs {
     pub scene: Scene,
     pub outfiles: Vec<PathBuf>,
-    pub reference: Option<Planes>,
+    pub reference: Option<Arc<Planes>>,
     pub sample_map: Option<SampleMap>,
 }
 
@@ -43,6 +44,7 @@ impl Inputs {
         }
 
         let reference = options.reference.as_deref().map(|path| reference(path, &scene)).transpose()?;
+        let reference = reference.map(Arc::new);
         let sample_map = options.sample_map.read(size(&scene))?;
         warn(options, &scene);
         Ok(Self { scene, outfiles, reference, sample_map })

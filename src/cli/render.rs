@@ -193,7 +193,7 @@ impl Job<'_> {
                 scene: &inputs.scene,
                 renderer,
                 settings: settings.clone(),
-                reference: inputs.reference.as_ref(),
+                reference: inputs.reference.clone(),
                 checkpoint,
                 start,
                 stays: self.mode == Mode::Preview,
@@ -206,7 +206,7 @@ impl Job<'_> {
             (outcome, display)
         } else {
             let render_loop = RenderLoop::new(renderer, settings, start);
-            let mut render_loop = render_loop.with_reference(inputs.reference.as_ref());
+            let mut render_loop = render_loop.with_reference(inputs.reference.as_deref());
             if let Some(checkpoint) = checkpoint {
                 render_loop = render_loop.resume(checkpoint);
             }
@@ -230,7 +230,7 @@ impl Job<'_> {
 
     fn write_images(&self, outcome: &Outcome, metadata: &ImageMetadata) -> anyhow::Result<()> {
         let output = ImageOutput {
-            reference: self.inputs.reference.as_ref(),
+            reference: self.inputs.reference.as_deref(),
             seconds: self.start.elapsed().as_secs_f64(),
             command_line: &command_line(),
             ..ImageOutput::new(outcome, metadata)

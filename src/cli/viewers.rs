@@ -39,6 +39,14 @@ pub(super) fn next_names(outfile: &Path) -> Option<[PathBuf; 2]> {
         .find(|names| names.iter().all(|name| !name.exists()))
 }
 
+/// Returns the images `NAME-0001.exr` and so on that there are, in order.
+pub(super) fn earlier_names(outfile: &Path) -> Vec<PathBuf> {
+    let Some(stem) = outfile.file_stem() else { return Vec::new() };
+    let stem = stem.to_string_lossy().into_owned();
+    let name = |number| outfile.with_file_name(format!("{stem}-{number:04}.exr"));
+    (1..=LAST_NUMBER).map(name).filter(|path| path.is_file()).collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -51,5 +59,8 @@ mod tests {
         assert_eq!(exr, folder.path().join("a.b-0001.exr"));
         std::fs::write(png, b"").unwrap();
         assert_eq!(next_names(&outfile).unwrap()[0], folder.path().join("a.b-0002.exr"));
+        assert!(earlier_names(&outfile).is_empty());
+        std::fs::write(folder.path().join("a.b-0007.exr"), b"").unwrap();
+        assert_eq!(earlier_names(&outfile), [folder.path().join("a.b-0007.exr")]);
     }
 }

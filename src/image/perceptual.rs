@@ -28,6 +28,13 @@ pub struct FlipMap {
 }
 
 impl FlipMap {
+    /// The map itself: 1 plane.
+    pub fn values(&self) -> Planes {
+        let mut planes = Planes::new(self.map.width() as usize, self.map.height() as usize, 1);
+        planes.data_mut().copy_from_slice(&self.map.to_vec());
+        planes
+    }
+
     /// The map in the magma colour map, black to pale yellow, as interleaved 8-bit RGB.
     pub fn colours(&self) -> Vec<u8> {
         self.map.apply_color_lut(&nv_flip::magma_lut()).to_vec()

@@ -1,6 +1,7 @@
 //! The configuration of a preview: scene, settings, and the interface to the program around it.
 
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::time::Instant;
 
 use crate::filter::FilterResult;
@@ -27,6 +28,11 @@ pub trait PreviewHost: Host {
     /// One line: why it could not be written.
     fn write_image(&mut self, image: &SavedImage) -> Result<Vec<PathBuf>, String>;
 
+    /// Returns the images that earlier runs have saved, oldest first.
+    fn earlier_images(&self) -> Vec<PathBuf> {
+        Vec::new()
+    }
+
     /// Returns in one line what has gone wrong with checkpoints since the last call.
     fn checkpoint_problem(&mut self) -> Option<String>;
 
@@ -43,7 +49,8 @@ pub struct Configuration<'a> {
     /// With the scene's own camera.
     pub renderer: &'a Renderer<'a>,
     pub settings: Settings,
-    pub reference: Option<&'a Planes>,
+    /// Of the scene's own camera: 3 planes.
+    pub reference: Option<Arc<Planes>>,
     /// The checkpoint from which the first view goes on.
     pub checkpoint: Option<Checkpoint>,
     /// When the program started.

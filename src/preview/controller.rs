@@ -28,8 +28,10 @@ use super::orbit_camera::OrbitCamera;
 use super::pending::Pending;
 use super::publisher::is_covered;
 use super::reporter::{Reporter, Subject};
+use super::saved_images::SavedFile;
 use super::status::Phase;
 use crate::filter::{DENOISERS, Denoiser, FilterResult};
+use crate::image::Planes;
 use crate::progressive::{
     Action, Checkpoint, Conditions, Filtered, Host, Outcome, Region, RenderLoop, Settings, StoppedBy,
 };
@@ -127,6 +129,9 @@ impl<'a> Controller<'a> {
     /// Renders until a budget is spent or, if the preview stays, until it is interrupted: then there is no outcome. Returns
     /// the camera with it. Must not be called on a thread that others need.
     pub fn run(mut self) -> Option<(Outcome, Camera)> {
+        for path in self.configuration.host.earlier_images() {
+            self.hub.saves().add(SavedFile { path, spp: None });
+        }
         let mut start = self.configuration.start;
         let outcome = loop {
             match self.run_generation(start) {
@@ -151,8 +156,11 @@ impl<'a> Controller<'a> {
             let pivot = renderer.seen_at(width / 2, height / 2).map(|p| p.as_dvec3());
             self.camera = Some(OrbitCamera::new(&scene.camera, pivot, f64::from(renderer.diameter()) / 2.0));
         }
+        // Another camera sees something else than the reference.
+        let is_own_camera = self.camera.as_ref().is_none_or(|camera| camera.is_equivalent(&scene.camera));
+        let reference = self.configuration.reference.clone().filter(|_| is_own_camera);
         let mut render_loop = RenderLoop::new(&renderer, &self.configuration.settings, start)
-            .with_reference(self.configuration.reference);
+            .with_reference(reference.as_deref());
         let (checkpoint, record) = match self.returning.take() {
             Some(kept) => (Some(kept.checkpoint), kept.record),
             None => (self.configuration.checkpoint.take(), GenerationRecord::default()),
@@ -160,7 +168,7 @@ impl<'a> Controller<'a> {
         if let Some(checkpoint) = checkpoint {
             render_loop = render_loop.resume(checkpoint);
         }
-        self.begin_generation(&renderer, record);
+        self.begin_generation(&renderer, record, reference.clone());
         render_loop.set_region(self.pixel_region(renderer.resolution()));
 
         loop {
@@ -330,9 +338,14 @@ impl<'a> Controller<'a> {
         }
     }
 
-    fn begin_generation(&mut self, renderer: &Renderer, record: GenerationRecord) {
+    fn begin_generation(
+        &mut self,
+        renderer: &Renderer,
+        record: GenerationRecord,
+        reference: Option<Arc<Planes>>,
+    ) {
         self.pending.clear_for_generation();
-        self.reporter.begin(renderer.layout(), &self.configuration.settings, record);
+        self.reporter.begin(renderer.layout(), &self.configuration.settings, record, reference);
         self.viewer_pass_seconds = 0.0;
     }
 

@@ -11,6 +11,7 @@ use tokio::sync::watch;
 
 use super::command::Command;
 use super::preview_frame::PreviewFrame;
+use super::saved_images::SavedImages;
 use super::view::View;
 
 /// The newest frame of each view, by its index.
@@ -25,6 +26,7 @@ pub struct Hub {
     status: watch::Sender<Arc<str>>,
     /// Why there will be nothing more, once that is so.
     end: watch::Sender<Option<Arc<str>>>,
+    saves: SavedImages,
     commands: (Sender<Command>, Receiver<Command>),
     /// Identifier of each viewer, and the views that it is ready for: a bit per view.
     viewers: Mutex<Vec<(u64, u32)>>,
@@ -39,6 +41,7 @@ impl Default for Hub {
             frames: watch::Sender::new(Frames::default()),
             status: watch::Sender::new(Arc::from("")),
             end: watch::Sender::new(None),
+            saves: SavedImages::default(),
             commands: bounded(COMMAND_QUEUE),
             viewers: Mutex::default(),
             wanted: AtomicU32::new(0),
@@ -90,6 +93,11 @@ impl Hub {
     /// Subscribes to the end.
     pub fn ended(&self) -> watch::Receiver<Option<Arc<str>>> {
         self.end.subscribe()
+    }
+
+    /// Returns the images that were saved.
+    pub fn saves(&self) -> &SavedImages {
+        &self.saves
     }
 
     /// Tests whether there is any viewer.

@@ -15,7 +15,7 @@
 //! | `controller`, `pending`, `configuration`, `image_request`, `history`, `background_pass` | control of the render |
 //! | `reporter`, `generation_record`, `status` | the status of the render |
 //! | `publisher`, `preview_frame` | encoded images for the viewers |
-//! | `view`, `colour_scale`, `pixel_values` | what the page shows |
+//! | `view`, `colour_scale`, `pixel_values`, `comparison`, `saved_images` | what the page shows |
 //! | `orbit_camera`, `camera_move` | the camera and its movements |
 //! | `hub`, `viewer` | between the render thread and its viewers |
 //! | `protocol`, `command`, `settings_change` | messages from the page |
@@ -27,6 +27,7 @@ mod background_pass;
 mod camera_move;
 mod colour_scale;
 mod command;
+mod comparison;
 mod configuration;
 mod connections;
 mod controller;
@@ -41,7 +42,9 @@ mod pixel_values;
 mod preview_frame;
 mod protocol;
 mod publisher;
+mod relative_error;
 mod reporter;
+mod saved_images;
 mod server;
 mod session;
 mod settings_change;

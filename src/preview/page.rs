@@ -12,15 +12,18 @@ const FILES: &[(&str, &str, &[u8])] = files![
     "/main.js": "text/javascript; charset=utf-8" = "main.js",
     "/camera_panel.js": "text/javascript; charset=utf-8" = "camera_panel.js",
     "/colour_scale.js": "text/javascript; charset=utf-8" = "colour_scale.js",
+    "/comparison.js": "text/javascript; charset=utf-8" = "comparison.js",
     "/connection.js": "text/javascript; charset=utf-8" = "connection.js",
     "/discarding.js": "text/javascript; charset=utf-8" = "discarding.js",
     "/error_curve.js": "text/javascript; charset=utf-8" = "error_curve.js",
+    "/frame.js": "text/javascript; charset=utf-8" = "frame.js",
     "/half_float.js": "text/javascript; charset=utf-8" = "half_float.js",
     "/inspector.js": "text/javascript; charset=utf-8" = "inspector.js",
     "/number_field.js": "text/javascript; charset=utf-8" = "number_field.js",
     "/panel.js": "text/javascript; charset=utf-8" = "panel.js",
     "/pointer_input.js": "text/javascript; charset=utf-8" = "pointer_input.js",
     "/viewport.js": "text/javascript; charset=utf-8" = "viewport.js",
+    "/views.js": "text/javascript; charset=utf-8" = "views.js",
     "/icon.svg": "image/svg+xml" = "icon.svg",
 ];
 

@@ -13,13 +13,13 @@ struct PixelValues {
     x: u32,
     y: u32,
     samples: u32,
-    /// Linear radiance: the mean of the samples, and the filtered pixel.
-    raw: [f64; 3],
+    /// Linear radiance: the mean of the samples, if there are any, and the filtered pixel.
+    raw: Option<[f64; 3]>,
     filtered: Option<[f32; 3]>,
     albedo: Option<[f64; 3]>,
     normal: Option<[f64; 3]>,
     /// Variance of the unfiltered mean, averaged over the channels, in squared radiance.
-    variance: f64,
+    variance: Option<f64>,
     /// Estimated squared error of the filtered pixel, likewise.
     error: Option<f32>,
     residual: Option<f32>,
@@ -32,10 +32,13 @@ pub fn describe_pixel([x, y]: [u32; 2], store: &Store, shown: Option<&FilterResu
     let Some(row) = store.rows().get(line).filter(|_| column < store.width()) else {
         return r#"{"type":"values"}"#.to_owned();
     };
-    let three = |first: usize| [0, 1, 2].map(|k| row.moments(column, first + k, Part::Whole));
-    let means = |block: Block| store.layout().block(block).map(|dims| three(dims.start).map(|m| m.mean));
-    let radiance = three(store.layout().radiance().start);
     let samples = row.count(column, Part::Whole);
+    let three = |first: usize| [0, 1, 2].map(|k| row.moments(column, first + k, Part::Whole));
+    let means = |block: Block| {
+        let dimensions = store.layout().block(block).filter(|_| samples > 0)?;
+        Some(three(dimensions.start).map(|m| m.mean))
+    };
+    let radiance = three(store.layout().radiance().start);
     let at = |planes: &Planes, plane| planes.at(plane, column, line);
     let failure = shown.and_then(|shown| shown.interpolation.as_ref()).map(|found| &found.failure);
     let values = PixelValues {
@@ -43,11 +46,13 @@ pub fn describe_pixel([x, y]: [u32; 2], store: &Store, shown: Option<&FilterResu
         x,
         y,
         samples,
-        raw: radiance.map(|m| m.mean),
+        raw: (samples > 0).then(|| radiance.map(|m| m.mean)),
         filtered: shown.map(|f| [0, 1, 2].map(|k| at(&f.image, k))),
         albedo: means(Block::Albedo),
         normal: means(Block::Normal1),
-        variance: radiance.iter().map(|&m| m.variance()).sum::<f64>() / 3.0 / f64::from(samples.max(1)),
+        // One sample says nothing of the variance.
+        variance: (samples > 1)
+            .then(|| radiance.iter().map(|&m| m.variance()).sum::<f64>() / 3.0 / f64::from(samples)),
         error: shown.map(|f| at(&f.error, 0)),
         residual: shown.map(|f| at(&f.residual, 0)),
         failure: failure.map(|map| at(map, 0)),

@@ -133,7 +133,7 @@ mod tests {
             r#"{"type":"launch"}"#,
             r#"{"type":"save","path":"/etc/passwd"}"#,
             r#"{"type":"views","views":["secret"]}"#,
-            r#"{"type":"views","views":["raw","raw","raw","raw","raw","raw","raw","raw","raw","raw"]}"#,
+            r#"{"type":"views","views":["raw","raw","raw","raw","raw","raw","raw","raw","raw","raw","raw","raw","raw"]}"#,
             r#"{"type":"camera","orbit":[1e30,0]}"#,
             r#"{"type":"camera","orbit":[0]}"#,
             r#"{"type":"camera","aperture":-1}"#,

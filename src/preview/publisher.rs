@@ -6,8 +6,7 @@ use std::time::{Duration, Instant};
 use super::hub::Hub;
 use super::preview_frame::{FrameInfo, PreviewFrame};
 use super::status::ViewInfo;
-use super::view::View;
-use crate::filter::FilterResult;
+use super::view::{View, ViewSource};
 use crate::progressive::{Progress, Settings};
 use crate::stats::{Layout, Part, Store};
 
@@ -59,12 +58,13 @@ impl Publisher {
     }
 
     /// Starts a generation: all samples before are discarded.
-    pub fn begin(&mut self, layout: &Layout, settings: &Settings) {
+    pub fn begin(&mut self, layout: &Layout, settings: &Settings, has_reference: bool) {
         self.generation += 1;
         (self.steps, self.passes) = (0, 0);
         self.published = Default::default();
         let info = |view: View| ViewInfo { view, scale: view.scale(settings) };
-        self.views = View::ALL.into_iter().filter(|view| view.exists(layout)).map(info).collect();
+        self.views =
+            View::ALL.into_iter().filter(|view| view.exists(layout, has_reference)).map(info).collect();
     }
 
     /// Updates the colour scales to other settings.
@@ -99,14 +99,18 @@ impl Publisher {
     }
 
     /// Publishes the views that have changed and that a viewer is ready for.
-    pub fn publish(&mut self, store: &Store, shown: Option<&FilterResult>, progress: Option<&Progress>) {
+    pub fn publish(&mut self, source: &ViewSource, progress: Option<&Progress>) {
         // Find the views to publish
-        let version = |view: View| if view.is_filtered() { self.passes } else { self.steps };
-        let wanted: Vec<View> = self
+        let version = |view: View| match view {
+            View::Reference => 0,
+            view if view.is_filtered() => self.passes,
+            _ => self.steps,
+        };
+        let wanted: Vec<(View, u64)> = self
             .views
             .iter()
-            .map(|info| info.view)
-            .filter(|&view| self.hub.wants(view) && self.published[view.index()] != Some(version(view)))
+            .map(|info| (info.view, version(info.view)))
+            .filter(|&(view, version)| self.hub.wants(view) && self.published[view.index()] != Some(version))
             .collect();
         if wanted.is_empty() || self.steps == 0 {
             return;
@@ -115,10 +119,10 @@ impl Publisher {
         // Encode and publish them
         let started = Instant::now();
         let spp = progress.map_or(0.0, |p| p.spp);
-        let counts = (spp < COVERED_SPP).then(|| store.counts(Part::Whole));
-        for view in wanted {
-            let Some(planes) = view.planes(store, shown) else { continue };
-            self.published[view.index()] = Some(if view.is_filtered() { self.passes } else { self.steps });
+        let counts = (spp < COVERED_SPP).then(|| source.store.counts(Part::Whole));
+        for (view, version) in wanted {
+            let Some(planes) = view.planes(source) else { continue };
+            self.published[view.index()] = Some(version);
             self.sequence = self.sequence.wrapping_add(1);
             let info = FrameInfo {
                 generation: self.generation,
@@ -126,7 +130,7 @@ impl Publisher {
                 spp: spp as f32,
                 seconds: progress.map_or(0.0, |p| p.elapsed) as f32,
             };
-            let counts = counts.as_deref().filter(|_| view != View::Samples);
+            let counts = counts.as_deref().filter(|_| !matches!(view, View::Samples | View::Reference));
             self.hub.publish(PreviewFrame::new(view, &planes, counts, info));
             // Old frames stay until there is a new one to show.
             self.hub.drop_before(self.generation);

@@ -5,14 +5,16 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use super::command::Rectangle;
+use super::comparison::Comparison;
 use super::generation_record::GenerationRecord;
 use super::hub::Hub;
 use super::publisher::Publisher;
 use super::status::{
     CameraStatus, DenoiserInfo, Expectation, HistoryStatus, Notice, Phase, Statistics, Status,
 };
-use super::view::View;
+use super::view::{View, ViewSource};
 use crate::filter::{DenoiserName, FilterResult};
+use crate::image::Planes;
 use crate::progressive::{
     ErrorEstimate, Filtered, Point, Progress, Settings, StoppedBy, forecast, memory_bytes,
 };
@@ -46,6 +48,8 @@ pub struct Reporter {
     publisher: Publisher,
     phase: Phase,
     stopped_by: Option<StoppedBy>,
+    /// With a reference.
+    comparison: Option<Comparison>,
     /// The record of the current generation.
     record: GenerationRecord,
     /// The latest [`NOTICES`], newest last.
@@ -61,20 +65,25 @@ impl Reporter {
             hub,
             phase: Phase::Rendering,
             stopped_by: None,
+            comparison: None,
             record: GenerationRecord::default(),
             notices: VecDeque::new(),
             reported: None,
         }
     }
 
-    /// Starts a generation, or goes on with one that has a record; returns the record of the one before.
+    /// Starts a generation, or goes on with one that has a record; returns the record of the one before. Images are compared
+    /// with the reference, if there is one.
     pub fn begin(
         &mut self,
         layout: &Layout,
         settings: &Settings,
         record: GenerationRecord,
+        reference: Option<Arc<Planes>>,
     ) -> GenerationRecord {
-        self.publisher.begin(layout, settings);
+        self.publisher.begin(layout, settings, reference.is_some());
+        self.comparison = reference.map(Comparison::new);
+        self.compare(record.shown.as_ref());
         self.enter(Phase::Rendering);
         self.reported = None;
         if record.progress.is_some() {
@@ -93,6 +102,14 @@ impl Reporter {
     /// Drops the image of another denoiser, and its errors.
     pub fn forget_image(&mut self) {
         self.record.forget_image();
+        self.compare(None);
+    }
+
+    /// Compares an image with the reference.
+    fn compare(&mut self, shown: Option<&FilterResult>) {
+        if let Some(comparison) = &mut self.comparison {
+            comparison.update(shown);
+        }
     }
 
     /// Takes the record of the current generation, which ends.
@@ -196,6 +213,7 @@ impl Reporter {
             // Not every pass makes the map of interpolation failures: the latest one stays on show.
             let earlier = self.record.shown.take().and_then(|shown| shown.interpolation);
             result.interpolation = result.interpolation.or(earlier);
+            self.compare(Some(&result));
             self.record.shown = Some(result);
             self.record.shown_samples = store.samples();
             self.publisher.filtered();
@@ -225,7 +243,18 @@ impl Reporter {
 
     /// Publishes frames for the viewers that are ready.
     pub fn publish(&mut self, store: &Store) {
-        self.publisher.publish(store, self.record.shown.as_ref(), self.record.progress.as_ref());
+        let shown = self.record.shown.as_ref();
+        if let Some(comparison) = &mut self.comparison
+            && self.hub.wants(View::Flip)
+        {
+            let before = comparison.mean_flip();
+            comparison.make_flip(shown);
+            if comparison.mean_flip() != before {
+                self.reported = None;
+            }
+        }
+        let source = ViewSource { store, shown, comparison: self.comparison.as_ref() };
+        self.publisher.publish(&source, self.record.progress.as_ref());
     }
 
     /// Publishes the status; not too often unless it is urgent or `at_once`.
@@ -254,6 +283,7 @@ impl Reporter {
             forecast: self.expectation(subject.settings.budget.target_error),
             camera: &subject.camera,
             bookmarks: &subject.bookmarks,
+            saves: self.hub.saves().list(),
             region: subject.region,
             notices: &self.notices,
         };
@@ -281,6 +311,8 @@ impl Reporter {
             },
             memory_bytes: memory_bytes("VmRSS"),
             estimate: self.record.estimate,
+            true_error: self.comparison.as_ref().and_then(Comparison::relmse),
+            flip: self.comparison.as_ref().and_then(Comparison::mean_flip),
         }
     }
 }

@@ -6,8 +6,8 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
 use axum::Router;
-use axum::extract::State;
 use axum::extract::ws::WebSocketUpgrade;
+use axum::extract::{Path, State};
 use axum::http::{HeaderMap, StatusCode, Uri, header};
 use axum::response::{IntoResponse, Response};
 use axum::routing::get;
@@ -16,8 +16,11 @@ use super::access::Access;
 use super::connections;
 use super::hub::Hub;
 use super::page;
+use super::preview_frame::{FrameInfo, PreviewFrame};
 use super::protocol::LONGEST_MESSAGE;
 use super::session::serve_viewer;
+use super::view::View;
+use crate::image::read_rgb;
 
 /// Port of the page if no address is given and the port is free.
 const DEFAULT_PORT: u16 = 7377;
@@ -80,6 +83,7 @@ impl Server {
                 let router = Router::new()
                     .route("/live", get(live))
                     .route("/admission", get(admission))
+                    .route("/saves/{number}", get(saved_image))
                     .fallback(get(file))
                     .with_state(state);
                 if let Ok(listener) = tokio::net::TcpListener::from_std(listener) {
@@ -138,6 +142,31 @@ async fn admission(State(shared): State<Shared>, headers: HeaderMap, uri: Uri) -
         StatusCode::SERVICE_UNAVAILABLE
     } else {
         StatusCode::NO_CONTENT
+    }
+}
+
+/// Sends a saved image, encoded as a frame.
+async fn saved_image(
+    State(shared): State<Shared>,
+    headers: HeaderMap,
+    uri: Uri,
+    Path(number): Path<usize>,
+) -> Response {
+    if !shared.access.admits(text(&headers, header::HOST), uri.query()) {
+        return StatusCode::FORBIDDEN.into_response();
+    }
+    let Some(path) = shared.hub.saves().path(number) else {
+        return StatusCode::NOT_FOUND.into_response();
+    };
+    let read = move || {
+        let planes = read_rgb(&path).map_err(|error| error.to_string())?;
+        let info = FrameInfo { generation: 0, sequence: 0, spp: 0.0, seconds: 0.0 };
+        Ok::<_, String>(PreviewFrame::new(View::Raw, &planes, None, info).bytes)
+    };
+    match tokio::task::spawn_blocking(read).await {
+        Ok(Ok(bytes)) => ([(header::CACHE_CONTROL, "no-store")], bytes).into_response(),
+        Ok(Err(problem)) => (StatusCode::NOT_FOUND, problem).into_response(),
+        Err(_) => StatusCode::INTERNAL_SERVER_ERROR.into_response(),
     }
 }
 

@@ -6,6 +6,7 @@ use serde::Serialize;
 
 use super::colour_scale::ColourScale;
 use super::command::Rectangle;
+use super::saved_images::ListedFile;
 use super::view::View;
 use crate::filter::DenoiserName;
 use crate::progressive::{EstimateSummary, Point, Settings};
@@ -46,6 +47,8 @@ pub struct Status<'a> {
     pub camera: &'a CameraStatus,
     /// Cameras to return to, as directives.
     pub bookmarks: &'a [String],
+    /// Images to compare with, newest first.
+    pub saves: Vec<ListedFile>,
     /// The region that is rendered first.
     pub region: Option<Rectangle>,
     /// The latest notices, newest last.
@@ -97,6 +100,9 @@ pub struct Statistics {
     pub filter_fraction: f64,
     pub memory_bytes: Option<u64>,
     pub estimate: Option<EstimateSummary>,
+    /// relMSE and mean ꟻLIP of the filtered image with respect to the reference, if there is one.
+    pub true_error: Option<f64>,
+    pub flip: Option<f64>,
 }
 
 /// How the error is expected to fall from the latest point of the curve.

@@ -3,9 +3,10 @@
 use serde::{Deserialize, Serialize};
 
 use super::colour_scale::{ColourScale, Curve};
+use super::comparison::Comparison;
+use super::relative_error::relative_error;
 use crate::filter::{self, FilterResult};
 use crate::image::Planes;
-use crate::image::metrics::RELMSE_EPSILON;
 use crate::progressive::Settings;
 use crate::stats::{Block, Layout, Part, Store};
 
@@ -29,10 +30,21 @@ pub enum View {
     Failure,
     Albedo,
     Normal,
+    Reference,
+    Difference,
+    Flip,
+}
+
+/// What the planes of views are made of.
+#[derive(Clone, Copy)]
+pub struct ViewSource<'a> {
+    pub store: &'a Store,
+    pub shown: Option<&'a FilterResult>,
+    pub comparison: Option<&'a Comparison>,
 }
 
 impl View {
-    pub const ALL: [View; 9] = [
+    pub const ALL: [View; 12] = [
         View::Filtered,
         View::Raw,
         View::Samples,
@@ -42,6 +54,9 @@ impl View {
         View::Failure,
         View::Albedo,
         View::Normal,
+        View::Reference,
+        View::Difference,
+        View::Flip,
     ];
 
     /// Returns the view's index in [`Self::ALL`] and in the headers of frames.
@@ -51,32 +66,40 @@ impl View {
 
     /// Tests whether the view comes from a filter pass; the others come from the store alone.
     pub fn is_filtered(self) -> bool {
-        matches!(self, View::Filtered | View::Error | View::Residual | View::Failure)
+        matches!(
+            self,
+            View::Filtered | View::Error | View::Residual | View::Failure | View::Difference | View::Flip
+        )
     }
 
-    /// Tests whether a render with this layout has the view.
-    pub fn exists(self, layout: &Layout) -> bool {
+    /// Tests whether a render with this layout, with or without a reference, has the view.
+    pub fn exists(self, layout: &Layout, has_reference: bool) -> bool {
         match self {
             View::Albedo => layout.block(Block::Albedo).is_some(),
             View::Normal => layout.block(Block::Normal1).is_some(),
+            View::Reference | View::Difference | View::Flip => has_reference,
             _ => true,
         }
     }
 
     /// Returns the view's planes (1 or 3); `None` before the first filter pass that makes them.
-    pub fn planes(self, store: &Store, shown: Option<&FilterResult>) -> Option<Planes> {
+    pub fn planes(self, source: &ViewSource) -> Option<Planes> {
+        let ViewSource { store, shown, comparison } = *source;
         let means = |block| Some(store.means(Part::Whole, store.layout().block(block)?));
         let raw = || store.means(Part::Whole, store.layout().radiance());
         match self {
             View::Filtered => shown.map(|shown| shown.image.clone()),
             View::Raw => Some(raw()),
             View::Samples => Some(store.count_plane()),
-            View::Error => shown.map(|shown| relative(&shown.error, &shown.image)),
-            View::Variance => Some(relative(&filter::variance_of_mean(store), &raw())),
+            View::Error => shown.map(|shown| relative_error(&shown.error, &shown.image)),
+            View::Variance => Some(relative_error(&filter::variance_of_mean(store), &raw())),
             View::Residual => shown.map(|shown| shown.residual.clone()),
             View::Failure => Some(shown?.interpolation.as_ref()?.failure.clone()),
             View::Albedo => means(Block::Albedo),
             View::Normal => means(Block::Normal1),
+            View::Reference => comparison.map(|found| found.reference().clone()),
+            View::Difference => comparison?.difference().cloned(),
+            View::Flip => comparison?.flip().cloned(),
         }
     }
 
@@ -109,21 +132,11 @@ impl View {
                 mark: Some(1.0),
             }),
             View::Failure => scale("fraction of windows where interpolation failed", Curve::Linear, 0.0, 1.0),
-            View::Filtered | View::Raw | View::Albedo | View::Normal => None,
+            View::Difference => scale("squared difference (relMSE)", Curve::Log10, LOWEST_ERROR, 1.0),
+            View::Flip => scale("visible difference (FLIP)", Curve::Linear, 0.0, 1.0),
+            View::Filtered | View::Raw | View::Albedo | View::Normal | View::Reference => None,
         }
     }
-}
-
-/// Returns the mean over channels of squared errors (1 or 3 planes), relative to `image` as in relMSE.
-fn relative(squares: &Planes, image: &Planes) -> Planes {
-    let mut map = Planes::new(image.width(), image.height(), 1);
-    for channel in 0..3 {
-        let squares = squares.plane(channel.min(squares.count() - 1));
-        for ((out, square), value) in map.data_mut().iter_mut().zip(squares).zip(image.plane(channel)) {
-            *out += square / (value * value + RELMSE_EPSILON as f32) / 3.0;
-        }
-    }
-    map
 }
 
 #[cfg(test)]
@@ -146,15 +159,5 @@ mod tests {
         };
         assert_eq!((scale(1 << 10).high, scale(1 << 10).mark), (8192.0, Some(1024.0)));
         assert_eq!(scale(u32::MAX).high, 8.0 * 2f32.powi(32));
-    }
-
-    #[test]
-    fn errors_are_relative_to_the_image_as_the_target_is() {
-        let mut image = Planes::new(1, 1, 3);
-        image.data_mut().copy_from_slice(&[0.0, 1.0, 2.0]);
-        let mut error = Planes::new(1, 1, 1);
-        error.data_mut()[0] = 0.02;
-        let expected = (0.02 / 0.01 + 0.02 / 1.01 + 0.02 / 4.01) / 3.0;
-        assert!((relative(&error, &image).data()[0] - expected).abs() < 1e-6);
     }
 }

@@ -1,6 +1,7 @@
 //! A running preview of a small scene.
 
 use std::io::{BufRead, BufReader};
+use std::path::Path;
 use std::process::{Child, Command, Stdio};
 
 /// A process that ends with its owner.
@@ -37,13 +38,18 @@ Material "diffuse" "rgb reflectance" [ 0.5 0.5 0.5 ]
 Shape "trianglemesh" "point3 P" [ -9 -1 -9  9 -1 -9  9 -1 9  -9 -1 9 ] "integer indices" [ 0 1 2 0 2 3 ]
 "#;
 
-/// Starts a preview in a folder of its own; returns its URL as well.
-pub fn preview(arguments: &[&str]) -> (Running, String, tempfile::TempDir) {
+/// A folder with the scene in `scene.pbrt`.
+pub fn folder_with_scene() -> tempfile::TempDir {
     let folder = tempfile::tempdir().expect("a temporary folder");
     std::fs::write(folder.path().join("scene.pbrt"), SCENE).expect("a file in it");
+    folder
+}
+
+/// Starts the program on the scene in a folder, with a page; returns the page's URL as well.
+pub fn start_in(folder: &Path, command: &str, arguments: &[&str]) -> (Running, String) {
     let mut program = Command::new(env!("CARGO_BIN_EXE_prpf"))
-        .current_dir(folder.path())
-        .args(["preview", "scene.pbrt"])
+        .current_dir(folder)
+        .args([command, "scene.pbrt"])
         .args(arguments)
         .stdout(Stdio::piped())
         .spawn()
@@ -51,7 +57,14 @@ pub fn preview(arguments: &[&str]) -> (Running, String, tempfile::TempDir) {
         .expect("the program starts");
     let output = program.0.stdout.take().expect("it was asked for");
     let address = first_line(output, |line| line.strip_prefix("preview at ").map(str::to_owned));
-    (program, address.expect("the program says where the page is"), folder)
+    (program, address.expect("the program says where the page is"))
+}
+
+/// Starts a preview in a folder of its own; returns its URL as well.
+pub fn preview(arguments: &[&str]) -> (Running, String, tempfile::TempDir) {
+    let folder = folder_with_scene();
+    let (program, address) = start_in(folder.path(), "preview", arguments);
+    (program, address, folder)
 }
 
 /// A viewer's connection.

@@ -1,6 +1,7 @@
 //! Tests of the live page by subject, and what they share.
 
 mod camera;
+mod comparison;
 mod connection;
 mod history;
 mod image;

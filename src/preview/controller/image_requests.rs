@@ -7,6 +7,7 @@ use crate::filter::{FilterResult, suited_to};
 use crate::preview::configuration::SavedImage;
 use crate::preview::image_request::ImageRequest;
 use crate::preview::publisher::is_covered;
+use crate::preview::saved_images::SavedFile;
 use crate::preview::status::Phase;
 use crate::progressive::Settings;
 use crate::stats::Store;
@@ -78,6 +79,9 @@ impl Controller<'_> {
                 let names: Vec<_> = paths.iter().map(|path| path.display().to_string()).collect();
                 let spp = store.samples() as f64 / store.pixels().max(1) as f64;
                 let text = format!("saved {}: {spp:.1} samples per pixel", names.join(" and "));
+                if let Some(path) = paths.into_iter().next() {
+                    self.hub.saves().add(SavedFile { path, spp: Some(spp) });
+                }
                 self.reporter.notice(text, false);
             }
             Err(problem) => self.reporter.notice(format!("not saved: {problem}"), true),

@@ -1,9 +1,7 @@
 // The WebSocket to the render: frames, status and answers in, messages out. Reconnects when it breaks, and finds out why.
 
-export const HEADER = 24; // bytes
-const VERSION = 1;
-// Views by their index in a frame's header.
-const VIEWS = ["filtered", "raw", "samples", "error", "variance", "residual", "failure", "albedo", "normal"];
+import { decodeFrame } from "./frame.js";
+
 const RETRY_MILLISECONDS = 1000;
 // The render gives a sign of life every two seconds.
 const LONGEST_SILENCE = 8000; // milliseconds
@@ -78,18 +76,8 @@ export class Connection {
   }
 
   receiveFrame(data) {
-    const head = new DataView(data);
-    if (head.byteLength < HEADER || head.getUint8(0) !== VERSION) return this.ready();
-    this.on.frame({
-      view: VIEWS[head.getUint8(1)],
-      channels: head.getUint8(2),
-      width: head.getUint16(4, true),
-      height: head.getUint16(6, true),
-      generation: head.getUint32(8, true),
-      sequence: head.getUint32(12, true),
-      spp: head.getFloat32(16, true),
-      seconds: head.getFloat32(20, true),
-      halves: new Uint16Array(data, HEADER),
-    });
+    const frame = decodeFrame(data);
+    if (frame) this.on.frame(frame);
+    else this.ready();
   }
 }

@@ -1,23 +1,23 @@
 // Connects the parts of the page: what is shown, and what follows from a key, a button or a status.
 
 import { drawLegend } from "./colour_scale.js";
+import { Comparison } from "./comparison.js";
 import { Connection } from "./connection.js";
 import { Discarding } from "./discarding.js";
 import { showValues } from "./inspector.js";
 import { Panel } from "./panel.js";
 import { PointerInput } from "./pointer_input.js";
 import { Viewport } from "./viewport.js";
+import { FILTERED, VIEW_NAMES } from "./views.js";
 
 const $ = (id) => document.getElementById(id);
 const NOTICE_MILLISECONDS = 6000;
 const INSPECT_MILLISECONDS = 100;
-// Views that come from a filter pass.
-const FILTERED = ["filtered", "error", "residual", "failure"];
 
 const viewport = new Viewport($("viewport"));
 const state = {
   view: "filtered",
-  isWiping: false, wipe: 0.5, // position of the wipe, as a fraction of the width
+  wipe: 0.5, // position of the wipe, as a fraction of the width
   status: null,
   pixel: null, values: null, isPinned: false, // the inspected pixel
   region: null, // the rectangle being dragged
@@ -28,7 +28,7 @@ const connection = new Connection({
   // After a reconnection it may be another program.
   open: () => {
     $("save").disabled = $("restart").disabled = false;
-    viewport.frames.clear();
+    viewport.clearRender();
     state.requestedViews = "";
     requestViews();
   },
@@ -48,6 +48,7 @@ const connection = new Connection({
     viewport.scales = Object.fromEntries(status.views.map(({ view, scale }) => [view, scale]));
     viewport.setSize(status.width, status.height);
     panel.show(status);
+    comparison.show(status);
     if (!status.views.some(({ view }) => view === state.view)) state.view = "filtered";
     panel.markView(state.view);
     // Notices from before the page was opened are not shown.
@@ -66,6 +67,7 @@ const connection = new Connection({
   refused: ({ reason }) => notify(`refused: ${reason}`, true),
 });
 
+const comparison = new Comparison(viewport, notify, () => { updateViews(); placeOverlays(); });
 const panel = new Panel((type, content) => send(type, content), notify, selectView);
 
 const pointer = new PointerInput($("viewport"), viewport, {
@@ -124,33 +126,41 @@ function selectView(view) {
 
 // Returns the newest generation that the page knows of.
 const generation = () => Math.max(state.status?.generation ?? 0, ...[...viewport.frames.values()].map((f) => f.generation));
-// Returns the view if it has a frame of the newest generation, else null.
+// Returns the view if it has a frame that belongs to the newest generation, else null. Saved images belong to any.
 const fresh = (view) => {
   const frame = viewport.frames.get(view);
-  return frame && frame.generation === generation() ? view : null;
+  return frame && (view.startsWith("save:") || frame.generation === generation()) ? view : null;
 };
+
+// Returns the view that is compared with another one: an image is not compared with itself.
+const compared = () => comparison.isOn() && state.view === comparison.against ? "filtered" : state.view;
 
 // Selects the views left and right of the wipe; the unfiltered image stands in for a filtered view that has no frame yet.
 function updateViews() {
-  const right = state.isWiping && state.view === "raw" ? "filtered" : state.view;
-  const shown = fresh(right) ?? (FILTERED.includes(right) ? fresh("raw") ?? right : right);
-  viewport.shown = { left: state.isWiping ? "raw" : null, right: shown };
-  viewport.wipe = state.isWiping ? state.wipe : null;
-  const badge = $("badge");
-  const isMissing = !fresh(right) && state.status;
-  badge.hidden = !isMissing || right === "raw" || !viewport.frames.size;
-  badge.textContent = right === "filtered"
-    ? state.status?.settings.denoiser === "none" ? "denoiser is off" : "not filtered yet"
-    : "available after the next filter pass";
+  const right = compared();
+  const image = fresh(right) ?? (FILTERED.includes(right) ? fresh("raw") ?? right : right);
+  const shown = comparison.showsOther ? comparison.against : image;
+  viewport.shown = { left: comparison.isWiping ? comparison.against : null, right: shown };
+  viewport.wipe = comparison.isWiping ? state.wipe : null;
+  showBadge(right);
   drawLegend($("legend"), viewport.scales[shown] ?? null);
   requestViews();
   viewport.redraw();
 }
 
+// Says which image of a flicker is shown, or why an image is missing.
+function showBadge(right) {
+  const isMissing = !fresh(right) && state.status && right !== "raw" && viewport.frames.size > 0;
+  $("badge").hidden = !isMissing && !comparison.isFlickering;
+  if (comparison.isFlickering) $("badge").textContent = comparison.showsOther ? comparison.name() : VIEW_NAMES[right];
+  else if (right !== "filtered") $("badge").textContent = "available after the next filter pass";
+  else $("badge").textContent = state.status?.settings.denoiser === "none" ? "denoiser is off" : "not filtered yet";
+}
+
 // Asks for the views that are needed, and only for those.
 function requestViews() {
-  const wanted = new Set([state.isWiping && state.view === "raw" ? "filtered" : state.view]);
-  if (state.isWiping) wanted.add("raw");
+  const wanted = new Set([compared()]);
+  if (comparison.wanted()) wanted.add(comparison.wanted());
   const isMoving = state.movedGeneration !== undefined && state.movedGeneration >= generation();
   if (FILTERED.some((view) => wanted.has(view) && (isMoving || !fresh(view)))) wanted.add("raw");
   const list = [...wanted].join();
@@ -190,7 +200,7 @@ function placeOverlays() {
     setBox($("cursor"), viewport.toCanvas(x, y), viewport.toCanvas(x + 1, y + 1));
   }
   const wipe = $("wipe");
-  wipe.hidden = !state.isWiping;
+  wipe.hidden = !comparison.isWiping;
   wipe.style.left = `${viewport.toCanvas(state.wipe * viewport.size[0], 0)[0]}px`;
   wipe.setAttribute("aria-valuenow", Math.round(100 * state.wipe));
   $("factor").textContent = `${Math.round(100 * viewport.zoom)} %`;
@@ -199,11 +209,6 @@ viewport.onlayout = placeOverlays;
 
 function setWipe(fraction) {
   state.wipe = Math.min(1, Math.max(0, fraction));
-  updateViews();
-}
-
-function toggleWipe(isWiping) {
-  state.isWiping = $("wiping").checked = isWiping;
   updateViews();
 }
 
@@ -250,7 +255,6 @@ $("keys").onclick = toggleHelp;
 $("fit").onclick = () => viewport.fit();
 $("actual").onclick = actualSize;
 $("clear-region").onclick = clearRegion;
-$("wiping").onchange = ({ target }) => toggleWipe(target.checked);
 $("exposure").oninput = ({ target }) => setExposure(Number(target.value));
 $("exposure").ondblclick = () => setExposure(0);
 $("tools").onchange = ({ target }) => selectTool(target.value);
@@ -265,7 +269,8 @@ $("wipe").onkeydown = (event) => {
 };
 
 const KEYS = {
-  w: () => toggleWipe(!state.isWiping), ",": () => setWipe(state.wipe - 0.05), ".": () => setWipe(state.wipe + 0.05),
+  w: () => comparison.wipe(!comparison.isWiping), x: () => comparison.flicker(!comparison.isFlickering),
+  ",": () => setWipe(state.wipe - 0.05), ".": () => setWipe(state.wipe + 0.05),
   e: () => setExposure(viewport.exposure + 1 / 3), E: () => setExposure(viewport.exposure - 1 / 3),
   0: () => viewport.fit(), z: actualSize, "+": () => viewport.zoomBy(1.25), "-": () => viewport.zoomBy(0.8),
   q: () => selectTool("inspect"), c: () => selectTool("camera"), f: () => selectTool("focus"), r: () => selectTool("region"),

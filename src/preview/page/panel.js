@@ -4,24 +4,10 @@ import { short } from "./colour_scale.js";
 import { CameraPanel } from "./camera_panel.js";
 import { drawErrorCurve, duration } from "./error_curve.js";
 import { fillField, numberField } from "./number_field.js";
+import { VIEW_NAMES, VIEW_TITLES } from "./views.js";
 
 const $ = (id) => document.getElementById(id);
 
-export const VIEW_NAMES = {
-  filtered: "Filtered", raw: "Unfiltered", samples: "Samples", error: "Error", variance: "Variance",
-  residual: "Residual", failure: "Interpolation", albedo: "Albedo", normal: "Normal",
-};
-const VIEW_TITLES = {
-  filtered: "The filtered image",
-  raw: "The mean of the samples",
-  samples: "Samples per pixel",
-  error: "Estimated relative squared error of the filtered pixel",
-  variance: "Relative variance of the unfiltered pixel's mean",
-  residual: "Change by the filter, relative to the expected noise; above 1 the filter blurs",
-  failure: "Fraction of windows where the interpolation of feature weights failed",
-  albedo: "Albedo of the first hit",
-  normal: "Shading normal of the first hit",
-};
 const PHASES = { rendering: "rendering", filtering: "filtering", paused: "paused", finished: "finished" };
 const STOP_REASONS = { spp: "sample budget reached", time: "time budget reached", "target-error": "target error reached", interrupt: "interrupted" };
 
@@ -153,8 +139,10 @@ export class Panel {
       memory: statistics.memory_bytes === null ? "–" : `${(statistics.memory_bytes / 2 ** 20).toFixed(0)} MiB`,
       error: estimate ? short(estimate.error) : "–",
       made_by: made_by ? [made_by.denoiser, made_by.quality].filter(Boolean).join(" ") : "–",
+      true_error: statistics.true_error === null ? "–" : `${short(statistics.true_error)}${statistics.flip === null ? "" : ` · FLIP ${short(statistics.flip)}`}`,
       error_interval: estimate ? `${short(estimate.low)} to ${short(estimate.high)}` : "–",
     };
+    for (const element of document.querySelectorAll(".with-reference")) element.hidden = statistics.true_error === null;
     for (const [name, text] of Object.entries(values)) {
       document.querySelector(`[data-value=${name}]`).textContent = text;
     }
@@ -170,7 +158,7 @@ export class Panel {
       const input = Object.assign(document.createElement("input"), { type: "radio", name: "view", value: view });
       input.addEventListener("change", () => this.selectView(view));
       const text = Object.assign(document.createElement("span"), { textContent: VIEW_NAMES[view] ?? view });
-      label.title = `${VIEW_TITLES[view] ?? view} (${i + 1})`;
+      label.title = (VIEW_TITLES[view] ?? view) + (i < 9 ? ` (${i + 1})` : "");
       label.append(input, text);
       return label;
     }));

@@ -3,6 +3,7 @@
 
 import { COLOURS } from "./colour_scale.js";
 import { fromHalf } from "./half_float.js";
+import { kindOf } from "./views.js";
 
 const VERTEX = `#version 300 es
 void main() { gl_Position = vec4(vec2(gl_VertexID % 2, gl_VertexID / 2) * 4.0 - 1.0, 0.0, 1.0); }`;
@@ -41,10 +42,6 @@ void main() {
   vec3 v = isLeft ? texture(left, uv).rgb : texture(right, uv).rgb;
   colour = vec4(toColour(v, kind, isLeft ? leftScale : rightScale), 1.0);
 }`;
-
-// How each view becomes a colour, as in the shader's `kinds`; all others are maps.
-const KINDS = { filtered: 0, raw: 0, albedo: 1, normal: 2 };
-const MAP = 3;
 
 export class Viewport {
   constructor(canvas) {
@@ -128,6 +125,11 @@ export class Viewport {
     this.redraw();
   }
 
+  // Forgets the images of a render; saved images stay.
+  clearRender() {
+    for (const view of [...this.frames.keys()]) if (!view.startsWith("save:")) this.frames.delete(view);
+  }
+
   // Returns the values of a view at a pixel, or null.
   read(view, x, y) {
     const frame = this.frames.get(view);
@@ -203,7 +205,7 @@ export class Viewport {
     if (!gl) return;
     const ratio = this.canvas.width / Math.max(1, this.canvas.clientWidth);
     const { left, right } = this.shown;
-    const kind = (view) => (this.textures.has(view) ? KINDS[view] ?? MAP : -1);
+    const kind = (view) => (this.textures.has(view) ? kindOf(view) : -1);
     const bind = (unit, texture) => { gl.activeTexture(gl.TEXTURE0 + unit); gl.bindTexture(gl.TEXTURE_2D, texture); };
     gl.viewport(0, 0, this.canvas.width, this.canvas.height);
     const texture = (view) => this.textures.get(view)?.texture ?? this.colours;

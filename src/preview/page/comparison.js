@@ -1,0 +1,86 @@
+// What the image is compared with: a view of the render, the reference or a saved image; by a wipe or by flicker.
+
+import { decodeFrame } from "./frame.js";
+import { VIEW_NAMES } from "./views.js";
+
+const FLICKER_MILLISECONDS = 500;
+const $ = (id) => document.getElementById(id);
+
+export class Comparison {
+  // `viewport` gets the saved images; `update()` is called when another image has to be shown.
+  constructor(viewport, notify, update) {
+    Object.assign(this, { viewport, notify, update, against: "raw", isWiping: false, isFlickering: false, showsOther: false, list: "" });
+    $("against").onchange = ({ target }) => this.compareWith(target.value);
+    $("wiping").onchange = ({ target }) => this.wipe(target.checked);
+    $("flickering").onchange = ({ target }) => this.flicker(target.checked);
+  }
+
+  isOn() {
+    return this.isWiping || this.isFlickering;
+  }
+
+  // Returns the view that the render has to send for the comparison, or null.
+  wanted() {
+    return this.isOn() && !this.against.startsWith("save:") ? this.against : null;
+  }
+
+  // Returns the name of what the image is compared with.
+  name() {
+    return $("against").selectedOptions[0]?.textContent ?? this.against;
+  }
+
+  wipe(isOn) {
+    this.isWiping = $("wiping").checked = isOn;
+    if (isOn) this.flicker(false);
+    this.start();
+  }
+
+  // Shows the two images in turn, twice a second.
+  flicker(isOn) {
+    this.isFlickering = $("flickering").checked = isOn;
+    clearInterval(this.timer);
+    this.showsOther = false;
+    if (isOn) {
+      this.isWiping = $("wiping").checked = false;
+      this.timer = setInterval(() => { this.showsOther = !this.showsOther; this.update(); }, FLICKER_MILLISECONDS);
+    }
+    this.start();
+  }
+
+  compareWith(against) {
+    this.against = $("against").value = against;
+    this.start();
+  }
+
+  // Loads the saved image of a comparison that is on.
+  async start() {
+    const { against, viewport } = this;
+    this.update();
+    if (!this.isOn() || !against.startsWith("save:") || viewport.frames.has(against)) return;
+    const answer = await fetch(`/saves/${against.slice("save:".length)}${location.search}`).catch(() => null);
+    const frame = answer?.ok ? decodeFrame(await answer.arrayBuffer()) : null;
+    if (!frame) return this.notify(`cannot read the saved image${answer ? `: ${await answer.text()}` : ""}`, true);
+    const [width, height] = viewport.size;
+    if (frame.width !== width || frame.height !== height) {
+      return this.notify(`the saved image has ${frame.width}×${frame.height} pixels, this one ${width}×${height}`, true);
+    }
+    viewport.setFrame(against, frame);
+    this.update();
+  }
+
+  // Fills the list of what there is to compare with.
+  show({ views, saves }) {
+    const own = views.filter(({ view }) => view === "raw" || view === "reference");
+    const entries = [
+      ...own.map(({ view }) => [view, VIEW_NAMES[view]]),
+      ...saves.map(({ number, name, spp }) => [`save:${number}`, spp === null ? name : `${name} · ${spp.toFixed(1)} spp`]),
+    ];
+    const list = JSON.stringify(entries);
+    if (list === this.list) return;
+    this.list = list;
+    $("against").replaceChildren(...entries.map(([value, textContent]) => Object.assign(document.createElement("option"), { value, textContent })));
+    const isThere = entries.some(([value]) => value === this.against);
+    if (!isThere) this.against = "raw";
+    $("against").value = this.against;
+  }
+}
