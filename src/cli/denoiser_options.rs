@@ -6,7 +6,7 @@ use clap::builder::PossibleValue;
 
 use crate::filter::{DENOISERS, Denoiser, find, presets};
 
-#[derive(Args)]
+#[derive(Clone, Args)]
 pub(super) struct DenoiserOptions {
     /// The denoiser [default: nlm; of `denoise`: the render's]
     #[arg(long, value_name = "NAME", value_parser = methods())]

@@ -26,6 +26,8 @@ mod program;
 mod render;
 mod sample_map;
 mod samples;
+mod scene_changes;
+mod scene_files;
 mod signals;
 mod state_options;
 mod summary;

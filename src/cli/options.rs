@@ -16,7 +16,7 @@ use crate::progressive::{Budget, MIN_SPP, Settings};
 use crate::scene::{Integrator, Scene};
 
 /// `prpf render`.
-#[derive(Args)]
+#[derive(Clone, Args)]
 #[command(after_help = "\
 Examples:
   prpf render scenes/pool/pool.pbrt -o pool.png --spp 16
@@ -25,9 +25,9 @@ Examples:
   prpf render scene.pbrt --spp 4096 --state scene.state --resume      go on wherever it was stopped
   prpf render scene.pbrt --spp 64 --sample-map counts.exr             samples in proportion to a map
 
-Several budgets may be given: the first one reached ends the render; 0 means off. The clock of --time
-counts everything: loading, building, the last filter pass and writing. Ctrl-C (or SIGTERM, SIGHUP) finishes the
-batch being rendered if that takes no more than a second, else a step of it, writes the image (and the
+Several budgets may be given: the first one reached ends the render; 0 means off. The clock of --time \
+counts everything: loading, building, the last filter pass and writing. Ctrl-C (or SIGTERM, SIGHUP) finishes \
+the batch being rendered if that takes no more than a second, else a step of it, writes the image (and the \
 --state) and exits 130; a second one quits at once.")]
 pub(super) struct RenderOptions {
     /// Scene in pbrt's format
@@ -182,6 +182,24 @@ impl RenderOptions {
             priority: self.drive,
             reservoir: self.state.reservoir,
         })
+    }
+
+    /// Returns the options for another scene: those that name files of this one, or parts of its image, are left out.
+    pub fn for_scene(&self, scene: PathBuf) -> Self {
+        let state = StateOptions { state: None, resume: false, ..self.state.clone() };
+        let sample_map = SampleMapOptions { sample_map: None, ..self.sample_map.clone() };
+        Self {
+            scene,
+            outfile: Vec::new(),
+            report: None,
+            samples: None,
+            reference: None,
+            camera: None,
+            pixelbounds: None,
+            state,
+            sample_map,
+            ..self.clone()
+        }
     }
 
     /// Applies the overrides to a scene.

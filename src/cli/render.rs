@@ -1,5 +1,6 @@
 //! `prpf render`.
 
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Instant;
@@ -14,14 +15,17 @@ use super::host::{RenderHost, progress_bar};
 use super::inputs::Inputs;
 use super::mode::Mode;
 use super::options::RenderOptions;
+use super::scene_changes::SceneChanges;
+use super::scene_files::scenes_beside;
 use super::signals::{INTERRUPTED, Signals};
 use super::terminal::{escaped, print, print_error};
+use super::viewers::Viewers;
 use super::workers::in_pool;
 use super::{samples, summary, viewers};
 use crate::geometry::Accel;
 use crate::image::OutputFormat;
 use crate::output::{ImageOutput, Report, Times};
-use crate::preview::{Configuration, Controller, Hub, Server, TevClient};
+use crate::preview::{Configuration, Controller, ControllerEnd, Hub, SceneSession, TevClient};
 use crate::progressive::{self, Checkpoint, Outcome, RenderLoop, Settings, StoppedBy, fits_in_memory};
 use crate::render::Renderer;
 use crate::state::{ImageMetadata, SampleFile};
@@ -47,6 +51,39 @@ fn run_in_pool(
     signals: &Signals,
     start: Instant,
 ) -> Result<u8, Failure> {
+    let mut viewers = None;
+    let mut scenes = SceneChanges::new(options, start);
+    loop {
+        let is_first = viewers.is_none();
+        match render_scene(&mut scenes, mode, signals, &mut viewers) {
+            Ok(SceneEnd::Done(status)) => return Ok(status),
+            Ok(SceneEnd::Opens(scene, session)) => scenes.open(scene, *session),
+            Err(failure) if is_first => return Err(failure),
+            Err(failure) => scenes.go_back(failure)?,
+        }
+        if let Some(Viewers { hub, .. }) = &viewers {
+            hub.begin_loading(&scenes.options.scene.to_string_lossy());
+        }
+    }
+}
+
+/// How the render of a scene ends.
+enum SceneEnd {
+    /// With an exit status.
+    Done(u8),
+    /// A viewer opens another scene.
+    Opens(PathBuf, Box<SceneSession>),
+}
+
+/// Renders the scene that is open. Viewers stay connected beyond it.
+fn render_scene(
+    scenes: &mut SceneChanges,
+    mode: Mode,
+    signals: &Signals,
+    viewers: &mut Option<Viewers>,
+) -> Result<SceneEnd, Failure> {
+    let (session, start) = (scenes.take_session(), scenes.start);
+    let (options, notice) = (&scenes.options, scenes.notice.clone());
     // Read the inputs
     let inputs = Inputs::read(options).map_err(Failure::Input)?;
     let scene = &inputs.scene;
@@ -58,7 +95,7 @@ fn run_in_pool(
     let renderer = Renderer::new(scene, &accel, options.seed).with_shard(stream.shard);
     if let Some(sample) = options.debug_sample {
         let text = sample.describe(&renderer).map_err(Failure::Input)?;
-        return print(&text).map(|()| 0).map_err(Failure::Run);
+        return print(&text).map(|()| SceneEnd::Done(0)).map_err(Failure::Run);
     }
     let metadata = ImageMetadata::new(scene, &renderer);
     let build = start.elapsed().as_secs_f64() - load;
@@ -66,13 +103,20 @@ fn run_in_pool(
     // Render
     let job = Job { options, mode, inputs: &inputs, renderer: &renderer, metadata: &metadata, start };
     let settings = job.settings().map_err(Failure::Input)?;
-    let Rendered { outcome, metadata, checkpoints, samples, display, server } =
-        job.render(&settings, signals.begin_render())?;
-    let Some(outcome) = outcome else {
-        // A preview that was closed has written its images already.
-        let finished = checkpoints.map_or(Ok(()), Checkpoints::finish).map(|()| 0);
-        server.into_iter().for_each(|server| server.close("The preview was closed."));
-        return finished;
+    let Rendered { end, checkpoints, samples } =
+        job.render(&settings, signals.begin_render(), (session, notice), viewers)?;
+    let (outcome, metadata) = match end {
+        ControllerEnd::Finished(outcome, camera) => (outcome, metadata.with_camera(&camera)),
+        // A preview has written its images already.
+        ControllerEnd::Closed => {
+            let finished = checkpoints.map_or(Ok(()), Checkpoints::finish);
+            close(viewers, "The preview was closed.");
+            return finished.map(|()| SceneEnd::Done(0));
+        }
+        ControllerEnd::Opens(scene, session) => {
+            checkpoints.map_or(Ok(()), Checkpoints::finish)?;
+            return Ok(SceneEnd::Opens(scene, session));
+        }
     };
 
     // Write the outputs
@@ -81,8 +125,7 @@ fn run_in_pool(
     let checkpoints = checkpoints.map_or(Ok(()), Checkpoints::finish);
     let samples = samples::finish(samples, options.samples.as_deref());
     let (write, total) = (writing.elapsed().as_secs_f64(), start.elapsed().as_secs_f64());
-    drop(display);
-    server.into_iter().for_each(|server| server.close("The render has ended."));
+    close(viewers, "The render has ended.");
     let seconds = Times::new(load, build, outcome.seconds, write, total);
     let report = options.report.as_ref().map_or(Ok(()), |path| {
         let report = Report::new(&metadata, &outcome, seconds);
@@ -97,7 +140,15 @@ fn run_in_pool(
         print(&text).map_err(Failure::Run)?;
     }
     checkpoints.and(samples)?;
-    Ok(if outcome.stopped_by == StoppedBy::Interrupt { INTERRUPTED } else { 0 })
+    Ok(SceneEnd::Done(if outcome.stopped_by == StoppedBy::Interrupt { INTERRUPTED } else { 0 }))
+}
+
+/// Disconnects the viewers, and tells them why.
+fn close(viewers: &mut Option<Viewers>, reason: &str) {
+    if let Some(Viewers { server, display, .. }) = viewers.take() {
+        drop(display);
+        server.into_iter().for_each(|server| server.close(reason));
+    }
 }
 
 /// A render that is ready to begin.
@@ -112,16 +163,9 @@ struct Job<'a> {
 
 /// What a render leaves to the command.
 struct Rendered {
-    /// `None` of a preview that was closed.
-    outcome: Option<Outcome>,
-    /// With the camera of the outcome.
-    metadata: ImageMetadata,
+    end: ControllerEnd,
     checkpoints: Option<Checkpoints>,
     samples: Option<SampleFile>,
-    /// Dropped after the image is written: disconnecting may take time, which is part of no budget.
-    display: Option<TevClient>,
-    /// Closed after the outputs are written.
-    server: Option<Server>,
 }
 
 impl Job<'_> {
@@ -146,8 +190,15 @@ impl Job<'_> {
         settings.sample_map = Some(map);
     }
 
-    /// Renders, with a live page and a display server if the options ask for them.
-    fn render(&self, settings: &Settings, interrupt: &AtomicBool) -> Result<Rendered, Failure> {
+    /// Renders, with a live page and a display server if the options ask for them. With viewers it goes on from a session,
+    /// and begins with a notice.
+    fn render(
+        &self,
+        settings: &Settings,
+        interrupt: &AtomicBool,
+        (session, notice): (Option<SceneSession>, Option<String>),
+        viewers: &mut Option<Viewers>,
+    ) -> Result<Rendered, Failure> {
         let Self { options, inputs, renderer, metadata, start, .. } = *self;
         // Check the memory, and open the state
         let keeps_checkpoints = options.state.state.is_some();
@@ -168,8 +219,8 @@ impl Job<'_> {
 
         // Run the render loop, by one of its drivers
         let bar = progress_bar(options.quiet);
-        let serves = self.mode == Mode::Preview || options.preview.is_some();
-        let has_viewers = serves || options.display_server.is_some();
+        let has_viewers =
+            self.mode == Mode::Preview || options.preview.is_some() || options.display_server.is_some();
         let outfiles = &inputs.outfiles;
         let mut host = RenderHost {
             metadata,
@@ -181,40 +232,52 @@ impl Job<'_> {
             bar: bar.clone(),
             start,
         };
-        let mut metadata = metadata.clone();
-        let mut server = None;
-        let (outcome, display) = if has_viewers {
-            let hub = Arc::new(Hub::default());
-            if serves {
-                server = Some(viewers::serve(&hub, options.preview.flatten())?);
-            }
-            let display = self.display(&hub, &bar)?;
+        let end = if has_viewers {
+            let hub = self.connect(viewers, &bar)?;
+            hub.drop_commands();
             let configuration = Configuration {
                 scene: &inputs.scene,
                 renderer,
                 settings: settings.clone(),
                 reference: inputs.reference.clone(),
                 checkpoint,
+                session,
+                notice,
                 start,
                 stays: self.mode == Mode::Preview,
                 host: &mut host,
             };
-            let outcome = Controller::new(hub, configuration).run().map(|(outcome, camera)| {
-                metadata = metadata.with_camera(&camera);
-                outcome
-            });
-            (outcome, display)
+            Controller::new(hub, configuration).run()
         } else {
             let render_loop = RenderLoop::new(renderer, settings, start);
             let mut render_loop = render_loop.with_reference(inputs.reference.as_deref());
             if let Some(checkpoint) = checkpoint {
                 render_loop = render_loop.resume(checkpoint);
             }
-            (Some(progressive::run(render_loop, &mut host)), None)
+            let outcome = progressive::run(render_loop, &mut host);
+            ControllerEnd::Finished(Box::new(outcome), inputs.scene.camera.clone())
         };
         bar.finish_and_clear();
         let RenderHost { checkpoints, samples, .. } = host;
-        Ok(Rendered { outcome, metadata, checkpoints, samples, display, server })
+        Ok(Rendered { end, checkpoints, samples })
+    }
+
+    /// Connects viewers, unless they are from the scene before; returns what they are connected to.
+    fn connect(&self, viewers: &mut Option<Viewers>, bar: &ProgressBar) -> Result<Arc<Hub>, Failure> {
+        if let Some(Viewers { hub, .. }) = viewers {
+            return Ok(hub.clone());
+        }
+        let (options, hub) = (self.options, Arc::new(Hub::default()));
+        let mut server = None;
+        if self.mode == Mode::Preview {
+            hub.offer_scenes(scenes_beside(&options.scene));
+        }
+        if self.mode == Mode::Preview || options.preview.is_some() {
+            server = Some(viewers::serve(&hub, options.preview.flatten())?);
+        }
+        let display = self.display(&hub, bar)?;
+        *viewers = Some(Viewers { hub: hub.clone(), server, display });
+        Ok(hub)
     }
 
     /// Starts to send images to a display server, if the options name one.

@@ -8,7 +8,7 @@ use clap::{Args, ValueEnum};
 use crate::adaptive::{MapValues, SampleMap};
 use crate::image::{Planes, exr_file};
 
-#[derive(Args)]
+#[derive(Clone, Args)]
 pub(super) struct SampleMapOptions {
     /// Place samples by this map of the render's size instead of by the denoiser's maps. It must not depend on the samples
     /// it places: make it by another seed

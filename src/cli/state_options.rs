@@ -11,7 +11,7 @@ use crate::progressive::Budget;
 use crate::render::Shard;
 use crate::state::Stream;
 
-#[derive(Args)]
+#[derive(Clone, Args)]
 pub(super) struct StateOptions {
     /// Keep the render's state in this file: from time to time, when stopped, and at the end
     #[arg(long, value_name = "FILE")]

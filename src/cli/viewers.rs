@@ -12,6 +12,14 @@ use crate::scene::Scene;
 /// Largest number of an image that is saved under one name.
 const LAST_NUMBER: u32 = 9999;
 
+/// What viewers are connected to, whichever scene is open.
+pub(super) struct Viewers {
+    pub hub: Arc<Hub>,
+    pub server: Option<Server>,
+    /// Dropped after the image is written: disconnecting may take time, which is part of no budget.
+    pub display: Option<TevClient>,
+}
+
 /// Starts to serve the live page, and prints its address.
 pub(super) fn serve(hub: &Arc<Hub>, address: Option<SocketAddr>) -> Result<Server, Failure> {
     let server = Server::start(hub.clone(), address).map_err(|error| Failure::Input(error.into()))?;

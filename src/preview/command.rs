@@ -28,6 +28,8 @@ pub enum Command {
     Restart,
     /// Returns to the render before or after this one.
     Return(HistoryStep),
+    /// Opens the scene with this index in the hub's list.
+    OpenScene(usize),
     /// Writes the image as it is now.
     Save,
     /// Sends all values at a pixel to `reply`, as JSON.

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
 
+use super::scene_session::SceneSession;
 use crate::filter::FilterResult;
 use crate::image::Planes;
 use crate::progressive::{Checkpoint, Host, Settings};
@@ -53,7 +54,11 @@ pub struct Configuration<'a> {
     pub reference: Option<Arc<Planes>>,
     /// The checkpoint from which the first view goes on.
     pub checkpoint: Option<Checkpoint>,
-    /// When the program started.
+    /// What was made of the scene before another one was opened.
+    pub session: Option<SceneSession>,
+    /// Notice to begin with.
+    pub notice: Option<String>,
+    /// When the program started, or when the scene was opened.
     pub start: Instant,
     /// Whether the preview stays when a budget is spent, until it is interrupted.
     pub stays: bool,

@@ -12,6 +12,7 @@ mod image_requests;
 mod viewer_passes;
 
 use std::collections::VecDeque;
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -20,6 +21,7 @@ use crossbeam::channel::RecvTimeoutError;
 use super::background_pass::{BackgroundPass, PassThreads};
 use super::command::Rectangle;
 use super::configuration::{Configuration, PreviewHost};
+use super::controller_end::ControllerEnd;
 use super::generation_record::GenerationRecord;
 use super::history::{History, KeptRender};
 use super::hub::Hub;
@@ -36,7 +38,6 @@ use crate::progressive::{
     Action, Checkpoint, Conditions, Filtered, Host, Outcome, Region, RenderLoop, Settings, StoppedBy,
 };
 use crate::render::Renderer;
-use crate::scene::Camera;
 use crate::stats::Store;
 
 /// Longest step of a batch, in seconds: commands are handled between two.
@@ -101,12 +102,14 @@ enum GenerationEnd {
     Closed,
     /// Another one begins.
     Replaced,
+    /// Another scene is opened.
+    Opens(PathBuf, Box<KeptRender>),
 }
 
 impl<'a> Controller<'a> {
     /// Controls a render for all viewers of `hub`.
     pub fn new(hub: Arc<Hub>, configuration: Configuration<'a>) -> Self {
-        Self {
+        let mut controller = Self {
             reporter: Reporter::new(hub.clone()),
             hub,
             pass_threads: PassThreads::default(),
@@ -123,27 +126,34 @@ impl<'a> Controller<'a> {
             viewer_pass_seconds: 0.0,
             requests: VecDeque::new(),
             background: Vec::new(),
-        }
+        };
+        controller.take_session();
+        controller
     }
 
-    /// Renders until a budget is spent or, if the preview stays, until it is interrupted: then there is no outcome. Returns
-    /// the camera with it. Must not be called on a thread that others need.
-    pub fn run(mut self) -> Option<(Outcome, Camera)> {
+    /// Renders until a budget is spent or, if the preview stays, until it is interrupted or another scene is opened. Must
+    /// not be called on a thread that others need.
+    pub fn run(mut self) -> ControllerEnd {
         for path in self.configuration.host.earlier_images() {
             self.hub.saves().add(SavedFile { path, spp: None });
         }
-        let mut start = self.configuration.start;
-        let outcome = loop {
+        let mut start = self.next_start().unwrap_or(self.configuration.start);
+        let end = loop {
             match self.run_generation(start) {
-                GenerationEnd::Finished(outcome) => break Some(*outcome),
-                GenerationEnd::Closed => break None,
-                GenerationEnd::Replaced => start = self.next_start(),
+                GenerationEnd::Finished(outcome) => {
+                    break ControllerEnd::Finished(outcome, self.current_camera().clone());
+                }
+                GenerationEnd::Closed => break ControllerEnd::Closed,
+                GenerationEnd::Replaced => start = self.next_start().unwrap_or_else(Instant::now),
+                GenerationEnd::Opens(scene, current) => {
+                    break ControllerEnd::Opens(scene, Box::new(self.session(*current)));
+                }
             }
         };
         for (request, pass) in std::mem::take(&mut self.background) {
             self.write_image(&request, pass.wait().ok().map(|filtered| filtered.result).as_ref());
         }
-        outcome.map(|outcome| (outcome, self.current_camera().clone()))
+        end
     }
 
     /// Renders one view with one set of samples.
@@ -202,6 +212,11 @@ impl<'a> Controller<'a> {
                 // The image as it is now is wanted, whatever was commanded before.
                 self.pending.clear_for_generation();
                 continue;
+            }
+            if let Some(scene) = self.pending.scene.take() {
+                self.save_checkpoint(&mut render_loop);
+                let current = self.current_render(render_loop);
+                return GenerationEnd::Opens(scene, Box::new(current));
             }
             if let Some(step) = self.pending.history.take() {
                 self.save_checkpoint(&mut render_loop);

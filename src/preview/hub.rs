@@ -3,8 +3,9 @@
 //! The hub holds the newest image of each view and the newest status, and a bounded queue of commands. The render
 //! thread never waits for a viewer: a slow one skips images. No image is made of a view for which no viewer is ready.
 
+use std::path::PathBuf;
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
-use std::sync::{Arc, Mutex};
+use std::sync::{Arc, Mutex, OnceLock};
 
 use crossbeam::channel::{Receiver, Sender, TrySendError, bounded};
 use tokio::sync::watch;
@@ -27,6 +28,11 @@ pub struct Hub {
     /// Why there will be nothing more, once that is so.
     end: watch::Sender<Option<Arc<str>>>,
     saves: SavedImages,
+    /// Scenes that a viewer may open.
+    scenes: OnceLock<Vec<PathBuf>>,
+    /// Count the generations and the frames of all scenes.
+    generation: AtomicU32,
+    sequence: AtomicU32,
     commands: (Sender<Command>, Receiver<Command>),
     /// Identifier of each viewer, and the views that it is ready for: a bit per view.
     viewers: Mutex<Vec<(u64, u32)>>,
@@ -42,6 +48,9 @@ impl Default for Hub {
             status: watch::Sender::new(Arc::from("")),
             end: watch::Sender::new(None),
             saves: SavedImages::default(),
+            scenes: OnceLock::new(),
+            generation: AtomicU32::new(0),
+            sequence: AtomicU32::new(0),
             commands: bounded(COMMAND_QUEUE),
             viewers: Mutex::default(),
             wanted: AtomicU32::new(0),
@@ -98,6 +107,38 @@ impl Hub {
     /// Returns the images that were saved.
     pub fn saves(&self) -> &SavedImages {
         &self.saves
+    }
+
+    /// Lets viewers open these scenes.
+    pub fn offer_scenes(&self, scenes: Vec<PathBuf>) {
+        // There is one list for the whole life of a preview.
+        let _ = self.scenes.set(scenes);
+    }
+
+    /// Returns the scenes that a viewer may open.
+    pub fn scenes(&self) -> &[PathBuf] {
+        self.scenes.get().map_or(&[], Vec::as_slice)
+    }
+
+    /// Tells all viewers that a scene is being read; what they command meanwhile is dropped by
+    /// [`Self::drop_commands`].
+    pub fn begin_loading(&self, scene: &str) {
+        self.publish_status(serde_json::json!({ "type": "loading", "scene": scene }).to_string());
+    }
+
+    /// Drops the commands that wait: they concern another scene.
+    pub fn drop_commands(&self) {
+        while self.commands.1.try_recv().is_ok() {}
+    }
+
+    /// Returns the number of a new generation, from 1.
+    pub(super) fn next_generation(&self) -> u32 {
+        self.generation.fetch_add(1, Ordering::Relaxed) + 1
+    }
+
+    /// Returns the number of a new frame, from 1.
+    pub(super) fn next_sequence(&self) -> u32 {
+        self.sequence.fetch_add(1, Ordering::Relaxed).wrapping_add(1)
     }
 
     /// Tests whether there is any viewer.

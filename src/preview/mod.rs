@@ -12,7 +12,7 @@
 //!
 //! | file | holds |
 //! | --- | --- |
-//! | `controller`, `pending`, `configuration`, `image_request`, `history`, `background_pass` | control of the render |
+//! | `controller`, `controller_end`, `scene_session`, `pending`, `configuration`, `image_request`, `history`, `background_pass` | control of the render |
 //! | `reporter`, `generation_record`, `status` | the status of the render |
 //! | `publisher`, `preview_frame` | encoded images for the viewers |
 //! | `view`, `colour_scale`, `pixel_values`, `comparison`, `saved_images` | what the page shows |
@@ -31,6 +31,7 @@ mod comparison;
 mod configuration;
 mod connections;
 mod controller;
+mod controller_end;
 mod generation_record;
 mod history;
 mod hub;
@@ -45,6 +46,7 @@ mod publisher;
 mod relative_error;
 mod reporter;
 mod saved_images;
+mod scene_session;
 mod server;
 mod session;
 mod settings_change;
@@ -57,9 +59,11 @@ mod viewer;
 pub use camera_move::CameraMove;
 pub use configuration::{Configuration, PreviewHost, SavedImage};
 pub use controller::Controller;
+pub use controller_end::ControllerEnd;
 pub use hub::Hub;
 pub use orbit_camera::OrbitCamera;
 pub use protocol::Message;
+pub use scene_session::SceneSession;
 pub use server::{ServeError, Server};
 pub use settings_change::SettingsChange;
 pub use tev_client::TevClient;

@@ -1,5 +1,7 @@
 //! Commands that have to wait for the end of a step, or of a filter pass.
 
+use std::path::PathBuf;
+
 use super::camera_move::CameraMove;
 use super::history::HistoryStep;
 use crate::progressive::Settings;
@@ -9,6 +11,8 @@ use crate::progressive::Settings;
 pub struct Pending {
     pub moves: Vec<CameraMove>,
     pub restart: bool,
+    /// Another scene to open.
+    pub scene: Option<PathBuf>,
     pub history: Option<HistoryStep>,
     pub settings: bool,
     pub region: bool,
@@ -37,7 +41,7 @@ impl Pending {
 
     /// Returns whether a filter pass is no longer needed.
     pub fn ends_pass(&self) -> bool {
-        self.starts_generation() || self.quit
+        self.starts_generation() || self.quit || self.scene.is_some()
     }
 
     /// Returns whether the next samples are others than without these commands.

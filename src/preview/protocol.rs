@@ -38,6 +38,8 @@ pub enum Message {
     Undo {},
     /// Takes back an undo.
     Redo {},
+    /// Opens another scene of the list.
+    OpenScene { index: usize },
     /// Writes the image as it is now.
     Save {},
     /// Asks for all values at a pixel.
@@ -69,6 +71,7 @@ impl Message {
             Message::RemoveBookmark { index } => Command::RemoveBookmark(index),
             Message::PriorityRegion { region } => Command::SetRegion(region),
             Message::Restart {} => Command::Restart,
+            Message::OpenScene { index } => Command::OpenScene(index),
             Message::Undo {} => Command::Return(HistoryStep::Undo),
             Message::Redo {} => Command::Return(HistoryStep::Redo),
             Message::Save {} => Command::Save,

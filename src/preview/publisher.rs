@@ -30,7 +30,6 @@ pub fn is_covered(store: &Store) -> bool {
 pub struct Publisher {
     hub: Arc<Hub>,
     generation: u32,
-    sequence: u32,
     views: Vec<ViewInfo>,
     /// Number of steps and of filter passes of this generation.
     steps: u64,
@@ -47,7 +46,6 @@ impl Publisher {
         Self {
             hub,
             generation: 0,
-            sequence: 0,
             views: Vec::new(),
             steps: 0,
             passes: 0,
@@ -59,7 +57,7 @@ impl Publisher {
 
     /// Starts a generation: all samples before are discarded.
     pub fn begin(&mut self, layout: &Layout, settings: &Settings, has_reference: bool) {
-        self.generation += 1;
+        self.generation = self.hub.next_generation();
         (self.steps, self.passes) = (0, 0);
         self.published = Default::default();
         let info = |view: View| ViewInfo { view, scale: view.scale(settings) };
@@ -123,10 +121,9 @@ impl Publisher {
         for (view, version) in wanted {
             let Some(planes) = view.planes(source) else { continue };
             self.published[view.index()] = Some(version);
-            self.sequence = self.sequence.wrapping_add(1);
             let info = FrameInfo {
                 generation: self.generation,
-                sequence: self.sequence,
+                sequence: self.hub.next_sequence(),
                 spp: spp as f32,
                 seconds: progress.map_or(0.0, |p| p.elapsed) as f32,
             };

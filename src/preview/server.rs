@@ -83,6 +83,7 @@ impl Server {
                 let router = Router::new()
                     .route("/live", get(live))
                     .route("/admission", get(admission))
+                    .route("/scenes", get(scenes))
                     .route("/saves/{number}", get(saved_image))
                     .fallback(get(file))
                     .with_state(state);
@@ -143,6 +144,16 @@ async fn admission(State(shared): State<Shared>, headers: HeaderMap, uri: Uri) -
     } else {
         StatusCode::NO_CONTENT
     }
+}
+
+/// Lists the scenes that can be opened.
+async fn scenes(State(shared): State<Shared>, headers: HeaderMap, uri: Uri) -> Response {
+    if !shared.access.admits(text(&headers, header::HOST), uri.query()) {
+        return StatusCode::FORBIDDEN.into_response();
+    }
+    let names: Vec<String> = shared.hub.scenes().iter().map(|path| path.display().to_string()).collect();
+    let headers = [(header::CONTENT_TYPE, "application/json"), (header::CACHE_CONTROL, "no-store")];
+    (headers, serde_json::json!(names).to_string()).into_response()
 }
 
 /// Sends a saved image, encoded as a frame.

@@ -44,7 +44,7 @@ fn a_reference_has_views_and_an_error() {
 
     // Another camera sees something else
     page.key("c");
-    let (from, to) = (on_image(&mut page, [0.0, 0.0]), on_image(&mut page, [0.2, 0.1]));
+    let (from, to) = (on_image(&mut page, [0.1, 0.0]), on_image(&mut page, [0.3, 0.1]));
     page.drag(&[from, to]);
     page.wait("!document.querySelector('input[name=view][value=flip]')");
     page.wait("document.querySelector('[data-value=true_error]').hidden");

@@ -4,7 +4,7 @@ use super::*;
 use crate::browser::chromium;
 use crate::live::{folder_with_scene, start_in, viewer};
 
-const TEXT: &str = "document.getElementById('phase').textContent";
+const TEXT: &str = "document.getElementById('phase')?.textContent";
 
 #[test]
 fn a_loss_and_an_old_token_are_told_apart_and_nothing_is_lost_silently() {
@@ -20,7 +20,7 @@ fn a_loss_and_an_old_token_are_told_apart_and_nothing_is_lost_silently() {
 
     // The program is killed: what is commanded meanwhile is refused, and the settings stay those of the render
     drop(first);
-    page.wait(&format!("{TEXT}.includes('no answer from prpf')"));
+    page.wait(&format!("{TEXT}?.includes('no answer from prpf')"));
     page.wait("document.getElementById('save').disabled");
     page.key("s");
     page.wait(
@@ -32,7 +32,7 @@ fn a_loss_and_an_old_token_are_told_apart_and_nothing_is_lost_silently() {
     // Another run at the same address has another token
     let port = address.rsplit(':').next().and_then(|rest| rest.split('/').next()).expect("a port");
     let (_second, _) = start(port);
-    page.wait(&format!("{TEXT}.includes('no longer valid')"));
+    page.wait(&format!("{TEXT}?.includes('no longer valid')"));
 }
 
 #[test]
@@ -41,7 +41,7 @@ fn a_full_house_is_told_and_a_place_is_taken_when_there_is_one() {
     let (_render, address, _folder) = preview(&["--spp", "4"]);
     let silent: Vec<_> = (0..16).map(|_| viewer(&address)).collect();
     let mut page = Page::open(program, &address, [1280, 800]);
-    page.wait(&format!("{TEXT}.includes('waiting for a place')"));
+    page.wait(&format!("{TEXT}?.includes('waiting for a place')"));
     drop(silent);
     page.wait(&format!("window.prpf.state.status && {PHASE} === 'finished'"));
 }

@@ -5,6 +5,7 @@ mod comparison;
 mod connection;
 mod history;
 mod image;
+mod scenes;
 mod steering;
 
 use std::path::PathBuf;

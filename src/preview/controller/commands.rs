@@ -9,7 +9,7 @@ use crate::preview::command::Command;
 use crate::preview::pixel_values::describe_pixel;
 use crate::preview::settings_change::SettingsChange;
 use crate::preview::status::Phase;
-use crate::progressive::{Host, fits_in_memory};
+use crate::progressive::{Host, Settings, available_bytes, memory_needed};
 use crate::stats::Store;
 
 impl Controller<'_> {
@@ -48,6 +48,7 @@ impl Controller<'_> {
                 self.region = region;
             }
             Command::Restart => self.pending.restart = true,
+            Command::OpenScene(index) => self.pending.scene = self.hub.scenes().get(index).cloned(),
             Command::Return(step) if self.history.leads(step) => self.pending.history = Some(step),
             Command::Return(_) => {}
             Command::Save => {
@@ -67,12 +68,10 @@ impl Controller<'_> {
         if settings == self.configuration.settings {
             return;
         }
-        if settings.reservoir_capacity() > store.capacity() {
-            let size = (store.width(), store.height());
-            let keeps = self.generation_host().checkpoint_interval().is_some();
-            if let Err(error) = fits_in_memory(store.layout(), &settings, size, keeps) {
-                return self.reporter.notice(error.to_string(), true);
-            }
+        if settings.reservoir_capacity() > store.capacity()
+            && let Err(problem) = self.has_memory_for(&settings, store)
+        {
+            return self.reporter.notice(problem, true);
         }
         self.configuration.settings = settings;
         if is_other_method {
@@ -80,6 +79,27 @@ impl Controller<'_> {
         }
         self.reporter.change(&self.configuration.settings);
         self.pending.settings = true;
+    }
+
+    /// Checks that a render with these settings fits in memory.
+    ///
+    /// # Errors
+    /// One line that names the page's own controls.
+    fn has_memory_for(&mut self, settings: &Settings, store: &Store) -> Result<(), String> {
+        let keeps = self.generation_host().checkpoint_interval().is_some();
+        let name = settings.denoiser.name();
+        let Some(needed) = memory_needed(store.layout(), settings, (store.width(), store.height()), keeps)
+        else {
+            return Err(format!("{name} keeps every sample: enter a number of samples per pixel first"));
+        };
+        match available_bytes().filter(|&available| needed > available) {
+            Some(available) => Err(format!(
+                "{name} needs about {:.1} GB of memory for this many samples, and {:.1} GB are available",
+                needed / 1e9,
+                available / 1e9
+            )),
+            None => Ok(()),
+        }
     }
 
     /// Takes the results of background passes, and problems with checkpoints.

@@ -1,20 +1,44 @@
-//! Renders that commands replace: they are kept, and can be had back.
+//! Renders that commands replace, or another scene: they are kept, and can be had back.
 
 use std::time::{Duration, Instant};
 
 use super::Controller;
 use crate::preview::history::{HistoryStep, KeptRender};
 use crate::preview::orbit_camera::OrbitCamera;
+use crate::preview::scene_session::SceneSession;
 use crate::preview::status::{DenoiserInfo, HistoryStatus, Phase};
 use crate::progressive::{RenderLoop, Settings, memory_needed};
 use crate::stats::Store;
 
 impl Controller<'_> {
-    /// Returns when the clock of the next generation starts: that of a render that comes back goes on.
-    pub(super) fn next_start(&self) -> Instant {
-        let seconds = self.returning.as_ref().map_or(0.0, KeptRender::seconds);
-        let now = Instant::now();
-        now.checked_sub(Duration::from_secs_f64(seconds)).unwrap_or(now)
+    /// Takes what was made of this scene before another one was opened.
+    pub(super) fn take_session(&mut self) {
+        if let Some(notice) = self.configuration.notice.take() {
+            self.reporter.notice(notice, true);
+        }
+        let Some(session) = self.configuration.session.take() else { return };
+        if session.hash != self.configuration.scene.hash {
+            let text = "the scene's files have changed: its renders so far are dropped";
+            return self.reporter.notice(text.to_owned(), true);
+        }
+        (self.bookmarks, self.history) = (session.bookmarks, session.history);
+        self.take_back(session.current);
+    }
+
+    /// Returns what was made of this scene, for the time when it is opened again.
+    pub(super) fn session(&mut self, current: KeptRender) -> SceneSession {
+        SceneSession {
+            hash: self.configuration.scene.hash.clone(),
+            bookmarks: std::mem::take(&mut self.bookmarks),
+            history: std::mem::take(&mut self.history),
+            current,
+        }
+    }
+
+    /// Returns when the clock of a render that comes back started; `None` if none does.
+    pub(super) fn next_start(&self) -> Option<Instant> {
+        let seconds = self.returning.as_ref()?.seconds();
+        Instant::now().checked_sub(Duration::from_secs_f64(seconds))
     }
 
     /// Keeps a render that a command replaces, with its camera and settings.
@@ -30,13 +54,23 @@ impl Controller<'_> {
 
     /// Lets the render before or after this one come back.
     pub(super) fn return_to(&mut self, step: HistoryStep, render_loop: RenderLoop) {
-        let settings = render_loop.settings().clone();
-        let current = self.kept_render(render_loop, self.camera.clone(), settings);
+        let current = self.current_render(render_loop);
         let next = self.history.exchange(step, current);
-        self.camera = next.camera.clone();
-        self.configuration.settings = next.settings.clone();
-        self.keeps_checkpoints = next.keeps_checkpoints;
-        self.returning = Some(next);
+        self.take_back(next);
+    }
+
+    /// Lets a render be the next generation.
+    fn take_back(&mut self, render: KeptRender) {
+        self.camera = render.camera.clone();
+        self.configuration.settings = render.settings.clone();
+        self.keeps_checkpoints = render.keeps_checkpoints;
+        self.returning = Some(render);
+    }
+
+    /// Returns the current render, which ends.
+    pub(super) fn current_render(&mut self, render_loop: RenderLoop) -> KeptRender {
+        let settings = render_loop.settings().clone();
+        self.kept_render(render_loop, self.camera.clone(), settings)
     }
 
     fn kept_render(

@@ -102,11 +102,16 @@ fn render_on(
         settings: settings.clone(),
         reference: None,
         checkpoint: None,
+        session: None,
+        notice: None,
         start: Instant::now(),
         stays,
         host: &mut host,
     };
-    let outcome = Controller::new(hub.clone(), configuration).run().map(|(outcome, _)| outcome);
+    let outcome = match Controller::new(hub.clone(), configuration).run() {
+        ControllerEnd::Finished(outcome, _) => Some(*outcome),
+        ControllerEnd::Closed | ControllerEnd::Opens(..) => None,
+    };
     let status = hub.status().borrow().clone();
     (outcome, status)
 }

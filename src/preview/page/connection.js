@@ -12,7 +12,7 @@ const REASONS = {
 };
 
 export class Connection {
-  // `on`: callbacks { open, lost(reason), frame, status, values, refused }.
+  // `on`: callbacks { open, lost(reason), frame, status, loading, values, refused }.
   constructor(on) {
     this.on = on;
     this.connect();

@@ -7,6 +7,7 @@ import { Discarding } from "./discarding.js";
 import { showValues } from "./inspector.js";
 import { Panel } from "./panel.js";
 import { PointerInput } from "./pointer_input.js";
+import { Scenes } from "./scenes.js";
 import { Viewport } from "./viewport.js";
 import { FILTERED, VIEW_NAMES } from "./views.js";
 
@@ -43,8 +44,18 @@ const connection = new Connection({
     inspect();
     viewport.redraw().then(() => connection.ready());
   },
+  loading: ({ scene }) => {
+    Object.assign(state, { status: null, isPinned: false, pixel: null, values: null });
+    viewport.clearRender();
+    $("scene").textContent = scene.split("/").pop();
+    $("phase").textContent = "loading";
+    $("phase").className = "";
+    updateViews();
+    placeOverlays();
+  },
   status: (status) => {
     state.status = status;
+    scenes.show(status);
     viewport.scales = Object.fromEntries(status.views.map(({ view, scale }) => [view, scale]));
     viewport.setSize(status.width, status.height);
     panel.show(status);
@@ -68,6 +79,7 @@ const connection = new Connection({
 });
 
 const comparison = new Comparison(viewport, notify, () => { updateViews(); placeOverlays(); });
+const scenes = new Scenes((index) => send("open-scene", { index }));
 const panel = new Panel((type, content) => send(type, content), notify, selectView);
 
 const pointer = new PointerInput($("viewport"), viewport, {
@@ -99,14 +111,14 @@ const discarding = new Discarding($("question"));
 
 // Sends a message, after a question where it would discard a render that cannot be kept.
 function send(type, content) {
-  discarding.ask(type, content, state.status, () => sendNow(type, content), () => panel.restore());
+  discarding.ask(type, content, state.status, () => sendNow(type, content), () => state.status && panel.restore());
 }
 
 function sendNow(type, content) {
   // A new generation begins with unfiltered images.
   if (["camera", "restart", "undo", "redo"].includes(type)) { state.movedGeneration = state.status?.generation ?? 0; requestViews(); }
-  if (connection.send(type, content)) return;
-  notify("not connected: this was not sent", true);
+  if (state.status && connection.send(type, content)) return;
+  notify(connection.isOpen() ? "the scene is being loaded: this was not sent" : "not connected: this was not sent", true);
   if (state.status) panel.restore();
 }
 
@@ -239,6 +251,7 @@ const toggleHelp = () => {
 // Closes what is open, else lets go of the pinned pixel or the region: first of that which the tool makes.
 function letGo() {
   if (!$("help").hidden) return toggleHelp();
+  if (scenes.isOpen()) return scenes.toggle();
   if (!$("lines").hidden) return panel.camera.toggleLines();
   const isRegionNext = state.status?.region && (pointer.tool === "region" || !state.isPinned);
   if (isRegionNext) return clearRegion();
@@ -276,6 +289,7 @@ const KEYS = {
   q: () => selectTool("inspect"), c: () => selectTool("camera"), f: () => selectTool("focus"), r: () => selectTool("region"),
   " ": togglePause, s: save, R: restart, u: undo, U: redo,
   Home: () => panel.camera.reset(), b: () => panel.camera.addBookmark(), l: () => panel.camera.toggleLines(),
+  o: () => scenes.toggle(),
   Escape: letGo, "?": toggleHelp,
 };
 

@@ -54,7 +54,6 @@ export class Panel {
     this.status = status;
     const { settings, statistics } = status;
     $("scene").textContent = status.scene.split("/").pop() || "scene";
-    $("scene").title = status.scene;
     document.title = `${PHASES[status.phase]} · ${$("scene").textContent}`;
     const end = status.stopped_by ? ` · ${STOP_REASONS[status.stopped_by]}` : "";
     $("phase").className = $("phase").title = "";
@@ -101,7 +100,7 @@ export class Panel {
     const shown = considered ?? settings.denoiser;
     const found = denoisers.find(({ denoiser, quality }) => denoiser === shown && (denoiser !== settings.denoiser || quality === settings.quality))
       ?? denoisers.find(({ denoiser }) => denoiser === shown);
-    $("meaning").textContent = found ? `${found.summary}. ${cost(found, settings)}` : "";
+    $("meaning").textContent = found ? `${cost(found, settings)} ${found.summary}.`.trim() : "";
   }
 
   // Builds one radio button per denoiser, and one per preset of the selected denoiser.

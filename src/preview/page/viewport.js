@@ -127,7 +127,11 @@ export class Viewport {
 
   // Forgets the images of a render; saved images stay.
   clearRender() {
-    for (const view of [...this.frames.keys()]) if (!view.startsWith("save:")) this.frames.delete(view);
+    for (const view of [...this.frames.keys()].filter((view) => !view.startsWith("save:"))) {
+      this.frames.delete(view);
+      if (this.gl) this.gl.deleteTexture(this.textures.get(view)?.texture ?? null);
+      this.textures?.delete(view);
+    }
   }
 
   // Returns the values of a view at a pixel, or null.

@@ -1,0 +1,63 @@
+//! The scenes that a preview opens one after the other.
+
+use std::collections::HashMap;
+use std::path::PathBuf;
+use std::time::Instant;
+
+use super::failure::Failure;
+use super::options::RenderOptions;
+use crate::preview::SceneSession;
+
+/// The scene that is open, and what was made of the others.
+pub(super) struct SceneChanges<'a> {
+    /// The options of the command line, for its scene.
+    first: &'a RenderOptions,
+    /// The options for the scene that is open.
+    pub options: RenderOptions,
+    /// When it was opened.
+    pub start: Instant,
+    /// Notice to the user about it.
+    pub notice: Option<String>,
+    sessions: HashMap<PathBuf, SceneSession>,
+    /// The scene that was open before.
+    before: Option<PathBuf>,
+}
+
+impl<'a> SceneChanges<'a> {
+    /// Begins with the scene of the command line.
+    pub fn new(first: &'a RenderOptions, start: Instant) -> Self {
+        let (options, sessions) = (first.clone(), HashMap::new());
+        Self { first, options, start, notice: None, sessions, before: None }
+    }
+
+    /// Takes what was made of the scene that is opened.
+    pub fn take_session(&mut self) -> Option<SceneSession> {
+        self.sessions.remove(&self.options.scene)
+    }
+
+    /// Goes to another scene; `session`: what was made of the one that was open.
+    pub fn open(&mut self, scene: PathBuf, session: SceneSession) {
+        self.sessions.insert(self.options.scene.clone(), session);
+        self.before = Some(self.options.scene.clone());
+        self.go_to(scene);
+    }
+
+    /// Goes back to the scene before, with a notice of what is wrong with this one.
+    ///
+    /// # Errors
+    /// The failure, if there is no scene before.
+    pub fn go_back(&mut self, failure: Failure) -> Result<(), Failure> {
+        let Some(before) = self.before.take() else { return Err(failure) };
+        let (Failure::Input(error) | Failure::Run(error)) = failure;
+        self.go_to(before);
+        self.notice = Some(format!("not opened: {error:#}"));
+        Ok(())
+    }
+
+    fn go_to(&mut self, scene: PathBuf) {
+        self.options =
+            if scene == self.first.scene { self.first.clone() } else { self.first.for_scene(scene) };
+        self.start = Instant::now();
+        self.notice = None;
+    }
+}

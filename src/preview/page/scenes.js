@@ -1,0 +1,45 @@
+// The list of scenes that can be opened in place of the current one.
+
+const $ = (id) => document.getElementById(id);
+
+export class Scenes {
+  // `open(index)` opens a scene.
+  constructor(open) {
+    this.open = open;
+    $("show-scenes").onclick = () => this.toggle();
+  }
+
+  isOpen() {
+    return !$("scenes").hidden;
+  }
+
+  async toggle() {
+    $("scenes").hidden = !$("scenes").hidden;
+    $("show-scenes").setAttribute("aria-expanded", String(this.isOpen()));
+    if (!this.isOpen()) return;
+    const answer = await fetch(`/scenes${location.search}`).catch(() => null);
+    this.list(answer?.ok ? await answer.json() : []);
+  }
+
+  // Builds a button for each scene; the part of the path that all have in common is left out.
+  list(paths) {
+    $("no-scenes").hidden = paths.length > 1;
+    const folders = paths.map((path) => path.split("/").slice(0, -1));
+    const common = (folders[0] ?? []).findIndex((part, i) => folders.some((folder) => folder[i] !== part));
+    const shared = common < 0 ? folders[0]?.length ?? 0 : common;
+    $("scene-list").replaceChildren(...paths.map((path, index) => {
+      const name = path.split("/").slice(shared).join("/");
+      const button = Object.assign(document.createElement("button"), { textContent: name, title: path });
+      button.setAttribute("aria-pressed", String(path === this.current));
+      button.onclick = () => { this.toggle(); if (path !== this.current) this.open(index); };
+      const item = document.createElement("li");
+      item.append(button);
+      return item;
+    }));
+    $("scene-list").querySelector("button")?.focus();
+  }
+
+  show({ scene }) {
+    this.current = scene;
+  }
+}
