@@ -532,3 +532,23 @@ fn a_camera_file_that_is_wrong_is_named_with_its_line() {
     let error = refused(folder.path(), &["render", "scene.pbrt", "--camera", "none.txt", "-o", "a.exr"]);
     assert!(error.contains("none.txt"), "{error}");
 }
+
+#[test]
+fn a_scene_does_not_write_outside_this_folder_without_being_asked() {
+    let folder = folder_with(&SCENE.replace("named.exr", "../elsewhere/named.exr"));
+    let here = folder.path().join("here");
+    std::fs::create_dir(&here).unwrap();
+    let output = prpf(&here, &["render", "../scene.pbrt", "--spp", "1"]);
+    assert!(output.status.success(), "{}", stderr(&output));
+    assert!(stderr(&output).contains("leads out of this folder"), "{}", stderr(&output));
+    assert!(here.join("named.exr").exists());
+}
+
+#[test]
+fn a_preview_refuses_a_report_and_its_help_names_none() {
+    let folder = folder_with(SCENE);
+    let error = refused(folder.path(), &["preview", "scene.pbrt", "--report", "a.json"]);
+    assert!(error.contains("--report a.json") && error.contains("render --preview"), "{error}");
+    let help = prpf(folder.path(), &["preview", "--help"]);
+    assert!(!String::from_utf8_lossy(&help.stdout).contains("--report"));
+}

@@ -1,6 +1,6 @@
 //! The files that a render reads, and the paths that it writes.
 
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 use std::sync::Arc;
 
 use indicatif::ProgressBar;
@@ -59,9 +59,20 @@ fn outfiles(options: &RenderOptions, scene: &mut Scene) -> Vec<PathBuf> {
     let mut fallback = options.scene.file_stem().unwrap_or_default().to_owned();
     fallback.push(".exr");
     let fallback = PathBuf::from(fallback);
-    let Some(named) = scene.film.filename.as_ref().map(PathBuf::from) else {
+    let Some(mut named) = scene.film.filename.as_ref().map(PathBuf::from) else {
         return vec![fallback];
     };
+    // A scene from elsewhere must not write wherever it likes.
+    let stays_here = named.components().all(|part| matches!(part, Component::Normal(_) | Component::CurDir));
+    if let (false, Some(name)) = (stays_here, named.file_name()) {
+        let here = PathBuf::from(name);
+        scene.warnings.push(format!(
+            "the film's file name {} leads out of this folder; {} is written, or what -o names",
+            escaped(&named.to_string_lossy()),
+            here.display()
+        ));
+        named = here;
+    }
     if OutputFormat::from_path(&named).is_ok() {
         return vec![named];
     }

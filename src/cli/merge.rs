@@ -19,8 +19,8 @@ Examples:
   prpf merge a.state b.state -o all.state
   prpf denoise all.state -o image.exr
 
-The states are of the same image, and of other seeds or other shards of one seed. All shards of a
-uniformly sampled render are that render again: it can go on with --resume. Other sums can be merged
+The states are of the same image, and of other seeds or other shards of one seed. All shards of a \
+uniformly sampled render are that render again: it can go on with --resume. Other sums can be merged \
 further, filtered and exported.")]
 pub(super) struct MergeOptions {
     /// State of `prpf render --state` or `prpf merge`

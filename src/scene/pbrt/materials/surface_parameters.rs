@@ -29,6 +29,14 @@ impl SceneBuilder {
         default: f64,
     ) -> Result<Roughness> {
         let common = self.float_texture_or(params, &format!("{prefix}roughness"), default)?;
+        for name in ["roughness", "uroughness", "vroughness"].map(|name| format!("{prefix}{name}")) {
+            if let Ok(Some(value)) = params.float(&name)
+                && value < 0.0
+            {
+                let message = format!("\"{name}\" is {value}; expected a number from 0 up");
+                self.warnings.add(params.loc, message);
+            }
+        }
         let mut along = |axis: &str| -> Result<FloatTextureId> {
             let name = format!("{prefix}{axis}roughness");
             if params.get(&name).is_some() {
