@@ -159,16 +159,10 @@ impl<'a> Controller<'a> {
     /// Renders one view with one set of samples.
     fn run_generation(&mut self, start: Instant) -> GenerationEnd {
         // Set up the camera and the loop
-        let scene = self.configuration.scene;
         let renderer = self.configuration.renderer.with_camera(self.current_camera());
-        if self.camera.is_none() {
-            let (width, height) = renderer.resolution();
-            let pivot = renderer.seen_at(width / 2, height / 2).map(|p| p.as_dvec3());
-            self.camera = Some(OrbitCamera::new(&scene.camera, pivot, f64::from(renderer.diameter()) / 2.0));
-        }
+        self.set_up_camera(&renderer);
         // Another camera sees something else than the reference.
-        let is_own_camera = self.camera.as_ref().is_none_or(|camera| camera.is_equivalent(&scene.camera));
-        let reference = self.configuration.reference.clone().filter(|_| is_own_camera);
+        let reference = self.configuration.reference.clone().filter(|_| self.sees_as_scene());
         let mut render_loop = RenderLoop::new(&renderer, &self.configuration.settings, start)
             .with_reference(reference.as_deref());
         let (checkpoint, record) = match self.returning.take() {

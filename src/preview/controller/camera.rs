@@ -17,6 +17,23 @@ impl Controller<'_> {
         self.camera.as_ref().map_or(&self.configuration.scene.camera, OrbitCamera::camera)
     }
 
+    /// Starts with the scene's own camera, which orbits the point in the middle of the image.
+    pub(super) fn set_up_camera(&mut self, renderer: &Renderer) {
+        if self.camera.is_some() {
+            return;
+        }
+        let (width, height) = renderer.resolution();
+        let pivot = renderer.seen_at(width / 2, height / 2).map(|p| p.as_dvec3());
+        let reach = f64::from(renderer.diameter()) / 2.0;
+        self.camera = Some(OrbitCamera::new(&self.configuration.scene.camera, pivot, reach));
+    }
+
+    /// Returns whether the camera sees what the scene's own does.
+    pub(super) fn sees_as_scene(&self) -> bool {
+        let own = &self.configuration.scene.camera;
+        self.camera.as_ref().is_none_or(|camera| camera.is_equivalent(own))
+    }
+
     /// Moves the camera by the pending movements; returns whether the image changes.
     pub(super) fn moves_camera(&mut self, renderer: &Renderer) -> bool {
         let Some(mut camera) = self.camera.take() else { return false };
