@@ -138,7 +138,7 @@ export class Panel {
       memory: statistics.memory_bytes === null ? "–" : `${(statistics.memory_bytes / 2 ** 20).toFixed(0)} MiB`,
       error: estimate ? short(estimate.error) : "–",
       made_by: made_by ? [made_by.denoiser, made_by.quality].filter(Boolean).join(" ") : "–",
-      true_error: statistics.true_error === null ? "–" : `${short(statistics.true_error)}${statistics.flip === null ? "" : ` · FLIP ${short(statistics.flip)}`}`,
+      true_error: statistics.true_error === null ? "" : `${short(statistics.true_error)}${statistics.flip === null ? "" : ` · FLIP ${short(statistics.flip)}`}`,
       error_interval: estimate ? `${short(estimate.low)} to ${short(estimate.high)}` : "–",
     };
     for (const element of document.querySelectorAll(".with-reference")) element.hidden = statistics.true_error === null;
