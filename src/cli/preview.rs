@@ -24,6 +24,7 @@ of -o or of the scene's film. Ends with Ctrl-C (or SIGTERM), at once, with exit 
 preview is closed. With --state what was rendered of the scene's own view is kept, when the preview is \
 paused as well, and --resume goes on from there.")]
 #[command(mut_arg("report", |option| option.hide(true)))]
+#[command(mut_arg("samples", |option| option.hide(true)))]
 pub(super) struct PreviewOptions {
     #[command(flatten)]
     render: RenderOptions,
