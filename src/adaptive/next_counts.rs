@@ -17,7 +17,7 @@ pub enum NextCountsError {
 }
 
 /// Returns the samples of each pixel in a batch of `samples`; total counts become proportional to `priority` as
-/// [`allocate`](super::allocate) describes, within `min_spp` and `max_spp`. `seed` is that of the store's samples.
+/// [`allocate`](super::allocate()) describes, within `min_spp` and `max_spp`. `seed` is that of the store's samples.
 ///
 /// # Errors
 /// Priorities of another number than pixels, negative or not finite; bounds that exclude each other.
