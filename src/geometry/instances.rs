@@ -11,7 +11,7 @@ use super::ray_query::RayQuery;
 use super::rounding::gamma;
 use super::sphere::corner_bounds;
 use super::stack::Stack;
-use super::traversal_ray::TraversalRay;
+use super::traversal_ray::{ToLocal, TraversalRay};
 use super::traverse::{Leaves, traverse};
 use crate::scene::{AnimatedTransform, Scene};
 use crate::simd::prefetch;
@@ -23,7 +23,7 @@ const MOTION_STEPS: u32 = 128;
 /// The transform of an instance from render to object space.
 #[derive(Debug)]
 enum ToObject {
-    Static(DAffine3),
+    Static(ToLocal),
     /// The transform depends on time; index into the scene's instances.
     Animated(usize),
 }
@@ -66,7 +66,7 @@ impl InstanceAccel {
             let to_object = if instance.transform.is_animated() {
                 ToObject::Animated(index)
             } else {
-                ToObject::Static(instance.transform.at_f64(0.0).inverse())
+                ToObject::Static(instance.transform.at_f64(0.0).inverse().into())
             };
             InstanceLeaf { object: instance.object, instance: index as u32, to_object }
         };
@@ -129,7 +129,7 @@ impl<K: Kernels> Leaves for InstanceLeaves<'_, '_, K> {
         let to_object = match leaf.to_object {
             ToObject::Static(to_object) => to_object,
             ToObject::Animated(index) => {
-                transforms_at(&self.query.scene.instances[index].transform, self.query.ray.time).1
+                transforms_at(&self.query.scene.instances[index].transform, self.query.ray.time).1.into()
             }
         };
         if let Some(mut local_ray) = ray.transformed(&to_object) {

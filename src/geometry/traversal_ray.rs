@@ -1,6 +1,6 @@
 //! A ray with the reciprocals and the shear that box and triangle tests need.
 
-use glam::{DAffine3, Vec3};
+use glam::{DAffine3, DVec3, Vec3};
 
 /// By major axis, and by whether the direction runs along (0) or against (1) it: the other two axes
 /// in the order that keeps the handedness, then the major axis.
@@ -64,12 +64,51 @@ impl TraversalRay {
     }
 
     /// The ray in another space. The direction is not normalised, so distances stay the same.
-    #[inline]
-    pub fn transformed(&self, to_local: &DAffine3) -> Option<Self> {
-        Self::new(
-            to_local.transform_point3(self.origin.as_dvec3()).as_vec3(),
-            to_local.transform_vector3(self.direction.as_dvec3()).as_vec3(),
-            self.t_max,
-        )
+    #[inline(always)]
+    pub fn transformed(&self, to_local: &ToLocal) -> Option<Self> {
+        Self::new(to_local.point(self.origin), to_local.vector(self.direction), self.t_max)
     }
+}
+
+/// An affine map, in the form in which vector instructions apply it: its columns, the translation last, each padded
+/// with a zero.
+#[derive(Clone, Copy, Debug)]
+pub struct ToLocal([[f64; 4]; 4]);
+
+impl ToLocal {
+    #[inline(always)]
+    fn vector_padded(&self, vector: Vec3) -> [f64; 4] {
+        let Self([x_axis, y_axis, z_axis, _]) = self;
+        let [x, y, z] = vector.to_array().map(f64::from);
+        std::array::from_fn(|row| x_axis[row] * x + y_axis[row] * y + z_axis[row] * z)
+    }
+
+    #[inline(always)]
+    fn vector(&self, vector: Vec3) -> Vec3 {
+        rounded(self.vector_padded(vector))
+    }
+
+    #[inline(always)]
+    fn point(&self, point: Vec3) -> Vec3 {
+        let (turned, translation) = (self.vector_padded(point), &self.0[3]);
+        rounded(std::array::from_fn(|row| turned[row] + translation[row]))
+    }
+}
+
+impl From<DAffine3> for ToLocal {
+    fn from(map: DAffine3) -> Self {
+        let column = |column: DVec3| [column.x, column.y, column.z, 0.0];
+        Self([
+            column(map.matrix3.x_axis),
+            column(map.matrix3.y_axis),
+            column(map.matrix3.z_axis),
+            column(map.translation),
+        ])
+    }
+}
+
+#[inline(always)]
+fn rounded(padded: [f64; 4]) -> Vec3 {
+    let [x, y, z, _] = padded.map(|value| value as f32);
+    Vec3::new(x, y, z)
 }
