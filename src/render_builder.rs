@@ -9,7 +9,7 @@ use crate::adaptive::Sampling;
 use crate::filter::Denoiser;
 use crate::geometry::Accel;
 use crate::image::{ImageError, Planes};
-use crate::output::ImageOutput;
+use crate::output::{ImageOutput, Layers};
 use crate::progressive::{
     self, Checkpoint, Host, MemoryError, Outcome, RenderLoop, Settings, SettingsError, fits_in_memory,
 };
@@ -135,7 +135,10 @@ impl<'a> RenderBuilder<'a> {
         }
         settings.validate()?;
         let accel = Accel::build(self.scene);
-        let renderer = Renderer::new(self.scene, &accel, settings.seed);
+        let whole = Renderer::new(self.scene, &accel, settings.seed);
+        let needed = settings.recorded_blocks(Layers::blocks_read(None));
+        let recorded = self.checkpoint.as_ref().map_or(needed, |found| found.store.layout().blocks());
+        let renderer = whole.recording(recorded);
         let size = renderer.resolution();
         fits_in_memory(renderer.layout(), &settings, size, host.checkpoint_interval().is_some())?;
 

@@ -458,7 +458,7 @@ fn a_pixel_whose_indices_are_used_up_gets_no_more_samples() {
     let renderer = Renderer::new(&plane, &accel, 0);
     let mut store = Store::new(SIDE, SIDE, renderer.layout().clone(), 0, 0);
     let row = &mut store.rows_mut()[0];
-    let mut bytes = vec![0; Row::byte_len(SIDE, renderer.layout().len(), 0).unwrap()];
+    let mut bytes = vec![0; Row::byte_len(SIDE, renderer.layout(), 0).unwrap()];
     row.to_bytes(&mut bytes);
     // Numbers drawn, then rejected, of all pixels of the row: all but three of the second pixel's.
     for counts in bytes.chunks_exact_mut(4 * SIDE).take(2) {

@@ -221,6 +221,45 @@ fn a_finished_render_is_written_again_and_goes_on_with_a_larger_budget() {
     assert_eq!(counts.data().iter().sum::<f32>(), 12.0 * 48.0 * 48.0);
 }
 
+/// By default a state has what its own denoiser and the layers read. With all statistics it can be filtered by others, and a
+/// render goes on from it without the option.
+#[test]
+fn a_state_keeps_the_statistics_that_are_asked_for() {
+    let folder = folder();
+    let folder = folder.path();
+    let render = |more: &[&'static str]| {
+        done(folder, &[&["render", "scene.pbrt", "--quiet", "-o", "a.exr"], more].concat());
+    };
+    render(&["--state", "needed.state", "--spp", "6"]);
+    render(&["--state", "all.state", "--statistics", "all", "--spp", "6"]);
+    let said = refused(folder, &["denoise", "needed.state", "--denoiser", "learned", "-o", "b.exr"]);
+    assert!(said.contains("no statistics of N2.x") && said.contains("--statistics all"), "{said}");
+    done(folder, &["denoise", "needed.state", "--quality", "draft", "-o", "b.exr"]);
+    done(folder, &["denoise", "all.state", "--denoiser", "learned", "-o", "b.exr"]);
+    let layout = |name: &str| {
+        RenderState::read(&folder.join(name)).expect("a state").checkpoint.store.layout().clone()
+    };
+    let (needed, all) = (layout("needed.state"), layout("all.state"));
+    assert!(needed.len() < all.len() && needed.enabled_names() == all.names().collect::<Vec<_>>());
+    render(&["--state", "all.state", "--resume", "--spp", "8"]);
+    assert_eq!(layout("all.state"), all);
+    let resumed = [
+        "render",
+        "scene.pbrt",
+        "--state",
+        "needed.state",
+        "--resume",
+        "--denoiser",
+        "learned",
+        "-o",
+        "b.exr",
+    ];
+    let said = refused(folder, &resumed);
+    assert!(said.contains("N2.x") && said.contains("--statistics all keeps them"), "{said}");
+    render(&["--layers", "Noisy", "--state", "noisy.state", "--spp", "6"]);
+    assert!(layout("noisy.state").len() < needed.len(), "the position is read by its layer only");
+}
+
 #[test]
 fn shards_of_a_render_add_up_to_it() {
     let folder = folder();
@@ -228,7 +267,21 @@ fn shards_of_a_render_add_up_to_it() {
     let render = |more: &[&'static str]| {
         done(
             folder,
-            &[&["render", "scene.pbrt", "--spp", "14", "--sampling", "uniform", "--quiet"], more].concat(),
+            &[
+                &[
+                    "render",
+                    "scene.pbrt",
+                    "--spp",
+                    "14",
+                    "--sampling",
+                    "uniform",
+                    "--quiet",
+                    "--statistics",
+                    "all",
+                ],
+                more,
+            ]
+            .concat(),
         );
     };
     render(&["-o", "whole.exr", "--state", "whole.state"]);

@@ -7,7 +7,7 @@ use prpf::RenderBuilder;
 use prpf::adaptive::{NO_CEILING, PrioritySettings, Sampling};
 use prpf::filter::by_name;
 use prpf::image::OutputFormat;
-use prpf::progressive::{Budget, Filtered, Outcome, PassRecord, Settings};
+use prpf::progressive::{Budget, Filtered, Outcome, PassRecord, Settings, Statistics};
 use prpf::render::Shard;
 use prpf::state::{ImageMetadata, RenderState, Stream};
 use pyo3::prelude::*;
@@ -76,7 +76,8 @@ impl Render {
 /// Renders, filters and allocates until a budget is spent.
 #[pyfunction]
 #[pyo3(signature = (scene, *, spp=None, time=None, target_error=None, sampling="adaptive", denoiser="nlm", seed=0,
-                    min_spp=4, max_spp=None, reservoir=0, reference=None, callback=None, counts=None, output=None, state=None,
+                    min_spp=4, max_spp=None, reservoir=0, statistics="all", reference=None, callback=None, counts=None,
+                    output=None, state=None,
                     resume=None))]
 #[expect(clippy::too_many_arguments, reason = "keyword arguments of Python")]
 pub fn render(
@@ -91,6 +92,7 @@ pub fn render(
     min_spp: u32,
     max_spp: Option<u32>,
     reservoir: usize,
+    statistics: &str,
     reference: Option<&Bound<PyAny>>,
     callback: Option<Py<PyAny>>,
     counts: Option<Py<PyAny>>,
@@ -114,6 +116,7 @@ pub fn render(
         max_spp: max_spp.unwrap_or(NO_CEILING),
         reservoir,
         priority: priority_settings(counts.is_some()),
+        statistics: statistics_kept(statistics)?,
         ..Settings::default()
     };
     if let Some(path) = &output {
@@ -177,4 +180,16 @@ fn sampling(name: &str) -> PyResult<Sampling> {
 fn priority_settings(has_counts: bool) -> PrioritySettings {
     let default = PrioritySettings::default();
     if has_counts { PrioritySettings { max_ratio: 1.0, ..default } } else { default }
+}
+
+/// Returns which statistics a render keeps, by its name.
+///
+/// # Errors
+/// An unknown name.
+fn statistics_kept(name: &str) -> PyResult<Statistics> {
+    match name {
+        "all" => Ok(Statistics::All),
+        "needed" => Ok(Statistics::Needed),
+        _ => Err(value_error(format!("statistics: found `{name}`; accepted are all and needed"))),
+    }
 }

@@ -47,6 +47,16 @@ impl Store {
     }
 
     /// Reads a function of the moments of the dimensions that `names` selects.
+    /// Checks that the deviations of a half of the samples are kept.
+    fn check_deviations(&self, half: Option<usize>) -> PyResult<()> {
+        if half.is_some() && !self.store.layout().has_half_deviations() {
+            return Err(value_error(
+                "half: found a store without deviations of its halves; accepted is one that was rendered with all statistics",
+            ));
+        }
+        Ok(())
+    }
+
     fn read(
         &self,
         py: Python,
@@ -274,6 +284,7 @@ impl Store {
     /// Unbiased variances of the samples.
     #[pyo3(signature = (names=None, *, half=None))]
     fn variance(&self, py: Python, names: Option<&Bound<PyAny>>, half: Option<usize>) -> PyResult<Py<PyAny>> {
+        self.check_deviations(half)?;
         self.read(py, names, half, |store, part, dimensions| store.variances(part, dimensions))
     }
 
@@ -285,6 +296,7 @@ impl Store {
         names: Option<&Bound<PyAny>>,
         half: Option<usize>,
     ) -> PyResult<Py<PyAny>> {
+        self.check_deviations(half)?;
         self.read(py, names, half, |store, part, dimensions| {
             let mut planes = store.variances(part, dimensions);
             planes.data_mut().iter_mut().for_each(|value| *value = value.sqrt());

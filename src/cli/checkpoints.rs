@@ -10,7 +10,7 @@ use super::terminal::print_error;
 use crate::progressive::{Checkpoint, Settings};
 use crate::render::Renderer;
 use crate::state::{self, CheckpointWriter, ImageMetadata, RenderState, Stream};
-use crate::stats::Store;
+use crate::stats::{BlockSet, Store};
 
 /// Writes checkpoints while the render goes on.
 pub(super) struct Checkpoints {
@@ -40,7 +40,7 @@ pub(super) fn read(
     let state = RenderState::read(path)?;
     let stream = options.stream(settings.seed);
     state
-        .can_resume(metadata, stream, renderer.layout(), settings)
+        .can_resume(metadata, stream, &renderer.layout_of(BlockSet::ALL), settings)
         .with_context(|| path.display().to_string())?;
     Ok(Some(state.checkpoint))
 }

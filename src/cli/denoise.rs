@@ -15,7 +15,7 @@ use super::parse;
 use super::summary::describe;
 use super::terminal::print;
 use super::workers::in_pool;
-use crate::filter::suited_to;
+use crate::filter::{Lack, suited_to};
 use crate::image::OutputFormat;
 use crate::import::LayerMap;
 use crate::output::{ImageOutput, Layers};
@@ -33,8 +33,9 @@ Examples:
   prpf denoise a.exr b.exr -o out.exr                        two renders of one frame, of any renderer
   prpf denoise a.exr b.exr -o out.exr --map colour=beauty,albedo=diff_col --aovs key,fill
 
-Of a state: without other options the image is the one that the render wrote. --denoiser prpf needs sample
-vectors in the state: `prpf render --reservoir 8` keeps them.
+Of a state: without other options the image is the one that the render wrote. What another
+denoiser reads has to be in the state: `prpf render --statistics all` keeps every dimension, `--reservoir 8` the
+sample vectors that --denoiser prpf needs.
 
 Of images: two renders that differ in their seeds only are the two halves of the samples. One image is enough
 if it has a layer of its variance. Layers are found under the names of pbrt-v4, Cycles, Mitsuba, Arnold and
@@ -159,22 +160,17 @@ fn is_exr(path: &Path) -> bool {
 /// Filters a checkpoint.
 ///
 /// # Errors
-/// Fewer sample vectors than the denoiser needs.
+/// Data that the denoiser reads and the state lacks.
 pub(super) fn filter(checkpoint: &Checkpoint, settings: &Settings) -> anyhow::Result<Filtered> {
     let store = &checkpoint.store;
-    let needed = Settings { reservoir: 0, ..settings.clone() }.reservoir_capacity();
-    if store.capacity() < needed {
-        bail!(
-            "reservoir: found a state with {} sample vectors per pixel, and --denoiser {} needs {needed}; accepted are \
-             --denoiser nlm, or a state rendered with --reservoir {needed}",
-            store.capacity(),
-            settings.denoiser.name()
-        );
+    let denoiser = suited_to(store, settings.denoiser);
+    if let Some(lack) = Lack::of(store, denoiser) {
+        return Err(lack.into());
     }
     let earlier = checkpoint.interim.as_ref().and_then(|interim| interim.interpolation.clone());
     let pass = FilterPass {
         store: store.clone(),
-        denoiser: suited_to(store, settings.denoiser),
+        denoiser,
         seed: settings.seed,
         failure_map: FailureMap::Carry(earlier),
     };

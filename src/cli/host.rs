@@ -25,6 +25,8 @@ const BAR_STEPS: u64 = 1000;
 pub(super) struct RenderHost<'a> {
     pub metadata: &'a ImageMetadata,
     pub outfiles: &'a [PathBuf],
+    /// Names of the layers beside the image; `None` for all.
+    pub layers: Option<&'a [String]>,
     pub checkpoints: Option<Checkpoints>,
     pub samples: Option<SampleFile>,
     /// Set by a signal.
@@ -66,7 +68,7 @@ impl RenderHost<'_> {
             reference: None,
             seconds: self.start.elapsed().as_secs_f64(),
             command_line,
-            layers: None,
+            layers: self.layers,
         }
     }
 }

@@ -8,6 +8,8 @@ use super::failure::Failure;
 use super::terminal;
 use super::terminal::escaped;
 use crate::filter::{DENOISERS, Denoiser, Reads, SampleVectors};
+use crate::output::Layers;
+use crate::progressive::{Settings, Statistics};
 use crate::render::sample_layout;
 use crate::scene::{Integrator, Light, Scene, Shape, pbrt};
 use crate::stats::{Group, Layout, Store};
@@ -87,9 +89,14 @@ fn describe_statistics(scene: &Scene) -> String {
     let features = count(|g| matches!(g, Group::Feature(_)));
     let randoms = count(|g| g == Group::Random);
     let vector = count(|g| g != Group::Auxiliary);
-    let bytes = Store::bytes_per_pixel(&layout, 0);
     let [x0, x1, y0, y1] = scene.film.pixel_bounds;
-    let megabytes = (bytes * (x1 - x0) * (y1 - y0)) as f64 / 1e6;
+    let memory = |statistics| {
+        let settings = Settings { statistics, ..Settings::default() };
+        let blocks = settings.recorded_blocks(Layers::blocks_read(None));
+        let bytes = Store::bytes_per_pixel(&layout.restricted_to(blocks), 0);
+        format!("{bytes} bytes per pixel, {:.0} MB", (bytes * (x1 - x0) * (y1 - y0)) as f64 / 1e6)
+    };
+    let (needed, all) = (memory(Statistics::Needed), memory(Statistics::All));
     // Features and colours against random parameters and position, and colours against features.
     let pairs = (features + 3) * (randoms + 2) + 3 * features;
 
@@ -98,7 +105,7 @@ fn describe_statistics(scene: &Scene) -> String {
         "dimensions  {vector} of 27 enabled: {}\n\
          auxiliary   {}\n\
          pairs       {pairs} of mutual information, with --denoiser prpf\n\
-         store       {bytes} bytes per pixel, {megabytes:.0} MB for this film\n{}",
+         store       {needed} for this film; {all} with --statistics all\n{}",
         names[..vector].join(" "),
         names[vector..].join(" "),
         DENOISERS.map(|denoiser| describe_denoiser(denoiser, &layout)).concat(),

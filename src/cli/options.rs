@@ -75,6 +75,9 @@ pub(super) struct RenderOptions {
     /// Override the integrator's path depth
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub max_depth: Option<u32>,
+    /// Only these layers of an EXR beside the image, e.g. Albedo,Ns [default: all]
+    #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
+    pub layers: Option<Vec<String>>,
     /// Write every sample vector of this run, in pieces of a numpy archive; the size is printed before it starts
     #[arg(long, value_name = "FILE.npz")]
     pub samples: Option<PathBuf>,
@@ -181,6 +184,7 @@ impl RenderOptions {
             max_spp,
             priority: self.drive,
             reservoir: self.state.reservoir,
+            statistics: self.state.statistics.into(),
         })
     }
 

@@ -24,11 +24,12 @@ use super::workers::in_pool;
 use super::{samples, summary, viewers};
 use crate::geometry::Accel;
 use crate::image::OutputFormat;
-use crate::output::{ImageOutput, Report, Times};
-use crate::preview::{Configuration, Controller, ControllerEnd, Hub, SceneSession, TevClient};
+use crate::output::{ImageOutput, Layers, Report, Times};
+use crate::preview::{self, Configuration, Controller, ControllerEnd, Hub, SceneSession, TevClient};
 use crate::progressive::{self, Checkpoint, Outcome, RenderLoop, Settings, StoppedBy, fits_in_memory};
 use crate::render::Renderer;
 use crate::state::{ImageMetadata, SampleFile};
+use crate::stats::BlockSet;
 
 pub(super) fn run(options: &RenderOptions, mode: Mode, start: Instant) -> Result<u8, Failure> {
     // Errors of the command line are found before minutes of rendering.
@@ -40,6 +41,9 @@ pub(super) fn run(options: &RenderOptions, mode: Mode, start: Instant) -> Result
         let error =
             anyhow::anyhow!("--samples: found with a preview, whose camera may move; accepted with render");
         return Err(Failure::Input(error));
+    }
+    if let Some(names) = &options.layers {
+        Layers::check_names(names).map_err(|error| Failure::Input(error.into()))?;
     }
     let signals = Signals::listen(mode).map_err(Failure::Run)?;
     in_pool(options.threads, || run_in_pool(options, mode, &signals, start))
@@ -199,19 +203,33 @@ impl Job<'_> {
         (session, notice): (Option<SceneSession>, Option<String>),
         viewers: &mut Option<Viewers>,
     ) -> Result<Rendered, Failure> {
-        let Self { options, inputs, renderer, metadata, start, .. } = *self;
+        let Self { options, inputs, metadata, start, .. } = *self;
+        let serves = self.mode == Mode::Preview || options.preview.is_some();
+        // Choose what is recorded of samples
+        let outputs = Layers::blocks_read(options.layers.as_deref());
+        let recorded = match (serves, &options.samples) {
+            // A file of sample vectors has every dimension.
+            (_, Some(_)) => BlockSet::ALL,
+            (true, None) => preview::recorded_blocks(settings, outputs),
+            (false, None) => settings.recorded_blocks(outputs),
+        };
+        let renderer = self.renderer.recording(recorded);
+
         // Check the memory, and open the state
         let keeps_checkpoints = options.state.state.is_some();
         fits_in_memory(renderer.layout(), settings, renderer.resolution(), keeps_checkpoints)
             .map_err(|error| Failure::Input(error.into()))?;
         // The state file is locked from here on.
-        let writer = Checkpoints::begin(&options.state, metadata, renderer, settings);
+        let writer = Checkpoints::begin(&options.state, metadata, &renderer, settings);
         let checkpoints = writer.map_err(Failure::Input)?;
         let checkpoint =
-            checkpoints::read(&options.state, metadata, renderer, settings).map_err(Failure::Input)?;
+            checkpoints::read(&options.state, metadata, &renderer, settings).map_err(Failure::Input)?;
         if let (Some(checkpoint), Some(spp), false) = (&checkpoint, settings.budget.spp, options.quiet) {
             warn_of_surplus(checkpoint, spp);
         }
+        // A state may hold more than is needed now.
+        let found = checkpoint.as_ref().map(|found| renderer.recording(found.store.layout().blocks()));
+        let renderer = &found.unwrap_or(renderer);
 
         let taken = checkpoint.as_ref().map_or(0, |checkpoint| checkpoint.store.samples_taken());
         let begin = |path| samples::begin(path, renderer, settings, taken, options.quiet);
@@ -219,12 +237,12 @@ impl Job<'_> {
 
         // Run the render loop, by one of its drivers
         let bar = progress_bar(options.quiet);
-        let has_viewers =
-            self.mode == Mode::Preview || options.preview.is_some() || options.display_server.is_some();
+        let has_viewers = serves || options.display_server.is_some();
         let outfiles = &inputs.outfiles;
         let mut host = RenderHost {
             metadata,
             outfiles,
+            layers: options.layers.as_deref(),
             checkpoints,
             samples,
             interrupt,
@@ -239,6 +257,7 @@ impl Job<'_> {
                 scene: &inputs.scene,
                 renderer,
                 settings: settings.clone(),
+                outputs,
                 reference: inputs.reference.clone(),
                 checkpoint,
                 session,
@@ -296,6 +315,7 @@ impl Job<'_> {
             reference: self.inputs.reference.as_deref(),
             seconds: self.start.elapsed().as_secs_f64(),
             command_line: &command_line(),
+            layers: self.options.layers.as_deref(),
             ..ImageOutput::new(outcome, metadata)
         };
         Ok(output.write_all(&self.inputs.outfiles)?)

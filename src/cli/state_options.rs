@@ -3,11 +3,11 @@
 use std::path::PathBuf;
 
 use anyhow::ensure;
-use clap::Args;
+use clap::{Args, ValueEnum};
 
 use super::output_paths::replaces_state;
 use super::parse;
-use crate::progressive::Budget;
+use crate::progressive::{Budget, Statistics};
 use crate::render::Shard;
 use crate::state::Stream;
 
@@ -25,9 +25,29 @@ pub(super) struct StateOptions {
     /// Render the K-th of N shards of the samples that --spp means; `prpf merge` adds their states
     #[arg(long, value_name = "K/N", value_parser = parse::shard, default_value = "1/1")]
     pub shard: Shard,
-    /// Sample vectors to keep per pixel, for another denoiser or an export later; `--denoiser prpf` keeps 8
+    /// Dimensions of which statistics are kept: those that the denoiser and the outputs read, or, for an export or
+    /// another denoiser later, every one
+    #[arg(long, value_enum, default_value_t = StatisticsOption::Needed)]
+    pub statistics: StatisticsOption,
+    /// Sample vectors to keep per pixel, with every dimension, for another denoiser or an export later;
+    /// `--denoiser prpf` keeps 8
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = parse::reservoir)]
     pub reservoir: usize,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(super) enum StatisticsOption {
+    Needed,
+    All,
+}
+
+impl From<StatisticsOption> for Statistics {
+    fn from(option: StatisticsOption) -> Self {
+        match option {
+            StatisticsOption::Needed => Self::Needed,
+            StatisticsOption::All => Self::All,
+        }
+    }
 }
 
 impl StateOptions {

@@ -39,7 +39,8 @@ pub trait Denoiser: Send + Sync {
 /// The data of a store that a denoiser reads.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Reads {
-    /// Blocks of dimensions whose statistics it reads, where the layout has them.
+    /// Blocks of dimensions whose statistics it reads, where the scene calls for them: by default a render keeps no
+    /// others. One that reads sample vectors finds all.
     pub blocks: &'static [Block],
     pub sample_vectors: SampleVectors,
 }

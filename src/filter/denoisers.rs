@@ -4,10 +4,10 @@
 use serde::de::Error;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-use super::denoiser::{Denoiser, SampleVectors};
+use super::denoiser::Denoiser;
 use super::denoiser_name::DenoiserName;
 use super::{learned, nlm, none, oidn, prpf, rpf};
-use crate::stats::{Part, Store};
+use crate::stats::Store;
 
 /// All denoisers, the default one first. Of one method the first preset is its default.
 pub static DENOISERS: [&dyn Denoiser; 10] = [
@@ -45,15 +45,6 @@ pub fn suited_to(store: &Store, denoiser: &'static dyn Denoiser) -> &'static dyn
     if is_sparse { denoiser.stand_in() } else { denoiser }
 }
 
-/// Returns how many sample vectors per pixel a denoiser reads of a store, at most.
-pub fn needed_sample_vectors(store: &Store, denoiser: &dyn Denoiser) -> usize {
-    match denoiser.reads().sample_vectors {
-        SampleVectors::None => 0,
-        SampleVectors::Reservoir(size) => size,
-        SampleVectors::All { .. } => store.counts(Part::Whole).into_iter().max().unwrap_or(0) as usize,
-    }
-}
-
 /// A name in files.
 #[derive(Deserialize)]
 struct NameFields {
@@ -86,6 +77,7 @@ impl Serialize for dyn Denoiser {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::filter::SampleVectors;
     use crate::stats::Layout;
 
     #[test]

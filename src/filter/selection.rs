@@ -1,8 +1,8 @@
 //! Chooses a denoiser by its name, and tells whether it can filter a store: for programs that use the library.
 
 use super::denoiser::Denoiser;
-use super::denoiser_name::DenoiserName;
-use super::denoisers::{DENOISERS, find, needed_sample_vectors};
+use super::denoisers::{DENOISERS, find};
+use super::lack::Lack;
 use crate::stats::Store;
 
 /// Why a denoiser cannot be used.
@@ -14,11 +14,8 @@ pub enum SelectionError {
     Missing { found: String, reason: &'static str },
     #[error("store: found no valid samples; accepted is at least one")]
     Empty,
-    #[error(
-        "store: found a reservoir of {found} sample vectors per pixel, and {denoiser} needs {needed}; accepted is a store \
-         with a reservoir of {needed}, or the denoiser nlm"
-    )]
-    Reservoir { found: usize, needed: usize, denoiser: DenoiserName },
+    #[error("store: {0}")]
+    Lack(#[from] Lack),
 }
 
 fn names() -> String {
@@ -45,16 +42,12 @@ pub fn by_name(name: &str) -> Result<&'static dyn Denoiser, SelectionError> {
 /// Checks that a store has what a denoiser reads.
 ///
 /// # Errors
-/// A store without valid samples, or with too small a reservoir.
+/// A store without valid samples, or without data that the denoiser reads.
 pub fn can_filter(denoiser: &dyn Denoiser, store: &Store) -> Result<(), SelectionError> {
     if store.samples() == 0 {
         return Err(SelectionError::Empty);
     }
-    let (found, needed) = (store.capacity(), needed_sample_vectors(store, denoiser));
-    if found < needed {
-        return Err(SelectionError::Reservoir { found, needed, denoiser: denoiser.name() });
-    }
-    Ok(())
+    Lack::of(store, denoiser).map_or(Ok(()), |lack| Err(lack.into()))
 }
 
 #[cfg(test)]

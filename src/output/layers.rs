@@ -5,7 +5,7 @@ use crate::image::Planes;
 use crate::image::exr_file::{Channel, Precision};
 use crate::progressive::ErrorEstimate;
 use crate::state::ImageMetadata;
-use crate::stats::{Block, Part, Store};
+use crate::stats::{Block, BlockSet, Part, Store};
 
 const RGB: &[&str] = &["R", "G", "B"];
 const XYZ: &[&str] = &["X", "Y", "Z"];
@@ -38,26 +38,26 @@ impl Source<'_> {
 /// How a layer is computed; `None` if this render does not have it.
 type Compute = fn(&Source) -> Option<Planes>;
 
-/// A layer: name, suffixes of the channels (one plane each), precision, and how it is computed.
-type Row = (&'static str, &'static [&'static str], Precision, Compute);
-
+/// A layer: name, suffixes of the channels (one plane each), precision, the block of dimensions whose statistics it reads
+/// beside the radiance, and how it is computed.
+type Row = (&'static str, &'static [&'static str], Precision, Option<Block>, Compute);
 /// All layers. The image itself has no name. To add a layer, add a row.
 const TABLE: &[Row] = &[
-    ("", RGB, Precision::Float, |source| Some(source.result.image.clone())),
-    ("Noisy", RGB, Precision::Float, |source| {
+    ("", RGB, Precision::Float, None, |source| Some(source.result.image.clone())),
+    ("Noisy", RGB, Precision::Float, None, |source| {
         Some(source.store.means(Part::Whole, source.store.layout().radiance()))
     }),
-    ("Albedo", RGB, Precision::Half, |source| source.means(Block::Albedo)),
-    ("Ns", XYZ, Precision::Half, |source| source.means(Block::Normal1)),
-    ("P", XYZ, Precision::Float, |source| source.position()),
-    ("Variance", RGB, Precision::Float, |source| Some(filter::variance_of_mean(source.store))),
-    ("Error", X, Precision::Float, |source| Some(source.result.error.clone())),
-    ("SampleCount", X, Precision::Float, |source| Some(source.store.count_plane())),
-    ("InterpolationFailure", X, Precision::Half, |source| {
+    ("Albedo", RGB, Precision::Half, Some(Block::Albedo), |source| source.means(Block::Albedo)),
+    ("Ns", XYZ, Precision::Half, Some(Block::Normal1), |source| source.means(Block::Normal1)),
+    ("P", XYZ, Precision::Float, Some(Block::Position1), |source| source.position()),
+    ("Variance", RGB, Precision::Float, None, |source| Some(filter::variance_of_mean(source.store))),
+    ("Error", X, Precision::Float, None, |source| Some(source.result.error.clone())),
+    ("SampleCount", X, Precision::Float, None, |source| Some(source.store.count_plane())),
+    ("InterpolationFailure", X, Precision::Half, None, |source| {
         Some(source.result.interpolation.as_ref()?.failure.clone())
     }),
-    ("FilterResidual", X, Precision::Float, |source| Some(source.result.residual.clone())),
-    ("TileError", X, Precision::Float, |source| {
+    ("FilterResidual", X, Precision::Float, None, |source| Some(source.result.residual.clone())),
+    ("TileError", X, Precision::Float, None, |source| {
         Some(source.estimate?.to_pixels(source.store.width(), source.store.height()))
     }),
 ];
@@ -91,13 +91,15 @@ impl Layers {
         names: Option<&[String]>,
     ) -> Self {
         let source = Source { result, store, estimate, metadata };
-        let is_wanted = |name: &str| {
-            name.is_empty() || names.is_none_or(|names| names.iter().any(|wanted| wanted == name))
-        };
-        let compute = |&(name, suffixes, precision, compute): &Row| {
+        let compute = |&(name, suffixes, precision, _, compute): &Row| {
             Some(Layer { name, suffixes, precision, planes: compute(&source)? })
         };
-        Self(TABLE.iter().filter(|(name, ..)| is_wanted(name)).filter_map(compute).collect())
+        Self(selected(names).filter_map(compute).collect())
+    }
+
+    /// Returns the blocks of dimensions whose statistics the layers of these names, or all layers, read.
+    pub fn blocks_read(names: Option<&[String]>) -> BlockSet {
+        selected(names).filter_map(|&(_, _, _, block, _)| block).collect()
     }
 
     /// Checks that some renders have layers of these names, before anything is rendered.
@@ -133,6 +135,13 @@ impl Layers {
             })
             .collect()
     }
+}
+
+/// Returns the rows of the image and of the layers of these names, or all.
+fn selected(names: Option<&[String]>) -> impl Iterator<Item = &'static Row> {
+    TABLE.iter().filter(move |(name, ..)| {
+        name.is_empty() || names.is_none_or(|names| names.iter().any(|wanted| wanted == name))
+    })
 }
 
 fn check(names: &[String], known: impl Iterator<Item = &'static str>) -> Result<(), UnknownLayer> {

@@ -49,6 +49,7 @@ pub struct Report<'a> {
     camera: &'a str,
     effects: &'a [String],
     dimensions: Vec<&'static str>,
+    statistics: Vec<&'static str>,
     settings: &'a Settings,
     stopped_by: StoppedBy,
     /// The denoiser that made the image: keys `denoiser` and, where it has presets, `quality`.
@@ -87,7 +88,8 @@ impl<'a> Report<'a> {
             threads: rayon::current_num_threads(),
             camera: &metadata.camera,
             effects: &metadata.effects,
-            dimensions: store.layout().dimensions().iter().map(|dimension| dimension.name).collect(),
+            dimensions: store.layout().enabled_names(),
+            statistics: store.layout().names().collect(),
             settings,
             stopped_by: outcome.stopped_by,
             made_by: outcome.result.made_by,

@@ -5,12 +5,12 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use super::scene_session::SceneSession;
-use crate::filter::FilterResult;
+use crate::filter::{DENOISERS, Denoiser, FilterResult, SampleVectors};
 use crate::image::Planes;
 use crate::progressive::{Checkpoint, Host, Settings};
 use crate::render::Renderer;
 use crate::scene::{Camera, Scene};
-use crate::stats::Store;
+use crate::stats::{BlockSet, Store};
 
 /// An image that a viewer wants written.
 #[derive(Clone, Copy)]
@@ -44,12 +44,25 @@ pub trait PreviewHost: Host {
     fn wait_for_checkpoint(&mut self) -> Result<(), String>;
 }
 
+/// Returns the blocks of dimensions of which a preview keeps statistics: those that the settings call for, and those of every
+/// denoiser that a viewer can choose without a new render.
+pub fn recorded_blocks(settings: &Settings, outputs: BlockSet) -> BlockSet {
+    let is_offered = |denoiser: &&dyn Denoiser| {
+        denoiser.reads().sample_vectors == SampleVectors::None && denoiser.missing().is_none()
+    };
+    let offered = DENOISERS.iter().copied().filter(is_offered);
+    let blocks: BlockSet = offered.flat_map(|denoiser| denoiser.reads().blocks).copied().collect();
+    settings.recorded_blocks(outputs) | blocks
+}
+
 /// The scene, the settings and the host of a preview.
 pub struct Configuration<'a> {
     pub scene: &'a Scene,
     /// With the scene's own camera.
     pub renderer: &'a Renderer<'a>,
     pub settings: Settings,
+    /// Blocks of dimensions whose statistics the outputs read.
+    pub outputs: BlockSet,
     /// Of the scene's own camera: 3 planes.
     pub reference: Option<Arc<Planes>>,
     /// The checkpoint from which the first view goes on.

@@ -20,7 +20,7 @@ use crossbeam::channel::RecvTimeoutError;
 
 use super::background_pass::{BackgroundPass, PassThreads};
 use super::command::Rectangle;
-use super::configuration::{Configuration, PreviewHost};
+use super::configuration::{Configuration, PreviewHost, recorded_blocks};
 use super::controller_end::ControllerEnd;
 use super::generation_record::GenerationRecord;
 use super::history::{History, KeptRender};
@@ -38,7 +38,7 @@ use crate::progressive::{
     Action, Checkpoint, Conditions, Filtered, Host, Outcome, Region, RenderLoop, Settings, StoppedBy,
 };
 use crate::render::Renderer;
-use crate::stats::Store;
+use crate::stats::{BlockSet, Layout, Store};
 
 /// Longest step of a batch, in seconds: commands are handled between two.
 const STEP_SECONDS: f64 = 0.15;
@@ -159,16 +159,20 @@ impl<'a> Controller<'a> {
     /// Renders one view with one set of samples.
     fn run_generation(&mut self, start: Instant) -> GenerationEnd {
         // Set up the camera and the loop
-        let renderer = self.configuration.renderer.with_camera(self.current_camera());
+        let (checkpoint, record) = match self.returning.take() {
+            Some(kept) => (Some(kept.checkpoint), kept.record),
+            None => (self.configuration.checkpoint.take(), GenerationRecord::default()),
+        };
+        let recorded = checkpoint.as_ref().map_or_else(
+            || self.recorded_blocks(&self.configuration.settings),
+            |found| found.store.layout().blocks(),
+        );
+        let renderer = self.configuration.renderer.with_camera(self.current_camera()).recording(recorded);
         self.set_up_camera(&renderer);
         // Another camera sees something else than the reference.
         let reference = self.configuration.reference.clone().filter(|_| self.sees_as_scene());
         let mut render_loop = RenderLoop::new(&renderer, &self.configuration.settings, start)
             .with_reference(reference.as_deref());
-        let (checkpoint, record) = match self.returning.take() {
-            Some(kept) => (Some(kept.checkpoint), kept.record),
-            None => (self.configuration.checkpoint.take(), GenerationRecord::default()),
-        };
         if let Some(checkpoint) = checkpoint {
             render_loop = render_loop.resume(checkpoint);
         }
@@ -257,6 +261,15 @@ impl<'a> Controller<'a> {
                 }
             }
         }
+    }
+
+    fn recorded_blocks(&self, settings: &Settings) -> BlockSet {
+        recorded_blocks(settings, self.configuration.outputs)
+    }
+
+    /// Returns the layout of a new render with these settings.
+    fn layout_for(&self, settings: &Settings) -> Layout {
+        self.configuration.renderer.layout_of(self.recorded_blocks(settings))
     }
 
     fn generation_host(&mut self) -> GenerationHost<'_> {

@@ -57,7 +57,7 @@ mod view;
 mod viewer;
 
 pub use camera_move::CameraMove;
-pub use configuration::{Configuration, PreviewHost, SavedImage};
+pub use configuration::{Configuration, PreviewHost, SavedImage, recorded_blocks};
 pub use controller::Controller;
 pub use controller_end::ControllerEnd;
 pub use hub::Hub;

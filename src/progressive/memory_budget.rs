@@ -64,7 +64,7 @@ impl Demand {
         }
         let mut copy = 0;
         if keeps_checkpoints {
-            let bytes = |samples| Row::byte_len(1, layout.len(), samples).unwrap_or(usize::MAX);
+            let bytes = |samples| Row::byte_len(1, layout, samples).unwrap_or(usize::MAX);
             copy = bytes(0);
             memory.per_sample_vector += bytes(1) - bytes(0);
         }

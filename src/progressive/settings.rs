@@ -2,8 +2,8 @@
 
 use super::budget::Budget;
 use crate::adaptive::{self, NO_CEILING, PrioritySettings, SampleMap, Sampling};
-use crate::filter::{DENOISERS, Denoiser, SampleVectors};
-use crate::stats::{Layout, Store};
+use crate::filter::{DENOISERS, Denoiser, Lack, SampleVectors, UNFILTERED};
+use crate::stats::{BlockSet, Layout, Store};
 
 /// The settings of a render loop.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -26,6 +26,19 @@ pub struct Settings {
     pub priority: PrioritySettings,
     /// Least number of sample vectors per pixel in the reservoir; the denoiser may need more.
     pub reservoir: usize,
+    pub statistics: Statistics,
+}
+
+/// The dimensions of which a render keeps statistics.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Statistics {
+    /// Those that the denoiser, the allocation of samples and the outputs read; all if sample vectors are kept, which have
+    /// the same dimensions.
+    #[default]
+    Needed,
+    /// Every one that the scene's effects call for.
+    All,
 }
 
 /// Floor per pixel of adaptive sampling.
@@ -44,6 +57,7 @@ impl Default for Settings {
             max_spp: NO_CEILING,
             priority: PrioritySettings::default(),
             reservoir: 0,
+            statistics: Statistics::Needed,
         }
     }
 }
@@ -120,6 +134,22 @@ impl Settings {
             SampleVectors::All { .. } => self.most_samples(),
         };
         needed.max(self.reservoir)
+    }
+
+    /// Returns whether a store has what a render with these settings keeps of its samples.
+    pub fn are_met_by(&self, store: &Store) -> bool {
+        self.reservoir_capacity() <= store.capacity()
+            && Lack::of_layout(store.layout(), self.denoiser).is_none()
+    }
+
+    /// Returns the blocks of dimensions of which the render keeps statistics; `outputs` are those that the outputs read.
+    pub fn recorded_blocks(&self, outputs: BlockSet) -> BlockSet {
+        if self.statistics == Statistics::All || self.reservoir_capacity() > 0 {
+            return BlockSet::ALL;
+        }
+        // What is filtered with: the denoiser, and what takes its place where time or samples are short.
+        let denoisers = [self.denoiser, self.denoiser.stand_in(), UNFILTERED];
+        denoisers.iter().flat_map(|denoiser| denoiser.reads().blocks).copied().collect::<BlockSet>() | outputs
     }
 
     /// Returns the map that the samples of an image of `pixels` pixels follow.

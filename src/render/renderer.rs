@@ -18,12 +18,17 @@ use super::sampler::{Independent, Sobol};
 use super::shard::Shard;
 use crate::geometry::Accel;
 use crate::scene::{Camera, Effects, SamplerKind, Scene};
-use crate::stats::{Layout, Row, Store};
+use crate::stats::{BlockSet, Layout, Row, Store};
 
 /// Renders samples of one scene.
 pub struct Renderer<'s> {
     sampler: SamplerKind,
     resolution: (usize, usize),
+    camera: Camera,
+    /// Blocks of dimensions to record, where the scene has them.
+    recorded: BlockSet,
+    /// The layout of all of the scene's effects.
+    whole_layout: Layout,
     layout: Layout,
     rows: RowRenderer<'s>,
 }
@@ -32,14 +37,24 @@ impl<'s> Renderer<'s> {
     /// Prepares what all batches share: light sampling, and the layout of the scene's effects. All sample
     /// values depend on `seed`.
     pub fn new(scene: &'s Scene, accel: &'s Accel<'s>, seed: u64) -> Self {
-        Self::with_lights(scene, accel, Arc::new(Lights::new(scene)), &scene.camera, seed)
+        Self::with_lights(scene, accel, Arc::new(Lights::new(scene)), &scene.camera, seed, BlockSet::ALL)
     }
 
     /// Returns this renderer with another camera. The layout may change, because the camera's lens decides
     /// whether there is depth of field.
     pub fn with_camera(&self, camera: &Camera) -> Self {
+        self.rebuilt(camera, self.recorded)
+    }
+
+    /// Returns this renderer with sample vectors of these blocks of dimensions only. Their values stay the same.
+    pub fn recording(&self, blocks: BlockSet) -> Self {
+        self.rebuilt(&self.camera, blocks)
+    }
+
+    fn rebuilt(&self, camera: &Camera, recorded: BlockSet) -> Self {
         let PathTracer { scene, accel, lights, .. } = &self.rows.tracer;
-        Self::with_lights(scene, accel, lights.clone(), camera, self.rows.seed).with_shard(self.rows.shard)
+        Self::with_lights(scene, accel, lights.clone(), camera, self.rows.seed, recorded)
+            .with_shard(self.rows.shard)
     }
 
     fn with_lights(
@@ -48,13 +63,17 @@ impl<'s> Renderer<'s> {
         lights: Arc<Lights<'s>>,
         camera: &Camera,
         seed: u64,
+        recorded: BlockSet,
     ) -> Self {
         let effects = Effects { lens: camera.lens_radius > 0.0, ..scene.effects() };
-        let layout = sample_layout(&effects);
+        let whole_layout = sample_layout(&effects);
+        let layout = whole_layout.restricted_to(recorded);
         let [x0, x1, y0, y1] = scene.film.pixel_bounds;
         Self {
             sampler: scene.sampler,
             resolution: (x1 - x0, y1 - y0),
+            camera: camera.clone(),
+            recorded,
             rows: RowRenderer {
                 seed,
                 shard: Shard::WHOLE,
@@ -65,6 +84,7 @@ impl<'s> Renderer<'s> {
                 tracer: PathTracer::new(scene, accel, lights, &effects, &layout),
                 enabled: SampleRecords::enabled_dimensions(&layout),
             },
+            whole_layout,
             layout,
         }
     }
@@ -78,6 +98,11 @@ impl<'s> Renderer<'s> {
     /// Returns the sample vector's layout, which stores to render into must have.
     pub fn layout(&self) -> &Layout {
         &self.layout
+    }
+
+    /// Returns the layout of [`Self::recording`].
+    pub fn layout_of(&self, blocks: BlockSet) -> Layout {
+        self.whole_layout.restricted_to(blocks)
     }
 
     /// Returns width and height of the film's pixel bounds, which stores to render into must have.

@@ -19,7 +19,7 @@ use crate::progressive::TILE;
 use crate::stats::{Layout, Row};
 
 /// Version of the format; states of other versions are refused.
-pub const VERSION: u32 = 4;
+pub const VERSION: u32 = 5;
 
 /// The first bytes of every state file.
 pub(super) const MAGIC: &[u8; 8] = b"prpfstat";
@@ -55,7 +55,7 @@ impl ArraySizes {
         Some(Self {
             width,
             height,
-            row: Row::byte_len(width, layout.len(), header.capacity)?,
+            row: Row::byte_len(width, layout, header.capacity)?,
             per_pixel: header.interim.as_ref().map_or(0, interim_bytes) + batch_bytes,
             tiles: header
                 .interim
@@ -81,5 +81,5 @@ impl ArraySizes {
 pub fn estimate_size(layout: &Layout, capacity: usize, pixels: usize) -> Option<usize> {
     /// Bytes per pixel of the latest filter pass and the unfinished batch.
     const BESIDE_STORE: usize = 4 * (8 + 1);
-    Row::byte_len(1, layout.len(), capacity)?.checked_add(BESIDE_STORE)?.checked_mul(pixels)
+    Row::byte_len(1, layout, capacity)?.checked_add(BESIDE_STORE)?.checked_mul(pixels)
 }

@@ -18,6 +18,10 @@ pub struct Header {
     pub streams: Vec<Stream>,
     /// Names of the sample vector's dimensions.
     pub dimensions: Vec<String>,
+    /// Names of the dimensions that the scene calls for and the render did not keep.
+    pub left_out: Vec<String>,
+    /// Whether it has the deviations of both halves of the samples, beside those of all.
+    pub half_deviations: bool,
     /// Sample vectors per pixel that the reservoir holds at most.
     pub capacity: usize,
     pub position: PositionHeader,
@@ -59,6 +63,8 @@ impl Header {
             settings: state.settings.clone(),
             streams: state.streams.clone(),
             dimensions: store.layout().dimensions().iter().map(|d| d.name.to_owned()).collect(),
+            left_out: store.layout().names_left_out(|_| true).into_iter().map(str::to_owned).collect(),
+            half_deviations: store.layout().has_half_deviations(),
             capacity: store.capacity(),
             position: match position {
                 Position::Plan => PositionHeader::Plan,

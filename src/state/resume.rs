@@ -3,6 +3,7 @@
 use super::image_metadata::ImageMetadata;
 use super::render_state::RenderState;
 use super::stream::Stream;
+use crate::filter::Lack;
 use crate::progressive::Settings;
 use crate::stats::Layout;
 
@@ -16,11 +17,11 @@ pub struct ResumeError {
 }
 
 impl RenderState {
-    /// Checks that a render of the image `metadata`, the samples `stream` and the dimensions `layout` can go on from this
-    /// state.
+    /// Checks that a render of the image `metadata`, the samples `stream` and the scene's dimensions `layout`, of which it
+    /// keeps what the state has, can go on from this state.
     ///
     /// # Errors
-    /// A state of another image, of other samples or dimensions, or with too small a reservoir.
+    /// A state of another image, of other samples or dimensions, or with less than the denoiser reads.
     pub fn can_resume(
         &self,
         metadata: &ImageMetadata,
@@ -38,14 +39,24 @@ impl RenderState {
         }
         let store = &self.checkpoint.store;
         let names = |layout: &Layout| layout.names().collect::<Vec<_>>().join(" ");
-        if store.layout() != layout {
-            return differ("layout", names(store.layout()), names(layout));
+        let accepted = layout.restricted_to(store.layout().blocks());
+        if *store.layout() != accepted {
+            return differ("layout", names(store.layout()), names(&accepted));
         }
         let (found, needed) = (store.capacity(), settings.reservoir_capacity());
         if found < needed {
             let accepted =
                 format!("at least the {needed} that the denoiser or the setting `reservoir` asks for");
             return differ("reservoir", format!("{found} sample vectors per pixel"), accepted);
+        }
+        let kept = names(store.layout());
+        if let Some(Lack::Statistics { names, denoiser }) = Lack::of_layout(store.layout(), settings.denoiser)
+        {
+            let accepted = format!(
+                "one with those of {}, which {denoiser} reads: --statistics all keeps them",
+                names.join(" ")
+            );
+            return differ("statistics", kept, accepted);
         }
         Ok(())
     }

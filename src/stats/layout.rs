@@ -1,5 +1,7 @@
 //! The layout of a sample vector: its enabled dimensions, their names, groups and indices.
 
+use super::block_set::BlockSet;
+
 /// The kind of a dimension, which decides how a filter treats it (Sen and Darabi 2012, section 3: p, c,
 /// f, r).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -157,27 +159,48 @@ pub enum LayoutError {
 pub struct Layout {
     dimensions: Vec<Dimension>,
     starts: [Option<usize>; ALL.len()],
+    /// Blocks that the scene calls for and the layout does not have.
+    left_out: BlockSet,
+    /// See [`Self::has_half_deviations`].
+    half_deviations: bool,
 }
 
 impl Layout {
     /// A layout of the blocks for which `is_enabled` is true; film position and colour are always enabled.
     pub fn with_blocks(is_enabled: impl Fn(Block) -> bool) -> Self {
+        Self::new(|block| block == Block::Film || is_enabled(block), BlockSet::NONE, true)
+    }
+
+    /// The layout that keeps only what filters and outputs read: the blocks in `kept`, and the deviations of all
+    /// samples but not those of the halves. The colour always stays. With [`BlockSet::ALL`] it is this one.
+    pub fn restricted_to(&self, kept: BlockSet) -> Self {
+        if kept == BlockSet::ALL {
+            return self.clone();
+        }
+        let is_left_out = |&block: &Block| self.block(block).is_some() && !kept.contains(block);
+        let left_out = ALL.iter().map(|&(block, _)| block).filter(is_left_out);
+        let left_out = left_out.filter(|&block| block != Block::Colour).collect();
+        let is_kept = |block| self.block(block).is_some() && kept.contains(block);
+        Self::new(is_kept, self.left_out | left_out, false)
+    }
+
+    fn new(is_enabled: impl Fn(Block) -> bool, left_out: BlockSet, half_deviations: bool) -> Self {
         let mut dimensions = Vec::new();
         let starts = ALL.map(|(block, dims)| {
-            let enabled = matches!(block, Block::Film | Block::Colour) || is_enabled(block);
+            let enabled = block == Block::Colour || is_enabled(block);
             enabled.then(|| {
                 let start = dimensions.len();
                 dimensions.extend_from_slice(dims);
                 start
             })
         });
-        let layout = Self { dimensions, starts };
+        let layout = Self { dimensions, starts, left_out, half_deviations };
         debug_assert_eq!(layout.validate(), Ok(()));
         layout
     }
 
     /// Checks the invariants: enabled blocks follow each other in the order of [`Block`] without gaps, each
-    /// with its own dimensions, and film position and colour are among them.
+    /// with its own dimensions, and the colour is among them.
     ///
     /// # Errors
     /// The first invariant that does not hold.
@@ -187,7 +210,7 @@ impl Layout {
             let check = |holds: bool, error: LayoutError| if holds { Ok(()) } else { Err(error) };
             check(block as usize == index, LayoutError::Order(block))?;
             let Some(range) = self.block(block) else {
-                check(!matches!(block, Block::Film | Block::Colour), LayoutError::Disabled(block))?;
+                check(block != Block::Colour, LayoutError::Disabled(block))?;
                 continue;
             };
             check(range.start == end, LayoutError::Start { block, found: range.start, expected: end })?;
@@ -200,12 +223,43 @@ impl Layout {
         }
     }
 
-    /// The layout whose dimensions have these names, in this order; `None` if none has.
-    pub fn from_names<S: AsRef<str>>(names: &[S]) -> Option<Self> {
-        let named = |name: &str| names.iter().any(|n| n.as_ref() == name);
-        let layout = Self::with_blocks(|block| ALL[block as usize].1.iter().all(|d| named(d.name)));
-        let same = layout.dimensions.iter().map(|d| d.name).eq(names.iter().map(AsRef::as_ref));
-        same.then_some(layout)
+    /// The layout whose dimensions have the first names, and that leaves out those of the second, both in the order of
+    /// a sample; `None` if there is none.
+    pub fn from_names<S: AsRef<str>>(names: &[S], left_out: &[S], half_deviations: bool) -> Option<Self> {
+        let is_in = |block: Block, names: &[S]| {
+            ALL[block as usize].1.iter().all(|d| names.iter().any(|name| name.as_ref() == d.name))
+        };
+        let blocks = ALL.iter().map(|&(block, _)| block);
+        let left_out_blocks = blocks.filter(|&block| is_in(block, left_out)).collect();
+        let layout = Self::new(|block| is_in(block, names), left_out_blocks, half_deviations);
+        let same = |a: &[S], b: &[&str]| a.iter().map(AsRef::as_ref).eq(b.iter().copied());
+        let found: Vec<_> = layout.names().collect();
+        (same(names, &found) && same(left_out, &layout.names_left_out(|_| true))).then_some(layout)
+    }
+
+    /// Whether a store keeps the deviations of both halves of the samples, beside those of all.
+    pub fn has_half_deviations(&self) -> bool {
+        self.half_deviations
+    }
+
+    /// The enabled blocks, with which [`Self::restricted_to`] gives this layout again.
+    pub fn blocks(&self) -> BlockSet {
+        if self.half_deviations {
+            return BlockSet::ALL;
+        }
+        ALL.iter().map(|&(block, _)| block).filter(|&block| self.block(block).is_some()).collect()
+    }
+
+    /// Tests whether the scene calls for a block that this layout leaves out.
+    pub fn leaves_out(&self, block: Block) -> bool {
+        self.left_out.contains(block) && self.block(block).is_none()
+    }
+
+    /// The names of the dimensions that the scene calls for and this layout leaves out, of the blocks for which
+    /// `is_read` is true.
+    pub fn names_left_out(&self, is_read: impl Fn(&Block) -> bool) -> Vec<&'static str> {
+        let blocks = ALL.iter().filter(|(block, _)| self.leaves_out(*block) && is_read(block));
+        blocks.flat_map(|(_, dimensions)| dimensions.iter().map(|d| d.name)).collect()
     }
 
     /// The names of the dimensions, in the order of a sample.
@@ -213,12 +267,19 @@ impl Layout {
         self.dimensions.iter().map(|dimension| dimension.name)
     }
 
+    /// The names of the dimensions that the scene calls for, kept or left out, in the order of a sample.
+    pub fn enabled_names(&self) -> Vec<&'static str> {
+        let is_enabled = |block: Block| self.block(block).is_some() || self.leaves_out(block);
+        let blocks = ALL.iter().filter(|(block, _)| is_enabled(*block));
+        blocks.flat_map(|(_, dimensions)| dimensions.iter().map(|d| d.name)).collect()
+    }
+
     /// Length of a sample: the number of enabled dimensions, auxiliary ones included.
     pub fn len(&self) -> usize {
         self.dimensions.len()
     }
 
-    /// Always false: film position and colour are always enabled.
+    /// Always false: the colour is always enabled.
     pub fn is_empty(&self) -> bool {
         self.dimensions.is_empty()
     }
@@ -233,14 +294,14 @@ impl Layout {
         self.starts[i].map(|start| start..start + ALL[i].1.len())
     }
 
-    /// Indices of the film position.
+    /// Indices of the film position; empty if it is left out.
     pub fn film(&self) -> std::ops::Range<usize> {
-        self.enabled_block(Block::Film)
+        self.block(Block::Film).unwrap_or(0..0)
     }
 
     /// Indices of the colour.
     pub fn colour(&self) -> std::ops::Range<usize> {
-        self.enabled_block(Block::Colour)
+        self.block(Block::Colour).expect("the colour is always enabled")
     }
 
     /// Indices of the radiance with directly visible emission: of [`Block::Radiance`] or, if that is
@@ -271,71 +332,7 @@ impl Layout {
             sample[range].copy_from_slice(values);
         }
     }
-
-    fn enabled_block(&self, block: Block) -> std::ops::Range<usize> {
-        self.block(block).expect("film position and colour are always enabled")
-    }
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn all_blocks_give_the_papers_27_dimensions() {
-        let layout = Layout::with_blocks(|_| true);
-        let vector = layout.dimensions().iter().filter(|d| d.group != Group::Auxiliary).count();
-        assert_eq!(vector, 27);
-        assert_eq!(layout.features().len(), 15);
-        assert_eq!(layout.randoms().len(), 7);
-    }
-
-    #[test]
-    fn the_table_is_in_the_order_of_blocks() {
-        assert!(ALL.iter().enumerate().all(|(i, (block, _))| *block as usize == i));
-    }
-
-    #[test]
-    fn names_determine_the_layout() {
-        for is_enabled in [|_| true, |b| b == Block::Lens, |b| b == Block::Hit || b == Block::Normal2] {
-            let layout = Layout::with_blocks(is_enabled);
-            let names: Vec<_> = layout.dimensions().iter().map(|d| d.name).collect();
-            assert_eq!(Layout::from_names(&names), Some(layout));
-            assert_eq!(Layout::from_names(&names[1..]), None);
-        }
-        assert_eq!(Layout::from_names(&["film.x", "film.y", "R", "G", "B", "lens.u"]), None);
-    }
-
-    #[test]
-    fn writing_a_disabled_block_changes_nothing() {
-        let layout = Layout::with_blocks(|_| false);
-        let mut sample = vec![0.0; layout.len()];
-        layout.write(&mut sample, Block::Lens, &[1.0, 1.0]);
-        assert!(sample.iter().all(|&v| v == 0.0));
-        layout.write(&mut sample, Block::Colour, &[1.0, 2.0, 3.0]);
-        assert_eq!(sample[layout.colour()], [1.0, 2.0, 3.0]);
-    }
-
-    #[test]
-    fn blocks_follow_each_other_without_gaps() {
-        let dropped = ALL.map(|(block, _)| block).map(|block| move |b: Block| b != block);
-        for is_enabled in dropped {
-            let layout = Layout::with_blocks(is_enabled);
-            layout.validate().unwrap();
-            let mut end = 0;
-            for (block, dims) in ALL {
-                let expected = matches!(block, Block::Film | Block::Colour) || is_enabled(block);
-                assert_eq!(layout.block(block).is_some(), expected, "{block:?}");
-                if let Some(range) = layout.block(block) {
-                    assert_eq!(range, end..end + dims.len());
-                    assert_eq!(layout.dimensions()[range.clone()], *dims);
-                    end = range.end;
-                }
-            }
-            assert_eq!((layout.len(), layout.is_empty()), (end, false));
-            assert_eq!((layout.film(), layout.colour()), (0..2, 2..5));
-            assert_eq!(layout.radiance(), layout.block(Block::Radiance).unwrap_or(2..5));
-        }
-        assert_eq!(MAX_DIMENSIONS, 34);
-    }
-}
+mod tests;

@@ -5,6 +5,7 @@
 //! of two independent halves; and for each pixel a bounded reservoir of whole sample vectors. It does
 //! not depend on a renderer.
 
+mod block_set;
 mod columns;
 mod half_moments;
 mod layout;
@@ -16,6 +17,7 @@ mod sample_list;
 mod sample_rectangle;
 mod store;
 
+pub use block_set::BlockSet;
 pub use columns::{ColumnError, Columns};
 pub use half_moments::{HalfMoments, HalfMomentsError};
 pub use layout::{Block, Dimension, Feature, Group, Layout, LayoutError, MAX_DIMENSIONS};

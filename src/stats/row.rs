@@ -29,21 +29,27 @@ pub struct Row {
     pub(super) next_index: Vec<u32>,
     pub(super) rejected: Vec<u32>,
     pub(super) halves: [HalfRow; 2],
+    /// Sums of squared deviations from the mean of the half that a sample is in, `[dimension][pixel]`: one plane for each
+    /// half, or one that adds those of both.
+    pub(super) deviations: Vec<Vec<f64>>,
     /// Sample vectors, `[pixel][slot][dimension]`.
     pub(super) reservoir: Vec<f32>,
-    /// Keys of the pixels' reservoirs.
+    /// Keys of the pixels' reservoirs; empty without reservoirs.
     pub(super) keys: Vec<u64>,
 }
 
-/// Moments of one half of the samples.
+/// Counts and means of one half of the samples.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct HalfRow {
     /// Number of valid samples, `[pixel]`.
     pub(super) count: Vec<u32>,
     /// `[dimension][pixel]`.
     pub(super) mean: Vec<f64>,
-    /// Sum of squared deviations from the mean, `[dimension][pixel]`.
-    pub(super) m2: Vec<f64>,
+}
+
+/// Number of planes of deviations that a row of this layout has.
+pub(super) fn deviation_planes(layout: &Layout) -> usize {
+    if layout.has_half_deviations() { 2 } else { 1 }
 }
 
 impl Row {
@@ -52,11 +58,8 @@ impl Row {
         let dims = layout.len();
         let blocks = width.next_multiple_of(PIXEL_BLOCK);
         let stride = blocks + CACHE_LINE;
-        let half = || HalfRow {
-            count: vec![0; blocks],
-            mean: vec![0.0; stride * dims],
-            m2: vec![0.0; stride * dims],
-        };
+        let half = || HalfRow { count: vec![0; blocks], mean: vec![0.0; stride * dims] };
+        let keyed_pixels = if capacity > 0 { width } else { 0 };
         Self {
             width,
             stride,
@@ -72,8 +75,9 @@ impl Row {
             next_index: vec![0; blocks],
             rejected: vec![0; blocks],
             halves: [half(), half()],
+            deviations: vec![vec![0.0; stride * dims]; deviation_planes(layout)],
             reservoir: vec![0.0; width * capacity * dims],
-            keys: (0..width).map(|x| reservoir::key(seed, x, y)).collect(),
+            keys: (0..keyed_pixels).map(|x| reservoir::key(seed, x, y)).collect(),
         }
     }
 
@@ -123,11 +127,12 @@ impl Row {
             *count += 1;
             weights[half][lane] = 1.0 / f64::from(*count);
         }
-        for (half, weights) in self.halves.iter_mut().zip(&weights) {
+        for (index, (half, weights)) in self.halves.iter_mut().zip(&weights).enumerate() {
             if weights.iter().any(|&weight| weight > 0.0) {
+                let plane = index.min(self.deviations.len() - 1);
                 pixel_block::update(
                     &mut half.mean[first..],
-                    &mut half.m2[first..],
+                    &mut self.deviations[plane][first..],
                     self.stride,
                     values,
                     weights,
@@ -147,12 +152,13 @@ impl Row {
         values: impl Iterator<Item = (f32, f32)>,
     ) {
         self.next_index[x] += count;
+        let plane = half.min(self.deviations.len() - 1);
         let half = &mut self.halves[half];
         half.count[x] = count;
         for (dim, (mean, variance)) in values.enumerate() {
             let i = dim * self.stride + x;
             half.mean[i] = f64::from(mean);
-            half.m2[i] = f64::from(variance) * f64::from(count.saturating_sub(1));
+            self.deviations[plane][i] += f64::from(variance) * f64::from(count.saturating_sub(1));
         }
     }
 
@@ -170,40 +176,47 @@ impl Row {
         self.rejected[x]
     }
 
-    /// Moments of one dimension of a pixel.
+    /// Moments of one dimension of a pixel. The deviations of a half are NaN if only those of all samples are kept.
     #[inline]
     pub fn moments(&self, x: usize, dim: usize, part: Part) -> Moments {
-        let half = |h: usize| {
+        let i = dim * self.stride + x;
+        let half = |h: usize, m2: f64| {
             let half = &self.halves[h];
-            let i = dim * self.stride + x;
-            Moments { count: half.count[x], mean: half.mean[i], m2: half.m2[i] }
+            Moments { count: half.count[x], mean: half.mean[i], m2 }
         };
-        match part {
-            Part::Half(h) => half(h),
-            Part::Whole => half(0).merge(half(1)),
+        match (&*self.deviations, part) {
+            ([both], Part::Whole) => half(0, both[i]).merge(half(1, 0.0)),
+            (planes, Part::Whole) => half(0, planes[0][i]).merge(half(1, planes[1][i])),
+            ([_], Part::Half(h)) => half(h, f64::NAN),
+            (planes, Part::Half(h)) => half(h, planes[h][i]),
         }
     }
 
-    /// Writes a function of the moments of one dimension, in a loop over pixels that becomes vector code.
+    /// Writes a function of the moments of one dimension, in a loop over pixels that becomes vector code. The deviations
+    /// of a half are those of all samples if only these are kept.
     #[inline]
     pub(super) fn read(&self, dim: usize, part: Part, out: &mut [f32], value: impl Fn(Moments) -> f32) {
         let width = out.len();
-        let [a, b] = self.halves.each_ref().map(|half| {
-            let span = dim * self.stride..dim * self.stride + width;
-            (&half.count[..width], &half.mean[span.clone()], &half.m2[span])
+        let span = dim * self.stride..dim * self.stride + width;
+        let (first, second, factor) = self.deviations_of_halves(span.clone());
+        let [a, b] = [(0, first), (1, second)].map(|(h, m2)| {
+            let half: &HalfRow = &self.halves[h];
+            (&half.count[..width], &half.mean[span.clone()], m2)
         });
-        let at = |half: (&[u32], &[f64], &[f64]), x: usize| Moments {
+        let at = |half: (&[u32], &[f64], &[f64]), x: usize, factor: f64| Moments {
             count: half.0[x],
             mean: half.1[x],
-            m2: half.2[x],
+            m2: factor * half.2[x],
         };
         match part {
             Part::Half(h) => {
                 let half = [a, b][h];
-                out.iter_mut().enumerate().for_each(|(x, out)| *out = value(at(half, x)));
+                out.iter_mut().enumerate().for_each(|(x, out)| *out = value(at(half, x, 1.0)));
             }
             Part::Whole => {
-                out.iter_mut().enumerate().for_each(|(x, out)| *out = value(at(a, x).merge(at(b, x))));
+                out.iter_mut()
+                    .enumerate()
+                    .for_each(|(x, out)| *out = value(at(a, x, 1.0).merge(at(b, x, factor))));
             }
         }
     }
@@ -222,15 +235,25 @@ impl Row {
         let span = dim * self.stride..dim * self.stride + width;
         let (n_a, n_b) = (&a.count[..width], &b.count[..width]);
         let (m_a, m_b) = (&a.mean[span.clone()], &b.mean[span.clone()]);
-        let (s_a, s_b) = (&a.m2[span.clone()], &b.m2[span]);
+        let (s_a, s_b, factor) = self.deviations_of_halves(span);
         let (mean_a, mean_b, variance) = (&mut mean_a[..width], &mut mean_b[..width], &mut variance[..width]);
         for x in 0..width {
             let (n, k) = (f64::from(n_a[x]), f64::from(n_b[x]));
             let d = m_a[x] - m_b[x];
-            let m2 = s_a[x] + s_b[x] + d * d * (n * k) / (n + k).max(1.0);
+            let m2 = s_a[x] + factor * s_b[x] + d * d * (n * k) / (n + k).max(1.0);
             mean_a[x] = m_a[x] as f32;
             mean_b[x] = m_b[x] as f32;
             variance[x] = (m2 / (n + k - 1.0).max(1.0)) as f32;
+        }
+    }
+
+    /// Some elements of the deviations of both halves, and the factor on those of the second with which both add up to the
+    /// deviations of all samples within their halves.
+    #[inline]
+    fn deviations_of_halves(&self, span: std::ops::Range<usize>) -> (&[f64], &[f64], f64) {
+        match &*self.deviations {
+            [both] => (&both[span.clone()], &both[span], 0.0),
+            planes => (&planes[0][span.clone()], &planes[1][span], 1.0),
         }
     }
 
@@ -249,6 +272,9 @@ impl Row {
     /// Offers the pixel's next valid sample to its reservoir.
     #[inline]
     fn push_to_reservoir(&mut self, x: usize, sample: impl Iterator<Item = f32>) {
+        if self.capacity == 0 {
+            return;
+        }
         let index = self.count(x, Part::Whole);
         if let Some(slot) = reservoir::slot(self.keys[x], index, self.capacity) {
             let start = (x * self.capacity + slot) * self.dims;

@@ -68,7 +68,7 @@ impl Controller<'_> {
         if settings == self.configuration.settings {
             return;
         }
-        if settings.reservoir_capacity() > store.capacity()
+        if !settings.are_met_by(store)
             && let Err(problem) = self.has_memory_for(&settings, store)
         {
             return self.reporter.notice(problem, true);
@@ -88,8 +88,8 @@ impl Controller<'_> {
     fn has_memory_for(&mut self, settings: &Settings, store: &Store) -> Result<(), String> {
         let keeps = self.generation_host().checkpoint_interval().is_some();
         let name = settings.denoiser.name();
-        let Some(needed) = memory_needed(store.layout(), settings, (store.width(), store.height()), keeps)
-        else {
+        let layout = self.layout_for(settings);
+        let Some(needed) = memory_needed(&layout, settings, (store.width(), store.height()), keeps) else {
             return Err(format!("{name} keeps every sample: enter a number of samples per pixel first"));
         };
         match available_bytes().filter(|&available| needed > available) {

@@ -98,8 +98,8 @@ impl Controller<'_> {
             DenoiserInfo {
                 name: denoiser.name(),
                 summary: denoiser.summary(),
-                begins_anew: settings.reservoir_capacity() > store.capacity(),
-                memory_bytes: memory_needed(store.layout(), &settings, size, keeps),
+                begins_anew: !settings.are_met_by(store),
+                memory_bytes: memory_needed(&self.layout_for(&settings), &settings, size, keeps),
             }
         };
         self.denoisers.iter().map(info).collect()

@@ -23,7 +23,7 @@ impl Controller<'_> {
         if self.pending.starts_generation() || !is_there {
             return;
         }
-        let suffices = |settings: &Settings| settings.reservoir_capacity() <= store.capacity();
+        let suffices = |settings: &Settings| settings.are_met_by(store);
         for settings in std::mem::take(&mut self.pending.saves) {
             let request =
                 ImageRequest { store: store.clone(), settings, camera: self.current_camera().clone() };
@@ -31,10 +31,10 @@ impl Controller<'_> {
                 Arc::ptr_eq(&other.store, &request.store) && other.settings == request.settings
             };
             if !suffices(&request.settings) && !suffices(&self.configuration.settings) {
-                // A generation with the sample vectors that this denoiser needs is about to begin.
+                // A generation with the statistics that this denoiser needs is about to begin.
                 self.pending.request_save(&request.settings);
             } else if !suffices(&request.settings) {
-                let text = "not saved: another denoiser was chosen before this one had its sample vectors";
+                let text = "not saved: another denoiser was chosen before this one had its statistics";
                 self.reporter.notice(text.to_owned(), true);
             } else if !self.requests.iter().any(is_same) {
                 self.requests.push_back(request);

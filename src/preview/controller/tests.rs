@@ -100,6 +100,7 @@ fn render_on(
         scene: &scene,
         renderer: &renderer,
         settings: settings.clone(),
+        outputs: BlockSet::NONE,
         reference: None,
         checkpoint: None,
         session: None,

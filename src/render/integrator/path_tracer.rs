@@ -56,7 +56,7 @@ impl<'s> PathTracer<'s> {
             max_depth,
             direct_only,
             lights_are_hit: lights.can_be_hit(),
-            records_second_hit: is_recorded(Block::Position2),
+            records_second_hit: is_recorded(Block::Position2) || is_recorded(Block::Normal2),
         };
 
         // Allot the dimensions of the sampler

@@ -2,7 +2,9 @@
 //! without headers.
 
 use super::pixel_block::LARGEST_VALUE;
-use super::{HalfRow, Row};
+use super::{HalfRow, Row, deviation_planes};
+use crate::stats::layout::Layout;
+use crate::stats::part::Part;
 
 /// Factor by which rounding may raise means and deviations above their bounds.
 const ROUNDING: f64 = 1.5;
@@ -59,27 +61,29 @@ fn take<'b, T: Number>(values: &mut [T], bytes: &'b [u8]) -> &'b [u8] {
 
 impl Row {
     /// Number of bytes of a row; `None` if it exceeds the address space.
-    pub fn byte_len(width: usize, dims: usize, capacity: usize) -> Option<usize> {
-        let moments = dims.checked_mul(2 * 2 * size_of::<f64>())?;
+    pub fn byte_len(width: usize, layout: &Layout, capacity: usize) -> Option<usize> {
+        let dims = layout.len();
+        let moments = dims.checked_mul((2 + deviation_planes(layout)) * size_of::<f64>())?;
         let counts = (2 + 2) * size_of::<u32>();
         let reservoir = capacity.checked_mul(dims)?.checked_mul(size_of::<f32>())?;
         width.checked_mul(moments.checked_add(counts)?.checked_add(reservoir)?)
     }
 
     /// Writes, for all pixels: the samples taken; the rejected samples; for each half the counts, the
-    /// means by dimension, and the sums of squared deviations by dimension; the reservoir.
+    /// means by dimension, and the sums of squared deviations by dimension, which the first half has for both if they are
+    /// kept together; the reservoir.
     ///
     /// # Panics
     /// If the length of `out` is not [`Self::byte_len`].
     pub fn to_bytes(&self, out: &mut [u8]) {
         let mut out = put(&self.next_index[..self.width], out);
         out = put(&self.rejected[..self.width], out);
-        for half in &self.halves {
+        let stride = self.stride.max(1);
+        for (h, half) in self.halves.iter().enumerate() {
             out = put(&half.count[..self.width], out);
-            for plane in [&half.mean, &half.m2] {
-                for values in plane.chunks_exact(self.stride.max(1)) {
-                    out = put(&values[..self.width], out);
-                }
+            let deviations = self.deviations.get(h).map_or(&[][..], |plane| plane);
+            for values in half.mean.chunks_exact(stride).chain(deviations.chunks_exact(stride)) {
+                out = put(&values[..self.width], out);
             }
         }
         out = put(&self.reservoir, out);
@@ -96,12 +100,12 @@ impl Row {
     pub fn read_bytes(&mut self, bytes: &[u8]) -> Result<(), RowError> {
         let mut bytes = take(&mut self.next_index[..self.width], bytes);
         bytes = take(&mut self.rejected[..self.width], bytes);
-        for half in &mut self.halves {
+        let stride = self.stride.max(1);
+        for (h, half) in self.halves.iter_mut().enumerate() {
             bytes = take(&mut half.count[..self.width], bytes);
-            for plane in [&mut half.mean, &mut half.m2] {
-                for values in plane.chunks_exact_mut(self.stride.max(1)) {
-                    bytes = take(&mut values[..self.width], bytes);
-                }
+            let deviations = self.deviations.get_mut(h).map_or(&mut [][..], |plane| plane);
+            for values in half.mean.chunks_exact_mut(stride).chain(deviations.chunks_exact_mut(stride)) {
+                bytes = take(&mut values[..self.width], bytes);
             }
         }
         bytes = take(&mut self.reservoir, bytes);
@@ -121,23 +125,32 @@ impl Row {
         let largest = ROUNDING * f64::from(LARGEST_VALUE);
         let mut is_radiance = vec![false; self.dims];
         self.radiance.iter().for_each(|&dim| is_radiance[dim] = true);
-        let in_range = |half: &HalfRow| {
-            let planes =
-                half.mean.chunks_exact(self.stride.max(1)).zip(half.m2.chunks_exact(self.stride.max(1)));
-            planes.zip(&is_radiance).all(|((means, m2s), &is_radiance)| {
-                means.iter().zip(m2s).zip(&half.count[..self.width]).all(|((&mean, m2), &count)| {
+        let stride = self.stride.max(1);
+        let means_in_range = |half: &HalfRow| {
+            half.mean.chunks_exact(stride).zip(&is_radiance).all(|(means, &is_radiance)| {
+                means.iter().zip(&half.count[..self.width]).all(|(mean, &count)| {
                     let most = if count == 0 { 0.0 } else { largest };
                     let least = if is_radiance { 0.0 } else { -most };
-                    (least..=most).contains(&mean)
-                        && (0.0..=f64::from(count) * largest * largest).contains(m2)
+                    (least..=most).contains(mean)
                 })
             })
         };
+        let deviations_in_range = |(plane, m2s): (usize, &Vec<f64>)| {
+            let part = if self.deviations.len() == 1 { Part::Whole } else { Part::Half(plane) };
+            m2s.chunks_exact(stride).all(|m2s| {
+                m2s[..self.width]
+                    .iter()
+                    .enumerate()
+                    .all(|(x, m2)| (0.0..=f64::from(self.count(x, part)) * largest * largest).contains(m2))
+            })
+        };
+        let moments_in_range = self.halves.iter().all(means_in_range)
+            && self.deviations.iter().enumerate().all(deviations_in_range);
         let is_valid = |sample: &[f32]| {
             let values = sample.iter().zip(&is_radiance);
             values.into_iter().all(|(v, &is_radiance)| v.abs() <= LARGEST_VALUE && !(is_radiance && *v < 0.0))
         };
-        if !self.halves.iter().all(in_range) || !self.reservoir.chunks(self.dims.max(1)).all(is_valid) {
+        if !moments_in_range || !self.reservoir.chunks(self.dims.max(1)).all(is_valid) {
             return Err(RowError::Values);
         }
         Ok(())

@@ -18,13 +18,18 @@ impl Row {
             self.rejected[x] = self.rejected[x].saturating_add(other.rejected[x]);
         }
         for (h, half) in self.halves.iter_mut().enumerate() {
+            let plane = h.min(self.deviations.len() - 1);
+            let (m2s, other_m2s) = (&mut self.deviations[plane], &other.deviations[plane]);
+            // A plane for both halves is added once.
+            let is_added = plane == h;
             let other = &other.halves[h];
             for (dim, x) in (0..self.dims).flat_map(|dim| (0..self.width).map(move |x| (dim, x))) {
                 let i = dim * self.stride + x;
-                let a = Moments { count: half.count[x], mean: half.mean[i], m2: half.m2[i] };
-                let b = Moments { count: other.count[x], mean: other.mean[i], m2: other.m2[i] };
+                let a = Moments { count: half.count[x], mean: half.mean[i], m2: m2s[i] };
+                let m2 = if is_added { other_m2s[i] } else { 0.0 };
+                let b = Moments { count: other.count[x], mean: other.mean[i], m2 };
                 let m = a.merge(b);
-                (half.mean[i], half.m2[i]) = (m.mean, m.m2);
+                (half.mean[i], m2s[i]) = (m.mean, m.m2);
             }
             for (a, b) in half.count.iter_mut().zip(&other.count) {
                 *a = a.checked_add(*b).expect("a pixel has at most u32::MAX samples");
