@@ -11,6 +11,7 @@ use super::denoise::DenoiseOptions;
 use super::failure::Failure;
 use super::summary::describe;
 use super::terminal::{escaped, print, print_error};
+use crate::files::open_regular;
 use crate::filter::nlm::{self, Nlm};
 use crate::filter::{DENOISERS, Denoiser, FilterResult, SampleVectors};
 use crate::image::exr_file::{self, Attribute, Channel, Precision, Windows};
@@ -27,8 +28,8 @@ const LAYERS: [&str; 7] = ["Noisy", "Albedo", "Ns", "Variance", "Error", "Filter
 pub(super) fn is_image(path: &Path) -> bool {
     use std::io::Read;
     let mut start = [0; exr_file::MAGIC.len()];
-    let file = std::fs::File::open(path).and_then(|mut file| file.read_exact(&mut start));
-    file.is_ok() && start == exr_file::MAGIC
+    let file = open_regular(path).ok();
+    file.is_some_and(|(mut file, _)| file.read_exact(&mut start).is_ok()) && start == exr_file::MAGIC
 }
 
 pub(super) fn denoise(options: &DenoiseOptions, outfiles: &[PathBuf], start: Instant) -> Result<u8, Failure> {

@@ -224,7 +224,7 @@ impl<'a> Controller<'a> {
             let before = (self.camera.clone(), render_loop.settings().clone());
             if self.moves_camera(&renderer)
                 || self.pending.restart
-                || !render_loop.can_change_to(&self.configuration.settings)
+                || !self.configuration.settings.are_met_by(render_loop.store())
             {
                 self.save_last_checkpoint(&mut render_loop);
                 self.keep_render(render_loop, before);

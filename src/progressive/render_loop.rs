@@ -116,11 +116,6 @@ impl<'a> RenderLoop<'a> {
         }
     }
 
-    /// Returns whether the samples so far can be filtered as these settings ask for.
-    pub fn can_change_to(&self, settings: &Settings) -> bool {
-        settings.are_met_by(self.store())
-    }
-
     /// Gives a region all samples until each of its pixels has the budget's on average, or until the region is taken
     /// back.
     pub fn set_region(&mut self, region: Option<Region>) {
