@@ -22,6 +22,7 @@ use super::terminal::{escaped, print, print_error};
 use super::viewers::Viewers;
 use super::workers::in_pool;
 use super::{samples, summary, viewers};
+use crate::filter::DENOISERS;
 use crate::geometry::Accel;
 use crate::image::OutputFormat;
 use crate::output::{ImageOutput, Layers, Report, Times};
@@ -206,7 +207,12 @@ impl Job<'_> {
         let Self { options, inputs, metadata, start, .. } = *self;
         let serves = self.mode == Mode::Preview || options.preview.is_some();
         // Choose what is recorded of samples
-        let outputs = Layers::blocks_read(options.layers.as_deref());
+        let layers = Layers::blocks_read(options.layers.as_deref());
+        let outputs = match options.state.state {
+            // `prpf denoise` filters every state with the default denoiser.
+            Some(_) => layers | DENOISERS[0].reads().blocks.iter().copied().collect(),
+            None => layers,
+        };
         let recorded = match (serves, &options.samples) {
             // A file of sample vectors has every dimension.
             (_, Some(_)) => BlockSet::ALL,

@@ -8,8 +8,8 @@ use crate::stats::{Block, Layout, Part, Store};
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Lack {
     #[error(
-        "found a reservoir of {found} sample vectors per pixel, and {denoiser} needs {needed}; accepted is one of {needed} \
-         (--reservoir {needed}), or the denoiser nlm"
+        "found a reservoir of {found} sample vectors per pixel, and {denoiser} needs {needed}; accepted is a reservoir \
+         of {needed} (--reservoir {needed}), or the denoiser nlm"
     )]
     SampleVectors { denoiser: DenoiserName, found: usize, needed: usize },
     #[error(
