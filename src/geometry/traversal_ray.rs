@@ -90,8 +90,8 @@ impl ToLocal {
 
     #[inline(always)]
     fn point(&self, point: Vec3) -> Vec3 {
-        let (turned, translation) = (self.vector_padded(point), &self.0[3]);
-        rounded(std::array::from_fn(|row| turned[row] + translation[row]))
+        let (linear, translation) = (self.vector_padded(point), &self.0[3]);
+        rounded(std::array::from_fn(|row| linear[row] + translation[row]))
     }
 }
 
