@@ -2,8 +2,8 @@
 //!
 //! A sample is a vector whose dimensions a [`Layout`] describes. A [`Store`] takes sample vectors in and
 //! gives, for each pixel and dimension, Welford's mean and sum of squared deviations, of all samples and
-//! of two independent halves; and for each pixel a bounded reservoir of whole sample vectors. It does
-//! not depend on a renderer.
+//! of two independent halves; and for each pixel a bounded reservoir of whole sample vectors. A restricted
+//! layout keeps fewer dimensions, and of the halves the means only. It does not depend on a renderer.
 
 mod block_set;
 mod columns;
