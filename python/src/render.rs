@@ -7,7 +7,7 @@ use prpf::RenderBuilder;
 use prpf::adaptive::{NO_CEILING, PrioritySettings, Sampling};
 use prpf::filter::by_name;
 use prpf::image::OutputFormat;
-use prpf::progressive::{Budget, Filtered, Outcome, PassRecord, Settings, Statistics};
+use prpf::progressive::{Budget, Filtered, Outcome, PassRecord, RecordedStatistics, Settings};
 use prpf::render::Shard;
 use prpf::state::{ImageMetadata, RenderState, Stream};
 use pyo3::prelude::*;
@@ -186,10 +186,10 @@ fn priority_settings(has_counts: bool) -> PrioritySettings {
 ///
 /// # Errors
 /// An unknown name.
-fn statistics_kept(name: &str) -> PyResult<Statistics> {
+fn statistics_kept(name: &str) -> PyResult<RecordedStatistics> {
     match name {
-        "all" => Ok(Statistics::All),
-        "needed" => Ok(Statistics::Needed),
+        "all" => Ok(RecordedStatistics::All),
+        "needed" => Ok(RecordedStatistics::Needed),
         _ => Err(value_error(format!("statistics: found `{name}`; accepted are all and needed"))),
     }
 }

@@ -9,7 +9,7 @@ use super::terminal;
 use super::terminal::escaped;
 use crate::filter::{DENOISERS, Denoiser, Reads, SampleVectors};
 use crate::output::Layers;
-use crate::progressive::{Settings, Statistics};
+use crate::progressive::{RecordedStatistics, Settings};
 use crate::render::sample_layout;
 use crate::scene::{Integrator, Light, Scene, Shape, pbrt};
 use crate::stats::{Group, Layout, Store};
@@ -96,7 +96,7 @@ fn describe_statistics(scene: &Scene) -> String {
         let bytes = Store::bytes_per_pixel(&layout.restricted_to(blocks), 0);
         format!("{bytes} bytes per pixel, {:.0} MB", (bytes * (x1 - x0) * (y1 - y0)) as f64 / 1e6)
     };
-    let (needed, all) = (memory(Statistics::Needed), memory(Statistics::All));
+    let (needed, all) = (memory(RecordedStatistics::Needed), memory(RecordedStatistics::All));
     // Features and colours against random parameters and position, and colours against features.
     let pairs = (features + 3) * (randoms + 2) + 3 * features;
 

@@ -7,7 +7,7 @@ use clap::{Args, ValueEnum};
 
 use super::output_paths::replaces_state;
 use super::parse;
-use crate::progressive::{Budget, Statistics};
+use crate::progressive::{Budget, RecordedStatistics};
 use crate::render::Shard;
 use crate::state::Stream;
 
@@ -41,7 +41,7 @@ pub(super) enum StatisticsOption {
     All,
 }
 
-impl From<StatisticsOption> for Statistics {
+impl From<StatisticsOption> for RecordedStatistics {
     fn from(option: StatisticsOption) -> Self {
         match option {
             StatisticsOption::Needed => Self::Needed,

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use super::ImportError;
-use super::layer::{Layer, layers};
+use super::exr_layer::{ExrLayer, layers};
 use super::role::{LayerMap, Role, by_name};
 use crate::image::exr_file::{self, Attribute, ExrPart, Windows, attribute_names};
 use crate::image::{ImageError, Planes};
@@ -136,7 +136,7 @@ fn along_z(depth: &Planes) -> Planes {
 }
 
 /// Reads the channels of layers, each part of the file once.
-fn read_all(path: &Path, wanted: &[(&Layer, Vec<String>)]) -> Result<Vec<Planes>, ImageError> {
+fn read_all(path: &Path, wanted: &[(&ExrLayer, Vec<String>)]) -> Result<Vec<Planes>, ImageError> {
     let mut by_part: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
     wanted.iter().enumerate().for_each(|(i, (layer, _))| by_part.entry(layer.part).or_default().push(i));
     let mut read = vec![Planes::default(); wanted.len()];

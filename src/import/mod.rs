@@ -8,9 +8,9 @@
 //! | `frame` | the planes of one file |
 //! | `halves` | the halves of a store, of two frames or of one |
 
+mod exr_layer;
 mod frame;
 mod halves;
-mod layer;
 mod role;
 
 use std::path::PathBuf;

@@ -5,7 +5,7 @@
 
 use std::str::FromStr;
 
-use super::layer::Layer;
+use super::exr_layer::ExrLayer;
 
 /// A quantity that a denoiser needs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -71,7 +71,7 @@ impl Role {
     }
 
     /// Returns the channels of a layer that has this role, three or one; `None` if it has others.
-    pub fn channels(self, layer: &Layer) -> Option<Vec<String>> {
+    pub fn channels(self, layer: &ExrLayer) -> Option<Vec<String>> {
         if self == Self::Depth {
             return layer.single().map(|channel| vec![channel.to_owned()]);
         }
@@ -115,10 +115,10 @@ impl LayerMap {
     ///
     /// # Errors
     /// A named layer that the file does not have, or that has other channels.
-    pub fn find<'a>(&self, layers: &'a [Layer]) -> Result<Vec<(Role, &'a Layer)>, String> {
+    pub fn find<'a>(&self, layers: &'a [ExrLayer]) -> Result<Vec<(Role, &'a ExrLayer)>, String> {
         // pbrt's variance, which has a relative one beside it, is that of the samples.
         let is_of_samples = layers.iter().any(|layer| layer.key() == "relativevariance");
-        let mut found: Vec<(Role, &Layer)> = Vec::new();
+        let mut found: Vec<(Role, &ExrLayer)> = Vec::new();
         for role in Role::all() {
             let named = self.0.iter().find(|(named, _)| *named == role).map(|(_, name)| name.as_str());
             let layer = match named {
@@ -142,11 +142,11 @@ impl LayerMap {
 /// # Errors
 /// There is none with the right channels; the message lists what there is.
 pub fn by_name<'a>(
-    layers: &'a [Layer],
+    layers: &'a [ExrLayer],
     name: &str,
-    is_suitable: impl Fn(&Layer) -> bool,
-) -> Result<&'a Layer, String> {
-    let last = |layer: &Layer| layer.name.rsplit('.').next() == Some(name);
+    is_suitable: impl Fn(&ExrLayer) -> bool,
+) -> Result<&'a ExrLayer, String> {
+    let last = |layer: &ExrLayer| layer.name.rsplit('.').next() == Some(name);
     let suitable = || layers.iter().filter(|layer| is_suitable(layer));
     suitable().find(|layer| layer.name == name).or_else(|| suitable().find(|layer| last(layer))).ok_or_else(
         || {
@@ -159,19 +159,19 @@ pub fn by_name<'a>(
     )
 }
 
-fn by_convention(layers: &[Layer], role: Role) -> Option<&Layer> {
-    let has_role = |layer: &&Layer, key: &str| layer.key() == key && role.channels(layer).is_some();
+fn by_convention(layers: &[ExrLayer], role: Role) -> Option<&ExrLayer> {
+    let has_role = |layer: &&ExrLayer, key: &str| layer.key() == key && role.channels(layer).is_some();
     role.row().2.iter().find_map(|key| layers.iter().find(|layer| has_role(layer, key)))
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::layer::layers;
+    use super::super::exr_layer::layers;
     use super::*;
     use crate::image::exr_file::{ExrInfo, ExrPart};
 
     /// Channels of layers: `name:RGB` stands for `name.R`, `name.G` and `name.B`.
-    fn file(names: &[&str]) -> Vec<Layer> {
+    fn file(names: &[&str]) -> Vec<ExrLayer> {
         let expand = |name: &&str| -> Vec<String> {
             let (layer, suffixes) = name.split_once(':').unwrap();
             let full = |s: char| if layer.is_empty() { s.to_string() } else { format!("{layer}.{s}") };

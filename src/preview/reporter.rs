@@ -10,7 +10,7 @@ use super::generation_record::GenerationRecord;
 use super::hub::Hub;
 use super::publisher::Publisher;
 use super::status::{
-    CameraStatus, DenoiserInfo, Expectation, HistoryStatus, Notice, Phase, Statistics, Status,
+    CameraStatus, DenoiserInfo, Expectation, HistoryStatus, Notice, Phase, RenderProgress, Status,
 };
 use super::view::{View, ViewSource};
 use crate::filter::{DenoiserName, FilterResult};
@@ -291,12 +291,12 @@ impl Reporter {
         self.hub.publish_status(serde_json::to_string(&status).unwrap_or_default());
     }
 
-    fn statistics(&self, store: &Store) -> Statistics {
+    fn statistics(&self, store: &Store) -> RenderProgress {
         let counts = store.counts(Part::Whole);
         let (first, last) = (self.record.recent.front(), self.record.recent.back());
         let rate = first.zip(last).map_or(0.0, |(a, b)| (b.1 - a.1) as f64 / (b.0 - a.0).max(1e-6));
         let seconds = self.record.progress.map_or(0.0, |p| p.elapsed);
-        Statistics {
+        RenderProgress {
             seconds,
             fraction: self.record.progress.map_or(0.0, |p| p.fraction),
             samples: store.samples(),

@@ -40,7 +40,7 @@ pub struct Status<'a> {
     /// The denoiser that made the image that is shown.
     pub made_by: Option<DenoiserName>,
     pub views: &'a [ViewInfo],
-    pub statistics: Statistics,
+    pub statistics: RenderProgress,
     /// Estimated error over time.
     pub curve: Vec<Point>,
     pub forecast: Option<Expectation>,
@@ -84,9 +84,9 @@ pub struct ViewInfo {
     pub scale: Option<ColourScale>,
 }
 
-/// Statistics of the samples so far.
+/// What was sampled so far.
 #[derive(Clone, Copy, Debug, Default, Serialize)]
-pub struct Statistics {
+pub struct RenderProgress {
     pub seconds: f64,
     /// Fraction of the budget that is nearest to its end.
     pub fraction: f64,

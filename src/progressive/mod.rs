@@ -57,7 +57,7 @@ pub use record::{Outcome, PassRecord, Progress, Seconds, excessive_ratio};
 pub use region::Region;
 pub use render_loop::RenderLoop;
 pub use schedule::Plan;
-pub use settings::{MIN_SPP, PixelMemory, Settings, SettingsError, Statistics};
+pub use settings::{MIN_SPP, PixelMemory, RecordedStatistics, Settings, SettingsError};
 pub use situation::{Conditions, Mark, Measurements, Situation};
 pub use speed::Speed;
 pub use steps::Grain;

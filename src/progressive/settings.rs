@@ -26,13 +26,13 @@ pub struct Settings {
     pub priority: PrioritySettings,
     /// Least number of sample vectors per pixel in the reservoir; the denoiser may need more.
     pub reservoir: usize,
-    pub statistics: Statistics,
+    pub statistics: RecordedStatistics,
 }
 
 /// The dimensions of which a render keeps statistics.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Statistics {
+pub enum RecordedStatistics {
     /// Those that the denoiser, the allocation of samples and the outputs read; all if sample vectors are kept, which have
     /// the same dimensions.
     #[default]
@@ -57,7 +57,7 @@ impl Default for Settings {
             max_spp: NO_CEILING,
             priority: PrioritySettings::default(),
             reservoir: 0,
-            statistics: Statistics::Needed,
+            statistics: RecordedStatistics::Needed,
         }
     }
 }
@@ -144,7 +144,7 @@ impl Settings {
 
     /// Returns the blocks of dimensions of which the render keeps statistics; `outputs` are those that the outputs read.
     pub fn recorded_blocks(&self, outputs: BlockSet) -> BlockSet {
-        if self.statistics == Statistics::All || self.reservoir_capacity() > 0 {
+        if self.statistics == RecordedStatistics::All || self.reservoir_capacity() > 0 {
             return BlockSet::ALL;
         }
         // What is filtered with: the denoiser, and what takes its place where time or samples are short.

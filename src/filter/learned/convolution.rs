@@ -20,8 +20,8 @@ const GROUP: usize = 8;
 /// Slope of the activation below 0 (leaky rectified linear unit).
 const SLOPE: f32 = 0.05;
 
-/// A layer: a kernel of 3×3 pixels or of one.
-pub struct Layer {
+/// A convolution by a kernel of 3×3 pixels or of one.
+pub struct Convolution {
     inputs: usize,
     outputs: usize,
     side: usize,
@@ -31,7 +31,7 @@ pub struct Layer {
     bias: Vec<[f32; GROUP]>,
 }
 
-impl Layer {
+impl Convolution {
     /// `weights` are `[row][column][input][output]`, `bias` has a value per output plane.
     pub fn new(side: usize, inputs: usize, weights: &[f32], bias: &[f32]) -> Self {
         let outputs = bias.len();
@@ -82,7 +82,7 @@ impl Layer {
 }
 
 #[apply(multiversioned!)]
-fn convolve_row(layer: &Layer, input: &InterleavedPlanes, y: usize, out: &mut [f32]) {
+fn convolve_row(layer: &Convolution, input: &InterleavedPlanes, y: usize, out: &mut [f32]) {
     match_target! {
         "x86_64+avx512f" => sum_row::<16, 2, true>(layer, input, y, out),
         "x86_64+fma" => sum_row::<8, 1, true>(layer, input, y, out),
@@ -94,7 +94,7 @@ fn convolve_row(layer: &Layer, input: &InterleavedPlanes, y: usize, out: &mut [f
 /// Works on `V` vectors of `N` pixels at once.
 #[inline(always)]
 fn sum_row<const N: usize, const V: usize, const FMA: bool>(
-    layer: &Layer,
+    layer: &Convolution,
     input: &InterleavedPlanes,
     y: usize,
     out: &mut [f32],
@@ -170,7 +170,7 @@ mod tests {
             let mut input = Planes::new(width, height, inputs);
             input.data_mut().copy_from_slice(&draw(width * height * inputs));
             let (weights, bias) = (draw(side * side * inputs * outputs), draw(outputs));
-            let layer = Layer::new(side, inputs, &weights, &bias);
+            let layer = Convolution::new(side, inputs, &weights, &bias);
             let found = layer.activate(&InterleavedPlanes::from_planes(&input, MARGIN, 0.0));
             for (output, y, x) in indices(outputs, height, width) {
                 let expected = plain(side, &input, &weights, &bias, (output, x, y));

@@ -3,8 +3,8 @@
 
 use rayon::prelude::*;
 
+use super::input_statistics::ALBEDO_RANGE;
 use super::network::MIXTURE;
-use super::statistics::ALBEDO_RANGE;
 use crate::filter::common::half_counts::HalfCounts;
 use crate::filter::common::interleaved_planes::InterleavedPlanes;
 use crate::image::Planes;

@@ -15,10 +15,10 @@
 mod affinity;
 mod brightness;
 mod convolution;
+mod input_statistics;
 mod mixture;
 mod network;
 mod safeguard;
-mod statistics;
 mod weight_file;
 
 use super::common::error_maps::ErrorMaps;
@@ -33,9 +33,9 @@ use super::result::{FilterResult, Reliability};
 use crate::image::Planes;
 use crate::stats::{Block, Part, Store};
 use convolution::MARGIN;
+use input_statistics::InputStatistics;
 use mixture::{Candidates, Noisy};
 use network::NETWORK;
-use statistics::Statistics;
 
 /// The learned filter with one of its presets.
 pub struct Learned {
@@ -115,7 +115,7 @@ fn filter(store: &Store, nlm: Option<FilterResult>) -> FilterResult {
     let counts = HalfCounts::from_store(store);
     let [a, b] = [0, 1].map(|half| store.means(Part::Half(half), store.layout().colour()));
     let clamped = fireflies::clamp(&counts.mean([&a, &b]), [&a, &b], counts.integers(), &FIREFLIES);
-    let statistics = Statistics::from_store(store, &counts, &clamped);
+    let statistics = InputStatistics::from_store(store, &counts, &clamped);
     let candidates = candidates(store, &counts, &statistics, clamped, nlm);
 
     // Filter the image
@@ -153,7 +153,7 @@ fn filter(store: &Store, nlm: Option<FilterResult>) -> FilterResult {
 fn candidates(
     store: &Store,
     counts: &HalfCounts,
-    statistics: &Statistics,
+    statistics: &InputStatistics,
     clamped: FireflyClamp,
     nlm: Option<FilterResult>,
 ) -> Candidates {
@@ -178,7 +178,7 @@ mod tests {
     use rand::RngExt;
     use safetensors::SafeTensors;
 
-    use super::statistics::Feature;
+    use super::input_statistics::FeatureMoments;
     use super::*;
     use crate::filter::synthetic::{store, wall};
     use crate::stats::Layout;
@@ -198,8 +198,8 @@ mod tests {
     #[test]
     fn the_image_is_that_of_the_training_program() {
         let plane = |name| exported(name).plane(0).to_vec();
-        let feature = |mean, deviation| Feature { mean: exported(mean), deviation: plane(deviation) };
-        let statistics = Statistics {
+        let feature = |mean, deviation| FeatureMoments { mean: exported(mean), deviation: plane(deviation) };
+        let statistics = InputStatistics {
             scale: 1.0,
             colour: exported("colour"),
             deviation: plane("deviation"),

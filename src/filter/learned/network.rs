@@ -7,8 +7,8 @@ use std::sync::LazyLock;
 use rayon::prelude::*;
 
 use super::affinity::{LEVELS, PLANES_PER_LEVEL};
-use super::convolution::{Layer, MARGIN};
-use super::statistics::INPUTS;
+use super::convolution::{Convolution, MARGIN};
+use super::input_statistics::INPUTS;
 use super::weight_file::{WeightFile, WeightFileError};
 use crate::filter::common::interleaved_planes::{InterleavedPlanes, extend};
 
@@ -25,12 +25,12 @@ pub static NETWORK: LazyLock<Network> = LazyLock::new(|| {
 
 /// The layers, from fine to coarse and back.
 pub struct Network {
-    enter: Layer,
-    down: [[Layer; 2]; 2],
-    coarsest: Layer,
+    enter: Convolution,
+    down: [[Convolution; 2]; 2],
+    coarsest: Convolution,
     /// From coarse to fine.
-    up: [Layer; 3],
-    leave: Layer,
+    up: [Convolution; 3],
+    leave: Convolution,
 }
 
 impl Network {
@@ -54,12 +54,12 @@ impl Network {
     }
 
     /// Predicts the filter of an image of `width`×`height` pixels, see [`MIXTURE`] and `affinity`. Margins have the values
-    /// of the nearest pixel. `inputs` are those of `Statistics::inputs`.
+    /// of the nearest pixel. `inputs` are those of `InputStatistics::inputs`.
     pub fn predict(&self, inputs: &InterleavedPlanes, width: usize, height: usize) -> InterleavedPlanes {
         // Down
         let fine = self.enter.activate(inputs);
         let [middle, coarse] = &self.down;
-        let descend = |[a, b]: &[Layer; 2], x: &InterleavedPlanes| b.activate(&a.activate(&shrink(x)));
+        let descend = |[a, b]: &[Convolution; 2], x: &InterleavedPlanes| b.activate(&a.activate(&shrink(x)));
         let middle = descend(middle, &fine);
         let coarse = descend(coarse, &middle);
         let coarsest = self.coarsest.activate(&shrink(&coarse));

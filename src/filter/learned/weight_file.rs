@@ -6,7 +6,7 @@
 use half::f16;
 use safetensors::{Dtype, SafeTensors};
 
-use super::convolution::Layer;
+use super::convolution::Convolution;
 
 /// What is wrong with a file of weights.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -32,10 +32,10 @@ impl<'a> WeightFile<'a> {
         side: usize,
         inputs: usize,
         outputs: usize,
-    ) -> Result<Layer, WeightFileError> {
+    ) -> Result<Convolution, WeightFileError> {
         let weights = self.tensor(&format!("{name}.weight"), &[side, side, inputs, outputs])?;
         let bias = self.tensor(&format!("{name}.bias"), &[outputs])?;
-        Ok(Layer::new(side, inputs, &weights, &bias))
+        Ok(Convolution::new(side, inputs, &weights, &bias))
     }
 
     fn tensor(&self, name: &str, shape: &[usize]) -> Result<Vec<f32>, WeightFileError> {

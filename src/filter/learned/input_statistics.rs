@@ -25,8 +25,8 @@ const MAX_INPUT: f32 = 64.0;
 /// Luminances above this many times their median count as much when the unit of radiance is determined.
 const MAX_LUMINANCE: f32 = 8.0;
 
-/// Statistics of the samples. Deviations are those of the samples.
-pub struct Statistics {
+/// The statistics that the network reads. Deviations are those of the samples.
+pub struct InputStatistics {
     /// Factor from radiance to units of the image's brightness.
     pub scale: f32,
     /// Without directly visible emission: 3 planes.
@@ -37,8 +37,8 @@ pub struct Statistics {
     pub difference: Vec<f32>,
     /// Directly visible emission: 3 planes.
     pub emission: Planes,
-    pub albedo: Feature,
-    pub normal: Feature,
+    pub albedo: FeatureMoments,
+    pub normal: FeatureMoments,
     /// Normal of the second hit: 3 planes.
     pub second_normal: Planes,
     /// In units of its mean over the image.
@@ -49,12 +49,12 @@ pub struct Statistics {
 }
 
 /// Mean of a feature, 3 planes, and its deviation, mean of the axes.
-pub struct Feature {
+pub struct FeatureMoments {
     pub mean: Planes,
     pub deviation: Vec<f32>,
 }
 
-impl Statistics {
+impl InputStatistics {
     /// Reads the statistics of a store, its colours with clamped fireflies. Blocks that its layout lacks have the values of
     /// a white surface that does not vary.
     pub fn from_store(store: &Store, counts: &HalfCounts, clamped: &FireflyClamp) -> Self {
@@ -69,9 +69,9 @@ impl Statistics {
             Some(dims) => {
                 let (halves, variance) = store.halves(dims);
                 let deviation = per_pixel(&variance, |v| (v[0].sqrt() + v[1].sqrt() + v[2].sqrt()) / 3.0);
-                Feature { mean: filled_mean(counts, halves), deviation }
+                FeatureMoments { mean: filled_mean(counts, halves), deviation }
             }
-            None => Feature { mean: constant(missing, 3), deviation: vec![0.0; store.pixels()] },
+            None => FeatureMoments { mean: constant(missing, 3), deviation: vec![0.0; store.pixels()] },
         };
         let mean = |block, missing, planes| match layout.block(block) {
             Some(dims) => {

@@ -7,7 +7,7 @@ use crate::image::exr_file::ExrPart;
 
 /// A layer.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Layer {
+pub struct ExrLayer {
     /// Empty for the layer without a name.
     pub name: String,
     /// The part that holds it.
@@ -16,7 +16,7 @@ pub struct Layer {
     channels: Vec<(String, String)>,
 }
 
-impl Layer {
+impl ExrLayer {
     /// Returns the full names of three channels, R G B or X Y Z in either case; `None` if the layer lacks them.
     pub fn triple(&self) -> Option<[&str; 3]> {
         let find = |suffix: &str| {
@@ -50,8 +50,8 @@ impl Layer {
 }
 
 /// Returns the layers of a file's parts, in the order of the parts, sorted by name in each.
-pub fn layers(parts: &[ExrPart]) -> Vec<Layer> {
-    let mut layers: Vec<Layer> = Vec::new();
+pub fn layers(parts: &[ExrPart]) -> Vec<ExrLayer> {
+    let mut layers: Vec<ExrLayer> = Vec::new();
     for (index, part) in parts.iter().enumerate() {
         let part_name = part.name.as_deref().filter(|_| parts.len() > 1).unwrap_or_default();
         for channel in &part.info.channels {
@@ -65,7 +65,7 @@ pub fn layers(parts: &[ExrPart]) -> Vec<Layer> {
             let entry = (suffix.to_owned(), channel.clone());
             match layers.iter_mut().find(|layer| layer.part == index && layer.name == name) {
                 Some(layer) => layer.channels.push(entry),
-                None => layers.push(Layer { name, part: index, channels: vec![entry] }),
+                None => layers.push(ExrLayer { name, part: index, channels: vec![entry] }),
             }
         }
     }
@@ -124,7 +124,7 @@ mod tests {
 
     #[test]
     fn keys_leave_out_what_differs_between_files() {
-        let key = |name: &str| Layer { name: name.to_owned(), part: 0, channels: Vec::new() }.key();
+        let key = |name: &str| ExrLayer { name: name.to_owned(), part: 0, channels: Vec::new() }.key();
         assert_eq!(key("ViewLayer.Denoising Albedo"), "denoisingalbedo");
         assert_eq!(key("diffuse_albedo_noice"), "diffusealbedo");
         assert_eq!((key("dd.y"), key("z"), key("")), ("dd".into(), "z".into(), String::new()));
