@@ -11,6 +11,7 @@ use super::neighbourhood::Neighbourhood;
 use super::sample_vector::{MAX_VARIABLES, copy};
 use super::settings::PrpfSettings;
 use super::variables::{Damping, Variables};
+use crate::simd::prefetch;
 use crate::stats::{Part, Store};
 
 /// Mean and inverse standard deviation of numbers that are uniform in [0, 1).
@@ -119,14 +120,20 @@ impl<'a> WeightInputs<'a> {
         standardisation: &Standardisation,
         scratch: &mut Scratch<'a>,
     ) -> usize {
+        /// Numbers in a line of the cache.
+        const FLOATS_PER_LINE: usize = 16;
         self.select_samples(i, scratch);
-        // Reading follows selection in a loop of its own, so that many loads from memory overlap.
         let Scratch { variables, samples, slices, block, .. } = scratch;
         slices.clear();
-        for samples in samples.chunks(BLOCK_SAMPLES) {
-            samples.iter().zip(&mut **block).for_each(|(sample, to)| copy(sample, to));
-            block[samples.len()..].fill([NO_SAMPLE; MAX_VARIABLES]);
-            slices.push(block, samples.len(), standardisation, &variables.dims);
+        for (index, of_block) in samples.chunks(BLOCK_SAMPLES).enumerate() {
+            // Samples lie scattered over the reservoirs: those of the next block are loaded during the work on this one.
+            let next = samples.iter().skip((index + 1) * BLOCK_SAMPLES).take(BLOCK_SAMPLES);
+            next.for_each(|sample| {
+                (0..sample.len()).step_by(FLOATS_PER_LINE).for_each(|i| prefetch(sample, i))
+            });
+            of_block.iter().zip(&mut **block).for_each(|(sample, to)| copy(sample, to));
+            block[of_block.len()..].fill([NO_SAMPLE; MAX_VARIABLES]);
+            slices.push(block, of_block.len(), standardisation, &variables.dims);
         }
         samples.len()
     }
