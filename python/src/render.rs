@@ -36,6 +36,7 @@ impl Render {
         let seconds = PyDict::new(py);
         seconds.set_item("render", outcome.seconds.render)?;
         seconds.set_item("filter", outcome.seconds.filter)?;
+        seconds.set_item("calibrate", outcome.seconds.calibrate)?;
         seconds.set_item("allocate", outcome.seconds.allocate)?;
         let last = outcome.passes.last().map_or(0.0, |pass| pass.filter_seconds);
         let filtered = Filtered { result: outcome.result, estimate: outcome.estimate, seconds: last };
@@ -75,7 +76,7 @@ impl Render {
 
 /// Renders, filters and allocates until a budget is spent.
 #[pyfunction]
-#[pyo3(signature = (scene, *, spp=None, time=None, target_error=None, sampling="adaptive", denoiser="nlm", seed=0,
+#[pyo3(signature = (scene, *, spp=None, time=None, target_error=None, sampling="adaptive", denoiser="learned", seed=0,
                     min_spp=4, max_spp=None, reservoir=0, statistics="all", reference=None, callback=None, counts=None,
                     output=None, state=None,
                     resume=None))]

@@ -47,10 +47,10 @@ fn passes(outcome: &Outcome) -> Vec<String> {
 
 fn times_and_samples(outcome: &Outcome, seconds: Times) -> String {
     let counts = SampleCounts::new(&outcome.store);
-    let Times { load, build, render, filter, allocate, write, total } = seconds;
+    let Times { load, build, render, filter, calibrate, allocate, write, total } = seconds;
     format!(
-        "{total:.2} s (load {load:.2}, build {build:.2}, render {render:.2}, filter {filter:.2}, allocate \
-         {allocate:.2}, write {write:.2}), {:.1} samples per pixel ({} to {}), {:.2} M samples/s",
+        "{total:.2} s (load {load:.2}, build {build:.2}, render {render:.2}, filter {filter:.2}, calibrate \
+         {calibrate:.2}, allocate {allocate:.2}, write {write:.2}), {:.1} samples per pixel ({} to {}), {:.2} M samples/s",
         counts.mean,
         counts.min,
         counts.max,

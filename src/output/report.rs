@@ -19,6 +19,7 @@ pub struct Times {
     pub build: f64,
     pub render: f64,
     pub filter: f64,
+    pub calibrate: f64,
     pub allocate: f64,
     pub write: f64,
     pub total: f64,
@@ -27,8 +28,8 @@ pub struct Times {
 impl Times {
     /// Completes the times of the loop's stages with those before and after it.
     pub fn new(load: f64, build: f64, stages: Seconds, write: f64, total: f64) -> Self {
-        let Seconds { render, filter, allocate } = stages;
-        Self { load, build, render, filter, allocate, write, total }
+        let Seconds { render, filter, calibrate, allocate } = stages;
+        Self { load, build, render, filter, calibrate, allocate, write, total }
     }
 }
 

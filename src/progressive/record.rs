@@ -46,7 +46,10 @@ pub struct PassRecord {
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Seconds {
     pub render: f64,
+    /// Of filter passes.
     pub filter: f64,
+    /// Of the calibration of the last pass under a time budget, which prepares its memory.
+    pub calibrate: f64,
     pub allocate: f64,
 }
 
@@ -79,7 +82,8 @@ impl Outcome {
     /// is no point of the same curve. Time is taken as proportional to samples, so that an interruption or a change of speed
     /// does not count.
     pub fn forecast(&self) -> Option<Forecast> {
-        let spent = self.seconds.render + self.seconds.filter + self.seconds.allocate;
+        let Seconds { render, filter, calibrate, allocate } = self.seconds;
+        let spent = render + filter + calibrate + allocate;
         let seconds_per_sample = (self.own_samples > 0).then(|| spent / self.own_samples as f64)?;
         let (last, interim) = self.passes.split_last()?;
         let has_estimates = interim.iter().any(|pass| pass.estimated_error.is_some());

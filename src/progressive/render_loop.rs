@@ -367,7 +367,7 @@ impl<'a> RenderLoop<'a> {
             |result: &FilterResult, rows: &Store| host.encode_and_discard(&self.settings, result, rows);
         let times = calibrate(self.store(), denoiser, self.settings.seed, output);
         self.measurements.finalisation.add(times, left);
-        self.measurements.seconds.filter += self.clock.elapsed() - elapsed;
+        self.measurements.seconds.calibrate += self.clock.elapsed() - elapsed;
     }
 
     fn record(&mut self, Filtered { result, estimate, seconds }: &Filtered) {
