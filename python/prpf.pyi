@@ -256,7 +256,7 @@ class Render:
 def denoisers() -> list[str]:
     """Returns the names of all denoisers, the default first."""
 
-def denoise(store: Store, denoiser: str = "nlm") -> Denoised:
+def denoise(store: Store, denoiser: str = "learned") -> Denoised:
     """Filters a store with one of :func:`denoisers`. Ctrl-C cancels the pass (that of ``oidn`` after it).
 
     Raises ``ValueError`` if the store has no samples, or a smaller reservoir than the denoiser needs.
@@ -297,7 +297,7 @@ def render(
     time: float | None = None,
     target_error: float | None = None,
     sampling: Literal["adaptive", "uniform"] = "adaptive",
-    denoiser: str = "nlm",
+    denoiser: str = "learned",
     seed: int = 0,
     min_spp: int = 4,
     max_spp: int | None = None,

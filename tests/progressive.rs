@@ -219,7 +219,8 @@ fn a_ceiling_ends_the_render_when_every_pixel_has_reached_it() {
 #[test]
 fn the_estimate_is_of_the_final_image() {
     for spp in [8, 32, 100] {
-        let outcome = render(&settings(spp, Sampling::Adaptive, 0));
+        let settings = Settings { denoiser: &nlm::STANDARD, ..settings(spp, Sampling::Adaptive, 0) };
+        let outcome = render(&settings);
         let estimate = outcome.estimate.expect("both halves have samples");
         assert_eq!(estimate.samples, outcome.store.samples());
         assert_eq!(outcome.passes.last().unwrap().estimated_error, Some(estimate.value));

@@ -193,7 +193,7 @@ fn wrong_calls_have_a_status_and_a_message() {
         let mut none = null_mut();
         is_invalid(
             prpf_filter_create(c"median".as_ptr(), &raw mut none),
-            "found `median`; accepted are nlm standard",
+            "found `median`; accepted are learned standard",
         );
         is_invalid(prpf_filter_create(null(), &raw mut none), "denoiser: found a null pointer");
         is_invalid(prpf_filter_create(c"nlm".as_ptr(), null_mut()), "filter: found a null pointer");
@@ -330,5 +330,5 @@ fn the_names_of_denoisers_can_be_listed() {
     // SAFETY: names end with a zero byte and live as long as the program.
     let names: Vec<CString> = names.map(|name| unsafe { CStr::from_ptr(name) }.to_owned()).collect();
     assert_eq!(names.len(), prpf::filter::DENOISERS.len());
-    assert_eq!(names[0].as_c_str(), c"nlm standard");
+    assert_eq!(names[0].as_c_str(), c"learned standard");
 }

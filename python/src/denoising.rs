@@ -86,7 +86,7 @@ pub fn denoisers() -> Vec<String> {
 
 /// Filters a store.
 #[pyfunction]
-#[pyo3(signature = (store, denoiser="nlm"))]
+#[pyo3(signature = (store, denoiser="learned"))]
 pub fn denoise(py: Python, store: &Store, denoiser: &str) -> PyResult<Denoised> {
     let denoiser = by_name(denoiser).map_err(value_error)?;
     can_filter(denoiser, &store.store).map_err(value_error)?;

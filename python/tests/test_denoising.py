@@ -48,7 +48,7 @@ def test_what_a_denoiser_lacks_is_an_exception(scene):
     with pytest.raises(ValueError, match="rpf needs 2"):
         prpf.denoise(store, "rpf")
     for name in ["nlm best", "median", ""]:
-        with pytest.raises(ValueError, match=f"denoiser: found `{name}`; accepted are nlm standard, nlm draft"):
+        with pytest.raises(ValueError, match=f"denoiser: found `{name}`; accepted are learned standard, learned draft"):
             prpf.denoise(store, name)
 
 

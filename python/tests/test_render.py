@@ -16,7 +16,7 @@ def test_a_render_has_image_maps_store_and_records(scene, tmp_path):
     passes = []
     output, state = tmp_path / "out.exr", tmp_path / "out.state"
     render = prpf.render(scene, spp=16, reference=reference, callback=passes.append, output=output, state=state)
-    assert render.stopped_by == "spp" and render.result.made_by == "nlm standard"
+    assert render.stopped_by == "spp" and render.result.made_by == "learned standard"
     assert render.store.samples == 16 * 40 * 24
     assert [one.index for one in passes] == list(range(len(render.passes))) and len(passes) > 1
     assert np.array_equal(passes[-1].result.image, render.result.image)

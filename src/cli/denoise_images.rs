@@ -97,7 +97,9 @@ pub(super) fn denoise(options: &DenoiseOptions, outfiles: &[PathBuf], start: Ins
 
 /// Returns the denoiser, which images have to suffice for.
 fn choose(options: &DenoiseOptions) -> anyhow::Result<&'static dyn Denoiser> {
-    let denoiser = options.denoiser.choose(DENOISERS[0])?;
+    // Other layers share the weights of `nlm` only.
+    let default = if options.aovs.is_some() { &nlm::STANDARD } else { DENOISERS[0] };
+    let denoiser = options.denoiser.choose(default)?;
     let name = denoiser.name();
     ensure!(
         denoiser.reads().sample_vectors == SampleVectors::None,

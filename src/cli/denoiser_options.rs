@@ -8,7 +8,7 @@ use crate::filter::{DENOISERS, Denoiser, find, presets};
 
 #[derive(Clone, Args)]
 pub(super) struct DenoiserOptions {
-    /// The denoiser [default: nlm; of `denoise`: the render's]
+    /// The denoiser [default: learned; nlm where a time budget or memory is short; of `denoise`: the render's]
     #[arg(long, value_name = "NAME", value_parser = methods())]
     denoiser: Option<String>,
     /// Preset of the denoiser, e.g. draft [default: its first]
@@ -84,7 +84,7 @@ mod tests {
     fn a_preset_alone_chooses_its_method() {
         let options = DenoiserOptions { denoiser: None, quality: Some("draft".to_owned()) };
         let chosen = options.choose(crate::filter::UNFILTERED).unwrap();
-        assert_eq!(chosen.name().to_string(), "nlm draft");
+        assert_eq!(chosen.name().to_string(), "learned draft");
     }
 
     fn choose(denoiser: Option<&str>, quality: Option<&str>) -> Result<String, String> {
@@ -96,8 +96,8 @@ mod tests {
     #[test]
     fn denoisers_and_presets_are_chosen_by_their_names() {
         for (denoiser, quality, name) in [
-            (None, None, "nlm standard"),
-            (None, Some("draft"), "nlm draft"),
+            (None, None, "learned standard"),
+            (None, Some("draft"), "learned draft"),
             (Some("nlm"), None, "nlm standard"),
             (Some("prpf"), None, "prpf"),
             (Some("prpf"), Some("interim"), "prpf interim"),

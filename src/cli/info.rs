@@ -125,7 +125,7 @@ fn describe_denoiser(denoiser: &dyn Denoiser, layout: &Layout) -> String {
         SampleVectors::All { .. } => format!(" and all sample vectors of {vector_bytes} bytes"),
     };
     let (name, reach) = (denoiser.name().to_string(), denoiser.reach());
-    format!("{name:<13}reads statistics of {read} dimensions{vectors}, from {reach} pixels around\n")
+    format!("{name:<17}reads statistics of {read} dimensions{vectors}, from {reach} pixels around\n")
 }
 
 /// Returns the number of triangles stored, and with every instance counted.

@@ -12,7 +12,7 @@ use super::sample_map::SampleMapOptions;
 use super::state_options::StateOptions;
 use crate::adaptive::{NO_CEILING, PrioritySettings, Sampling};
 use crate::filter::DENOISERS;
-use crate::progressive::{Budget, MIN_SPP, Settings};
+use crate::progressive::{Budget, MIN_SPP, Settings, default_denoiser};
 use crate::scene::{Integrator, Scene};
 
 /// `prpf render`.
@@ -170,15 +170,17 @@ impl RenderOptions {
             spp => spp,
         };
         let max_spp = self.max_spp.filter(|&n| n > 0).unwrap_or(NO_CEILING);
+        let budget = Budget { spp, seconds, target_error };
+        let pixels = scene.film.width * scene.film.height;
         Ok(Settings {
-            budget: Budget { spp, seconds, target_error },
+            budget,
             sampling: match self.sampling {
                 Some(SamplingOption::Uniform) => Sampling::Uniform,
                 None if self.sample_map.sample_map.is_some() => Sampling::Uniform,
                 None | Some(SamplingOption::Adaptive) => Sampling::Adaptive,
             },
             sample_map: None,
-            denoiser: self.denoiser.choose(DENOISERS[0])?,
+            denoiser: self.denoiser.choose(default_denoiser(&budget, pixels))?,
             seed: self.seed,
             min_spp: self.min_spp.unwrap_or(MIN_SPP.min(max_spp)),
             max_spp,

@@ -11,10 +11,10 @@ use crate::stats::Store;
 
 /// All denoisers, the default one first. Of one method the first preset is its default.
 pub static DENOISERS: [&dyn Denoiser; 10] = [
-    &nlm::STANDARD,
-    &nlm::DRAFT,
     &learned::STANDARD,
     &learned::DRAFT,
+    &nlm::STANDARD,
+    &nlm::DRAFT,
     &prpf::PRPF,
     &prpf::INTERIM,
     &rpf::RPF,
@@ -22,6 +22,9 @@ pub static DENOISERS: [&dyn Denoiser; 10] = [
     &oidn::DRAFT,
     &none::NONE,
 ];
+
+/// The default where the first of [`DENOISERS`] is too slow.
+pub static FASTER_DEFAULT: &dyn Denoiser = &nlm::STANDARD;
 
 /// The mean of the samples: the fallback if time is short.
 pub static UNFILTERED: &dyn Denoiser = &none::NONE;

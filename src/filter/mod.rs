@@ -27,7 +27,7 @@ pub use common::error_maps::ErrorMaps;
 pub use common::fireflies::FireflySettings;
 pub use denoiser::{Cost, Denoiser, Reads, SampleVectors};
 pub use denoiser_name::DenoiserName;
-pub use denoisers::{DENOISERS, UNFILTERED, find, presets, suited_to};
+pub use denoisers::{DENOISERS, FASTER_DEFAULT, UNFILTERED, find, presets, suited_to};
 pub use lack::Lack;
 pub use nlm::NlmSettings;
 pub use none::unfiltered;

@@ -61,7 +61,10 @@ mod tests {
         assert_eq!(by_name("nlm draft").unwrap().name().to_string(), "nlm draft");
         for wrong in ["", "median", "nlm best", "nlm  draft", "nlm draft "] {
             let message = by_name(wrong).unwrap_err().to_string();
-            assert!(message.contains(&format!("found `{wrong}`; accepted are nlm standard, ")), "{message}");
+            assert!(
+                message.contains(&format!("found `{wrong}`; accepted are learned standard, ")),
+                "{message}"
+            );
         }
     }
 

@@ -16,7 +16,7 @@
 //! | `render_loop` | the actions |
 //! | `allocation`, `region`, `steps`, `filter_pass`, `error_estimate` | their parts |
 //! | `blocking`, `host` | the driver of the command line, and its interface to the program around it |
-//! | `settings`, `memory_budget`, `store_size` | the settings, and the memory they need |
+//! | `settings`, `default_denoiser`, `memory_budget`, `store_size` | the settings, and the memory they need |
 //! | `forecast`, `clock` | the expected fall of the error; seconds since the program's start |
 
 mod action;
@@ -26,6 +26,7 @@ mod budget;
 mod calibration;
 mod checkpoint;
 mod clock;
+mod default_denoiser;
 mod error_estimate;
 mod filter_pass;
 mod finalisation;
@@ -48,6 +49,7 @@ pub use action::{Action, next_action};
 pub use blocking::run;
 pub use budget::Budget;
 pub use checkpoint::{Checkpoint, InterimPass, Position, SampleBatch};
+pub use default_denoiser::default_denoiser;
 pub use error_estimate::{ErrorEstimate, EstimateSummary, TILE};
 pub use filter_pass::{FailureMap, FilterPass, Filtered};
 pub use forecast::{Forecast, Point, forecast};

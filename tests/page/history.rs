@@ -24,7 +24,7 @@ fn a_finished_render_that_another_denoiser_replaces_can_be_had_back() {
     // The page says what the click costs before it
     page.value("document.querySelector('input[name=denoiser][value=prpf]').focus()");
     page.wait("document.getElementById('meaning').textContent.includes('Begins the render anew, in about')");
-    page.value("document.querySelector('input[name=denoiser][value=learned]').focus()");
+    page.value("document.querySelector('input[name=denoiser][value=nlm]').focus()");
     page.wait("document.getElementById('meaning').textContent.includes('Uses the samples so far')");
 
     page.click("input[name=denoiser][value=prpf]");
@@ -32,15 +32,15 @@ fn a_finished_render_that_another_denoiser_replaces_can_be_had_back() {
     page.wait("!document.getElementById('undo').disabled");
     assert_eq!(
         page.value("document.getElementById('undo').title"),
-        "Back to 16.0 samples per pixel by nlm standard (U)"
+        "Back to 16.0 samples per pixel by learned standard (U)"
     );
     page.wait(&format!("{PHASE} === 'finished'"));
     let replaced = page.value(GENERATION);
     page.key("u");
-    page.wait(&format!("{GENERATION} > {replaced} && {DENOISER} === 'nlm' && {SAMPLES} === {samples}"));
+    page.wait(&format!("{GENERATION} > {replaced} && {DENOISER} === 'learned' && {SAMPLES} === {samples}"));
     page.wait("window.prpf.viewport.shown.right === 'filtered'");
     page.wait(&format!("{PHASE} === 'finished'"));
-    page.wait("document.querySelector('[data-value=made_by]').textContent === 'nlm standard'");
+    page.wait("document.querySelector('[data-value=made_by]').textContent === 'learned standard'");
 
     // And the other one again
     page.shift_key("U");

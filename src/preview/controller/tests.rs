@@ -4,7 +4,7 @@ use std::sync::atomic::AtomicBool;
 
 use super::*;
 use crate::adaptive::Sampling;
-use crate::filter::{Denoiser, UNFILTERED, find, nlm, prpf, rpf};
+use crate::filter::{DENOISERS, Denoiser, UNFILTERED, find, prpf, rpf};
 use crate::geometry::Accel;
 use crate::preview::camera_move::CameraMove;
 use crate::preview::command::Command;
@@ -239,7 +239,7 @@ fn what_is_saved_of_a_finished_render_is_made_by_the_denoiser_that_is_chosen() {
     let outcome = render_with(&settings, false, reactions).expect("it ends by its budget");
     assert_eq!(outcome.settings.denoiser.name(), prpf::PRPF.name());
     let saved = saved.into_inner();
-    assert_eq!(saved[..2], [nlm::STANDARD.name(), prpf::PRPF.name()], "{saved:?}");
+    assert_eq!(saved[..2], [DENOISERS[0].name(), prpf::PRPF.name()], "{saved:?}");
 }
 
 #[test]

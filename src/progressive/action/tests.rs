@@ -11,7 +11,8 @@ use crate::progressive::speed::Speed;
 const PIXELS: u64 = 1000;
 
 fn settings(spp: Option<u32>, seconds: Option<f64>) -> Settings {
-    Settings { budget: Budget { spp, seconds, target_error: None }, ..Settings::default() }
+    let budget = Budget { spp, seconds, target_error: None };
+    Settings { budget, denoiser: &nlm::STANDARD, ..Settings::default() }
 }
 
 /// A render at 10 000 samples per second that has 8 samples per pixel and an interim pass behind it.
