@@ -8,3 +8,18 @@ pub(crate) enum Failure {
     /// Everything else: 1.
     Run(anyhow::Error),
 }
+
+impl Failure {
+    /// Returns the exit status.
+    pub fn status(&self) -> u8 {
+        match self {
+            Self::Input(_) => 2,
+            Self::Run(_) => 1,
+        }
+    }
+
+    pub fn error(&self) -> &anyhow::Error {
+        let (Self::Input(error) | Self::Run(error)) = self;
+        error
+    }
+}

@@ -22,33 +22,39 @@ pub(super) struct Inputs {
 }
 
 impl Inputs {
-    /// Reads the scene, the reference and the sample map, and checks that outputs replace nothing but earlier outputs.
+    /// Reads the scene, the reference and the sample map; if the outputs are to be written by this process, checks that they
+    /// replace nothing but earlier outputs.
     ///
     /// # Errors
     /// One line that names the file.
-    pub fn read(options: &RenderOptions) -> anyhow::Result<Self> {
+    pub fn read(options: &RenderOptions, writes: bool) -> anyhow::Result<Self> {
         let mut scene = read_scene(options)?;
         options.apply(&mut scene)?;
         let outfiles = outfiles(options, &mut scene);
-
-        // Check the outputs
-        let mut outputs: Vec<&Path> =
-            outfiles.iter().chain(&options.report).chain(&options.samples).map(PathBuf::as_path).collect();
-        outputs.iter().try_for_each(|path| replaces_no_state(path))?;
-        outputs.extend(options.state.state.as_deref());
-        outputs.iter().try_for_each(|path| can_be_written(path))?;
-        let inputs = scene.files.iter().chain(&options.reference).chain(&options.sample_map.sample_map);
-        are_distinct(inputs.map(PathBuf::as_path), &outputs)?;
-        if options.state.replaces_one()? && !options.quiet {
-            print_error("warning: --state replaces the existing state; --resume would go on from it");
+        if writes {
+            check_outputs(options, &scene, &outfiles)?;
         }
-
         let reference = options.reference.as_deref().map(|path| reference(path, &scene)).transpose()?;
         let reference = reference.map(Arc::new);
         let sample_map = options.sample_map.read(size(&scene))?;
         warn(options, &scene);
         Ok(Self { scene, outfiles, reference, sample_map })
     }
+}
+
+/// Checks that outputs can be written, and replace nothing but earlier outputs.
+fn check_outputs(options: &RenderOptions, scene: &Scene, outfiles: &[PathBuf]) -> anyhow::Result<()> {
+    let mut outputs: Vec<&Path> =
+        outfiles.iter().chain(&options.report).chain(&options.samples).map(PathBuf::as_path).collect();
+    outputs.iter().try_for_each(|path| replaces_no_state(path))?;
+    outputs.extend(options.state.state.as_deref());
+    outputs.iter().try_for_each(|path| can_be_written(path))?;
+    let inputs = scene.files.iter().chain(&options.reference).chain(&options.sample_map.sample_map);
+    are_distinct(inputs.map(PathBuf::as_path), &outputs)?;
+    if options.state.replaces_one()? && !options.quiet {
+        print_error("warning: --state replaces the existing state; --resume would go on from it");
+    }
+    Ok(())
 }
 
 /// Returns the output files: those of the options, else the film's, else the scene's name with `.exr`.

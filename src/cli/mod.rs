@@ -22,6 +22,7 @@ mod options;
 mod output_paths;
 mod parse;
 mod preview;
+mod processes;
 mod program;
 mod render;
 mod sample_map;

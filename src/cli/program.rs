@@ -9,6 +9,7 @@ use clap::{Parser, Subcommand};
 
 use super::failure::Failure;
 use super::mode::Mode;
+use super::processes::is_follower;
 use super::terminal::{escaped, print_error};
 use super::{compare, denoise, export, info, merge, options, preview, render, usage};
 
@@ -51,7 +52,9 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>, start: Instant) -> Exi
         Err(error)
             if error.use_stderr() && error.kind() != ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand =>
         {
-            print_error(&format!("prpf: {}", usage::one_line(&error)));
+            if !is_follower() {
+                print_error(&format!("prpf: {}", usage::one_line(&error)));
+            }
             return ExitCode::from(2);
         }
         Err(error) => {
@@ -71,12 +74,8 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>, start: Instant) -> Exi
     match outcome {
         Ok(status) => ExitCode::from(status),
         Err(failure) => {
-            let (error, status) = match failure {
-                Failure::Input(error) => (error, 2),
-                Failure::Run(error) => (error, 1),
-            };
-            print_error(&format!("prpf: {}", escaped(&format!("{error:#}"))));
-            ExitCode::from(status)
+            print_error(&format!("prpf: {}", escaped(&format!("{:#}", failure.error()))));
+            ExitCode::from(failure.status())
         }
     }
 }

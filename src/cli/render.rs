@@ -15,13 +15,14 @@ use super::host::{RenderHost, progress_bar};
 use super::inputs::Inputs;
 use super::mode::Mode;
 use super::options::RenderOptions;
+use super::processes::Processes;
 use super::scene_changes::SceneChanges;
 use super::scene_files::scenes_beside;
 use super::signals::{INTERRUPTED, Signals};
 use super::terminal::{escaped, print, print_error};
 use super::viewers::Viewers;
 use super::workers::in_pool;
-use super::{samples, summary, viewers};
+use super::{processes, samples, summary, viewers};
 use crate::filter::DENOISERS;
 use crate::geometry::Accel;
 use crate::image::OutputFormat;
@@ -33,11 +34,30 @@ use crate::state::{ImageMetadata, SampleFile};
 use crate::stats::BlockSet;
 
 pub(super) fn run(options: &RenderOptions, mode: Mode, start: Instant) -> Result<u8, Failure> {
+    let Some(processes) = processes::start()? else { return run_process(options, mode, None, start) };
+    let result = if processes.is_first() {
+        run_process(options, mode, Some(&processes), start)
+    } else {
+        run_process(&processes::follower_options(options), mode, Some(&processes), start)
+    };
+    processes::finish(&processes, result)
+}
+
+/// Runs the command in this process, which may be one of several.
+fn run_process(
+    options: &RenderOptions,
+    mode: Mode,
+    processes: Option<&Processes>,
+    start: Instant,
+) -> Result<u8, Failure> {
     // Errors of the command line are found before minutes of rendering.
     for path in &options.outfile {
         OutputFormat::from_path(path).map_err(|error| Failure::Input(error.into()))?;
     }
     options.check().map_err(Failure::Input)?;
+    processes
+        .map_or(Ok(()), |processes| processes::check(processes, options, mode))
+        .map_err(Failure::Input)?;
     if mode == Mode::Preview && options.samples.is_some() {
         let error =
             anyhow::anyhow!("--samples: found with a preview, whose camera may move; accepted with render");
@@ -47,12 +67,13 @@ pub(super) fn run(options: &RenderOptions, mode: Mode, start: Instant) -> Result
         Layers::check_names(names).map_err(|error| Failure::Input(error.into()))?;
     }
     let signals = Signals::listen(mode).map_err(Failure::Run)?;
-    in_pool(options.threads, || run_in_pool(options, mode, &signals, start))
+    in_pool(options.threads, || run_in_pool(options, mode, processes, &signals, start))
 }
 
 fn run_in_pool(
     options: &RenderOptions,
     mode: Mode,
+    processes: Option<&Processes>,
     signals: &Signals,
     start: Instant,
 ) -> Result<u8, Failure> {
@@ -60,7 +81,7 @@ fn run_in_pool(
     let mut scenes = SceneChanges::new(options, start);
     loop {
         let is_first = viewers.is_none();
-        match render_scene(&mut scenes, mode, signals, &mut viewers) {
+        match render_scene(&mut scenes, mode, processes, signals, &mut viewers) {
             Ok(SceneEnd::Done(status)) => return Ok(status),
             Ok(SceneEnd::Opens(scene, session)) => scenes.open(scene, *session),
             Err(failure) if is_first => return Err(failure),
@@ -84,13 +105,14 @@ enum SceneEnd {
 fn render_scene(
     scenes: &mut SceneChanges,
     mode: Mode,
+    processes: Option<&Processes>,
     signals: &Signals,
     viewers: &mut Option<Viewers>,
 ) -> Result<SceneEnd, Failure> {
     let (session, start) = (scenes.take_session(), scenes.start);
     let (options, notice) = (&scenes.options, scenes.notice.clone());
     // Read the inputs
-    let inputs = Inputs::read(options).map_err(Failure::Input)?;
+    let inputs = Inputs::read(options, processes.is_none_or(Processes::is_first)).map_err(Failure::Input)?;
     let scene = &inputs.scene;
     let load = start.elapsed().as_secs_f64();
 
@@ -106,8 +128,15 @@ fn render_scene(
     let build = start.elapsed().as_secs_f64() - load;
 
     // Render
-    let job = Job { options, mode, inputs: &inputs, renderer: &renderer, metadata: &metadata, start };
+    let (inputs, renderer, metadata) = (&inputs, &renderer, &metadata);
+    let job = Job { options, mode, processes, inputs, renderer, metadata, start };
     let settings = job.settings().map_err(Failure::Input)?;
+    if let Some(processes) = processes {
+        processes::agree(processes, options, metadata, &settings)?;
+        if !processes.is_first() {
+            return Ok(SceneEnd::Done(processes.serve(renderer, signals.begin_render())));
+        }
+    }
     let Rendered { end, checkpoints, samples } =
         job.render(&settings, signals.begin_render(), (session, notice), viewers)?;
     let (outcome, metadata) = match end {
@@ -160,6 +189,7 @@ fn close(viewers: &mut Option<Viewers>, reason: &str) {
 struct Job<'a> {
     options: &'a RenderOptions,
     mode: Mode,
+    processes: Option<&'a Processes>,
     inputs: &'a Inputs,
     renderer: &'a Renderer<'a>,
     metadata: &'a ImageMetadata,
@@ -274,10 +304,17 @@ impl Job<'_> {
             };
             Controller::new(hub, configuration).run()
         } else {
+            let capacity = checkpoint.as_ref().map(|checkpoint| checkpoint.store.capacity());
+            let reservoirs = (capacity.unwrap_or(settings.reservoir_capacity()), settings.seed);
+            let mut cluster =
+                self.processes.map(|processes| processes.coordinator(renderer, reservoirs, interrupt));
             let render_loop = RenderLoop::new(renderer, settings, start);
             let mut render_loop = render_loop.with_reference(inputs.reference.as_deref());
             if let Some(checkpoint) = checkpoint {
                 render_loop = render_loop.resume(checkpoint);
+            }
+            if let Some(cluster) = &mut cluster {
+                render_loop = render_loop.with_cluster(&mut **cluster);
             }
             let outcome = progressive::run(render_loop, &mut host);
             ControllerEnd::Finished(Box::new(outcome), inputs.scene.camera.clone())

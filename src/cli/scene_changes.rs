@@ -48,9 +48,8 @@ impl<'a> SceneChanges<'a> {
     /// The failure, if there is no scene before.
     pub fn go_back(&mut self, failure: Failure) -> Result<(), Failure> {
         let Some(before) = self.before.take() else { return Err(failure) };
-        let (Failure::Input(error) | Failure::Run(error)) = failure;
         self.go_to(before);
-        self.notice = Some(format!("not opened: {error:#}"));
+        self.notice = Some(format!("not opened: {:#}", failure.error()));
         Ok(())
     }
 

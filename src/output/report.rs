@@ -8,7 +8,7 @@ use super::sample_counts::SampleCounts;
 use crate::files;
 use crate::filter::DenoiserName;
 use crate::progressive::{
-    ErrorEstimate, Forecast, Outcome, PassRecord, Seconds, Settings, StoppedBy, memory_bytes,
+    ErrorEstimate, Forecast, Outcome, PassRecord, ProcessRecord, Seconds, Settings, StoppedBy, memory_bytes,
 };
 use crate::state::ImageMetadata;
 
@@ -72,6 +72,9 @@ pub struct Report<'a> {
     estimated_error_high: Option<f64>,
     forecast: Option<Forecast>,
     batches: &'a [PassRecord],
+    /// Of a render by several processes.
+    #[serde(skip_serializing_if = "<[_]>::is_empty")]
+    processes: &'a [ProcessRecord],
 }
 
 impl<'a> Report<'a> {
@@ -110,6 +113,7 @@ impl<'a> Report<'a> {
             estimated_error_high: interval.map(|[_, high]| high),
             forecast: outcome.forecast(),
             batches: &outcome.passes,
+            processes: &outcome.processes,
         }
     }
 

@@ -16,6 +16,7 @@
 //! | `render_loop` | the actions |
 //! | `allocation`, `region`, `steps`, `filter_pass`, `error_estimate` | their parts |
 //! | `blocking`, `host` | the driver of the command line, and its interface to the program around it |
+//! | `cluster` | the loop's interface to processes that render one image together |
 //! | `settings`, `default_denoiser`, `memory_budget`, `store_size` | the settings, and the memory they need |
 //! | `forecast`, `clock` | the expected fall of the error; seconds since the program's start |
 
@@ -26,6 +27,7 @@ mod budget;
 mod calibration;
 mod checkpoint;
 mod clock;
+mod cluster;
 mod default_denoiser;
 mod error_estimate;
 mod filter_pass;
@@ -49,6 +51,7 @@ pub use action::{Action, next_action};
 pub use blocking::run;
 pub use budget::Budget;
 pub use checkpoint::{Checkpoint, InterimPass, Position, SampleBatch};
+pub use cluster::{Cluster, ProcessRecord, Rendered, SampleTotals};
 pub use default_denoiser::default_denoiser;
 pub use error_estimate::{ErrorEstimate, EstimateSummary, TILE};
 pub use filter_pass::{FailureMap, FilterPass, Filtered};

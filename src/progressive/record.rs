@@ -1,12 +1,16 @@
 //! The record of a render: its filter passes, its progress, and its outcome.
 
+use super::cluster::ProcessRecord;
 use super::error_estimate::{ErrorEstimate, EstimateSummary};
+use super::filter_pass::Filtered;
 use super::forecast::{Forecast, Point, forecast};
 use super::settings::Settings;
 use super::stopped_by::StoppedBy;
 use crate::filter::FilterResult;
+use crate::image::Planes;
+use crate::image::metrics::Pair;
 use crate::render::RejectedSample;
-use crate::stats::Store;
+use crate::stats::{Part, Store};
 
 /// Returns the expected ratio of the errors of adaptive and uniform sampling if it is too large for adaptive sampling to be
 /// worth its time. The first pass that has one decides.
@@ -42,6 +46,28 @@ pub struct PassRecord {
     pub noisy_relmse: Option<f64>,
 }
 
+impl PassRecord {
+    /// Records a pass over a store, with the true errors if there is a reference. When it was made is left open.
+    pub(super) fn new(filtered: &Filtered, reference: Option<&Planes>, store: &Store) -> Self {
+        let Filtered { result, estimate, seconds } = filtered;
+        let noisy = reference.map(|_| store.means(Part::Whole, store.layout().radiance()));
+        let compare = |image: Option<&Planes>, metric: fn(&Pair) -> f64| {
+            let pair = image.zip(reference);
+            pair.and_then(|(image, reference)| Some(metric(&Pair::new(image, reference).ok()?)))
+        };
+        Self {
+            filter_seconds: *seconds,
+            interpolation_success: result.interpolation.as_ref().map(|found| found.success),
+            estimated_error: estimate.as_ref().map(|estimate| estimate.value),
+            mse: compare(Some(&result.image), |pair| pair.mse()),
+            relmse: compare(Some(&result.image), |pair| pair.relmse()),
+            noisy_mse: compare(noisy.as_ref(), |pair| pair.mse()),
+            noisy_relmse: compare(noisy.as_ref(), |pair| pair.relmse()),
+            ..Self::default()
+        }
+    }
+}
+
 /// Seconds of the loop's stages.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Seconds {
@@ -69,6 +95,8 @@ pub struct Outcome {
     pub estimate: Option<ErrorEstimate>,
     /// The settings at the end: a user may have changed them on the way.
     pub settings: Settings,
+    /// What each of several processes has done; empty if there was one.
+    pub processes: Vec<ProcessRecord>,
 }
 
 impl Outcome {

@@ -11,11 +11,11 @@ use super::allocation::{allocate_batch, expected_ratio};
 use super::calibration::{calibrate, prepare_memory};
 use super::checkpoint::{Checkpoint, InterimPass, Position, SampleBatch};
 use super::clock::Clock;
+use super::cluster::{Cluster, Rendered, SampleTotals};
 use super::error_estimate::ErrorEstimate;
 use super::filter_pass::{FailureMap, FilterPass, Filtered};
-use super::forecast::{Point, forecast};
 use super::host::Host;
-use super::record::{Outcome, PassRecord, Progress};
+use super::record::{Outcome, PassRecord};
 use super::region::Region;
 use super::schedule::Plan;
 use super::settings::Settings;
@@ -25,9 +25,10 @@ use super::stopped_by::StoppedBy;
 use crate::adaptive::Sampling;
 use crate::filter::{Denoiser, FilterResult};
 use crate::image::Planes;
-use crate::image::metrics::Pair;
 use crate::render::Renderer;
-use crate::stats::{Part, Store};
+use crate::stats::Store;
+
+mod progress;
 
 /// The state of a render and its measurements, on which actions are performed.
 pub struct RenderLoop<'a> {
@@ -36,6 +37,12 @@ pub struct RenderLoop<'a> {
     clock: Clock,
     checkpoint: Checkpoint,
     measurements: Measurements,
+    /// The processes that take the samples, if there are several.
+    cluster: Option<&'a mut dyn Cluster>,
+    /// Samples so far.
+    samples: SampleTotals,
+    /// Whether other processes have samples that the checkpoint's store lacks.
+    is_behind: bool,
     /// The region that is rendered first.
     region: Option<Region>,
     /// Samples of the store that an earlier run took.
@@ -56,6 +63,9 @@ impl<'a> RenderLoop<'a> {
             clock,
             checkpoint: Checkpoint::new(Store::new(width, height, layout, capacity, settings.seed)),
             measurements: Measurements { saved_at: clock.elapsed(), ..Measurements::default() },
+            cluster: None,
+            samples: SampleTotals::default(),
+            is_behind: false,
             region: None,
             resumed_samples: 0,
             reference: None,
@@ -68,6 +78,13 @@ impl<'a> RenderLoop<'a> {
         self
     }
 
+    /// Divides the work among several processes, of which this is the first. A checkpoint has to be given before.
+    pub fn with_cluster(mut self, cluster: &'a mut dyn Cluster) -> Self {
+        cluster.begin(&self.checkpoint.store);
+        self.cluster = Some(cluster);
+        self
+    }
+
     /// Goes on from a checkpoint. With the same budget of samples the image is the same to the last bit as if that
     /// render had gone on; with a smaller one the rest of an unfinished batch is planned anew.
     ///
@@ -77,11 +94,12 @@ impl<'a> RenderLoop<'a> {
         let store = &checkpoint.store;
         assert_eq!((store.width(), store.height()), self.renderer.resolution(), "a checkpoint of this image");
         assert_eq!(store.layout(), self.renderer.layout(), "a checkpoint of this scene");
-        self.resumed_samples = store.samples();
+        self.samples = SampleTotals::new(store);
+        self.resumed_samples = self.samples.valid;
         let budget = self.settings.budget.spp.map_or(u64::MAX, |spp| u64::from(spp) * store.pixels() as u64);
         let is_too_large = |batch: &SampleBatch| {
             let rest: u64 = batch.step(store, 1.0).iter().map(|&n| u64::from(n)).sum();
-            store.samples_taken() + rest > budget
+            self.samples.taken + rest > budget
         };
         let gives_up = matches!(&checkpoint.position, Position::Render(batch) if is_too_large(batch));
         self.checkpoint = checkpoint;
@@ -140,7 +158,7 @@ impl<'a> RenderLoop<'a> {
         self.checkpoint
     }
 
-    /// Returns the pixel statistics.
+    /// Returns the pixel statistics. With a cluster they are those of its latest filter pass or checkpoint.
     pub fn store(&self) -> &Arc<Store> {
         &self.checkpoint.store
     }
@@ -172,33 +190,6 @@ impl<'a> RenderLoop<'a> {
         }
     }
 
-    /// Returns how far the render has come.
-    pub fn progress(&self) -> Progress {
-        let situation = self.situation(&Conditions::default());
-        let samples = self.store().samples();
-        let by_budget = situation.schedule().fraction(situation.elapsed, situation.samples);
-        Progress {
-            fraction: self.target_fraction().map_or(by_budget, |by_target| by_budget.max(by_target)),
-            elapsed: situation.elapsed,
-            samples,
-            spp: samples as f64 / self.store().pixels().max(1) as f64,
-            estimate: self.estimate().map(ErrorEstimate::summary),
-        }
-    }
-
-    /// Returns the fraction of the samples that lead to the target error, by the error's own rate; `None` without a target,
-    /// or before the first estimate.
-    fn target_fraction(&self) -> Option<f64> {
-        let (target, estimate) = (self.settings.budget.target_error?, self.estimate()?);
-        // Time is proportional to samples, and the power does not depend on the unit.
-        let point = |pass: &PassRecord| {
-            Some(Point { seconds: pass.samples_total as f64, error: pass.estimated_error? })
-        };
-        let points: Vec<Point> = self.checkpoint.passes.iter().filter_map(point).collect();
-        let growth = forecast(&points)?.growth_to(estimate.value, target);
-        Some((self.store().samples() as f64 / (growth * estimate.samples as f64)).min(1.0))
-    }
-
     /// Returns the estimated error of the latest interim image.
     fn estimate(&self) -> Option<&ErrorEstimate> {
         self.checkpoint.interim.as_ref()?.estimate.as_ref()
@@ -207,13 +198,15 @@ impl<'a> RenderLoop<'a> {
     /// Hands a checkpoint to the host.
     pub fn save(&mut self, host: &mut dyn Host) {
         if host.checkpoint_interval().is_some() {
+            self.gather();
             host.save(&self.settings, self.checkpoint.clone());
         }
         (self.measurements.saved_at, self.measurements.is_saved) = (self.clock.elapsed(), true);
     }
 
     /// Returns the filter pass of [`Action::Filter`].
-    pub fn interim_pass(&self, denoiser: &'static dyn Denoiser) -> FilterPass {
+    pub fn interim_pass(&mut self, denoiser: &'static dyn Denoiser) -> FilterPass {
+        self.gather();
         self.pass(denoiser, FailureMap::Carry(None))
     }
 
@@ -241,10 +234,10 @@ impl<'a> RenderLoop<'a> {
 
     /// Predicts by the first pass with enough samples whether adaptive sampling is worth its time.
     fn predict_ratio(&mut self) {
-        let Self { checkpoint: Checkpoint { store, passes, interim, .. }, settings, .. } = self;
+        let Self { checkpoint: Checkpoint { store, passes, interim, .. }, settings, samples, .. } = self;
         let floor = u64::from(settings.min_spp) * store.pixels() as u64;
         let is_predicted = passes.iter().any(|pass| pass.expected_ratio.is_some());
-        if settings.sampling == Sampling::Uniform || is_predicted || store.samples_taken() < floor {
+        if settings.sampling == Sampling::Uniform || is_predicted || samples.taken < floor {
             return;
         }
         if let (Some(pass), Some(interim)) = (passes.last_mut(), interim) {
@@ -253,7 +246,8 @@ impl<'a> RenderLoop<'a> {
     }
 
     /// Returns the filter pass of [`Action::Finish`].
-    pub fn final_pass(&self, conditions: &Conditions) -> FilterPass {
+    pub fn final_pass(&mut self, conditions: &Conditions) -> FilterPass {
+        self.gather();
         let earlier = self.checkpoint.interim.as_ref().and_then(|interim| interim.interpolation.clone());
         self.pass(self.situation(conditions).final_denoiser(), FailureMap::Carry(earlier))
     }
@@ -271,10 +265,11 @@ impl<'a> RenderLoop<'a> {
 
     /// Ends the render with the image of [`Self::complete_final`].
     pub fn into_outcome(self, filtered: Filtered, stopped_by: StoppedBy) -> Outcome {
+        let processes = self.cluster.map_or_else(Vec::new, |cluster| cluster.records());
         let Checkpoint { store, passes, .. } = self.checkpoint;
         Outcome {
             result: filtered.result,
-            own_samples: store.samples() - self.resumed_samples,
+            own_samples: self.samples.valid - self.resumed_samples,
             store: Arc::unwrap_or_clone(store),
             passes,
             stopped_by,
@@ -282,6 +277,16 @@ impl<'a> RenderLoop<'a> {
             first_rejected: self.measurements.first_rejected,
             estimate: filtered.estimate,
             settings: self.settings,
+            processes,
+        }
+    }
+
+    /// Brings the statistics of all processes together.
+    fn gather(&mut self) {
+        if let (Some(cluster), true) = (&mut self.cluster, self.is_behind) {
+            // Copies only while an earlier checkpoint is in use.
+            cluster.gather(Arc::make_mut(&mut self.checkpoint.store));
+            self.is_behind = false;
         }
     }
 
@@ -291,7 +296,7 @@ impl<'a> RenderLoop<'a> {
             settings: &self.settings,
             sampling: self.checkpoint.sampling(&self.settings),
             pixels: store.pixels() as u64,
-            samples: store.samples_taken(),
+            samples: self.samples.taken,
             mark: match position {
                 Position::Plan => Mark::Plan,
                 Position::Render(batch) => Mark::Render { done: batch.done, samples: batch.samples() },
@@ -315,10 +320,14 @@ impl<'a> RenderLoop<'a> {
 
     /// Begins a batch.
     fn allocate(&mut self, plan: Plan, host: &mut dyn Host) {
+        self.gather();
         let started = Instant::now();
-        let grain = if self.checkpoint.store.samples_taken() == 0 { Grain::Pixel } else { Grain::Block };
+        let grain = if self.samples.taken == 0 { Grain::Pixel } else { Grain::Block };
         let planned = allocate_batch(&self.checkpoint, self.region, &self.settings, plan.samples);
         let counts = host.choose_counts(&self.checkpoint.store, planned);
+        if let Some(cluster) = &mut self.cluster {
+            cluster.begin_batch(&counts);
+        }
         self.checkpoint.position = Position::Render(SampleBatch { counts, done: 0.0, grain });
         self.measurements.seconds.allocate += started.elapsed().as_secs_f64();
     }
@@ -329,18 +338,25 @@ impl<'a> RenderLoop<'a> {
         let Checkpoint { store, position: Position::Render(batch), speed, .. } = &mut self.checkpoint else {
             unreachable!("a step is part of a batch")
         };
-        let (before, counts) = (store.samples_taken(), batch.step(store, to));
-        // Copies only while a filter pass that was given up still reads the store.
-        let store = Arc::make_mut(store);
-        let rejected = match host.sample_sink() {
-            Some(sink) => self.renderer.render_recorded(&counts, store, sink),
-            None => self.renderer.render_batch(&counts, store),
+        let counts = batch.step(store, to);
+        let Rendered { samples, first_rejected } = if let Some(cluster) = &mut self.cluster {
+            self.is_behind = true;
+            cluster.render(&counts)
+        } else {
+            // Copies only while a filter pass that was given up still reads the store.
+            let store = Arc::make_mut(store);
+            let first_rejected = match host.sample_sink() {
+                Some(sink) => self.renderer.render_recorded(&counts, store, sink),
+                None => self.renderer.render_batch(&counts, store),
+            };
+            Rendered { samples: SampleTotals::new(store), first_rejected }
         };
         batch.done = to;
         let seconds = started.elapsed().as_secs_f64();
-        speed.add(store.samples_taken() - before, seconds);
+        speed.add(samples.taken - self.samples.taken, seconds);
+        self.samples = samples;
         self.measurements.seconds.render += seconds;
-        self.measurements.first_rejected = self.measurements.first_rejected.or(rejected);
+        self.measurements.first_rejected = self.measurements.first_rejected.or(first_rejected);
     }
 
     /// Ends an unfinished batch, so that the next one is planned anew.
@@ -353,6 +369,7 @@ impl<'a> RenderLoop<'a> {
 
     /// Measures the finalisation by this denoiser.
     fn calibrate(&mut self, denoiser: &'static dyn Denoiser, host: &dyn Host) {
+        self.gather();
         let elapsed = self.clock.elapsed();
         let situation = self.situation(&Conditions::default());
         let left = situation.schedule().seconds_left(elapsed).unwrap_or(f64::INFINITY);
@@ -370,26 +387,13 @@ impl<'a> RenderLoop<'a> {
         self.measurements.seconds.calibrate += self.clock.elapsed() - elapsed;
     }
 
-    fn record(&mut self, Filtered { result, estimate, seconds }: &Filtered) {
-        self.measurements.seconds.filter += seconds;
-        let store = self.store();
-        let noisy = self.reference.map(|_| store.means(Part::Whole, store.layout().radiance()));
-        let compare = |image: Option<&Planes>, metric: fn(&Pair) -> f64| {
-            let pair = image.zip(self.reference);
-            pair.and_then(|(image, reference)| Some(metric(&Pair::new(image, reference).ok()?)))
-        };
+    fn record(&mut self, filtered: &Filtered) {
+        self.measurements.seconds.filter += filtered.seconds;
         let pass = PassRecord {
             index: self.checkpoint.passes.len(),
             seconds: self.clock.elapsed(),
-            samples_total: store.samples(),
-            filter_seconds: *seconds,
-            interpolation_success: result.interpolation.as_ref().map(|found| found.success),
-            expected_ratio: None,
-            estimated_error: estimate.as_ref().map(|estimate| estimate.value),
-            mse: compare(Some(&result.image), |pair| pair.mse()),
-            relmse: compare(Some(&result.image), |pair| pair.relmse()),
-            noisy_mse: compare(noisy.as_ref(), |pair| pair.mse()),
-            noisy_relmse: compare(noisy.as_ref(), |pair| pair.relmse()),
+            samples_total: self.samples.valid,
+            ..PassRecord::new(filtered, self.reference, self.store())
         };
         self.checkpoint.passes.push(pass);
     }

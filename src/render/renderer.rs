@@ -18,7 +18,7 @@ use super::sampler::{Independent, Sobol};
 use super::shard::Shard;
 use crate::geometry::Accel;
 use crate::scene::{Camera, Effects, SamplerKind, Scene};
-use crate::stats::{BlockSet, Layout, Row, Store};
+use crate::stats::{BlockSet, Layout, Rectangle, Row, Store};
 
 /// Renders samples of one scene.
 pub struct Renderer<'s> {
@@ -92,6 +92,14 @@ impl<'s> Renderer<'s> {
     /// Restricts the renderer to a shard of every pixel's samples.
     pub fn with_shard(mut self, shard: Shard) -> Self {
         self.rows.shard = shard;
+        self
+    }
+
+    /// Restricts the renderer to a rectangle of its pixels, whose samples stay the same.
+    pub fn with_part(mut self, part: &Rectangle) -> Self {
+        let [x, y] = self.rows.corner;
+        self.rows.corner = [x + part.x[0], y + part.y[0]];
+        self.resolution = (part.width(), part.height());
         self
     }
 

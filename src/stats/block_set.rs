@@ -5,7 +5,7 @@ use std::ops::BitOr;
 use super::layout::Block;
 
 /// A set of [`Block`]s.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct BlockSet(u16);
 
 impl BlockSet {

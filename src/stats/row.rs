@@ -7,6 +7,8 @@ mod pixel_block;
 pub use bytes::RowError;
 pub use pixel_block::{LARGEST_VALUE, PIXEL_BLOCK, PixelBlockValues};
 
+use std::ops::Range;
+
 use super::layout::{Group, Layout};
 use super::moments::Moments;
 use super::part::Part;
@@ -53,13 +55,13 @@ pub(super) fn deviation_planes(layout: &Layout) -> usize {
 }
 
 impl Row {
-    /// Row `y` of an empty store; see [`Store::new`](super::Store::new).
-    pub(super) fn new(width: usize, y: usize, layout: &Layout, capacity: usize, seed: u64) -> Self {
-        let dims = layout.len();
+    /// Some columns of row `y` of an image, without samples; see [`Store::new`](super::Store::new).
+    pub(super) fn new(columns: Range<usize>, y: usize, layout: &Layout, capacity: usize, seed: u64) -> Self {
+        let (width, dims) = (columns.len(), layout.len());
         let blocks = width.next_multiple_of(PIXEL_BLOCK);
         let stride = blocks + CACHE_LINE;
         let half = || HalfRow { count: vec![0; blocks], mean: vec![0.0; stride * dims] };
-        let keyed_pixels = if capacity > 0 { width } else { 0 };
+        let keyed = if capacity > 0 { columns } else { 0..0 };
         Self {
             width,
             stride,
@@ -77,7 +79,7 @@ impl Row {
             halves: [half(), half()],
             deviations: vec![vec![0.0; stride * dims]; deviation_planes(layout)],
             reservoir: vec![0.0; width * capacity * dims],
-            keys: (0..keyed_pixels).map(|x| reservoir::key(seed, x, y)).collect(),
+            keys: keyed.map(|x| reservoir::key(seed, x, y)).collect(),
         }
     }
 
@@ -140,6 +142,31 @@ impl Row {
             }
         }
         rejected
+    }
+
+    /// Replaces the statistics of pixels from `at` on, and how their reservoirs go on, by those of some pixels of a row of
+    /// the same layout and capacity.
+    pub(super) fn copy_pixels(&mut self, at: usize, from: &Self, pixels: Range<usize>) {
+        let to = at..at + pixels.len();
+        self.next_index[to.clone()].copy_from_slice(&from.next_index[pixels.clone()]);
+        self.rejected[to.clone()].copy_from_slice(&from.rejected[pixels.clone()]);
+        let copy_planes = |planes: &mut [f64], stride: usize, others: &[f64], other_stride: usize| {
+            let both = planes.chunks_exact_mut(stride).zip(others.chunks_exact(other_stride));
+            both.for_each(|(plane, other)| plane[to.clone()].copy_from_slice(&other[pixels.clone()]));
+        };
+        for (half, other) in self.halves.iter_mut().zip(&from.halves) {
+            half.count[to.clone()].copy_from_slice(&other.count[pixels.clone()]);
+            copy_planes(&mut half.mean, self.stride, &other.mean, from.stride);
+        }
+        for (plane, other) in self.deviations.iter_mut().zip(&from.deviations) {
+            copy_planes(plane, self.stride, other, from.stride);
+        }
+        if self.capacity > 0 {
+            self.keys[to.clone()].copy_from_slice(&from.keys[pixels.clone()]);
+            let vectors = self.capacity * self.dims;
+            self.reservoir[to.start * vectors..to.end * vectors]
+                .copy_from_slice(&from.reservoir[pixels.start * vectors..pixels.end * vectors]);
+        }
     }
 
     /// Gives half of a pixel without samples the moments of `count` samples; `values` has the mean and the unbiased variance

@@ -5,6 +5,7 @@ use rayon::prelude::*;
 use super::layout::Layout;
 use super::moments::Moments;
 use super::part::Part;
+use super::rectangle::Rectangle;
 use super::row::{Row, deviation_planes};
 use crate::image::Planes;
 
@@ -24,8 +25,14 @@ impl Store {
     /// An empty store. The reservoir holds up to `capacity` sample vectors of each pixel; `seed`
     /// decides which.
     pub fn new(width: usize, height: usize, layout: Layout, capacity: usize, seed: u64) -> Self {
-        let rows = (0..height).into_par_iter().map(|y| Row::new(width, y, &layout, capacity, seed)).collect();
-        Self { width, layout, capacity, rows }
+        Self::of_part(&Rectangle::of_image(width, height), layout, capacity, seed)
+    }
+
+    /// An empty store of some pixels of an image; see [`Self::new`].
+    pub fn of_part(part: &Rectangle, layout: Layout, capacity: usize, seed: u64) -> Self {
+        let Rectangle { x: [x0, x1], y: [y0, y1] } = *part;
+        let rows = (y0..y1).into_par_iter().map(|y| Row::new(x0..x1, y, &layout, capacity, seed)).collect();
+        Self { width: part.width(), layout, capacity, rows }
     }
 
     /// Memory of a store in bytes per pixel.

@@ -1,0 +1,158 @@
+//! The processes that `mpirun` or `srun` has started to render one image together, in a program with the feature `mpi`.
+//!
+//! The first one prints, reads states and writes all outputs; the others follow it.
+
+use super::failure::Failure;
+use super::mode::Mode;
+use super::options::RenderOptions;
+use super::state_options::StateOptions;
+use crate::progressive::Settings;
+use crate::state::ImageMetadata;
+
+#[cfg(feature = "mpi")]
+pub(super) use crate::cluster::{Processes, is_follower};
+#[cfg(not(feature = "mpi"))]
+pub(super) use alone::{Processes, is_follower};
+
+/// Joins the other processes; `None` if there are none.
+pub(super) fn start() -> Result<Option<Processes>, Failure> {
+    Processes::start().map_err(|error| Failure::Run(anyhow::Error::msg(error)))
+}
+
+/// Checks that several processes can render as the options ask for.
+///
+/// # Errors
+/// An option that needs one process.
+pub(super) fn check(processes: &Processes, options: &RenderOptions, mode: Mode) -> anyhow::Result<()> {
+    let refused = [
+        ("preview", mode == Mode::Preview),
+        ("--preview", options.preview.is_some()),
+        ("--display-server", options.display_server.is_some()),
+        ("--samples", options.samples.is_some()),
+        ("--debug-sample", options.debug_sample.is_some()),
+    ];
+    match refused.into_iter().find(|(_, is_given)| *is_given) {
+        Some((name, _)) => {
+            anyhow::bail!("{name}: found with {} processes; accepted is it with one", processes.count())
+        }
+        None => Ok(()),
+    }
+}
+
+/// Returns the options of a process other than the first: it prints, reads and writes nothing but the scene.
+pub(super) fn follower_options(options: &RenderOptions) -> RenderOptions {
+    RenderOptions {
+        report: None,
+        reference: None,
+        state: StateOptions { state: None, resume: false, ..options.state.clone() },
+        quiet: true,
+        ..options.clone()
+    }
+}
+
+/// Waits until all processes have read the same inputs.
+///
+/// # Errors
+/// Those of the first process that has others, or none; too many processes for the image.
+pub(super) fn agree(
+    processes: &Processes,
+    options: &RenderOptions,
+    metadata: &ImageMetadata,
+    settings: &Settings,
+) -> Result<(), Failure> {
+    let [width, height] = metadata.resolution().unwrap_or_default();
+    let checked = processes.check_size((width, height));
+    let text = |value: serde_json::Result<String>| value.unwrap_or_default();
+    let values = [
+        ("program", program()),
+        ("scene", format!("{} ({:.12})", metadata.source, metadata.hash)),
+        ("view", text(serde_json::to_string(metadata))),
+        ("settings", text(serde_json::to_string(settings))),
+        ("shard", options.state.shard.to_string()),
+    ];
+    let values = values.map(|(name, value)| (name.to_owned(), value)).into();
+    processes.agree(values, checked.err()).map_err(|error| Failure::Input(anyhow::Error::msg(error)))
+}
+
+/// Returns version and hash of the program.
+fn program() -> String {
+    use sha2::{Digest, Sha256};
+    let bytes = std::env::current_exe().and_then(std::fs::read).unwrap_or_default();
+    let hash = Sha256::digest(bytes).iter().take(6).map(|byte| format!("{byte:02x}")).collect::<String>();
+    format!("{} ({hash})", env!("CARGO_PKG_VERSION"))
+}
+
+/// Ends this process's part of a command, in the first process the whole job. Returns the command's result, of which other
+/// processes than the first keep the exit status alone.
+pub(super) fn finish(processes: &Processes, result: Result<u8, Failure>) -> Result<u8, Failure> {
+    let result = match result {
+        // The others wait for this process's inputs.
+        Err(failure) if !processes.has_agreed() => {
+            let agreed = processes.agree(Vec::new(), Some(format!("{:#}", failure.error())));
+            if processes.is_first() { Err(failure) } else { agreed.map(|()| 0).map_err(|_| failure) }
+        }
+        result => result,
+    };
+    let status = result.as_ref().map_or_else(Failure::status, |status| *status);
+    processes.end(status);
+    if processes.is_first() { result } else { Ok(status) }
+}
+
+/// A program without MPI.
+#[cfg(not(feature = "mpi"))]
+mod alone {
+    use std::sync::atomic::AtomicBool;
+
+    use crate::progressive::Cluster;
+    use crate::render::Renderer;
+
+    /// More than one process, which there never is.
+    pub enum Processes {}
+
+    pub fn is_follower() -> bool {
+        false
+    }
+
+    impl Processes {
+        pub fn start() -> Result<Option<Self>, String> {
+            Ok(None)
+        }
+
+        pub fn is_first(&self) -> bool {
+            match *self {}
+        }
+
+        pub fn count(&self) -> usize {
+            match *self {}
+        }
+
+        pub fn has_agreed(&self) -> bool {
+            match *self {}
+        }
+
+        pub fn agree(&self, _: Vec<(String, String)>, _: Option<String>) -> Result<(), String> {
+            match *self {}
+        }
+
+        pub fn check_size(&self, _: (usize, usize)) -> Result<(), String> {
+            match *self {}
+        }
+
+        pub fn coordinator<'s>(
+            &'s self,
+            _: &Renderer<'s>,
+            _: (usize, u64),
+            _: &'s AtomicBool,
+        ) -> Box<dyn Cluster + 's> {
+            match *self {}
+        }
+
+        pub fn serve(&self, _: &Renderer, _: &AtomicBool) -> u8 {
+            match *self {}
+        }
+
+        pub fn end(&self, _: u8) {
+            match *self {}
+        }
+    }
+}

@@ -1,0 +1,136 @@
+//! A process that serves the first one: takes the samples of its pixels and keeps their statistics.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Instant;
+
+use super::command::{Answer, Command, decode_counts};
+use super::exchange::{StoreKind, exchange};
+use super::link::Link;
+use crate::progressive::{ProcessRecord, SampleTotals, memory_bytes};
+use crate::render::{RejectedSample, Renderer};
+use crate::stats::{Rectangle, Store};
+
+/// The pixels of a process.
+pub struct Part<'s> {
+    /// Of the whole image, and of this process's pixels.
+    whole: Renderer<'s>,
+    renderer: Renderer<'s>,
+    pub kind: StoreKind,
+    /// The pixels of each process.
+    pub parts: Vec<Rectangle>,
+    rank: usize,
+    store: Store,
+    /// Seconds in which samples were taken.
+    render_seconds: f64,
+}
+
+impl<'s> Part<'s> {
+    /// Begins without samples. `whole` renders the whole image, with the dimensions of which statistics are kept.
+    pub fn new(
+        whole: Renderer<'s>,
+        (capacity, seed): (usize, u64),
+        parts: Vec<Rectangle>,
+        rank: usize,
+    ) -> Self {
+        let kind = StoreKind { layout: whole.layout().clone(), capacity, seed };
+        let store = kind.empty(&parts[rank]);
+        let renderer = part_of(&whole, &parts[rank]);
+        Self { whole, renderer, kind, parts, rank, store, render_seconds: 0.0 }
+    }
+
+    /// Returns the rectangle of this process.
+    pub fn place(&self) -> Rectangle {
+        self.parts[self.rank]
+    }
+
+    /// Takes samples: `counts` are those of this process's pixels.
+    pub fn render(&mut self, counts: &[u32], interrupt: &AtomicBool) -> Answer {
+        let started = Instant::now();
+        let rejected = self.renderer.render_batch(counts, &mut self.store);
+        let seconds = started.elapsed().as_secs_f64();
+        self.render_seconds += seconds;
+        Answer {
+            samples: SampleTotals::new(&self.store),
+            first_rejected: rejected.map(|RejectedSample { y, x, index }| (y, x, index)),
+            seconds,
+            is_interrupted: interrupt.load(Ordering::Relaxed),
+        }
+    }
+
+    /// Gives the pixels other owners, with their statistics.
+    pub fn divide(&mut self, link: &Link, parts: Vec<Rectangle>) {
+        let mut store = self.kind.empty(&parts[self.rank]);
+        let (have, want) = (all(&self.parts), all(&parts));
+        exchange(link, &self.kind, (&have, Some(&self.store)), (&want, Some(&mut store)));
+        (self.parts, self.store) = (parts, store);
+        self.renderer = part_of(&self.whole, &self.place());
+    }
+
+    /// Gathers the statistics of all processes in the first one, which passes a store of the whole image.
+    pub fn gather(&self, link: &Link, whole: Option<&mut Store>) {
+        let want = only_first(self.image(), self.parts.len());
+        exchange(link, &self.kind, (&all(&self.parts), Some(&self.store)), (&want, whole));
+    }
+
+    /// Takes the statistics of its pixels from the first process, which passes a store of the whole image.
+    pub fn scatter(&mut self, link: &Link, whole: Option<&Store>) {
+        let have = only_first(self.image(), self.parts.len());
+        exchange(link, &self.kind, (&have, whole), (&all(&self.parts), Some(&mut self.store)));
+    }
+
+    /// Returns what this process has done.
+    pub fn record(&self, link: &Link) -> ProcessRecord {
+        ProcessRecord {
+            host: mpi::environment::processor_name().unwrap_or_default(),
+            threads: rayon::current_num_threads(),
+            pixels: self.store.pixels(),
+            render: self.render_seconds,
+            transfer: link.transfer_seconds(),
+            bytes_sent: link.bytes_sent(),
+            peak_memory_bytes: memory_bytes("VmHWM"),
+        }
+    }
+
+    fn image(&self) -> Rectangle {
+        let (width, height) = self.whole.resolution();
+        Rectangle::of_image(width, height)
+    }
+}
+
+fn part_of<'s>(whole: &Renderer<'s>, part: &Rectangle) -> Renderer<'s> {
+    whole.recording(whole.layout().blocks()).with_part(part)
+}
+
+fn all(parts: &[Rectangle]) -> Vec<Option<Rectangle>> {
+    parts.iter().copied().map(Some).collect()
+}
+
+fn only_first(rectangle: Rectangle, processes: usize) -> Vec<Option<Rectangle>> {
+    (0..processes).map(|rank| (rank == 0).then_some(rectangle)).collect()
+}
+
+/// Serves the first process until it ends; returns the exit status. `renderer` renders the whole image.
+pub fn serve(link: &Link, renderer: &Renderer, interrupt: &AtomicBool) -> u8 {
+    let mut part: Option<Part> = None;
+    loop {
+        let command: Command = link.next(0);
+        match (command, &mut part) {
+            (Command::End { status }, _) => return status,
+            (Command::Begin { blocks, capacity, seed, parts, is_empty }, _) => {
+                let whole = renderer.recording(blocks);
+                let part = part.insert(Part::new(whole, (capacity, seed), parts, link.rank()));
+                if !is_empty {
+                    part.scatter(link, None);
+                }
+            }
+            (Command::Divide { parts }, Some(part)) => part.divide(link, parts),
+            (Command::Render { bytes }, Some(part)) => {
+                let counts = decode_counts(&link.receive(0, bytes));
+                link.tell(0, &part.render(&counts, interrupt));
+            }
+            (Command::Gather, Some(part)) => part.gather(link, None),
+            (Command::Record, Some(part)) => link.tell(0, &part.record(link)),
+            (_, None) => unreachable!("a render begins first"),
+        }
+    }
+}

@@ -1,0 +1,72 @@
+//! What the render loop asks of processes that render one image together.
+//!
+//! The loop runs in the first of them and decides everything. Each process takes the samples of its own pixels and keeps
+//! their statistics; the loop's own store has them after [`Cluster::gather`] only.
+
+use crate::render::RejectedSample;
+use crate::stats::Store;
+
+/// Processes that render one image together.
+pub trait Cluster: Send {
+    /// Begins a render: gives each process the statistics of its pixels.
+    fn begin(&mut self, store: &Store);
+
+    /// Called before every batch with the samples of each pixel in it: the pixels may be divided anew.
+    fn begin_batch(&mut self, counts: &[u32]);
+
+    /// Takes `counts[pixel]` more samples of every pixel.
+    fn render(&mut self, counts: &[u32]) -> Rendered;
+
+    /// Copies the statistics of all pixels to `store`, which has their number and layout.
+    fn gather(&mut self, store: &mut Store);
+
+    /// Returns what each process has done so far, the first one first.
+    fn records(&mut self) -> Vec<ProcessRecord>;
+}
+
+/// What has come of some samples.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Rendered {
+    /// Samples of all pixels so far.
+    pub samples: SampleTotals,
+    /// The first sample of this step that was rejected.
+    pub first_rejected: Option<RejectedSample>,
+}
+
+/// Numbers of samples of all pixels.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+pub struct SampleTotals {
+    /// Rejected ones included.
+    pub taken: u64,
+    pub valid: u64,
+}
+
+impl SampleTotals {
+    /// Counts the samples of a store.
+    pub fn new(store: &Store) -> Self {
+        Self { taken: store.samples_taken(), valid: store.samples() }
+    }
+}
+
+impl std::ops::AddAssign for SampleTotals {
+    fn add_assign(&mut self, other: Self) {
+        self.taken += other.taken;
+        self.valid += other.valid;
+    }
+}
+
+/// What a process of a cluster has done.
+#[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct ProcessRecord {
+    /// Name of its machine.
+    pub host: String,
+    pub threads: usize,
+    /// Its pixels at the end.
+    pub pixels: usize,
+    /// Seconds in which it took samples.
+    pub render: f64,
+    /// Seconds in which it sent and received, and in which it waited for other processes to do so.
+    pub transfer: f64,
+    pub bytes_sent: u64,
+    pub peak_memory_bytes: Option<u64>,
+}
