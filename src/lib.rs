@@ -29,7 +29,7 @@
 //! | [`filter`] | what a [`filter::Denoiser`] is, and the denoisers: P-RPF (`prpf` begins with Algorithm 1), cross-filtered non-local means, RPF, a learned filter, Open Image Denoise |
 //! | [`adaptive`] | maps → priority per pixel → sample counts of the next batch |
 //! | [`progressive`] | the render loop as plain state: checkpoint, next action, time constants, a blocking driver |
-//! | `cluster` | one image by several processes under MPI (feature `mpi`) |
+//! | `distributed` | one image by several processes under MPI (feature `mpi`) |
 //! | [`state`] | a render as a file: to resume, to filter again, to merge |
 //! | [`output`] | the outputs of a render: images with layers and attributes, the report |
 //! | `render_builder` | [`RenderBuilder`]: a render in one expression |
@@ -74,7 +74,7 @@ pub mod adaptive;
 pub mod cli;
 // The division of the image needs no MPI, and is tested without.
 #[cfg(any(test, feature = "mpi"))]
-mod cluster;
+mod distributed;
 pub mod files;
 pub mod filter;
 pub mod geometry;

@@ -10,7 +10,7 @@ use crate::progressive::Settings;
 use crate::state::ImageMetadata;
 
 #[cfg(feature = "mpi")]
-pub(super) use crate::cluster::{Processes, is_follower};
+pub(super) use crate::distributed::{Processes, is_follower};
 #[cfg(not(feature = "mpi"))]
 pub(super) use alone::{Processes, is_follower};
 
@@ -82,20 +82,16 @@ fn program() -> String {
     format!("{} ({hash})", env!("CARGO_PKG_VERSION"))
 }
 
-/// Ends this process's part of a command, in the first process the whole job. Returns the command's result, of which other
-/// processes than the first keep the exit status alone.
+/// Ends this process's part of a command, in the first process the whole job. Returns the command's result in the first
+/// process, success in others: a launcher stops the whole job as soon as one process ends without success, and the first
+/// one has a line to print then.
 pub(super) fn finish(processes: &Processes, result: Result<u8, Failure>) -> Result<u8, Failure> {
-    let result = match result {
-        // The others wait for this process's inputs.
-        Err(failure) if !processes.has_agreed() => {
-            let agreed = processes.agree(Vec::new(), Some(format!("{:#}", failure.error())));
-            if processes.is_first() { Err(failure) } else { agreed.map(|()| 0).map_err(|_| failure) }
-        }
-        result => result,
-    };
-    let status = result.as_ref().map_or_else(Failure::status, |status| *status);
-    processes.end(status);
-    if processes.is_first() { result } else { Ok(status) }
+    if let (Err(failure), false) = (&result, processes.has_agreed()) {
+        // The others wait for this process's inputs; the first one prints the error.
+        let _ = processes.agree(Vec::new(), Some(format!("{:#}", failure.error())));
+    }
+    processes.end();
+    if processes.is_first() { result } else { Ok(0) }
 }
 
 /// A program without MPI.
@@ -103,7 +99,7 @@ pub(super) fn finish(processes: &Processes, result: Result<u8, Failure>) -> Resu
 mod alone {
     use std::sync::atomic::AtomicBool;
 
-    use crate::progressive::Cluster;
+    use crate::progressive::ProcessGroup;
     use crate::render::Renderer;
 
     /// More than one process, which there never is.
@@ -143,15 +139,15 @@ mod alone {
             _: &Renderer<'s>,
             _: (usize, u64),
             _: &'s AtomicBool,
-        ) -> Box<dyn Cluster + 's> {
+        ) -> Box<dyn ProcessGroup + 's> {
             match *self {}
         }
 
-        pub fn serve(&self, _: &Renderer, _: &AtomicBool) -> u8 {
+        pub fn serve(&self, _: &Renderer, _: &AtomicBool) {
             match *self {}
         }
 
-        pub fn end(&self, _: u8) {
+        pub fn end(&self) {
             match *self {}
         }
     }

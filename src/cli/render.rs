@@ -66,7 +66,7 @@ fn run_process(
     if let Some(names) = &options.layers {
         Layers::check_names(names).map_err(|error| Failure::Input(error.into()))?;
     }
-    let signals = Signals::listen(mode).map_err(Failure::Run)?;
+    let signals = Signals::listen(mode, processes.is_some()).map_err(Failure::Run)?;
     in_pool(options.threads, || run_in_pool(options, mode, processes, &signals, start))
 }
 
@@ -134,7 +134,8 @@ fn render_scene(
     if let Some(processes) = processes {
         processes::agree(processes, options, metadata, &settings)?;
         if !processes.is_first() {
-            return Ok(SceneEnd::Done(processes.serve(renderer, signals.begin_render())));
+            processes.serve(renderer, signals.begin_render());
+            return Ok(SceneEnd::Done(0));
         }
     }
     let Rendered { end, checkpoints, samples } =
@@ -306,15 +307,15 @@ impl Job<'_> {
         } else {
             let capacity = checkpoint.as_ref().map(|checkpoint| checkpoint.store.capacity());
             let reservoirs = (capacity.unwrap_or(settings.reservoir_capacity()), settings.seed);
-            let mut cluster =
+            let mut processes =
                 self.processes.map(|processes| processes.coordinator(renderer, reservoirs, interrupt));
             let render_loop = RenderLoop::new(renderer, settings, start);
             let mut render_loop = render_loop.with_reference(inputs.reference.as_deref());
             if let Some(checkpoint) = checkpoint {
                 render_loop = render_loop.resume(checkpoint);
             }
-            if let Some(cluster) = &mut cluster {
-                render_loop = render_loop.with_cluster(&mut **cluster);
+            if let Some(processes) = &mut processes {
+                render_loop = render_loop.with_processes(&mut **processes);
             }
             let outcome = progressive::run(render_loop, &mut host);
             ControllerEnd::Finished(Box::new(outcome), inputs.scene.camera.clone())

@@ -21,17 +21,22 @@ pub(super) struct Signals {
 }
 
 impl Signals {
-    /// Begins to handle signals.
+    /// Begins to handle signals. `is_launched`: whether a launcher of several processes may pass on SIGUSR1, the one signal
+    /// by which `mpirun` does not end them itself; it is taken as SIGTERM then.
     ///
     /// # Errors
     /// Those of the system.
-    pub fn listen(mode: Mode) -> anyhow::Result<Self> {
+    pub fn listen(mode: Mode, is_launched: bool) -> anyhow::Result<Self> {
         let signals =
             Self { loading: Arc::new(AtomicBool::new(true)), interrupt: Arc::new(AtomicBool::new(false)) };
         // A signal is the way to close a preview.
         let closed = if mode == Mode::Preview { 0 } else { INTERRUPTED };
         for signal in [SIGINT, SIGTERM] {
             signals.register(signal, closed, true).context("listening to signals")?;
+        }
+        #[cfg(unix)]
+        if is_launched {
+            signals.register(signal_hook::consts::SIGUSR1, closed, false).context("listening to signals")?;
         }
         #[cfg(unix)]
         if !is_ignored(signal_hook::consts::SIGHUP) {

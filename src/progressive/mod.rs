@@ -16,7 +16,7 @@
 //! | `render_loop` | the actions |
 //! | `allocation`, `region`, `steps`, `filter_pass`, `error_estimate` | their parts |
 //! | `blocking`, `host` | the driver of the command line, and its interface to the program around it |
-//! | `cluster` | the loop's interface to processes that render one image together |
+//! | `process_group` | the loop's interface to processes that render one image together |
 //! | `settings`, `default_denoiser`, `memory_budget`, `store_size` | the settings, and the memory they need |
 //! | `forecast`, `clock` | the expected fall of the error; seconds since the program's start |
 
@@ -27,7 +27,6 @@ mod budget;
 mod calibration;
 mod checkpoint;
 mod clock;
-mod cluster;
 mod default_denoiser;
 mod error_estimate;
 mod filter_pass;
@@ -35,6 +34,7 @@ mod finalisation;
 mod forecast;
 mod host;
 mod memory_budget;
+mod process_group;
 mod record;
 mod region;
 mod render_loop;
@@ -51,13 +51,13 @@ pub use action::{Action, next_action};
 pub use blocking::run;
 pub use budget::Budget;
 pub use checkpoint::{Checkpoint, InterimPass, Position, SampleBatch};
-pub use cluster::{Cluster, ProcessRecord, Rendered, SampleTotals};
 pub use default_denoiser::default_denoiser;
 pub use error_estimate::{ErrorEstimate, EstimateSummary, TILE};
 pub use filter_pass::{FailureMap, FilterPass, Filtered};
 pub use forecast::{Forecast, Point, forecast};
 pub use host::Host;
 pub use memory_budget::{MemoryError, available_bytes, fits_in_memory, memory_bytes, memory_needed};
+pub use process_group::{ProcessGroup, ProcessRecord, Rendered, SampleTotals};
 pub use record::{Outcome, PassRecord, Progress, Seconds, excessive_ratio};
 pub use region::Region;
 pub use render_loop::RenderLoop;

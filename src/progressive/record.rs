@@ -1,9 +1,9 @@
 //! The record of a render: its filter passes, its progress, and its outcome.
 
-use super::cluster::ProcessRecord;
 use super::error_estimate::{ErrorEstimate, EstimateSummary};
 use super::filter_pass::Filtered;
 use super::forecast::{Forecast, Point, forecast};
+use super::process_group::ProcessRecord;
 use super::settings::Settings;
 use super::stopped_by::StoppedBy;
 use crate::filter::FilterResult;

@@ -11,10 +11,10 @@ use super::allocation::{allocate_batch, expected_ratio};
 use super::calibration::{calibrate, prepare_memory};
 use super::checkpoint::{Checkpoint, InterimPass, Position, SampleBatch};
 use super::clock::Clock;
-use super::cluster::{Cluster, Rendered, SampleTotals};
 use super::error_estimate::ErrorEstimate;
 use super::filter_pass::{FailureMap, FilterPass, Filtered};
 use super::host::Host;
+use super::process_group::{ProcessGroup, Rendered, SampleTotals};
 use super::record::{Outcome, PassRecord};
 use super::region::Region;
 use super::schedule::Plan;
@@ -38,7 +38,7 @@ pub struct RenderLoop<'a> {
     checkpoint: Checkpoint,
     measurements: Measurements,
     /// The processes that take the samples, if there are several.
-    cluster: Option<&'a mut dyn Cluster>,
+    processes: Option<&'a mut dyn ProcessGroup>,
     /// Samples so far.
     samples: SampleTotals,
     /// Whether other processes have samples that the checkpoint's store lacks.
@@ -63,7 +63,7 @@ impl<'a> RenderLoop<'a> {
             clock,
             checkpoint: Checkpoint::new(Store::new(width, height, layout, capacity, settings.seed)),
             measurements: Measurements { saved_at: clock.elapsed(), ..Measurements::default() },
-            cluster: None,
+            processes: None,
             samples: SampleTotals::default(),
             is_behind: false,
             region: None,
@@ -79,9 +79,9 @@ impl<'a> RenderLoop<'a> {
     }
 
     /// Divides the work among several processes, of which this is the first. A checkpoint has to be given before.
-    pub fn with_cluster(mut self, cluster: &'a mut dyn Cluster) -> Self {
-        cluster.begin(&self.checkpoint.store);
-        self.cluster = Some(cluster);
+    pub fn with_processes(mut self, processes: &'a mut dyn ProcessGroup) -> Self {
+        processes.begin(&self.checkpoint.store);
+        self.processes = Some(processes);
         self
     }
 
@@ -158,7 +158,7 @@ impl<'a> RenderLoop<'a> {
         self.checkpoint
     }
 
-    /// Returns the pixel statistics. With a cluster they are those of its latest filter pass or checkpoint.
+    /// Returns the pixel statistics. With several processes they are those of its latest filter pass or checkpoint.
     pub fn store(&self) -> &Arc<Store> {
         &self.checkpoint.store
     }
@@ -265,7 +265,7 @@ impl<'a> RenderLoop<'a> {
 
     /// Ends the render with the image of [`Self::complete_final`].
     pub fn into_outcome(self, filtered: Filtered, stopped_by: StoppedBy) -> Outcome {
-        let processes = self.cluster.map_or_else(Vec::new, |cluster| cluster.records());
+        let processes = self.processes.map_or_else(Vec::new, |processes| processes.records());
         let Checkpoint { store, passes, .. } = self.checkpoint;
         Outcome {
             result: filtered.result,
@@ -283,9 +283,9 @@ impl<'a> RenderLoop<'a> {
 
     /// Brings the statistics of all processes together.
     fn gather(&mut self) {
-        if let (Some(cluster), true) = (&mut self.cluster, self.is_behind) {
+        if let (Some(processes), true) = (&mut self.processes, self.is_behind) {
             // Copies only while an earlier checkpoint is in use.
-            cluster.gather(Arc::make_mut(&mut self.checkpoint.store));
+            processes.gather(Arc::make_mut(&mut self.checkpoint.store));
             self.is_behind = false;
         }
     }
@@ -325,8 +325,8 @@ impl<'a> RenderLoop<'a> {
         let grain = if self.samples.taken == 0 { Grain::Pixel } else { Grain::Block };
         let planned = allocate_batch(&self.checkpoint, self.region, &self.settings, plan.samples);
         let counts = host.choose_counts(&self.checkpoint.store, planned);
-        if let Some(cluster) = &mut self.cluster {
-            cluster.begin_batch(&counts);
+        if let Some(processes) = &mut self.processes {
+            processes.begin_batch(&counts);
         }
         self.checkpoint.position = Position::Render(SampleBatch { counts, done: 0.0, grain });
         self.measurements.seconds.allocate += started.elapsed().as_secs_f64();
@@ -339,9 +339,9 @@ impl<'a> RenderLoop<'a> {
             unreachable!("a step is part of a batch")
         };
         let counts = batch.step(store, to);
-        let Rendered { samples, first_rejected } = if let Some(cluster) = &mut self.cluster {
+        let Rendered { samples, first_rejected } = if let Some(processes) = &mut self.processes {
             self.is_behind = true;
-            cluster.render(&counts)
+            processes.render(&counts)
         } else {
             // Copies only while a filter pass that was given up still reads the store.
             let store = Arc::make_mut(store);

@@ -10,7 +10,7 @@
 //! | `link` | sends and receives bytes |
 //! | `exchange` | moves statistics from the rectangles that processes have to those that they want |
 //! | `command` | the commands of the first process, and what the others answer |
-//! | `coordinator` | the render loop's [`crate::progressive::Cluster`], in the first process |
+//! | `coordinator` | the render loop's [`crate::progressive::ProcessGroup`], in the first process |
 //! | `worker` | what the other processes do |
 //! | `processes` | [`Processes`]: start, agreement on the inputs, end |
 

@@ -109,13 +109,13 @@ fn only_first(rectangle: Rectangle, processes: usize) -> Vec<Option<Rectangle>> 
     (0..processes).map(|rank| (rank == 0).then_some(rectangle)).collect()
 }
 
-/// Serves the first process until it ends; returns the exit status. `renderer` renders the whole image.
-pub fn serve(link: &Link, renderer: &Renderer, interrupt: &AtomicBool) -> u8 {
+/// Serves the first process until it ends. `renderer` renders the whole image.
+pub fn serve(link: &Link, renderer: &Renderer, interrupt: &AtomicBool) {
     let mut part: Option<Part> = None;
     loop {
         let command: Command = link.next(0);
         match (command, &mut part) {
-            (Command::End { status }, _) => return status,
+            (Command::End, _) => return,
             (Command::Begin { blocks, capacity, seed, parts, is_empty }, _) => {
                 let whole = renderer.recording(blocks);
                 let part = part.insert(Part::new(whole, (capacity, seed), parts, link.rank()));

@@ -13,7 +13,7 @@ use super::coordinator::Coordinator;
 use super::link::Link;
 use super::partition::TileCosts;
 use super::{command::Command, worker};
-use crate::progressive::Cluster;
+use crate::progressive::ProcessGroup;
 use crate::render::Renderer;
 
 /// Exit status of a job whose processes cannot go on.
@@ -120,26 +120,26 @@ impl Processes {
         ))
     }
 
-    /// Returns the cluster with which the first process renders. `renderer` renders the whole image, into a store with
+    /// Returns the group with which the first process renders. `renderer` renders the whole image, into a store with
     /// reservoirs of `capacity` sample vectors and this seed. A signal to any process sets `interrupt`.
     pub fn coordinator<'s>(
         &'s self,
         renderer: &Renderer<'s>,
         (capacity, seed): (usize, u64),
         interrupt: &'s AtomicBool,
-    ) -> Box<dyn Cluster + 's> {
+    ) -> Box<dyn ProcessGroup + 's> {
         Box::new(Coordinator::new(&self.link, renderer, (capacity, seed), interrupt))
     }
 
-    /// Serves the first process until it ends; returns the exit status.
-    pub fn serve(&self, renderer: &Renderer, interrupt: &AtomicBool) -> u8 {
-        worker::serve(&self.link, renderer, interrupt)
+    /// Serves the first process until it ends.
+    pub fn serve(&self, renderer: &Renderer, interrupt: &AtomicBool) {
+        worker::serve(&self.link, renderer, interrupt);
     }
 
-    /// Ends, in the first process all others as well, with this exit status.
-    pub fn end(&self, status: u8) {
+    /// Ends, in the first process all others as well.
+    pub fn end(&self) {
         if self.is_first() && self.has_agreed() {
-            (1..self.count()).for_each(|rank| self.link.tell(rank, &Command::End { status }));
+            (1..self.count()).for_each(|rank| self.link.tell(rank, &Command::End));
         }
         self.has_ended.store(true, Ordering::Relaxed);
     }

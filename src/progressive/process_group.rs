@@ -1,13 +1,13 @@
 //! What the render loop asks of processes that render one image together.
 //!
 //! The loop runs in the first of them and decides everything. Each process takes the samples of its own pixels and keeps
-//! their statistics; the loop's own store has them after [`Cluster::gather`] only.
+//! their statistics; the loop's own store has them after [`ProcessGroup::gather`] only.
 
 use crate::render::RejectedSample;
 use crate::stats::Store;
 
 /// Processes that render one image together.
-pub trait Cluster: Send {
+pub trait ProcessGroup: Send {
     /// Begins a render: gives each process the statistics of its pixels.
     fn begin(&mut self, store: &Store);
 
@@ -55,7 +55,7 @@ impl std::ops::AddAssign for SampleTotals {
     }
 }
 
-/// What a process of a cluster has done.
+/// What a process of a group has done.
 #[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct ProcessRecord {
     /// Name of its machine.

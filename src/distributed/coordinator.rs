@@ -1,4 +1,4 @@
-//! The cluster as the render loop sees it: commands the other processes, and renders pixels of its own.
+//! The process group as the render loop sees it: commands the other processes, and renders pixels of its own.
 //!
 //! Pixels are divided by what a sample of each tile is expected to cost. After every batch the costs of a process's tiles
 //! are multiplied by the ratio of the seconds that it took to those that were expected.
@@ -11,7 +11,7 @@ use super::exchange::StoreKind;
 use super::link::Link;
 use super::partition::TileCosts;
 use super::worker::Part;
-use crate::progressive::{Cluster, ProcessRecord, Rendered, SampleTotals};
+use crate::progressive::{ProcessGroup, ProcessRecord, Rendered, SampleTotals};
 use crate::render::{RejectedSample, Renderer};
 use crate::stats::{Rectangle, Store};
 
@@ -22,7 +22,7 @@ const GAIN_PER_MOVE: f64 = 2.0;
 /// Assumed bytes per second until some are measured.
 const ASSUMED_RATE: f64 = 1e9;
 
-/// The first process of a cluster.
+/// The first process of a group.
 pub struct Coordinator<'s> {
     link: &'s Link,
     part: Part<'s>,
@@ -83,7 +83,7 @@ impl<'s> Coordinator<'s> {
     }
 }
 
-impl Cluster for Coordinator<'_> {
+impl ProcessGroup for Coordinator<'_> {
     fn begin(&mut self, store: &Store) {
         let StoreKind { capacity, seed, ref layout } = self.part.kind;
         let blocks = layout.blocks();

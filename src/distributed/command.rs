@@ -18,8 +18,8 @@ pub enum Command {
     Gather,
     /// Answer with a `ProcessRecord`.
     Record,
-    /// End with this exit status.
-    End { status: u8 },
+    /// End.
+    End,
 }
 
 /// What a process answers to `Command::Render`.
