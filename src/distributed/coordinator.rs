@@ -106,7 +106,7 @@ impl ProcessGroup for Coordinator<'_> {
 
     fn render(&mut self, counts: &[u32]) -> Rendered {
         // Send the counts of each process
-        let width = self.costs.width();
+        let width = self.part.image().width();
         let of =
             |rectangle: &Rectangle| rectangle.select(counts, width).flatten().copied().collect::<Vec<u32>>();
         let message = |rank: usize| {

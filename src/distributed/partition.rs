@@ -34,11 +34,6 @@ impl TileCosts {
         Self { costs, ..*self }
     }
 
-    /// Returns the width of the image in pixels.
-    pub fn width(&self) -> usize {
-        self.width
-    }
-
     /// Returns the number of tiles.
     pub fn len(&self) -> usize {
         self.costs.len()
@@ -77,7 +72,6 @@ impl TileCosts {
             rectangles.push(tiles);
             return;
         }
-        let first_parts = parts / 2;
         let is_wide = tiles.width() >= tiles.height();
         let (side, across) =
             if is_wide { (tiles.width(), tiles.height()) } else { (tiles.height(), tiles.width()) };
@@ -92,8 +86,14 @@ impl TileCosts {
             (*end, *start) = (edge, edge);
             (first, second)
         };
-        // Both sides keep a tile for each of their parts
-        let (least, most) = (first_parts.div_ceil(across), side - (parts - first_parts).div_ceil(across));
+        // Both sides keep a tile for each of their parts, if need be with other numbers of parts
+        let mut first_parts = parts / 2;
+        let (mut least, mut most) =
+            (first_parts.div_ceil(across), side - (parts - first_parts).div_ceil(across));
+        if least > most {
+            (least, most) = (side / 2, side / 2);
+            first_parts = least * across;
+        }
         let cost = |tiles: Rectangle| self.tile_indices(tiles).map(|i| self.costs[i]).sum::<f64>();
         let wanted = cost(tiles) * first_parts as f64 / parts as f64;
         let error = |at: usize| (cost(split(at).0) - wanted).abs();

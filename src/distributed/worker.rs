@@ -91,7 +91,8 @@ impl<'s> Part<'s> {
         }
     }
 
-    fn image(&self) -> Rectangle {
+    /// Returns the rectangle of all pixels.
+    pub fn image(&self) -> Rectangle {
         let (width, height) = self.whole.resolution();
         Rectangle::of_image(width, height)
     }
