@@ -6,6 +6,7 @@ use super::failure::Failure;
 use super::mode::Mode;
 use super::options::RenderOptions;
 use super::state_options::StateOptions;
+use crate::filter::UNFILTERED;
 use crate::progressive::Settings;
 use crate::state::ImageMetadata;
 
@@ -63,11 +64,13 @@ pub(super) fn agree(
     let [width, height] = metadata.resolution().unwrap_or_default();
     let checked = processes.check_size((width, height));
     let text = |value: serde_json::Result<String>| value.unwrap_or_default();
+    // The first process chooses the denoiser, by its own memory and threads, and is the only one that needs it
+    let settings = Settings { denoiser: UNFILTERED, ..settings.clone() };
     let values = [
         ("program", program()),
         ("scene", format!("{} ({:.12})", metadata.source, metadata.hash)),
         ("view", text(serde_json::to_string(metadata))),
-        ("settings", text(serde_json::to_string(settings))),
+        ("settings", text(serde_json::to_string(&settings))),
         ("shard", options.state.shard.to_string()),
     ];
     let values = values.map(|(name, value)| (name.to_owned(), value)).into();
