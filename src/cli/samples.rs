@@ -7,6 +7,7 @@ use anyhow::Context;
 use super::failure::Failure;
 use super::terminal::{escaped, print_error};
 use crate::adaptive::SampleMap;
+use crate::memory::format_bytes;
 use crate::progressive::Settings;
 use crate::render::Renderer;
 use crate::state::SampleFile;
@@ -18,7 +19,7 @@ pub(super) fn begin(
     settings: &Settings,
     taken: u64,
     is_quiet: bool,
-) -> SampleFile {
+) -> Result<SampleFile, Failure> {
     if !is_quiet {
         let (width, height) = renderer.resolution();
         let pixels = (width * height) as u64;
@@ -28,7 +29,8 @@ pub(super) fn begin(
         let predicted = predict(all.map(|all| all.saturating_sub(taken)), bytes, pixels);
         print_error(&escaped(&format!("{}: {predicted}", path.display())));
     }
-    SampleFile::begin(path, renderer.layout())
+    let begun = SampleFile::begin(path, renderer.layout());
+    begun.with_context(|| format!("{}: cannot begin to write", path.display())).map_err(Failure::Run)
 }
 
 /// Waits until the file is complete.
@@ -40,10 +42,7 @@ pub(super) fn finish(file: Option<SampleFile>, path: Option<&Path>) -> Result<()
 
 /// Describes the size of a file of `samples` samples, whose number may not be known.
 fn predict(samples: Option<u64>, bytes: u64, pixels: u64) -> String {
-    let size = |bytes: u64| match bytes {
-        0..1_000_000_000 => format!("{:.1} MB", bytes as f64 / 1e6),
-        _ => format!("{:.1} GB", bytes as f64 / 1e9),
-    };
+    let size = |bytes: u64| format_bytes(bytes as f64);
     match samples {
         Some(samples) => format!("at most {} ({samples} samples of {bytes} bytes)", size(samples * bytes)),
         None => format!("{} for each sample per pixel ({bytes} bytes a sample)", size(pixels * bytes)),

@@ -7,8 +7,9 @@ use serde::Serialize;
 use super::sample_counts::SampleCounts;
 use crate::files;
 use crate::filter::DenoiserName;
+use crate::memory::peak_bytes;
 use crate::progressive::{
-    ErrorEstimate, Forecast, Outcome, PassRecord, ProcessRecord, Seconds, Settings, StoppedBy, memory_bytes,
+    ErrorEstimate, Forecast, Outcome, PassRecord, ProcessRecord, Seconds, Settings, StoppedBy,
 };
 use crate::state::ImageMetadata;
 
@@ -106,7 +107,7 @@ impl<'a> Report<'a> {
             first_rejected_sample: outcome
                 .first_rejected
                 .map(|sample| [sample.x as u64, sample.y as u64, sample.index.into()]),
-            peak_memory_bytes: memory_bytes("VmHWM"),
+            peak_memory_bytes: peak_bytes(),
             reservoir_bytes: store.reservoir_bytes(),
             estimated_error: estimate.as_ref().map(|estimate| estimate.value),
             estimated_error_low: interval.map(|[low, _]| low),

@@ -5,7 +5,8 @@
 
 use super::generation_record::GenerationRecord;
 use super::orbit_camera::OrbitCamera;
-use crate::progressive::{Checkpoint, Settings, available_bytes};
+use crate::memory::available_bytes;
+use crate::progressive::{Checkpoint, Settings};
 use crate::stats::Store;
 
 /// Most renders that are kept.

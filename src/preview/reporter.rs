@@ -15,9 +15,8 @@ use super::status::{
 use super::view::{View, ViewSource};
 use crate::filter::{DenoiserName, FilterResult};
 use crate::image::Planes;
-use crate::progressive::{
-    ErrorEstimate, Filtered, Point, Progress, Settings, StoppedBy, forecast, memory_bytes,
-};
+use crate::memory::held_bytes;
+use crate::progressive::{ErrorEstimate, Filtered, Point, Progress, Settings, StoppedBy, forecast};
 use crate::stats::{Layout, Part, Store};
 
 /// Shortest time between two reports.
@@ -309,7 +308,7 @@ impl Reporter {
             } else {
                 0.0
             },
-            memory_bytes: memory_bytes("VmRSS"),
+            memory_bytes: held_bytes(),
             estimate: self.record.estimate,
             true_error: self.comparison.as_ref().and_then(Comparison::relmse),
             flip: self.comparison.as_ref().and_then(Comparison::mean_flip),

@@ -1,10 +1,9 @@
-//! The memory of a render: whether it fits, before any is taken, and how much it has taken.
-
-use sysinfo::System;
+//! The memory that a render needs: whether it fits, before any is taken.
 
 use super::settings::{PixelMemory, Settings};
 use crate::adaptive::NO_CEILING;
 use crate::filter::SampleVectors;
+use crate::memory::{available_bytes, format_bytes};
 use crate::stats::{Layout, PIXEL_BLOCK, Row};
 
 /// In one line: what is needed, what there is, what would fit.
@@ -107,33 +106,13 @@ impl Demand {
             String::new()
         };
         Err(MemoryError(format!(
-            "{width}x{height} pixels{whole} need about {:.1} GB of memory, {:.1} GB are available; up to {:.0} \
+            "{width}x{height} pixels{whole} need about {} of memory, and {} are available; up to {:.0} \
              pixels would fit{fewer}",
-            needed / 1e9,
-            available / 1e9,
+            format_bytes(needed),
+            format_bytes(available),
             (available / (statistics + self.samples())).floor()
         )))
     }
-}
-
-/// Returns the memory that the program holds now (`VmRSS`) or has held at most (`VmHWM`), if the system tells.
-pub fn memory_bytes(kind: &str) -> Option<u64> {
-    let status = std::fs::read_to_string("/proc/self/status").ok()?;
-    let line = status.lines().find_map(|line| line.strip_prefix(kind)?.strip_prefix(':'))?;
-    let kibibytes: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
-    Some(kibibytes * 1024)
-}
-
-/// Returns the memory that is available to this process, of the machine or, if that is less, of its container; `None` if
-/// the system does not tell.
-pub fn available_bytes() -> Option<f64> {
-    let mut system = System::new();
-    system.refresh_memory();
-    if system.total_memory() == 0 || system.available_memory() == 0 {
-        return None;
-    }
-    let container = system.cgroup_limits().map_or(u64::MAX, |c| c.total_memory.saturating_sub(c.rss));
-    Some(system.available_memory().min(container) as f64)
 }
 
 #[cfg(test)]
@@ -175,10 +154,5 @@ mod tests {
             assert!(demand.fits(16.0 * needs(counted), (16, 1)).is_ok(), "{pass}");
             assert!(demand.fits(16.0 * needs(counted) - 1.0, (16, 1)).is_err(), "{pass}");
         }
-    }
-
-    #[test]
-    fn some_memory_is_left_to_this_test() {
-        assert!(available_bytes().is_none_or(|bytes| bytes > 1e6));
     }
 }

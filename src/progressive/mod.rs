@@ -56,7 +56,7 @@ pub use error_estimate::{ErrorEstimate, EstimateSummary, TILE};
 pub use filter_pass::{FailureMap, FilterPass, Filtered};
 pub use forecast::{Forecast, Point, forecast};
 pub use host::Host;
-pub use memory_budget::{MemoryError, available_bytes, fits_in_memory, memory_bytes, memory_needed};
+pub use memory_budget::{MemoryError, fits_in_memory, memory_needed};
 pub use process_group::{ProcessGroup, ProcessRecord, Rendered, SampleTotals};
 pub use record::{Outcome, PassRecord, Progress, Seconds, excessive_ratio};
 pub use region::Region;

@@ -5,11 +5,12 @@ use std::sync::Arc;
 use crossbeam::channel::TryRecvError;
 
 use super::Controller;
+use crate::memory::{available_bytes, format_bytes};
 use crate::preview::command::Command;
 use crate::preview::pixel_values::describe_pixel;
 use crate::preview::settings_change::SettingsChange;
 use crate::preview::status::Phase;
-use crate::progressive::{Host, Settings, available_bytes, memory_needed};
+use crate::progressive::{Host, Settings, memory_needed};
 use crate::stats::Store;
 
 impl Controller<'_> {
@@ -94,9 +95,9 @@ impl Controller<'_> {
         };
         match available_bytes().filter(|&available| needed > available) {
             Some(available) => Err(format!(
-                "{name} needs about {:.1} GB of memory for this many samples, and {:.1} GB are available",
-                needed / 1e9,
-                available / 1e9
+                "{name} needs about {} of memory for this many samples, and {} are available",
+                format_bytes(needed),
+                format_bytes(available)
             )),
             None => Ok(()),
         }
