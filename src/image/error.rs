@@ -37,6 +37,8 @@ pub enum Problem {
     TooLarge { width: usize, height: usize, channels: usize },
     #[error("channels {} are missing; the file has {}", wanted.join(", "), present.join(", "))]
     MissingChannels { wanted: Vec<String>, present: Vec<String> },
+    #[error("the image does not fit: {0}")]
+    Memory(String),
     #[error("the image has no pixels")]
     Empty,
     #[error("unknown extension; use .exr or .png")]

@@ -4,12 +4,13 @@ use std::io::Write;
 use std::path::Path;
 
 use image::codecs::png::PngEncoder;
-use image::{ExtendedColorType, ImageEncoder, ImageReader, Limits};
+use image::{DynamicImage, ExtendedColorType, ImageDecoder, ImageEncoder, ImageReader, Limits};
 
 use super::error::{MAX_SAMPLES, MAX_SIDE};
 use super::tone::{srgb_decode, to_srgb8};
 use super::{ImageError, Planes, Problem};
 use crate::files::replace_file;
+use crate::memory::check_available;
 
 /// Length of the chunk `IEND` in bytes.
 const END_LENGTH: usize = 12;
@@ -87,7 +88,7 @@ pub fn encode(width: usize, height: usize, rgb: &[u8]) -> Result<Vec<u8>, Proble
 ///
 /// # Errors
 /// [`Problem::Unsupported`] for other formats, [`Problem::Malformed`] for a damaged or too large file,
-/// [`Problem::Io`].
+/// [`Problem::Memory`], [`Problem::Io`].
 pub fn read(path: &Path) -> Result<Planes, ImageError> {
     decode(path).map_err(|problem| problem.at(path))
 }
@@ -102,7 +103,12 @@ fn decode(path: &Path) -> Result<Planes, Problem> {
         return Err(Problem::Unsupported("the file is not an EXR, PNG, JPEG or TGA image".to_owned()));
     }
     reader.limits(limits);
-    let image = reader.decode()?.into_rgb32f();
+    let decoder = reader.into_decoder()?;
+    // As it is stored, as floats, and as planes.
+    let (width, height) = decoder.dimensions();
+    let pixels = u64::from(width) * u64::from(height);
+    check_available(decoder.total_bytes() + pixels * 6 * size_of::<f32>() as u64).map_err(Problem::Memory)?;
+    let image = DynamicImage::from_decoder(decoder)?.into_rgb32f();
 
     let (width, height) = (image.width() as usize, image.height() as usize);
     let mut planes = Planes::new(width, height, 3);

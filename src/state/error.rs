@@ -28,6 +28,8 @@ pub enum StateErrorKind {
     Version(u32),
     #[error("found {found} bytes of a render state of {expected}; it was truncated or extended")]
     Length { found: usize, expected: u64 },
+    #[error("the render state does not fit: {0}")]
+    Memory(String),
     #[error("the render state is damaged: its checksum is not that of its content")]
     Checksum,
     #[error("the render state's header is wrong: {0}")]

@@ -11,6 +11,7 @@ use super::format::MAGIC;
 use super::render_state::RenderState;
 use crate::files::ExclusiveFile;
 use crate::files::exclusive::write_and_discard;
+use crate::memory::check_available;
 
 /// Tests whether a file begins with the signature of a render state.
 ///
@@ -38,8 +39,13 @@ impl RenderState {
     pub fn read(path: &Path) -> Result<Self, StateError> {
         // A file of another kind may be larger than the memory.
         check_signature(path)?;
-        let state = std::fs::read(path).map_err(StateErrorKind::from).and_then(|bytes| decode(&bytes));
-        state.map_err(|kind| StateError { path: path.to_path_buf(), kind })
+        let read = || {
+            // The bytes, and the store that they become.
+            let bytes = 2 * std::fs::metadata(path)?.len();
+            check_available(bytes).map_err(StateErrorKind::Memory)?;
+            decode(&std::fs::read(path)?)
+        };
+        read().map_err(|kind| StateError { path: path.to_path_buf(), kind })
     }
 
     /// Replaces a file, whole or not at all.

@@ -21,6 +21,7 @@ use super::attribute::{self, string};
 use super::{Attribute, Windows};
 use crate::image::error::{MAX_SAMPLES, MAX_SIDE};
 use crate::image::{ImageError, Planes, Problem};
+use crate::memory::check_available;
 
 /// The contents of the header of one part of a file.
 #[derive(Clone, Debug, PartialEq)]
@@ -81,7 +82,7 @@ fn info(header: &Header) -> ExrInfo {
 /// parts, the first one that has all channels is read.
 ///
 /// # Errors
-/// [`Problem::MissingChannels`]; [`Problem::TooLarge`]; [`Problem::Unsupported`] for DWA
+/// [`Problem::MissingChannels`]; [`Problem::TooLarge`]; [`Problem::Memory`]; [`Problem::Unsupported`] for DWA
 /// compression, deep data and subsampled channels; [`Problem::Malformed`] for a damaged file.
 pub fn read_channels(path: &Path, names: &[&str]) -> Result<Planes, ImageError> {
     read_first_present(path, &[names.iter().map(|name| name.to_string()).collect()])
@@ -230,6 +231,8 @@ fn decode<R: Read + Seek>(reader: Reader<R>, part: usize, channels: &[usize]) ->
 
     let meta = reader.meta_data().clone();
     let Vec2(width, height) = meta.headers[part].layer_size;
+    let bytes = width * height * channels.len() * size_of::<f32>();
+    check_available(bytes as u64).map_err(Problem::Memory)?;
     let mut planes = Planes::new(width, height, channels.len());
     let mut seen = HashSet::new();
     let mut chunks =

@@ -6,6 +6,7 @@ use std::path::Path;
 use flate2::bufread::MultiGzDecoder;
 
 use crate::files::open_regular;
+use crate::memory::{available_bytes, format_bytes};
 
 /// Largest expansion of a gzip file (the limit of DEFLATE).
 const MAX_INFLATION: u64 = 1032;
@@ -35,10 +36,22 @@ pub fn open(path: &Path) -> Result<Source, String> {
 /// Reads a whole file.
 ///
 /// # Errors
-/// As [`open`].
+/// As [`open`]; too little memory for what the file holds or unpacks to.
 pub fn read(path: &Path) -> Result<Vec<u8>, String> {
+    /// Memory per byte of a file: the growing buffer, its copy while it grows, and what is made of the text.
+    const GROWTH: f64 = 4.0;
+    let available = available_bytes().unwrap_or(f64::INFINITY);
+    let most = (available / GROWTH) as u64;
     let mut bytes = Vec::new();
-    open(path)?.reader.read_to_end(&mut bytes).map_err(|error| error.to_string())?;
+    let mut reader = open(path)?.reader.take(most.saturating_add(1));
+    reader.read_to_end(&mut bytes).map_err(|error| error.to_string())?;
+    if bytes.len() as u64 > most {
+        return Err(format!(
+            "it holds or unpacks to more than {}, too much for the {} of memory that are available",
+            format_bytes(most as f64),
+            format_bytes(available)
+        ));
+    }
     Ok(bytes)
 }
 

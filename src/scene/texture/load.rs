@@ -15,11 +15,14 @@ use super::texture_image::TextureImage;
 use super::textures::luminance;
 use crate::files::open_regular;
 use crate::image::exr_file;
+use crate::memory::check_available;
 
 /// Largest number of texels of an image: 16 384 × 16 384.
 const MAX_TEXELS: u64 = 1 << 28;
 /// Largest number of texels per byte of a file: that of a blank PNG with one bit per texel.
 const MAX_TEXELS_PER_BYTE: u64 = 8 * 1032;
+/// Bytes of a channel of a texel while float texels are read: as stored, by plane and by texel.
+const FLOAT_BYTES: u64 = 3 * size_of::<f32>() as u64;
 /// Largest number of channels of an EXR file; renderers write far fewer.
 const MAX_CHANNELS: usize = 64;
 /// Values are clamped to this magnitude, so that sums of channels and texels stay finite.
@@ -110,7 +113,8 @@ pub fn load(path: &Path, encoding: Encoding, channels: Channels) -> Result<Textu
     };
     match format {
         None if extension == "pfm" => {
-            pfm::read(&mut reader, |width, height| check_size(width, height, length), make_image)
+            let check = |width, height| check_size(width, height, length, 3 * FLOAT_BYTES);
+            pfm::read(&mut reader, check, make_image)
         }
         None => load_exr(path, length, make_image),
         Some(format) => load_integers(reader, length, format, encoding, channels),
@@ -126,11 +130,13 @@ fn decode(data: &mut [f32], count: usize, encoding: Encoding) {
     }
 }
 
-/// Checks a size from a header against the limits for a file of `length` bytes.
-fn check_size(width: u64, height: u64, length: u64) -> Result<(), String> {
+/// Checks a size from a header against the limits for a file of `length` bytes, and against the memory that is available
+/// for `texel_bytes` of each texel.
+fn check_size(width: u64, height: u64, length: u64, texel_bytes: u64) -> Result<(), String> {
     let plausible = length.saturating_mul(MAX_TEXELS_PER_BYTE).min(MAX_TEXELS);
     match width.checked_mul(height) {
-        Some(1..) if width.saturating_mul(height) <= plausible => Ok(()),
+        Some(texels @ 1..) if texels <= plausible => check_available(texels * texel_bytes)
+            .map_err(|problem| format!("the header states {width}x{height} texels: {problem}")),
         _ => Err(format!(
             "the header states {width}x{height} texels; expected at most {plausible} in a file of {length} bytes"
         )),
@@ -144,13 +150,14 @@ fn load_exr(
     make: impl FnOnce(usize, usize, usize, Vec<f32>) -> TextureImage,
 ) -> Result<TextureImage, String> {
     let info = exr_file::read_info(path).map_err(|error| error.problem.to_string())?;
-    check_size(info.width as u64, info.height as u64, length)?;
     if info.channels.len() > MAX_CHANNELS {
         return Err(format!(
             "the image has {} channels; expected at most {MAX_CHANNELS}",
             info.channels.len()
         ));
     }
+    let count = info.channels.len().min(4) as u64;
+    check_size(info.width as u64, info.height as u64, length, count * FLOAT_BYTES)?;
     let channel =
         |name: &str| info.channels.iter().find(|c| c.eq_ignore_ascii_case(name)).map(String::as_str);
     let names: Vec<&str> = match ["R", "G", "B"].map(channel) {
@@ -200,7 +207,11 @@ fn load_integers(
     reader.limits(limits);
     let decoder = reader.into_decoder().map_err(|error| error.to_string())?;
     let (width, height) = decoder.dimensions();
-    check_size(width.into(), height.into(), length)?;
+    let colour = decoder.color_type();
+    let stored = u64::from(colour.channel_count());
+    // A copy is made of bytes, and floats of 16-bit values.
+    let is_byte = u64::from(colour.bytes_per_pixel()) == stored;
+    check_size(width.into(), height.into(), length, stored * if is_byte { 2 } else { FLOAT_BYTES })?;
     let image = DynamicImage::from_decoder(decoder).map_err(|error| error.to_string())?;
     let image = channels.select_integers(image);
 

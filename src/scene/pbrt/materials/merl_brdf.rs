@@ -8,6 +8,7 @@ use std::path::Path;
 
 use glam::Vec3;
 
+use crate::memory::check_available;
 use crate::scene::pbrt::files;
 
 /// A MERL table. φd varies fastest, then θd, then √θh, then the channel.
@@ -38,6 +39,7 @@ impl MerlBrdf {
         let Some(bytes) = bytes.filter(|&bytes| bytes > 0 && bytes as u64 <= max_length) else {
             return Err(format!("the file is too short for a table of {steps:?} steps"));
         };
+        check_available(2 * bytes as u64)?;
         let mut data = vec![0; bytes];
         reader.read_exact(&mut data).map_err(error)?;
         let (numbers, _) = data.as_chunks::<8>();

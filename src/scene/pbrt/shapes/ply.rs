@@ -5,10 +5,11 @@ use std::io::{BufRead, Read};
 use std::path::Path;
 
 use glam::{DVec2, DVec3};
-use serde::de::{Deserialize, Deserializer, SeqAccess, Visitor};
+use serde::de::{Deserialize, Deserializer, Error, SeqAccess, Visitor};
 use serde_ply::{PlyHeader, PlyReader};
 
 use super::mesh_description::MeshDescription;
+use crate::memory::check_available;
 use crate::scene::pbrt::files::{self, Source};
 
 /// Reads a mesh. Polygons are triangulated as fans.
@@ -54,7 +55,7 @@ fn read_from(reader: impl BufRead, max_length: u64) -> Result<MeshDescription, S
     Ok(mesh)
 }
 
-/// Rejects headers with more elements than a file of `max_length` bytes can hold.
+/// Rejects headers with more elements than a file of `max_length` bytes, or the memory, can hold.
 fn check(header: &PlyHeader, max_length: u64) -> Result<(), String> {
     for name in ["vertex", "face"] {
         if !header.has_element(name) {
@@ -72,8 +73,18 @@ fn check(header: &PlyHeader, max_length: u64) -> Result<(), String> {
             ));
         }
     }
-    Ok(())
+    let count = |name: &str| header.get_element(name).map_or(0, |element| element.count as u64);
+    let (vertices, faces) = (count("vertex"), count("face"));
+    check_available(vertices * VERTEX_BYTES + faces * TRIANGLE_BYTES)
+        .map_err(|problem| format!("the header states {vertices} vertices and {faces} faces: {problem}"))
 }
+
+/// Memory of a vertex: as [`Vertices`], and in the mesh that is made of them.
+const VERTEX_BYTES: u64 = 3 * (2 * size_of::<DVec3>() + size_of::<DVec2>()) as u64 / 2;
+/// Memory of a triangle: as [`Faces`], and in the mesh.
+const TRIANGLE_BYTES: u64 = 2 * size_of::<[u32; 3]>() as u64;
+/// Most corners of a face.
+const MAX_CORNERS: usize = 1 << 16;
 
 /// Names of texture coordinates, as in [`Vertex`].
 const U_NAMES: &[&str] = &["u", "s", "texture_u", "texture_s"];
@@ -99,7 +110,37 @@ struct Vertex {
 #[derive(serde::Deserialize)]
 struct Face {
     #[serde(alias = "vertex_index")]
-    vertex_indices: Vec<u32>,
+    vertex_indices: Corners,
+}
+
+/// The vertices of a face.
+struct Corners(Vec<u32>);
+
+impl<'de> Deserialize<'de> for Corners {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct CornersVisitor;
+
+        impl<'de> Visitor<'de> for CornersVisitor {
+            type Value = Corners;
+
+            fn expecting(&self, formatter: &mut fmt::Formatter) -> fmt::Result {
+                formatter.write_str("the vertices of a face")
+            }
+
+            fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<Corners, A::Error> {
+                let mut corners = Vec::with_capacity(4);
+                while let Some(corner) = list.next_element()? {
+                    if corners.len() == MAX_CORNERS {
+                        return Err(A::Error::custom(format!("a face has more than {MAX_CORNERS} corners")));
+                    }
+                    corners.push(corner);
+                }
+                Ok(Corners(corners))
+            }
+        }
+
+        deserializer.deserialize_seq(CornersVisitor)
+    }
 }
 
 /// An element that is skipped.
@@ -121,25 +162,37 @@ struct Faces(Vec<[u32; 3]>);
 /// A collection that is filled row by row.
 trait Gather: Default {
     type Row: for<'de> Deserialize<'de>;
-    fn gather(&mut self, row: Self::Row);
+
+    /// Adds a row.
+    ///
+    /// # Errors
+    /// Memory becomes scarce.
+    fn gather(&mut self, row: Self::Row) -> Result<(), String>;
 }
 
 impl Gather for Vertices {
     type Row = Vertex;
-    fn gather(&mut self, vertex: Vertex) {
+    fn gather(&mut self, vertex: Vertex) -> Result<(), String> {
         let Vertex { x, y, z, nx, ny, nz, u, v } = vertex;
         self.positions.push(DVec3::new(x, y, z));
         self.normals.push(DVec3::new(nx, ny, nz));
         self.uvs.push(DVec2::new(u, v));
+        Ok(())
     }
 }
 
 impl Gather for Faces {
     type Row = Face;
-    fn gather(&mut self, face: Face) {
-        if let [first, rest @ ..] = &face.vertex_indices[..] {
-            self.0.extend(rest.windows(2).map(|pair| [*first, pair[0], pair[1]]));
+    fn gather(&mut self, Face { vertex_indices: Corners(corners) }: Face) -> Result<(), String> {
+        let [first, rest @ ..] = &corners[..] else { return Ok(()) };
+        // The header does not tell the number of corners.
+        let triangles = self.0.len() + corners.len();
+        if triangles > self.0.capacity() {
+            check_available(2 * triangles as u64 * TRIANGLE_BYTES)
+                .map_err(|problem| format!("too many triangles: {problem}"))?;
         }
+        self.0.extend(rest.windows(2).map(|pair| [*first, pair[0], pair[1]]));
+        Ok(())
     }
 }
 
@@ -155,7 +208,7 @@ impl<'de, G: Gather> Visitor<'de> for Gatherer<G> {
     fn visit_seq<A: SeqAccess<'de>>(self, mut rows: A) -> Result<G, A::Error> {
         let mut gathered = G::default();
         while let Some(row) = rows.next_element()? {
-            gathered.gather(row);
+            gathered.gather(row).map_err(A::Error::custom)?;
         }
         Ok(gathered)
     }
@@ -256,6 +309,30 @@ mod tests {
         assert!(read_bytes("a.ply", huge.as_bytes()).unwrap_err().contains("4000000000000"));
         let endless = ASCII.replace("element face", "element void 9\nelement face");
         assert!(read_bytes("a.ply", endless.as_bytes()).unwrap_err().contains("0 properties"));
+    }
+
+    #[test]
+    fn a_small_file_of_more_than_the_memory_is_refused_by_its_header() {
+        let pixels = 4_000_000_000_000_u64;
+        let header = ASCII.replace("vertex 4", &format!("vertex {pixels}"));
+        let message = read_from(header.as_bytes(), u64::MAX).unwrap_err();
+        assert!(
+            message.starts_with("the header states 4000000000000 vertices and 1 faces: it takes"),
+            "{message}"
+        );
+    }
+
+    #[test]
+    fn faces_of_too_many_corners_are_errors() {
+        let with_corners = |count: usize| {
+            ASCII
+                .replace("uchar int", "uint int")
+                .replace("4 0 1 2 3", &format!("{count}{}", " 0".repeat(count)))
+        };
+        assert!(read_bytes("a.ply", with_corners(MAX_CORNERS).as_bytes()).is_ok());
+        assert!(
+            read_bytes("a.ply", with_corners(MAX_CORNERS + 1).as_bytes()).unwrap_err().contains("corners")
+        );
     }
 
     #[test]
