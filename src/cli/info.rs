@@ -53,15 +53,15 @@ fn describe_scene(scene: &Scene) -> String {
 
     // Describe it
     format!(
-        "scene       {}\n\
-         dialect     {}\n\
-         film        {}x{}, pixels {x0},{x1},{y0},{y1}, {:?}\n\
-         integrator  {integrator}, {} samples per pixel\n\
-         geometry    {stored} triangles stored, {instanced} with instances; {} primitives, {} objects, {} instances\n\
-         lights      {emissive} emissive shapes, {} without a surface ({environments} environment)\n\
-         materials   {}; {} images\n\
-         memory      {:.1} MB of meshes, {:.1} MB of images\n\
-         effects     {}\n",
+        "scene            {}\n\
+         dialect          {}\n\
+         film             {}x{}, pixels {x0},{x1},{y0},{y1}, {:?}\n\
+         integrator       {integrator}, {} samples per pixel\n\
+         geometry         {stored} triangles stored, {instanced} with instances; {} primitives, {} objects, {} instances\n\
+         lights           {emissive} emissive shapes, {} without a surface ({environments} environment)\n\
+         materials        {}; {} images\n\
+         memory           {:.1} MB of meshes, {:.1} MB of images\n\
+         effects          {}\n",
         escaped(&scene.source),
         scene.dialect.map_or_else(String::new, |dialect| dialect.to_string()),
         film.width,
@@ -102,10 +102,10 @@ fn describe_statistics(scene: &Scene) -> String {
 
     // Describe them
     format!(
-        "dimensions  {vector} of 27 enabled: {}\n\
-         auxiliary   {}\n\
-         pairs       {pairs} of mutual information, with --denoiser prpf\n\
-         store       {needed} for this film; {all} with --statistics all\n{}",
+        "dimensions       {vector} of 27 enabled: {}\n\
+         auxiliary        {}\n\
+         pairs            {pairs} of mutual information, with --denoiser prpf\n\
+         store            {needed} for this film; {all} with --statistics all\n{}",
         names[..vector].join(" "),
         names[vector..].join(" "),
         DENOISERS.map(|denoiser| describe_denoiser(denoiser, &layout)).concat(),
