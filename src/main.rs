@@ -3,10 +3,10 @@
 use std::process::ExitCode;
 use std::time::Instant;
 
-/// The filters take and give back planes of many megabytes with every pass; an allocator that keeps its pages
-/// saves the system clearing them each time.
+use prpf::cli::Allocator;
+
 #[global_allocator]
-static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
+static ALLOCATOR: Allocator = Allocator;
 
 /// `mi_option_purge_delay` of mimalloc's header, for which its binding has no name.
 const PURGE_DELAY: libmimalloc_sys::mi_option_t = 15;

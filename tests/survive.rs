@@ -421,6 +421,36 @@ fn a_state_that_does_not_fit_gets_one_line_and_stays() {
     refused(folder, &["merge", "a.state", "-o", "b.state"]);
 }
 
+/// Wherever memory ends, the program says so in one line, and the state stays.
+#[test]
+#[cfg(target_os = "linux")]
+fn too_little_memory_gets_one_line_and_the_state_stays() {
+    let folder = folder();
+    done(folder.path(), &render(&["-o", "a.exr", "--state", "a.state"]));
+    let state = std::fs::read(folder.path().join("a.state")).expect("it was written");
+    let mut failures = 0;
+    for megabytes in [30, 45, 60, 90, 120, 140, 160, 2000] {
+        let limit = format!("ulimit -v {}; exec \"$@\"", megabytes * 1000);
+        let output = Command::new("sh")
+            .current_dir(folder.path())
+            .args(["-c", &limit, "sh", env!("CARGO_BIN_EXE_prpf"), "render", "scene.pbrt", "--quiet"])
+            .args(["-o", "b.exr", "--state", "a.state", "--resume", "--threads", "2", "--spp", "50"])
+            .output()
+            .expect("a shell");
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        if output.status.success() {
+            // Later ones would find a finished render.
+            std::fs::write(folder.path().join("a.state"), &state).expect("a writable folder");
+            continue;
+        }
+        failures += 1;
+        assert!(matches!(output.status.code(), Some(1 | 2)), "{megabytes} MB: {said}");
+        assert_eq!(said.lines().count(), 1, "{megabytes} MB: {said}");
+        done(folder.path(), &["denoise", "a.state", "-o", "c.exr", "--quiet"]);
+    }
+    assert!((2..8).contains(&failures), "{failures} of 8 limits were too low");
+}
+
 #[test]
 fn an_export_is_an_archive_of_numpy_arrays() {
     let folder = folder();

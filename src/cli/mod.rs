@@ -4,6 +4,7 @@
 //! 2 the command line or an input file is wrong; 130 interrupted by SIGINT, SIGTERM or SIGHUP, image and state written
 //! (a preview that is closed has nothing to write, and is done: 0).
 
+mod allocator;
 mod checkpoints;
 mod command_line;
 mod compare;
@@ -37,4 +38,5 @@ mod usage;
 mod viewers;
 mod workers;
 
+pub use allocator::Allocator;
 pub use program::run;

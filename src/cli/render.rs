@@ -270,7 +270,7 @@ impl Job<'_> {
 
         let taken = checkpoint.as_ref().map_or(0, |checkpoint| checkpoint.store.samples_taken());
         let begin = |path| samples::begin(path, renderer, settings, taken, options.quiet);
-        let samples = options.samples.as_deref().map(begin);
+        let samples = options.samples.as_deref().map(begin).transpose()?;
 
         // Run the render loop, by one of its drivers
         let bar = progress_bar(options.quiet);

@@ -2,8 +2,6 @@
 
 use std::num::NonZeroUsize;
 
-use anyhow::Context;
-
 use super::failure::Failure;
 
 /// Runs `work` on `threads` worker threads; on all cores by default.
@@ -14,5 +12,6 @@ pub fn in_pool<T: Send>(
     // 0 lets rayon use all cores.
     let threads = threads.map_or(0, NonZeroUsize::get);
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
-    pool.context("starting the worker threads").map_err(Failure::Run)?.install(work)
+    let refused = || anyhow::anyhow!("the system starts no more threads; --threads N needs fewer");
+    pool.map_err(|_| Failure::Run(refused()))?.install(work)
 }

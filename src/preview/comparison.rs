@@ -54,13 +54,14 @@ impl Comparison {
         let Some(shown) = shown.filter(|_| self.flip.is_none()) else { return };
         let (done, pending) = bounded(1);
         let (image, reference) = (shown.image.clone(), self.reference.clone());
-        std::thread::spawn(move || {
+        let compare = move || {
             if let Ok(pair) = Pair::new(&image, &reference) {
                 // A map that is no longer wanted is dropped.
                 let _ = done.send(pair.flip());
             }
-        });
-        self.pending_flip = Some(pending);
+        };
+        let thread = std::thread::Builder::new().name("flip".to_owned()).spawn(compare);
+        self.pending_flip = thread.is_ok().then_some(pending);
     }
 
     pub fn reference(&self) -> &Planes {

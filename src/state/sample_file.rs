@@ -24,12 +24,15 @@ pub struct SampleFile {
 
 impl SampleFile {
     /// Begins a file of samples of this layout.
-    pub fn begin(path: &Path, layout: &Layout) -> Self {
+    ///
+    /// # Errors
+    /// The system starts no thread.
+    pub fn begin(path: &Path, layout: &Layout) -> io::Result<Self> {
         let (pieces, receiver) = sync_channel(WAITING_PIECES);
         let (path, layout) = (path.to_owned(), layout.clone());
-        let writer =
-            thread::spawn(move || replace_file(&path, |out| write(Npz::new(out), &layout, &receiver)));
-        Self { pieces, writer }
+        let work = move || replace_file(&path, |out| write(Npz::new(out), &layout, &receiver));
+        let writer = thread::Builder::new().name("samples".into()).spawn(work)?;
+        Ok(Self { pieces, writer })
     }
 
     /// Returns the bytes of a sample in a file.
