@@ -181,6 +181,9 @@ fn layers_are_asked_for_where_there_are_some() {
     let denoise =
         |outputs: &[&'static str]| [&["denoise", "a.state", "--layers", "Albedo,Ns"], outputs].concat();
     assert!(refused(folder, &denoise(&["-o", "a.png"])).contains("-o FILE.exr"));
+    // Not over the image that a render of this name wrote
+    done(folder, &denoise(&[]));
+    assert!(folder.join("a-denoised.exr").exists() && !folder.join("a.exr").exists());
     done(folder, &denoise(&["-o", "a.png", "-o", "a.exr", "--denoiser", "none"]));
     let channels = prpf::image::exr_file::read_info(&folder.join("a.exr")).expect("an image").channels;
     assert_eq!(channels, ["Albedo.B", "Albedo.G", "Albedo.R", "B", "G", "Ns.X", "Ns.Y", "Ns.Z", "R"]);

@@ -30,21 +30,23 @@ Examples:
   prpf denoise scene.state --quality draft -o draft.png
   prpf denoise scene.state --denoiser none -o noisy.exr --layers Noisy,SampleCount
 
-  prpf denoise a.exr b.exr -o out.exr                        two renders of one frame, of any renderer
-  prpf denoise a.exr b.exr -o out.exr --map colour=beauty,albedo=diff_col --aovs key,fill
+Two renders of one frame, of any renderer:
+  prpf denoise a.exr b.exr -o out.exr
+  prpf denoise a.exr b.exr -o out.exr --map colour=beauty --aovs key,fill
 
-Of a state: without other options the image is the one that the render wrote. What another
-denoiser reads has to be in the state: `prpf render --statistics all` keeps every dimension, `--reservoir 8` the
-sample vectors that --denoiser prpf needs.
+Of a state: without other options the image is the one that the render wrote. What another denoiser reads has \
+to be in the state: `prpf render --statistics all` keeps every dimension, `--reservoir 8` the sample vectors \
+that --denoiser prpf needs.
 
-Of images: two renders that differ in their seeds only are the two halves of the samples. One image is enough
-if it has a layer of its variance. Layers are found under the names of pbrt-v4, Cycles, Mitsuba, Arnold and
+Of images: two renders that differ in their seeds only are the two halves of the samples. One image is enough \
+if it has a layer of its variance. Layers are found under the names of pbrt-v4, Cycles, Mitsuba, Arnold and \
 RenderMan, or given by --map.")]
 pub(super) struct DenoiseOptions {
     /// State of `prpf render --state` or `prpf merge`; or two EXR images, or one with its variance
     #[arg(required = true, num_args = 1..=2, value_name = "STATE|IMAGE [IMAGE]")]
     pub inputs: Vec<PathBuf>,
-    /// Output, .exr (all layers) or .png; may be given twice [default: STATE.exr; none for images]
+    /// Output, .exr (all layers) or .png; may be given twice [default: STATE-denoised.exr; none
+    /// for images]
     #[arg(short, long, value_name = "FILE")]
     outfile: Vec<PathBuf>,
     #[command(flatten)]
@@ -144,12 +146,12 @@ fn check(options: &DenoiseOptions) -> anyhow::Result<(bool, Vec<PathBuf>)> {
     Ok((is_of_images, outfiles))
 }
 
-/// Returns the state's name with `.exr` in place of `.state`.
+/// Returns the state's name with `-denoised.exr` in place of `.state`: another one than the render's image has.
 fn beside(state: &Path) -> PathBuf {
     let is_plain = state.extension().is_none_or(|extension| extension == "state");
     let mut name =
         if is_plain { state.file_stem() } else { state.file_name() }.unwrap_or_default().to_owned();
-    name.push(".exr");
+    name.push("-denoised.exr");
     state.with_file_name(name)
 }
 
