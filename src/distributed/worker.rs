@@ -6,7 +6,8 @@ use std::time::Instant;
 use super::command::{Answer, Command, decode_counts};
 use super::exchange::{StoreKind, exchange};
 use super::link::Link;
-use crate::progressive::{ProcessRecord, SampleTotals, memory_bytes};
+use crate::memory::peak_bytes;
+use crate::progressive::{ProcessRecord, SampleTotals};
 use crate::render::{RejectedSample, Renderer};
 use crate::stats::{Rectangle, Store};
 
@@ -87,7 +88,7 @@ impl<'s> Part<'s> {
             render: self.render_seconds,
             transfer: link.transfer_seconds(),
             bytes_sent: link.bytes_sent(),
-            peak_memory_bytes: memory_bytes("VmHWM"),
+            peak_memory_bytes: peak_bytes(),
         }
     }
 

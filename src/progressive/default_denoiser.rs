@@ -2,8 +2,8 @@
 
 use super::budget::Budget;
 use super::finalisation::assumed_seconds;
-use super::memory_budget::available_bytes;
 use crate::filter::{DENOISERS, Denoiser, FASTER_DEFAULT};
+use crate::memory::available_bytes;
 
 /// Largest fraction of a time budget that the last pass takes: `nlm` leaves about 1.15 times the error of the same samples,
 /// and so does `learned` with an eighth less of them, which it costs at this limit.
