@@ -6,6 +6,7 @@
 //! generation begins, so that no movement of the camera waits for it.
 
 mod camera;
+mod coarse_look;
 mod commands;
 mod generations;
 mod image_requests;
@@ -19,7 +20,7 @@ use std::time::{Duration, Instant};
 use crossbeam::channel::RecvTimeoutError;
 
 use super::background_pass::{BackgroundPass, PassThreads};
-use super::command::Rectangle;
+use super::command::{Command, Rectangle};
 use super::configuration::{Configuration, PreviewHost, recorded_blocks};
 use super::controller_end::ControllerEnd;
 use super::generation_record::GenerationRecord;
@@ -33,11 +34,9 @@ use super::reporter::{Reporter, Subject};
 use super::saved_images::SavedFile;
 use super::status::Phase;
 use crate::filter::{DENOISERS, Denoiser, FilterResult};
-use crate::image::Planes;
 use crate::progressive::{
-    Action, Checkpoint, Conditions, Filtered, Host, Outcome, Region, RenderLoop, Settings, StoppedBy,
+    Action, Checkpoint, Conditions, Filtered, Host, Outcome, RenderLoop, Settings, StoppedBy,
 };
-use crate::render::Renderer;
 use crate::stats::{BlockSet, Layout, Store};
 
 /// Longest step of a batch, in seconds: commands are handled between two.
@@ -59,6 +58,10 @@ pub struct Controller<'a> {
     /// Renders that commands have replaced, and the one that comes back.
     history: History,
     returning: Option<KeptRender>,
+    /// The store of a generation that another one replaced before its first sample.
+    unused: Option<Store>,
+    /// A command that waits for a store.
+    deferred: Option<Command>,
     denoisers: Vec<&'static dyn Denoiser>,
     /// Cameras to return to.
     bookmarks: Vec<OrbitCamera>,
@@ -117,6 +120,8 @@ impl<'a> Controller<'a> {
             camera: None,
             history: History::default(),
             returning: None,
+            unused: None,
+            deferred: None,
             denoisers: DENOISERS.into_iter().filter(|denoiser| denoiser.missing().is_none()).collect(),
             bookmarks: Vec::new(),
             pending: Pending::default(),
@@ -163,6 +168,7 @@ impl<'a> Controller<'a> {
             Some(kept) => (Some(kept.checkpoint), kept.record),
             None => (self.configuration.checkpoint.take(), GenerationRecord::default()),
         };
+        let is_new = checkpoint.is_none();
         let recorded = checkpoint.as_ref().map_or_else(
             || self.recorded_blocks(&self.configuration.settings),
             |found| found.store.layout().blocks(),
@@ -171,12 +177,17 @@ impl<'a> Controller<'a> {
         self.set_up_camera(&renderer);
         // Another camera sees something else than the reference.
         let reference = self.configuration.reference.clone().filter(|_| self.sees_as_scene());
-        let mut render_loop = RenderLoop::new(&renderer, &self.configuration.settings, start)
-            .with_reference(reference.as_deref());
+        self.begin_generation(&renderer, record, reference.clone());
+        if is_new {
+            self.look_coarsely(&renderer);
+            if self.moves_camera(&renderer) {
+                return GenerationEnd::Replaced;
+            }
+        }
+        let mut render_loop = self.new_loop(&renderer, start).with_reference(reference.as_deref());
         if let Some(checkpoint) = checkpoint {
             render_loop = render_loop.resume(checkpoint);
         }
-        self.begin_generation(&renderer, record, reference.clone());
         render_loop.set_region(self.pixel_region(renderer.resolution()));
 
         loop {
@@ -240,6 +251,11 @@ impl<'a> Controller<'a> {
     /// Performs one action of the loop after the other. Returns the last image, or `None` as soon as commands are pending
     /// or the render pauses.
     fn advance(&mut self, render_loop: &mut RenderLoop) -> Option<(Filtered, StoppedBy)> {
+        // A camera that moves on needs no samples of this view.
+        self.receive(render_loop.store());
+        if self.pending.starts_generation() {
+            return None;
+        }
         loop {
             let conditions = self.conditions();
             match render_loop.next_action(&conditions) {
@@ -360,30 +376,12 @@ impl<'a> Controller<'a> {
         }
     }
 
-    fn begin_generation(
-        &mut self,
-        renderer: &Renderer,
-        record: GenerationRecord,
-        reference: Option<Arc<Planes>>,
-    ) {
-        self.pending.clear_for_generation();
-        self.reporter.begin(renderer.layout(), &self.configuration.settings, record, reference);
-        self.viewer_pass_seconds = 0.0;
-    }
-
     fn finish(&mut self, stopped_by: StoppedBy, store: &Store) {
         // There is nothing left to pause.
         self.is_paused = false;
         self.reporter.finish(stopped_by);
         self.reporter.publish(store);
         self.report(store, true);
-    }
-
-    fn pixel_region(&self, (width, height): (usize, usize)) -> Option<Region> {
-        let pixels = |[a, b]: [f32; 2], size: usize| {
-            [(a * size as f32).floor() as usize, ((b * size as f32).ceil() as usize).min(size)]
-        };
-        self.region.map(|[x, y]| Region { x: pixels(x, width), y: pixels(y, height) })
     }
 
     /// Publishes the status.

@@ -61,12 +61,13 @@ impl PreviewFrame {
         head[20..24].copy_from_slice(&info.seconds.to_le_bytes());
 
         // Interleave and convert the rows
+        let stand_ins = counts.map(|counts| StandIns::new(counts, width));
         pixels.par_chunks_mut(row_bytes.max(1)).enumerate().for_each(|(y, out)| {
             let mut values = vec![0.0; width * channels];
             for channel in 0..channels {
                 let row = planes.plane(channel);
                 for (x, value) in values.iter_mut().skip(channel).step_by(channels).enumerate() {
-                    let from = counts.map_or(y * width + x, |counts| nearest_sampled(counts, width, x, y));
+                    let from = stand_ins.as_ref().map_or(y * width + x, |found| found.of(x, y));
                     *value = row[from].clamp(-LARGEST, LARGEST);
                 }
             }
@@ -82,17 +83,54 @@ impl PreviewFrame {
     }
 }
 
-/// Returns the index of the pixel that pixel (x, y) shows: itself if it has samples, else a pixel with samples in its
-/// block of 2×2, 4×4 or 8×8 pixels, whichever is the smallest that has one.
-fn nearest_sampled(counts: &[u32], width: usize, x: usize, y: usize) -> usize {
-    let height = counts.len() / width.max(1);
-    let in_block = |side: usize| {
-        let (x0, y0) = (x / side * side, y / side * side);
-        let rows = y0..(y0 + side).min(height);
-        rows.flat_map(move |y| (x0..(x0 + side).min(width)).map(move |x| y * width + x))
-    };
-    let mut blocks = [1, 2, 4, 8].into_iter().flat_map(in_block);
-    blocks.find(|&i| counts[i] > 0).unwrap_or(y * width + x)
+/// Sides of the blocks in which a pixel without samples finds one that has some.
+const BLOCK_SIDES: [usize; 3] = [2, 4, 8];
+
+/// The pixels that stand in for those without samples.
+struct StandIns<'c> {
+    counts: &'c [u32],
+    width: usize,
+    /// For each side of [`BLOCK_SIDES`], the first pixel with samples of every block, row by row.
+    blocks: [Vec<Option<u32>>; 3],
+}
+
+impl<'c> StandIns<'c> {
+    fn new(counts: &'c [u32], width: usize) -> Self {
+        let height = counts.len() / width.max(1);
+        // A block's pixel is that of the first of its four quarters that has one.
+        let first =
+            |side: usize, quarter: &(dyn Fn(usize, usize) -> Option<u32> + Sync)| -> Vec<Option<u32>> {
+                let half = side / 2;
+                let (columns, rows) = (width.div_ceil(half), height.div_ceil(half));
+                let block = |x: usize, y: usize| {
+                    let quarters = [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(i, j)| (2 * x + i, 2 * y + j));
+                    let inside = quarters.into_iter().filter(|&(x, y)| x < columns && y < rows);
+                    inside.into_iter().find_map(|(x, y)| quarter(x, y))
+                };
+                let rows = (0..height.div_ceil(side)).into_par_iter();
+                rows.flat_map_iter(|y| (0..width.div_ceil(side)).map(move |x| (x, y)))
+                    .map(|(x, y)| block(x, y))
+                    .collect()
+            };
+        let pixel = |x: usize, y: usize| (counts[y * width + x] > 0).then_some((y * width + x) as u32);
+        let two = first(2, &pixel);
+        let four = first(4, &|x, y| two[y * width.div_ceil(2) + x]);
+        let eight = first(8, &|x, y| four[y * width.div_ceil(4) + x]);
+        Self { counts, width, blocks: [two, four, eight] }
+    }
+
+    /// Returns the index of the pixel that pixel (x, y) shows: itself if it has samples, else a pixel with samples in the
+    /// smallest block around it that has one.
+    fn of(&self, x: usize, y: usize) -> usize {
+        let own = y * self.width + x;
+        if self.counts[own] > 0 {
+            return own;
+        }
+        let mut blocks = BLOCK_SIDES.iter().zip(&self.blocks);
+        blocks
+            .find_map(|(side, first)| first[y / side * self.width.div_ceil(*side) + x / side])
+            .map_or(own, |index| index as usize)
+    }
 }
 
 #[cfg(test)]

@@ -3,10 +3,13 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use rayon::prelude::*;
+
 use super::hub::Hub;
 use super::preview_frame::{FrameInfo, PreviewFrame};
 use super::status::ViewInfo;
 use super::view::{View, ViewSource};
+use crate::image::Planes;
 use crate::progressive::{Progress, Settings};
 use crate::stats::{Layout, Part, Store};
 
@@ -94,6 +97,26 @@ impl Publisher {
     pub fn is_due(&self) -> bool {
         let rest = self.cost.div_f64(TIME_FRACTION).clamp(SHORTEST_INTERVAL, LONGEST_INTERVAL);
         self.steps <= EAGER_STEPS || self.latest.elapsed() >= rest
+    }
+
+    /// Publishes a coarse image: a pixel for every square of `side` pixels, of an image of `size` pixels.
+    pub fn publish_coarse(&self, image: &Planes, side: usize, (width, height): (usize, usize)) {
+        let mut planes = Planes::new(width, height, image.count());
+        for (plane, out) in planes.planes_mut().enumerate() {
+            let squares = image.plane(plane);
+            out.par_chunks_mut(width.max(1)).enumerate().for_each(|(y, row)| {
+                let squares = &squares[y / side * image.width()..][..image.width()];
+                row.iter_mut().enumerate().for_each(|(x, value)| *value = squares[x / side]);
+            });
+        }
+        let info = FrameInfo {
+            generation: self.generation,
+            sequence: self.hub.next_sequence(),
+            spp: 1.0 / (side * side) as f32,
+            seconds: 0.0,
+        };
+        self.hub.publish(PreviewFrame::new(View::Raw, &planes, None, info));
+        self.hub.drop_before(self.generation);
     }
 
     /// Publishes the views that have changed and that a viewer is ready for.

@@ -256,6 +256,11 @@ impl Reporter {
         self.publisher.publish(&source, self.record.progress.as_ref());
     }
 
+    /// Publishes a coarse image; see [`Publisher::publish_coarse`].
+    pub fn publish_coarse(&self, image: &Planes, side: usize, size: (usize, usize)) {
+        self.publisher.publish_coarse(image, side, size);
+    }
+
     /// Publishes the status; not too often unless it is urgent or `at_once`.
     pub fn report(&mut self, subject: &Subject, store: &Store, at_once: bool) {
         // An idle render has nothing new to report.

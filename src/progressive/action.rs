@@ -86,7 +86,9 @@ fn next_of_batch(now: &Situation, done: f64, samples: u64) -> Action {
     match schedule.step(now.elapsed, now.samples, samples).filter(|_| done < 1.0) {
         Some(fraction) => {
             let longest = now.conditions.longest_step.unwrap_or(LONGEST_STEP);
-            Action::Render { to: (done + fraction.min(schedule.short_step(longest, samples))).min(1.0) }
+            Action::Render {
+                to: (done + fraction.min(schedule.short_step(longest, now.samples, samples))).min(1.0),
+            }
         }
         None => Action::EndBatch,
     }

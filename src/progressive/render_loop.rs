@@ -56,12 +56,18 @@ impl<'a> RenderLoop<'a> {
     pub fn new(renderer: &'a Renderer<'a>, settings: &Settings, start: Instant) -> Self {
         let (width, height) = renderer.resolution();
         let (layout, capacity) = (renderer.layout().clone(), settings.reservoir_capacity());
+        let store = Store::new(width, height, layout, capacity, settings.seed);
+        Self::with_store(renderer, settings, start, store)
+    }
+
+    /// Starts a new render into an empty store of the renderer's size and layout and the settings' reservoir and seed.
+    pub fn with_store(renderer: &'a Renderer<'a>, settings: &Settings, start: Instant, store: Store) -> Self {
         let clock = Clock::new(start);
         Self {
             renderer,
             settings: settings.clone(),
             clock,
-            checkpoint: Checkpoint::new(Store::new(width, height, layout, capacity, settings.seed)),
+            checkpoint: Checkpoint::new(store),
             measurements: Measurements { saved_at: clock.elapsed(), ..Measurements::default() },
             processes: None,
             samples: SampleTotals::default(),

@@ -34,8 +34,10 @@ const ERROR_POWER: f64 = 0.7;
 const STEP_SPP: u64 = 4;
 /// Fraction of the pixels that the first step under a time budget renders, whatever it costs: there has to be an image.
 const FIRST_STEP: f64 = 1.0 / 16.0;
-/// Samples per pixel of the coarsest image: a pair in every block of 4×4 pixels.
-const LEAST_IMAGE: f64 = 1.0 / 8.0;
+/// Samples per pixel of the coarsest image: a pair in every block of 8×8 pixels.
+const LEAST_IMAGE: f64 = 1.0 / 32.0;
+/// Samples per pixel of the shortest step after it: what a step costs beside its samples stays small.
+const LEAST_STEP: f64 = 1.0 / 128.0;
 
 /// The budgets and what is known of the speed, at a moment.
 #[derive(Clone, Copy, Debug)]
@@ -139,10 +141,10 @@ impl Schedule<'_> {
         }
     }
 
-    /// Returns the fraction of a batch of `batch` samples that takes about `seconds` seconds, and at least what makes a
-    /// coarse image.
-    pub fn short_step(&self, seconds: f64, batch: u64) -> f64 {
-        let least = LEAST_IMAGE * self.pixels as f64;
+    /// Returns the fraction of a batch of `batch` samples that takes about `seconds` seconds, and after `samples` samples; at
+    /// least what makes a coarse image if these are none.
+    pub fn short_step(&self, seconds: f64, samples: u64, batch: u64) -> f64 {
+        let least = if samples == 0 { LEAST_IMAGE } else { LEAST_STEP } * self.pixels as f64;
         self.speed.rate().map_or(least, |rate| (rate * seconds).max(least)) / batch.max(1) as f64
     }
 

@@ -1,5 +1,7 @@
 //! Renders the samples of one scene, in parallel over the rows of the film.
 
+mod coarse_image;
+
 use std::sync::Arc;
 
 use glam::{Vec2, Vec3};

@@ -52,6 +52,11 @@ impl<'s> RowRenderer<'s> {
         let mut batch = WavefrontBatch { y, recorded: records, ..WavefrontBatch::default() };
         let row_number = (y + self.corner[1]) as u32;
         for (block, counts) in counts.chunks(LANES).enumerate() {
+            // Most of them, in a short step
+            if counts.iter().all(|&count| count == 0) {
+                continue;
+            }
+
             // Find the pixels' samplers, centres and next sample indices
             let column = |lane: usize| block * LANES + lane;
             let samplers: [S; LANES] = std::array::from_fn(|lane| {

@@ -112,7 +112,8 @@ impl Store {
 
     /// Number of valid samples of each pixel.
     pub fn counts(&self, part: Part) -> Vec<u32> {
-        self.rows.iter().flat_map(|row| (0..self.width).map(move |x| row.count(x, part))).collect()
+        let rows = self.rows.par_iter();
+        rows.flat_map_iter(|row| (0..self.width).map(move |x| row.count(x, part))).collect()
     }
 
     /// Number of valid samples of the whole image.

@@ -1,13 +1,17 @@
 //! Renders that commands replace, or another scene: they are kept, and can be had back.
 
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use super::Controller;
+use crate::image::Planes;
+use crate::preview::generation_record::GenerationRecord;
 use crate::preview::history::{HistoryStep, KeptRender};
 use crate::preview::orbit_camera::OrbitCamera;
 use crate::preview::scene_session::SceneSession;
 use crate::preview::status::{DenoiserInfo, HistoryStatus, Phase};
-use crate::progressive::{RenderLoop, Settings, memory_needed};
+use crate::progressive::{Region, RenderLoop, Settings, memory_needed};
+use crate::render::Renderer;
 use crate::stats::Store;
 
 impl Controller<'_> {
@@ -41,6 +45,25 @@ impl Controller<'_> {
         Instant::now().checked_sub(Duration::from_secs_f64(seconds))
     }
 
+    pub(super) fn begin_generation(
+        &mut self,
+        renderer: &Renderer,
+        record: GenerationRecord,
+        reference: Option<Arc<Planes>>,
+    ) {
+        self.pending.clear_for_generation();
+        self.reporter.begin(renderer.layout(), &self.configuration.settings, record, reference);
+        self.viewer_pass_seconds = 0.0;
+    }
+
+    /// Returns the region in pixels.
+    pub(super) fn pixel_region(&self, (width, height): (usize, usize)) -> Option<Region> {
+        let pixels = |[a, b]: [f32; 2], size: usize| {
+            [(a * size as f32).floor() as usize, ((b * size as f32).ceil() as usize).min(size)]
+        };
+        self.region.map(|[x, y]| Region { x: pixels(x, width), y: pixels(y, height) })
+    }
+
     /// Keeps a render that a command replaces, with its camera and settings.
     pub(super) fn keep_render(
         &mut self,
@@ -49,7 +72,25 @@ impl Controller<'_> {
     ) {
         let render = self.kept_render(render_loop, camera, settings);
         self.keeps_checkpoints = false;
-        self.history.keep(render);
+        if render.checkpoint.store.samples_taken() > 0 {
+            self.history.keep(render);
+        } else {
+            self.unused = Arc::into_inner(render.checkpoint.store);
+        }
+    }
+
+    /// Starts the loop of a new render: into a store that an earlier one left empty, if that fits.
+    pub(super) fn new_loop<'r>(&mut self, renderer: &'r Renderer<'r>, start: Instant) -> RenderLoop<'r> {
+        let settings = &self.configuration.settings;
+        let fits = |store: &Store| {
+            (store.width(), store.height()) == renderer.resolution()
+                && store.layout() == renderer.layout()
+                && store.capacity() == settings.reservoir_capacity()
+        };
+        match self.unused.take().filter(fits) {
+            Some(store) => RenderLoop::with_store(renderer, settings, start, store),
+            None => RenderLoop::new(renderer, settings, start),
+        }
     }
 
     /// Lets the render before or after this one come back.
