@@ -12,6 +12,7 @@ use crate::preview::configuration::SavedImage;
 use crate::preview::history::HistoryStep;
 use crate::preview::settings_change::SettingsChange;
 use crate::progressive::{Budget, Progress};
+use crate::render::Renderer;
 use crate::scene::pbrt;
 use std::path::PathBuf;
 use std::sync::atomic::Ordering;
