@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::filter::DenoiserName;
 use crate::progressive::SampleTotals;
 use crate::stats::{BlockSet, Rectangle};
 
@@ -16,6 +17,8 @@ pub enum Command {
     Render { bytes: usize },
     /// Send all statistics to the first process, by an exchange.
     Gather,
+    /// Filter the pixels with all others, and send the result to the first process, by exchanges.
+    Filter { denoiser: DenoiserName },
     /// Answer with a `ProcessRecord`.
     Record,
     /// End.

@@ -10,10 +10,11 @@ use super::command::{Answer, Command, encode_counts};
 use super::exchange::StoreKind;
 use super::link::Link;
 use super::partition::TileCosts;
-use super::worker::Part;
+use super::worker::OwnPart;
+use crate::filter::{Denoiser, FilterResult};
 use crate::progressive::{ProcessGroup, ProcessRecord, Rendered, SampleTotals};
 use crate::render::{RejectedSample, Renderer};
-use crate::stats::{Rectangle, Store};
+use crate::stats::{Part, Rectangle, Store};
 
 /// Pixels are divided anew if that is expected to save more than this fraction of the next batch's time …
 const LEAST_GAIN: f64 = 0.03;
@@ -25,7 +26,7 @@ const ASSUMED_RATE: f64 = 1e9;
 /// The first process of a group.
 pub struct Coordinator<'s> {
     link: &'s Link,
-    part: Part<'s>,
+    part: OwnPart<'s>,
     /// Seconds per sample.
     costs: TileCosts,
     /// Seconds that each process needed for the batch, and the costs that were expected of its samples.
@@ -49,7 +50,7 @@ impl<'s> Coordinator<'s> {
         let costs = TileCosts::uniform(width, height, 1.0);
         let parts = costs.partition(link.size());
         let whole = renderer.recording(renderer.layout().blocks());
-        let part = Part::new(whole, (capacity, seed), parts, 0);
+        let part = OwnPart::new(whole, (capacity, seed), parts, 0);
         let none = vec![0.0; link.size()];
         Self { link, part, costs, seconds: none.clone(), expected: none, rate: ASSUMED_RATE, interrupt }
     }
@@ -151,6 +152,14 @@ impl ProcessGroup for Coordinator<'_> {
         self.part.gather(self.link, Some(store));
         let bytes = store.pixels() * Store::bytes_per_pixel(store.layout(), store.capacity());
         self.rate = bytes as f64 / started.elapsed().as_secs_f64().max(1e-6);
+    }
+
+    fn filter(&mut self, denoiser: &'static dyn Denoiser, store: &Store) -> Option<FilterResult> {
+        let parts = denoiser.parts()?;
+        // What few samples say depends on pixels that may be far away.
+        store.counts(Part::Whole).iter().all(|&n| n >= 2).then_some(())?;
+        self.command(&Command::Filter { denoiser: denoiser.name() });
+        self.part.filter(self.link, parts)
     }
 
     fn records(&mut self) -> Vec<ProcessRecord> {

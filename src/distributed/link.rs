@@ -5,9 +5,10 @@
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
+use mpi::collective::SystemOperation;
 use mpi::request;
 use mpi::topology::SimpleCommunicator;
-use mpi::traits::{Communicator, Destination, Source};
+use mpi::traits::{Communicator, CommunicatorCollectives, Destination, Source};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
@@ -95,6 +96,19 @@ impl Link {
         self.wait_for(from);
         let (text, _) = world().process_at_rank(from as i32).receive_vec::<u8>();
         serde_json::from_slice(&text).expect("all processes are of the same version")
+    }
+
+    /// Adds up the numbers of all processes, which all call it.
+    pub fn sum(&self, numbers: &mut [i64]) {
+        let own = numbers.to_vec();
+        self.timed(|| world().all_reduce_into(&own[..], numbers, SystemOperation::sum()));
+    }
+
+    /// Returns the largest number of all processes, which all call it.
+    pub fn max(&self, number: f32) -> f32 {
+        let mut largest = number;
+        self.timed(|| world().all_reduce_into(&number, &mut largest, SystemOperation::max()));
+        largest
     }
 
     /// Waits for a message of a process.

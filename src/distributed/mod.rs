@@ -11,6 +11,7 @@
 //! | `exchange` | moves statistics from the rectangles that processes have to those that they want |
 //! | `command` | the commands of the first process, and what the others answer |
 //! | `coordinator` | the render loop's [`crate::progressive::ProcessGroup`], in the first process |
+//! | `shared_image` | what filters of parts ask of the whole image, and their results as one |
 //! | `worker` | what the other processes do |
 //! | `processes` | [`Processes`]: start, agreement on the inputs, end |
 
@@ -25,6 +26,8 @@ mod link;
 mod partition;
 #[cfg(feature = "mpi")]
 mod processes;
+#[cfg(feature = "mpi")]
+mod shared_image;
 #[cfg(feature = "mpi")]
 mod worker;
 

@@ -6,13 +6,15 @@ use std::time::Instant;
 use super::command::{Answer, Command, decode_counts};
 use super::exchange::{StoreKind, exchange};
 use super::link::Link;
+use super::shared_image::{SharedImage, gather_results};
+use crate::filter::{Denoiser, FilterResult, PartFilter, find};
 use crate::memory::peak_bytes;
 use crate::progressive::{ProcessRecord, SampleTotals};
 use crate::render::{RejectedSample, Renderer};
 use crate::stats::{Rectangle, Store};
 
 /// The pixels of a process.
-pub struct Part<'s> {
+pub struct OwnPart<'s> {
     /// Of the whole image, and of this process's pixels.
     whole: Renderer<'s>,
     renderer: Renderer<'s>,
@@ -23,9 +25,10 @@ pub struct Part<'s> {
     store: Store,
     /// Seconds in which samples were taken.
     render_seconds: f64,
+    filter_seconds: f64,
 }
 
-impl<'s> Part<'s> {
+impl<'s> OwnPart<'s> {
     /// Begins without samples. `whole` renders the whole image, with the dimensions of which statistics are kept.
     pub fn new(
         whole: Renderer<'s>,
@@ -36,7 +39,7 @@ impl<'s> Part<'s> {
         let kind = StoreKind { layout: whole.layout().clone(), capacity, seed };
         let store = kind.empty(&parts[rank]);
         let renderer = part_of(&whole, &parts[rank]);
-        Self { whole, renderer, kind, parts, rank, store, render_seconds: 0.0 }
+        Self { whole, renderer, kind, parts, rank, store, render_seconds: 0.0, filter_seconds: 0.0 }
     }
 
     /// Returns the rectangle of this process.
@@ -79,6 +82,26 @@ impl<'s> Part<'s> {
         exchange(link, &self.kind, (&have, whole), (&all(&self.parts), Some(&mut self.store)));
     }
 
+    /// Filters the pixels of this process, with a margin that it takes from others, and gathers the results in the first
+    /// process, which gets that of the whole image.
+    pub fn filter(&mut self, link: &Link, denoiser: &dyn PartFilter) -> Option<FilterResult> {
+        // Take the margin
+        let image = self.image();
+        let grown: Vec<Rectangle> =
+            self.parts.iter().map(|part| part.grown(denoiser.margin(), &image)).collect();
+        let place = grown[self.rank];
+        let mut store = self.kind.empty(&place);
+        let own = (&all(&self.parts)[..], Some(&self.store));
+        exchange(link, &self.kind, own, (&all(&grown), Some(&mut store)));
+
+        // Filter, and send the result without the margin
+        let started = Instant::now();
+        let part = self.place().within(&place);
+        let result = denoiser.filter_part(&store, &SharedImage { link, part });
+        self.filter_seconds += started.elapsed().as_secs_f64();
+        gather_results(link, &self.parts, &image, (result, part))
+    }
+
     /// Returns what this process has done.
     pub fn record(&self, link: &Link) -> ProcessRecord {
         ProcessRecord {
@@ -86,6 +109,7 @@ impl<'s> Part<'s> {
             threads: rayon::current_num_threads(),
             pixels: self.store.pixels(),
             render: self.render_seconds,
+            filter: self.filter_seconds,
             transfer: link.transfer_seconds(),
             bytes_sent: link.bytes_sent(),
             peak_memory_bytes: peak_bytes(),
@@ -113,14 +137,14 @@ fn only_first(rectangle: Rectangle, processes: usize) -> Vec<Option<Rectangle>> 
 
 /// Serves the first process until it ends. `renderer` renders the whole image.
 pub fn serve(link: &Link, renderer: &Renderer, interrupt: &AtomicBool) {
-    let mut part: Option<Part> = None;
+    let mut part: Option<OwnPart> = None;
     loop {
         let command: Command = link.next(0);
         match (command, &mut part) {
             (Command::End, _) => return,
             (Command::Begin { blocks, capacity, seed, parts, is_empty }, _) => {
                 let whole = renderer.recording(blocks);
-                let part = part.insert(Part::new(whole, (capacity, seed), parts, link.rank()));
+                let part = part.insert(OwnPart::new(whole, (capacity, seed), parts, link.rank()));
                 if !is_empty {
                     part.scatter(link, None);
                 }
@@ -131,6 +155,10 @@ pub fn serve(link: &Link, renderer: &Renderer, interrupt: &AtomicBool) {
                 link.tell(0, &part.render(&counts, interrupt));
             }
             (Command::Gather, Some(part)) => part.gather(link, None),
+            (Command::Filter { denoiser }, Some(part)) => {
+                let denoiser = find(denoiser.method, denoiser.preset).and_then(Denoiser::parts);
+                part.filter(link, denoiser.expect("the first process knows what can be shared"));
+            }
             (Command::Record, Some(part)) => link.tell(0, &part.record(link)),
             (_, None) => unreachable!("a render begins first"),
         }

@@ -5,6 +5,7 @@
 
 use super::denoiser_name::DenoiserName;
 use super::result::FilterResult;
+use super::whole_image::WholeImage;
 use crate::stats::{Block, Store};
 
 /// A method of reconstruction with one of its presets.
@@ -34,6 +35,21 @@ pub trait Denoiser: Send + Sync {
 
     /// Filters a store. The result depends on `seed` and not on the number of threads.
     fn filter(&self, store: &Store, seed: u64) -> FilterResult;
+
+    /// Returns how the denoiser filters parts of an image; `None`, the default, if it needs whole images.
+    fn parts(&self) -> Option<&dyn PartFilter> {
+        None
+    }
+}
+
+/// A denoiser that can filter the parts of an image one by one, to the same result as the whole. Every pixel needs two
+/// samples.
+pub trait PartFilter {
+    /// Returns the width in pixels of the margin that a part needs on each side, as far as the image extends.
+    fn margin(&self) -> usize;
+
+    /// Filters a part with its margin, whose results are not of use.
+    fn filter_part(&self, store: &Store, whole: &dyn WholeImage) -> FilterResult;
 }
 
 /// The data of a store that a denoiser reads.

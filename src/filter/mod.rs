@@ -20,12 +20,13 @@ mod selection;
 pub mod stages;
 #[cfg(test)]
 pub(crate) mod synthetic;
+mod whole_image;
 
 pub use cancellable_pool::{CancellablePool, stop_if_cancelled};
 pub use common::blur;
 pub use common::error_maps::ErrorMaps;
 pub use common::fireflies::FireflySettings;
-pub use denoiser::{Cost, Denoiser, Reads, SampleVectors};
+pub use denoiser::{Cost, Denoiser, PartFilter, Reads, SampleVectors};
 pub use denoiser_name::DenoiserName;
 pub use denoisers::{DENOISERS, FASTER_DEFAULT, UNFILTERED, find, presets, suited_to};
 pub use lack::Lack;
@@ -35,6 +36,7 @@ pub use prpf::{Bandwidth, PrpfSettings, mutual_information};
 pub use result::{FilterResult, Interpolation, Reliability};
 pub use rpf::RpfSettings;
 pub use selection::{SelectionError, by_name, can_filter};
+pub use whole_image::{AllPixels, WholeImage};
 
 use crate::image::Planes;
 use crate::stats::{Part, Store};

@@ -2,10 +2,11 @@
 
 use super::common::error_maps::fractions;
 use super::common::hole_filling::filled_means;
-use super::denoiser::{Cost, Denoiser, Reads, SampleVectors};
+use super::denoiser::{Cost, Denoiser, PartFilter, Reads, SampleVectors};
 use super::denoiser_name::DenoiserName;
 use super::result::{FilterResult, Reliability};
 use super::variance_of_mean;
+use super::whole_image::WholeImage;
 use crate::image::Planes;
 use crate::stats::{Block, Part, Store};
 
@@ -43,6 +44,20 @@ impl Denoiser for NoDenoiser {
     }
 
     fn filter(&self, store: &Store, _: u64) -> FilterResult {
+        unfiltered(store)
+    }
+
+    fn parts(&self) -> Option<&dyn PartFilter> {
+        Some(self)
+    }
+}
+
+impl PartFilter for NoDenoiser {
+    fn margin(&self) -> usize {
+        0
+    }
+
+    fn filter_part(&self, store: &Store, _: &dyn WholeImage) -> FilterResult {
         unfiltered(store)
     }
 }

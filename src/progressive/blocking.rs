@@ -17,13 +17,15 @@ pub fn run(mut render_loop: RenderLoop, host: &mut dyn Host) -> Outcome {
         };
         match render_loop.next_action(&conditions) {
             Action::Filter(denoiser) => {
-                let filtered = render_loop.interim_pass(denoiser).run();
+                let pass = render_loop.interim_pass(denoiser);
+                let filtered = render_loop.run_pass(pass);
                 host.complete_pass(&filtered, render_loop.store());
                 render_loop.complete_interim(filtered);
             }
             Action::Finish(stopped_by) => {
                 render_loop.save(host);
-                let filtered = render_loop.final_pass(&conditions).run();
+                let pass = render_loop.final_pass(&conditions);
+                let filtered = render_loop.run_pass(pass);
                 host.complete_pass(&filtered, render_loop.store());
                 return render_loop.finish(filtered, stopped_by);
             }

@@ -40,8 +40,13 @@ pub struct Filtered {
 impl FilterPass {
     /// Runs the pass on rayon's current thread pool.
     pub fn run(self) -> Filtered {
+        self.run_with(|pass| pass.denoiser.filter(&pass.store, pass.seed))
+    }
+
+    /// Runs the pass with a function in place of the denoiser's own.
+    pub(super) fn run_with(self, filter: impl FnOnce(&Self) -> FilterResult) -> Filtered {
         let started = Instant::now();
-        let mut result = self.denoiser.filter(&self.store, self.seed);
+        let mut result = filter(&self);
         if result.interpolation.is_none() {
             result.interpolation = match self.failure_map {
                 FailureMap::Carry(interpolation) => interpolation,

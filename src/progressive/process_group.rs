@@ -3,6 +3,7 @@
 //! The loop runs in the first of them and decides everything. Each process takes the samples of its own pixels and keeps
 //! their statistics; the loop's own store has them after [`ProcessGroup::gather`] only.
 
+use crate::filter::{Denoiser, FilterResult};
 use crate::render::RejectedSample;
 use crate::stats::Store;
 
@@ -19,6 +20,9 @@ pub trait ProcessGroup: Send {
 
     /// Copies the statistics of all pixels to `store`, which has their number and layout.
     fn gather(&mut self, store: &mut Store);
+
+    /// Filters the statistics of all pixels, which `store` has; `None` if that has to be done by this process alone.
+    fn filter(&mut self, denoiser: &'static dyn Denoiser, store: &Store) -> Option<FilterResult>;
 
     /// Returns what each process has done so far, the first one first.
     fn records(&mut self) -> Vec<ProcessRecord>;
@@ -63,8 +67,9 @@ pub struct ProcessRecord {
     pub threads: usize,
     /// Its pixels at the end.
     pub pixels: usize,
-    /// Seconds in which it took samples.
+    /// Seconds in which it took samples, and in which it filtered with others.
     pub render: f64,
+    pub filter: f64,
     /// Seconds in which it sent and received, and in which it waited for other processes to do so.
     pub transfer: f64,
     pub bytes_sent: u64,

@@ -28,6 +28,7 @@ use crate::image::Planes;
 use crate::render::Renderer;
 use crate::stats::Store;
 
+mod processes;
 mod progress;
 
 /// The state of a render and its measurements, on which actions are performed.
@@ -81,13 +82,6 @@ impl<'a> RenderLoop<'a> {
     /// Compares every filtered image with a reference of the same size.
     pub fn with_reference(mut self, reference: Option<&'a Planes>) -> Self {
         self.reference = reference;
-        self
-    }
-
-    /// Divides the work among several processes, of which this is the first. A checkpoint has to be given before.
-    pub fn with_processes(mut self, processes: &'a mut dyn ProcessGroup) -> Self {
-        processes.begin(&self.checkpoint.store);
-        self.processes = Some(processes);
         self
     }
 
@@ -284,15 +278,6 @@ impl<'a> RenderLoop<'a> {
             estimate: filtered.estimate,
             settings: self.settings,
             processes,
-        }
-    }
-
-    /// Brings the statistics of all processes together.
-    fn gather(&mut self) {
-        if let (Some(processes), true) = (&mut self.processes, self.is_behind) {
-            // Copies only while an earlier checkpoint is in use.
-            processes.gather(Arc::make_mut(&mut self.checkpoint.store));
-            self.is_behind = false;
         }
     }
 

@@ -36,6 +36,14 @@ impl Rectangle {
         (x[0] < x[1] && y[0] < y[1]).then_some(Self { x, y })
     }
 
+    /// Returns the rectangle with a margin on each side, as far as it lies within another one.
+    pub fn grown(&self, margin: usize, within: &Self) -> Self {
+        let grow = |[start, end]: [usize; 2], bounds: [usize; 2]| {
+            [start.saturating_sub(margin).max(bounds[0]), (end + margin).min(bounds[1])]
+        };
+        Self { x: grow(self.x, within.x), y: grow(self.y, within.y) }
+    }
+
     /// Returns the rectangle in coordinates that count from the corner of another one, which contains it.
     pub fn within(&self, outer: &Self) -> Self {
         Self { x: self.x.map(|x| x - outer.x[0]), y: self.y.map(|y| y - outer.y[0]) }

@@ -24,7 +24,7 @@ use super::linear_estimate::LinearEstimate;
 use crate::image::Planes;
 
 /// Standard deviation of the blur of variance and risk in the error map, in pixels.
-const ERROR_SIGMA: f32 = 4.0;
+pub const ERROR_SIGMA: f32 = 4.0;
 
 /// Maximum residual: where almost no noise is expected any difference is many times too large.
 const MAX_RESIDUAL: f32 = 1e6;

@@ -18,4 +18,12 @@ impl LinearEstimate {
         value.planes_mut().zip(values).for_each(|(plane, values)| plane.copy_from_slice(values));
         Self { value, derivative: vec![1.0; width * height] }
     }
+
+    /// Restores the values of [`Self::unfiltered`] where a filter changes nothing.
+    pub fn restore(&mut self, values: [&[f32]; 3], is_changed: &[bool]) {
+        for i in (0..self.derivative.len()).filter(|&i| !is_changed[i]) {
+            (0..3).for_each(|channel| self.value.plane_mut(channel)[i] = values[channel][i]);
+            self.derivative[i] = 1.0;
+        }
+    }
 }

@@ -4,6 +4,7 @@ pub mod blur;
 pub mod colours;
 pub mod dual_buffer;
 pub mod error_maps;
+pub mod exact_sum;
 pub mod fast_exp;
 pub mod fireflies;
 pub mod firefly_redistribution;

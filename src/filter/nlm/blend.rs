@@ -15,6 +15,7 @@ use rayon::prelude::*;
 use crate::filter::common::blur;
 use crate::filter::common::dual_buffer::DualBuffer;
 use crate::filter::common::linear_estimate::LinearEstimate;
+use crate::filter::whole_image::{self, WholeImage};
 use crate::image::Planes;
 
 /// Floor of the squared brightness in relative errors, in units of the squared mean of the image.
@@ -34,10 +35,15 @@ pub struct Brightness {
 
 impl Brightness {
     /// `image` is an estimate of the whole image and the sum of `parts`: 3 planes each.
-    pub fn new<'a>(image: &Planes, parts: impl IntoIterator<Item = &'a Planes>) -> Self {
+    pub fn new<'a>(
+        image: &Planes,
+        parts: impl IntoIterator<Item = &'a Planes>,
+        whole: &dyn WholeImage,
+    ) -> Self {
         /// Minimum brightness relative to the parts. Parts with negative radiance, which renderers do not
         /// produce, may cancel in the image.
         const MIN_LEVEL: f64 = 1e-6;
+        let mean_magnitude = |planes| whole_image::mean(whole, planes, f32::abs);
         let level = parts
             .into_iter()
             .map(|part| MIN_LEVEL * mean_magnitude(part))
@@ -49,12 +55,6 @@ impl Brightness {
         weight.data_mut().par_iter_mut().with_min_len(1024).for_each(|v| *v = 1.0 / (*v * *v + floor));
         Self { weight, black: BLACK * level }
     }
-}
-
-/// Mean absolute value of all planes.
-fn mean_magnitude(planes: &Planes) -> f64 {
-    let values = planes.data();
-    values.iter().map(|&v| f64::from(v.abs())).sum::<f64>() / values.len().max(1) as f64
 }
 
 /// Blends two estimates of `noisy`. `sigma` is the standard deviation of the blur of the risk, in pixels.
@@ -136,6 +136,7 @@ pub fn fraction_of_first(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::filter::whole_image::AllPixels;
 
     fn planes(value: f32) -> Planes {
         let mut planes = Planes::new(32, 32, 3);
@@ -150,7 +151,7 @@ mod tests {
     #[test]
     fn the_better_of_two_estimates_gets_the_larger_fraction() {
         let noisy = DualBuffer { mean: [planes(0.4), planes(0.6)], variance: [planes(0.01), planes(0.01)] };
-        let brightness = Brightness::new(&planes(0.5), []);
+        let brightness = Brightness::new(&planes(0.5), [], &AllPixels::new(32, 32));
         let blended =
             |a, b| blend(&noisy, &brightness, estimates(a), &estimates(b), 5.0)[0].value.at(0, 16, 16);
         // The truth is 0.5, and derivatives of 0 say that the estimates have no noise.
@@ -162,7 +163,13 @@ mod tests {
     #[test]
     fn pixels_that_are_black_in_the_first_estimate_stay_black() {
         let noisy = DualBuffer { mean: [planes(0.4), planes(0.6)], variance: [planes(0.01), planes(0.01)] };
-        let blended = blend(&noisy, &Brightness::new(&planes(0.5), []), estimates(0.0), &estimates(0.5), 5.0);
+        let blended = blend(
+            &noisy,
+            &Brightness::new(&planes(0.5), [], &AllPixels::new(32, 32)),
+            estimates(0.0),
+            &estimates(0.5),
+            5.0,
+        );
         assert!(blended.iter().all(|half| half.value.data().iter().all(|&v| v == 0.0)));
     }
 
@@ -171,7 +178,7 @@ mod tests {
         let noisy = DualBuffer { mean: [planes(0.4), planes(0.6)], variance: [planes(0.02), planes(0.03)] };
         let mut image = planes(0.5);
         image.plane_mut(2).fill(0.2);
-        let brightness = Brightness::new(&image, []);
+        let brightness = Brightness::new(&image, [], &AllPixels::new(32, 32));
         let estimates = |values: [f32; 2], own: f32| {
             values.map(|value| LinearEstimate { value: planes(value), derivative: vec![own; 1024] })
         };

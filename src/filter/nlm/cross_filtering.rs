@@ -7,6 +7,7 @@ use super::patch_distance::{ColourGuide, DistanceSettings};
 use super::settings::NlmSettings;
 use crate::filter::common::dual_buffer::{DualBuffer, both_halves};
 use crate::filter::common::linear_estimate::LinearEstimate;
+use crate::filter::whole_image::{self, WholeImage};
 use crate::image::Planes;
 
 /// Filters the colour divided by the albedo, with weights from colour and normals, and multiplies the albedo
@@ -16,12 +17,13 @@ pub fn filter_colour(
     normal: Option<&[Planes; 2]>,
     albedo: Option<&[Planes; 2]>,
     settings: &NlmSettings,
+    whole: &dyn WholeImage,
 ) -> [LinearEstimate; 2] {
     let mut colour = noisy.clone();
     if let Some([a, b]) = albedo {
         colour.divide([b, a]);
     }
-    filter_divided(&colour.mean, &colour, normal, albedo, settings)
+    filter_divided(&colour.mean, &colour, normal, albedo, settings, whole)
 }
 
 /// Filters a layer of the colour, of which it has the means of both halves, as [`filter_colour`] does with the colour.
@@ -31,6 +33,7 @@ pub fn filter_layer(
     normal: Option<&[Planes; 2]>,
     albedo: Option<&[Planes; 2]>,
     settings: &NlmSettings,
+    whole: &dyn WholeImage,
 ) -> [LinearEstimate; 2] {
     let (mut colour, mut layer) = (noisy.clone(), layer.clone());
     if let Some([a, b]) = albedo {
@@ -39,7 +42,7 @@ pub fn filter_layer(
             half.data_mut().iter_mut().zip(divisor.data()).for_each(|(value, &d)| *value /= d);
         }
     }
-    filter_divided(&layer, &colour, normal, albedo, settings)
+    filter_divided(&layer, &colour, normal, albedo, settings, whole)
 }
 
 /// Filters values that are divided by the albedo, with the weights of the colour that is divided by it, and multiplies by
@@ -50,9 +53,12 @@ fn filter_divided(
     normal: Option<&[Planes; 2]>,
     albedo: Option<&[Planes; 2]>,
     settings: &NlmSettings,
+    whole: &dyn WholeImage,
 ) -> [LinearEstimate; 2] {
+    let epsilon = epsilon(colour, settings, whole);
     both_halves(|h| {
-        let mut half = filter_half(&values[h], colour, normal.map(|normal| &normal[1 - h]), h, settings);
+        let normal = normal.map(|normal| &normal[1 - h]);
+        let mut half = filter_half(&values[h], colour, normal, h, epsilon[1 - h], settings);
         if let Some(albedo) = albedo {
             half.value.data_mut().iter_mut().zip(albedo[1 - h].data()).for_each(|(v, &a)| *v *= a);
         }
@@ -66,6 +72,7 @@ fn filter_half(
     colour: &DualBuffer,
     normal: Option<&Planes>,
     half: usize,
+    epsilon: f32,
     settings: &NlmSettings,
 ) -> LinearEstimate {
     let guide = 1 - half;
@@ -80,12 +87,7 @@ fn filter_half(
             features: &features,
             feature_inverse_bandwidth: 0.5 / settings.normal_sigma.powi(2),
         },
-        DistanceSettings {
-            radius: settings.radius,
-            k: settings.k,
-            epsilon: epsilon(&colour.mean[guide], settings),
-            symmetric_weights: false,
-        },
+        DistanceSettings { radius: settings.radius, k: settings.k, epsilon, symmetric_weights: false },
     )
 }
 
@@ -95,8 +97,9 @@ pub fn fit(
     features: [Option<&[Planes; 2]>; 2],
     k: f32,
     settings: &NlmSettings,
+    whole: &dyn WholeImage,
 ) -> [LinearEstimate; 2] {
-    fit_layer(&noisy.mean, noisy, features, k, settings)
+    fit_layer(&noisy.mean, noisy, features, k, settings, whole)
 }
 
 /// Fits a local linear model to a layer of the colour, of which it has the means of both halves, with the weights of the
@@ -107,7 +110,9 @@ pub fn fit_layer(
     features: [Option<&[Planes; 2]>; 2],
     k: f32,
     settings: &NlmSettings,
+    whole: &dyn WholeImage,
 ) -> [LinearEstimate; 2] {
+    let epsilon = epsilon(noisy, settings, whole);
     let (width, height) = (noisy.mean[0].width(), noisy.mean[0].height());
     // A regressor of zeros has no effect on the fit.
     let zero = vec![0.0; width * height];
@@ -128,7 +133,7 @@ pub fn fit_layer(
             DistanceSettings {
                 radius: settings.fit_radius,
                 k,
-                epsilon: epsilon(&noisy.mean[guide], settings),
+                epsilon: epsilon[guide],
                 symmetric_weights: false,
             },
         )
@@ -147,8 +152,14 @@ pub fn filter_feature(feature: &DualBuffer, settings: &NlmSettings) -> [Planes; 
 }
 
 /// Filters directly visible emission.
-pub fn filter_emission(emission: &DualBuffer, settings: &NlmSettings) -> [LinearEstimate; 2] {
+pub fn filter_emission(
+    emission: &DualBuffer,
+    settings: &NlmSettings,
+    whole: &dyn WholeImage,
+) -> [LinearEstimate; 2] {
     let brightest = emission.mean[0].data().iter().fold(f32::MIN_POSITIVE, |a, &b| a.max(b));
+    // The margin of a part belongs to the image, too
+    let brightest = whole.max(brightest);
     let epsilon = (settings.colour_epsilon * brightest * brightest).max(f32::MIN_POSITIVE);
     let distance = DistanceSettings {
         radius: settings.emission_radius,
@@ -206,11 +217,12 @@ fn filter_without_features(noisy: &DualBuffer, distance: DistanceSettings) -> [L
     })
 }
 
-/// Returns ε of the colour distance, in squared units of the colour.
-fn epsilon(colour: &Planes, settings: &NlmSettings) -> f32 {
-    let values = colour.data();
-    let level = values.iter().map(|&v| f64::from(v)).sum::<f64>() / values.len().max(1) as f64;
-    (settings.colour_epsilon * (level * level) as f32).max(f32::MIN_POSITIVE)
+/// Returns ε of the colour distance for each half as the guide, in squared units of the colour.
+fn epsilon(colour: &DualBuffer, settings: &NlmSettings, whole: &dyn WholeImage) -> [f32; 2] {
+    colour.mean.each_ref().map(|mean| {
+        let level = whole_image::mean(whole, mean, |v| v);
+        (settings.colour_epsilon * (level * level) as f32).max(f32::MIN_POSITIVE)
+    })
 }
 
 fn channels(planes: &Planes) -> [&[f32]; 3] {

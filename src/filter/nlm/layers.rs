@@ -10,6 +10,7 @@ use super::cross_filtering::{filter_layer, fit_layer};
 use crate::filter::common::dual_buffer::DualBuffer;
 use crate::filter::common::fireflies::Firefly;
 use crate::filter::common::half_counts::HalfCounts;
+use crate::filter::whole_image::WholeImage;
 use crate::image::Planes;
 
 /// The steps of the colour's filter that layers repeat.
@@ -23,6 +24,7 @@ pub struct ColourSteps<'a> {
     /// The fraction of the weighted mean in its blend with the fit, if there is a fit.
     pub fraction: Option<&'a [f32]>,
     pub settings: &'a NlmSettings,
+    pub whole: &'a dyn WholeImage,
 }
 
 impl ColourSteps<'_> {
@@ -47,9 +49,10 @@ impl ColourSteps<'_> {
 
         // Filter it, and blend it with its fit
         let [normal, albedo] = self.features;
-        let mut filtered = filter_layer(&layer, self.noisy, normal, albedo, self.settings);
+        let mut filtered = filter_layer(&layer, self.noisy, normal, albedo, self.settings, self.whole);
         if let Some(fraction) = self.fraction {
-            let fitted = fit_layer(&layer, self.noisy, self.features, self.settings.fit_k, self.settings);
+            let k = self.settings.fit_k;
+            let fitted = fit_layer(&layer, self.noisy, self.features, k, self.settings, self.whole);
             filtered = mix(filtered, &fitted, fraction);
         }
         filtered.map(|half| half.value)

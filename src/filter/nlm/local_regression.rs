@@ -93,6 +93,7 @@ pub fn fit(
             fitted.derivative[start..][..tile.width].copy_from_slice(&derivative[..tile.width]);
         }
     }
+    fitted.restore(original, &distance.changed_pixels());
     fitted
 }
 

@@ -21,6 +21,7 @@ mod layers;
 mod local_regression;
 mod non_local_means;
 mod patch_distance;
+mod row_sums;
 mod settings;
 #[cfg(test)]
 mod tests;
@@ -33,9 +34,10 @@ use super::common::fireflies::FireflyClamp;
 use super::common::firefly_redistribution::blurred_excess;
 use super::common::half_counts::HalfCounts;
 use super::common::linear_estimate::LinearEstimate;
-use super::denoiser::{Cost, Denoiser, Reads, SampleVectors};
+use super::denoiser::{Cost, Denoiser, PartFilter, Reads, SampleVectors};
 use super::denoiser_name::DenoiserName;
 use super::result::{FilterResult, Reliability};
+use super::whole_image::{self, AllPixels, WholeImage};
 use crate::image::Planes;
 use crate::stats::{Block, Store};
 use blend::{Brightness, blend, fraction_of_first, mix};
@@ -99,30 +101,48 @@ impl Denoiser for Nlm {
     fn filter(&self, store: &Store, _: u64) -> FilterResult {
         FilterResult { made_by: self.name(), ..filter(store, &self.settings) }
     }
+
+    fn parts(&self) -> Option<&dyn PartFilter> {
+        Some(self)
+    }
+}
+
+impl PartFilter for Nlm {
+    fn margin(&self) -> usize {
+        self.settings.margin()
+    }
+
+    fn filter_part(&self, store: &Store, whole: &dyn WholeImage) -> FilterResult {
+        let (result, _) = filter_with_layers(store, &self.settings, &[], whole);
+        FilterResult { made_by: self.name(), ..result }
+    }
 }
 
 impl Nlm {
     /// Filters a store, and layers that sum to its colour with the same weights: of each layer the means of both halves of
     /// the samples, 3 planes. Returns the layers, which sum to the image without directly visible emission, as well.
     pub fn filter_with_layers(&self, store: &Store, layers: &[[Planes; 2]]) -> (FilterResult, Vec<Planes>) {
-        let (result, layers) = filter_with_layers(store, &self.settings, layers);
+        let whole = AllPixels::new(store.width(), store.height());
+        let (result, layers) = filter_with_layers(store, &self.settings, layers, &whole);
         (FilterResult { made_by: self.name(), ..result }, layers)
     }
 }
 
 /// Filters a store.
 pub fn filter(store: &Store, settings: &NlmSettings) -> FilterResult {
-    filter_with_layers(store, settings, &[]).0
+    filter_with_layers(store, settings, &[], &AllPixels::new(store.width(), store.height())).0
 }
 
 fn filter_with_layers(
     store: &Store,
     settings: &NlmSettings,
     layers: &[[Planes; 2]],
+    whole: &dyn WholeImage,
 ) -> (FilterResult, Vec<Planes>) {
-    let settings = &settings.for_samples(store.samples() as f32 / store.pixels().max(1) as f32);
     let layout = store.layout();
     let counts = HalfCounts::from_store(store);
+    let settings =
+        &settings.for_samples(whole_image::samples_per_pixel(whole, counts.integers(), store.width()));
     let read = |block| layout.block(block).map(|dims| DualBuffer::from_store(store, dims, &counts));
 
     // Clamp fireflies and filter the features
@@ -134,8 +154,8 @@ fn filter_with_layers(
     let noisy_emission = read(Block::Emission);
 
     // Filter colour and emission
-    let mut colour = filter_colour(&noisy, normal.as_ref(), albedo.as_ref(), settings);
-    let mut emission = noisy_emission.as_ref().map(|emission| filter_emission(emission, settings));
+    let mut colour = filter_colour(&noisy, normal.as_ref(), albedo.as_ref(), settings, whole);
+    let mut emission = noisy_emission.as_ref().map(|emission| filter_emission(emission, settings, whole));
 
     // Blend them with local linear fits
     let mut fraction = None;
@@ -145,14 +165,14 @@ fn filter_with_layers(
             add(&mut image, &counts.mean([&a.value, &b.value]));
         }
         let parts = colour.iter().chain(emission.iter().flatten()).map(|half| &half.value);
-        let brightness = Brightness::new(&image, parts);
+        let brightness = Brightness::new(&image, parts, whole);
         let features = [normal.as_ref(), albedo.as_ref()];
-        let fitted = fit(&noisy, features, settings.fit_k, settings);
+        let fitted = fit(&noisy, features, settings.fit_k, settings, whole);
         let of_first = fraction_of_first(&noisy, &brightness, &colour, &fitted, settings.blend_sigma);
         colour = mix(colour, &fitted, &of_first);
         fraction = Some(of_first);
         emission = emission.zip(noisy_emission.as_ref()).map(|(emission, noisy)| {
-            let fitted = fit(noisy, [None; 2], settings.fit_emission_k, settings);
+            let fitted = fit(noisy, [None; 2], settings.fit_emission_k, settings, whole);
             blend(noisy, &brightness, emission, &fitted, settings.blend_sigma)
         });
     }
@@ -164,6 +184,7 @@ fn filter_with_layers(
         features: [normal.as_ref(), albedo.as_ref()],
         fraction: fraction.as_deref(),
         settings,
+        whole,
     };
     let layers = steps.filter(layers, colour.each_ref().map(|half| &half.value));
 

@@ -55,18 +55,8 @@ pub fn filter(
             }
         }
     }
-    if settings.symmetric_weights {
-        restore_noise_free(&mut filtered, original, guide.variance);
-    }
+    filtered.restore(original, &distance.changed_pixels());
     filtered
-}
-
-/// Restores the values of pixels without variance.
-fn restore_noise_free(filtered: &mut LinearEstimate, original: [&[f32]; 3], variance: [&[f32]; 3]) {
-    for i in (0..filtered.derivative.len()).filter(|&i| variance.iter().all(|v| v[i] == 0.0)) {
-        (0..3).for_each(|channel| filtered.value.plane_mut(channel)[i] = original[channel][i]);
-        filtered.derivative[i] = 1.0;
-    }
 }
 
 /// Sums over a tile: three weighted channels, and the weights.

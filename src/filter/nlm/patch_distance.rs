@@ -12,12 +12,13 @@
 
 use rayon::prelude::*;
 
+use super::row_sums::RowSums;
 use crate::filter::common::fast_exp::exp_negative;
 use crate::filter::common::padded_planes::{Margin, PaddedPlanes};
 use crate::simd::{LANES, apply, multiversioned};
 
 /// Maximum contribution of one pixel to a patch sum. Larger terms give a weight of 0 as well, and would take
-/// precision from the running sums.
+/// precision from the sums.
 const MAX_TERM: f32 = 3000.0;
 /// Maximum of e: the product of three sums of two of them does not overflow.
 const MAX_E: f32 = 1e12;
@@ -148,10 +149,35 @@ impl<const PATCH: usize> PatchDistance<PATCH> {
         Some(Tile { x: tile.x + left, y: tile.y + top, width: right - left, height: bottom - top })
     }
 
+    /// Returns whether filtering may change each pixel: those with a variance and, unless weights are symmetric, those with
+    /// one within a square of the radius.
+    pub fn changed_pixels(&self) -> Vec<bool> {
+        let (width, height) = (self.width, self.height);
+        let is_noisy = |i: usize| {
+            let (x, y) = ((i % width) as isize, (i / width) as isize);
+            (0..3).any(|c| self.e.span(c, x, y, 1)[0] > NOISE_FREE_E)
+        };
+        let mut changed: Vec<bool> = (0..width * height).into_par_iter().map(is_noisy).collect();
+        if self.settings.symmetric_weights || changed.iter().all(|&changed| changed) {
+            return changed;
+        }
+        // Extend by the radius, along rows and then along columns
+        let radius = self.settings.radius;
+        let window = |at: usize, end: usize| at.saturating_sub(radius)..(at + radius + 1).min(end);
+        changed = (0..width * height)
+            .into_par_iter()
+            .map(|i| window(i % width, width).any(|x| changed[i - i % width + x]))
+            .collect();
+        (0..width * height)
+            .into_par_iter()
+            .map(|i| window(i / width, height).any(|y| changed[y * width + i % width]))
+            .collect()
+    }
+
     /// Calls `add` with the weights of all neighbours of the tile's pixels, except the pixels themselves.
     pub fn for_each_neighbour(&self, tile: Tile, mut add: impl FnMut(Neighbours)) {
         let longest = (tile.width + self.settings.radius).next_multiple_of(LANES) + 2 * PATCH;
-        let mut scratch = Scratch::new(longest.next_multiple_of(LANES), Self::SIDE);
+        let mut scratch = Scratch::new(longest.next_multiple_of(LANES));
         for offset in half_disc(self.settings.radius) {
             self.for_each_row(tile, offset, &mut scratch, &mut add);
         }
@@ -174,11 +200,10 @@ impl<const PATCH: usize> PatchDistance<PATCH> {
         let patch = PATCH as isize;
         let wide = (length + 2 * PATCH).next_multiple_of(LANES);
         let k2 = self.settings.k * self.settings.k;
-        scratch.clear();
         for y in y0 - dy - patch..y1 + patch {
             // Add a row to the column sums, which extend over the rows of a patch
             let x = left - patch;
-            let slot = (y - (y0 - dy - patch)) as usize % Self::SIDE;
+            let row = (y - (y0 - dy - patch)) as usize;
             let [p, q] = &mut scratch.terms;
             compute_terms(
                 k2,
@@ -189,10 +214,8 @@ impl<const PATCH: usize> PatchDistance<PATCH> {
                 &mut p[..wide],
                 &mut q[..wide],
             );
-            for ((new, old), sum) in
-                scratch.terms.iter().zip(&mut scratch.ring[slot]).zip(&mut scratch.columns)
-            {
-                replace(&new[..wide], &mut old[..wide], &mut sum[..wide]);
+            for (terms, sums) in scratch.terms.iter().zip(&mut scratch.columns) {
+                sums.add::<PATCH>(row, &terms[..wide]);
             }
             // The patches around row `y - PATCH` are complete with their last row.
             let y = y - patch;
@@ -209,7 +232,7 @@ impl<const PATCH: usize> PatchDistance<PATCH> {
                 let j = self.features.span(f, left + dx, y + dy, length);
                 add_squared_difference(i, j, w_ij);
             }
-            let [p, q] = &scratch.columns;
+            let [p, q] = scratch.columns.each_ref().map(|sums| sums.sum());
             let to_exponents = Exponents {
                 scale: 1.0 / (k2 * (3 * Self::SIDE * Self::SIDE) as f32),
                 terms: (3 * Self::SIDE * Self::SIDE) as f32,
@@ -244,22 +267,17 @@ fn half_disc(radius: usize) -> impl Iterator<Item = (isize, isize)> {
 struct Scratch {
     /// P and Q of one row.
     terms: [Vec<f32>; 2],
-    /// P and Q of the last rows, as many as a patch has.
-    ring: Vec<[Vec<f32>; 2]>,
-    /// Sums of P and Q over these rows.
-    columns: [Vec<f32>; 2],
+    /// Sums of P and Q over the rows of a patch.
+    columns: [RowSums; 2],
     /// Weights w_ij and w_ji.
     weights: [Vec<f32>; 2],
 }
 
 impl Scratch {
-    fn new(length: usize, rows: usize) -> Self {
+    fn new(length: usize) -> Self {
         let pair = || [vec![0.0; length], vec![0.0; length]];
-        Self { terms: pair(), ring: (0..rows).map(|_| pair()).collect(), columns: pair(), weights: pair() }
-    }
-
-    fn clear(&mut self) {
-        self.ring.iter_mut().flatten().chain(&mut self.columns).for_each(|row| row.fill(0.0));
+        let sums = || RowSums::new(length);
+        Self { terms: pair(), columns: [sums(), sums()], weights: pair() }
     }
 }
 
@@ -299,17 +317,6 @@ fn compute_terms(
 #[inline(always)]
 fn min(a: f32, b: f32) -> f32 {
     if a < b { a } else { b }
-}
-
-/// Replaces a row in the sum of rows.
-#[apply(multiversioned!)]
-fn replace(new: &[f32], old: &mut [f32], sum: &mut [f32]) {
-    let n = new.len();
-    let (old, sum) = (&mut old[..n], &mut sum[..n]);
-    for x in 0..n {
-        sum[x] += new[x] - old[x];
-    }
-    old.copy_from_slice(new);
 }
 
 #[apply(multiversioned!)]
