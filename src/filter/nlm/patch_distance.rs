@@ -152,26 +152,33 @@ impl<const PATCH: usize> PatchDistance<PATCH> {
     /// Returns whether filtering may change each pixel: those with a variance and, unless weights are symmetric, those with
     /// one within a square of the radius.
     pub fn changed_pixels(&self) -> Vec<bool> {
-        let (width, height) = (self.width, self.height);
-        let is_noisy = |i: usize| {
-            let (x, y) = ((i % width) as isize, (i / width) as isize);
-            (0..3).any(|c| self.e.span(c, x, y, 1)[0] > NOISE_FREE_E)
-        };
-        let mut changed: Vec<bool> = (0..width * height).into_par_iter().map(is_noisy).collect();
-        if self.settings.symmetric_weights || changed.iter().all(|&changed| changed) {
-            return changed;
+        let (width, radius) = (self.width, self.settings.radius);
+        let mut noisy = vec![false; width * self.height];
+        noisy.par_chunks_mut(width.max(1)).enumerate().for_each(|(y, row)| {
+            let [a, b, c] = std::array::from_fn(|channel| self.e.span(channel, 0, y as isize, width));
+            for (x, noisy) in row.iter_mut().enumerate() {
+                *noisy = (a[x] > NOISE_FREE_E) | (b[x] > NOISE_FREE_E) | (c[x] > NOISE_FREE_E);
+            }
+        });
+        if self.settings.symmetric_weights || !noisy.contains(&false) {
+            return noisy;
         }
         // Extend by the radius, along rows and then along columns
-        let radius = self.settings.radius;
-        let window = |at: usize, end: usize| at.saturating_sub(radius)..(at + radius + 1).min(end);
-        changed = (0..width * height)
-            .into_par_iter()
-            .map(|i| window(i % width, width).any(|x| changed[i - i % width + x]))
-            .collect();
-        (0..width * height)
-            .into_par_iter()
-            .map(|i| window(i / width, height).any(|y| changed[y * width + i % width]))
-            .collect()
+        let mut wide = noisy.clone();
+        wide.par_chunks_mut(width).zip(noisy.par_chunks(width)).for_each(|(wide, row)| {
+            for shift in 1..=radius.min(width - 1) {
+                wide[shift..].iter_mut().zip(row).for_each(|(wide, &noisy)| *wide |= noisy);
+                wide.iter_mut().zip(&row[shift..]).for_each(|(wide, &noisy)| *wide |= noisy);
+            }
+        });
+        let mut changed = wide.clone();
+        changed.par_chunks_mut(width).enumerate().for_each(|(y, changed)| {
+            let rows = y.saturating_sub(radius)..(y + radius + 1).min(self.height);
+            for row in rows.map(|y| &wide[y * width..][..width]) {
+                changed.iter_mut().zip(row).for_each(|(changed, &wide)| *changed |= wide);
+            }
+        });
+        changed
     }
 
     /// Calls `add` with the weights of all neighbours of the tile's pixels, except the pixels themselves.
