@@ -3,7 +3,8 @@
 //! The estimate combines two maps of a filter pass. The risk is unbiased as far as the filter is linear, and noisy: one
 //! rare bright sample may dominate its mean. The variance between the halves is far less noisy, but blind to bias. Each has a standard error, from the spread over tiles, and a deviation that the denoiser states
 //! ([`Reliability`](crate::filter::Reliability)); their mean, weighted by both in logarithms, is the estimate. Errors are
-//! relative to the blurred image: relative to its noisy pixels they would be up to five times too large.
+//! relative to the blurred image: relative to its noisy pixels they would be up to five times too large. The pixel itself is
+//! left out of the blur, since a firefly would hide its own error.
 //!
 //! The estimate cannot include light that no sample found.
 
@@ -102,11 +103,11 @@ impl ErrorEstimate {
     }
 }
 
-/// Returns the blurred image: 3 planes.
+/// Returns the blurred image, at each pixel without the pixel itself: 3 planes.
 fn level(image: &Planes) -> Planes {
     let mut level = image.clone();
     for plane in level.planes_mut() {
-        plane.copy_from_slice(&blur::gaussian(image.width(), image.height(), plane, LEVEL_SIGMA));
+        plane.copy_from_slice(&blur::gaussian_of_others(image.width(), image.height(), plane, LEVEL_SIGMA));
     }
     level
 }

@@ -67,6 +67,26 @@ fn the_error_of_means_is_their_variance() {
 }
 
 #[test]
+fn fireflies_do_not_hide_their_own_error() {
+    // One of 400 samples is 200 times as bright as the others together, of an image of mean 1.
+    let layout = Layout::with_blocks(|_| false);
+    let fireflies = store(
+        SIDE,
+        SIDE,
+        layout.clone(),
+        |_, _| 4,
+        |x, y, _, rng| {
+            let light = if rng.random::<f32>() < 1.0 / 400.0 { 200.0 } else { 0.5 };
+            wall(&layout, x, y, [light; 3], rng)
+        },
+    );
+    let estimate = ErrorEstimate::new(&UNFILTERED.filter(&fireflies, 0), &fireflies).unwrap();
+    let expected = 199.5 * 199.5 / 400.0 / 4.0 / (1.0 + RELMSE_EPSILON);
+    // The level lies below the mean between fireflies, and above it beside them.
+    assert!((0.5..4.0).contains(&(estimate.value / expected)), "{estimate:?} {expected}");
+}
+
+#[test]
 fn tiles_tell_where_the_error_is() {
     // The left half has a sixteenth of the samples of the right.
     let store = noisy_stripes(|x, _| if x < SIDE / 2 { 4 } else { 64 });
