@@ -45,6 +45,7 @@ pub fn format_bytes(bytes: f64) -> String {
 }
 
 /// Returns the bytes that the process holds now, if the system tells.
+#[cfg(feature = "app")]
 pub fn held_bytes() -> Option<u64> {
     status_bytes("VmRSS")
 }
