@@ -161,12 +161,11 @@ impl<'a> RenderBuilder<'a> {
         }
 
         // Render
-        let mut render_loop =
-            RenderLoop::new(&renderer, &settings, self.start).with_reference(self.reference);
-        if let Some(checkpoint) = self.checkpoint {
-            render_loop = render_loop.resume(checkpoint);
-        }
-        let outcome = progressive::run(render_loop, host);
+        let render_loop = match self.checkpoint {
+            Some(checkpoint) => RenderLoop::resume(&renderer, &settings, self.start, checkpoint),
+            None => RenderLoop::new(&renderer, &settings, self.start),
+        };
+        let outcome = progressive::run(render_loop.with_reference(self.reference), host);
         Ok(RenderedImage { outcome, metadata: ImageMetadata::new(self.scene, &renderer) })
     }
 }

@@ -141,7 +141,10 @@ fn short_steps_and_checkpoints_between_them_change_nothing() {
     assert!(image == whole.result.image);
     // Nor does going on in another process.
     let checkpoint = checkpoint.expect("a checkpoint");
-    assert!(run(new_loop().resume(checkpoint), &mut ()).result.image == whole.result.image);
+    assert!(
+        run(RenderLoop::resume(&renderer, &settings, Instant::now(), checkpoint), &mut ()).result.image
+            == whole.result.image
+    );
 }
 
 #[test]
@@ -156,7 +159,7 @@ fn a_smaller_budget_is_spent_exactly_by_a_render_that_resumes_within_a_batch() {
     }
     let checkpoint = checkpoint_within_batch(&mut render_loop);
     let small = settings(10, Sampling::Adaptive, 3);
-    let outcome = run(RenderLoop::new(&renderer, &small, Instant::now()).resume(checkpoint), &mut ());
+    let outcome = run(RenderLoop::resume(&renderer, &small, Instant::now(), checkpoint), &mut ());
     assert_eq!(outcome.store.samples(), 10 * (SIDE * SIDE) as u64);
 }
 

@@ -71,7 +71,7 @@ fn a_render_resumed_from_any_step_ends_in_the_same_image() {
             state::encode(&state, &mut file);
             let checkpoint = state::decode(&file).expect("a state").checkpoint;
 
-            let resumed = run(render_loop().resume(checkpoint), &mut ());
+            let resumed = run(RenderLoop::resume(&renderer, &settings, Instant::now(), checkpoint), &mut ());
             assert_eq!(resumed.result.image, whole.result.image);
             assert_eq!(resumed.result.interpolation, whole.result.interpolation);
             assert_eq!(resumed.store.rows(), whole.store.rows());
@@ -102,12 +102,12 @@ fn a_batch_that_would_go_on_is_left_when_interrupted_and_resumed_to_the_same_ima
     // So slow that nothing of the batch can be waited for.
     within.speed = Speed { samples: 1.0, seconds: 1e9 };
     let mut stopping = Recorder { interval: Some(f64::INFINITY), interrupts: true, ..Recorder::default() };
-    let stopped = run(render_loop().resume(within), &mut stopping);
+    let stopped = run(RenderLoop::resume(&renderer, &settings, Instant::now(), within), &mut stopping);
     assert_eq!(stopped.stopped_by, StoppedBy::Interrupt);
     assert!(stopped.store.samples() > before);
     let [checkpoint] = stopping.checkpoints.try_into().expect("one checkpoint, at the end");
     assert!(is_within(&checkpoint.position));
-    let resumed = run(render_loop().resume(checkpoint), &mut ());
+    let resumed = run(RenderLoop::resume(&renderer, &settings, Instant::now(), checkpoint), &mut ());
     assert_eq!(resumed.result.image, whole.result.image);
     assert_eq!(resumed.store.rows(), whole.store.rows());
 }

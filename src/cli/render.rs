@@ -309,11 +309,11 @@ impl Job<'_> {
             let reservoirs = (capacity.unwrap_or(settings.reservoir_capacity()), settings.seed);
             let mut processes =
                 self.processes.map(|processes| processes.coordinator(renderer, reservoirs, interrupt));
-            let render_loop = RenderLoop::new(renderer, settings, start);
+            let render_loop = match checkpoint {
+                Some(checkpoint) => RenderLoop::resume(renderer, settings, start, checkpoint),
+                None => RenderLoop::new(renderer, settings, start),
+            };
             let mut render_loop = render_loop.with_reference(inputs.reference.as_deref());
-            if let Some(checkpoint) = checkpoint {
-                render_loop = render_loop.resume(checkpoint);
-            }
             if let Some(processes) = &mut processes {
                 render_loop = render_loop.with_processes(&mut **processes);
             }

@@ -58,8 +58,8 @@ pub struct Controller<'a> {
     /// Renders that commands have replaced, and the one that comes back.
     history: History,
     returning: Option<KeptRender>,
-    /// The store of a generation that another one replaced before its first sample.
-    unused: Option<Store>,
+    /// A store that nobody needs any more: new memory would take longer to get than its samples to clear.
+    spare: Option<Store>,
     /// A command that waits for a store.
     deferred: Option<Command>,
     denoisers: Vec<&'static dyn Denoiser>,
@@ -120,7 +120,7 @@ impl<'a> Controller<'a> {
             camera: None,
             history: History::default(),
             returning: None,
-            unused: None,
+            spare: None,
             deferred: None,
             denoisers: DENOISERS.into_iter().filter(|denoiser| denoiser.missing().is_none()).collect(),
             bookmarks: Vec::new(),
@@ -184,10 +184,11 @@ impl<'a> Controller<'a> {
                 return GenerationEnd::Replaced;
             }
         }
-        let mut render_loop = self.new_loop(&renderer, start).with_reference(reference.as_deref());
-        if let Some(checkpoint) = checkpoint {
-            render_loop = render_loop.resume(checkpoint);
-        }
+        let render_loop = match checkpoint {
+            Some(found) => RenderLoop::resume(&renderer, &self.configuration.settings, start, found),
+            None => self.new_loop(&renderer, start),
+        };
+        let mut render_loop = render_loop.with_reference(reference.as_deref());
         render_loop.set_region(self.pixel_region(renderer.resolution()));
 
         loop {

@@ -83,18 +83,22 @@ impl History {
         })
     }
 
-    /// Keeps a render that another one replaces, if it is worth it and there is room.
-    pub fn keep(&mut self, render: KeptRender) {
+    /// Keeps a render that another one replaces, if it is worth it and there is room. Returns the renders that are not kept
+    /// any longer.
+    pub fn keep(&mut self, render: KeptRender) -> Vec<KeptRender> {
         // What was undone stays reachable: it moves before the render.
         let undone = std::mem::take(&mut self.undone);
         self.done.splice(0..0, undone);
-        if render.is_worth_it() {
-            self.done.push(render);
+        if !render.is_worth_it() {
+            return vec![render];
         }
-        self.make_room();
+        self.done.push(render);
+        self.make_room()
     }
 
-    fn make_room(&mut self) {
+    /// Removes renders until there is room, and returns them.
+    fn make_room(&mut self) -> Vec<KeptRender> {
+        let mut removed = Vec::new();
         let limit = available_bytes().map(|available| MEMORY_FRACTION * (available + self.bytes()));
         let is_full = |history: &Self| {
             history.done.len() + history.undone.len() > MOST_KEPT
@@ -106,11 +110,12 @@ impl History {
                 seconds.min_by(|a, b| a.1.total_cmp(&b.1))
             };
             match (least(&self.done), least(&self.undone)) {
-                (Some((i, a)), b) if b.is_none_or(|(_, b)| a <= b) => drop(self.done.remove(i)),
-                (_, Some((i, _))) => drop(self.undone.remove(i)),
-                _ => return,
+                (Some((i, a)), b) if b.is_none_or(|(_, b)| a <= b) => removed.push(self.done.remove(i)),
+                (_, Some((i, _))) => removed.push(self.undone.remove(i)),
+                _ => break,
             }
         }
+        removed
     }
 
     /// Returns whether there is a render that way.

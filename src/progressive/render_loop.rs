@@ -58,31 +58,7 @@ impl<'a> RenderLoop<'a> {
         let (width, height) = renderer.resolution();
         let (layout, capacity) = (renderer.layout().clone(), settings.reservoir_capacity());
         let store = Store::new(width, height, layout, capacity, settings.seed);
-        Self::with_store(renderer, settings, start, store)
-    }
-
-    /// Starts a new render into an empty store of the renderer's size and layout and the settings' reservoir and seed.
-    pub fn with_store(renderer: &'a Renderer<'a>, settings: &Settings, start: Instant, store: Store) -> Self {
-        let clock = Clock::new(start);
-        Self {
-            renderer,
-            settings: settings.clone(),
-            clock,
-            checkpoint: Checkpoint::new(store),
-            measurements: Measurements { saved_at: clock.elapsed(), ..Measurements::default() },
-            processes: None,
-            samples: SampleTotals::default(),
-            is_behind: false,
-            region: None,
-            resumed_samples: 0,
-            reference: None,
-        }
-    }
-
-    /// Compares every filtered image with a reference of the same size.
-    pub fn with_reference(mut self, reference: Option<&'a Planes>) -> Self {
-        self.reference = reference;
-        self
+        Self::resume(renderer, settings, start, Checkpoint::new(store))
     }
 
     /// Goes on from a checkpoint. With the same budget of samples the image is the same to the last bit as if that
@@ -90,22 +66,43 @@ impl<'a> RenderLoop<'a> {
     ///
     /// # Panics
     /// If the checkpoint is not of the renderer's size and layout.
-    pub fn resume(mut self, checkpoint: Checkpoint) -> Self {
+    pub fn resume(
+        renderer: &'a Renderer<'a>,
+        settings: &Settings,
+        start: Instant,
+        mut checkpoint: Checkpoint,
+    ) -> Self {
         let store = &checkpoint.store;
-        assert_eq!((store.width(), store.height()), self.renderer.resolution(), "a checkpoint of this image");
-        assert_eq!(store.layout(), self.renderer.layout(), "a checkpoint of this scene");
-        self.samples = SampleTotals::new(store);
-        self.resumed_samples = self.samples.valid;
-        let budget = self.settings.budget.spp.map_or(u64::MAX, |spp| u64::from(spp) * store.pixels() as u64);
+        assert_eq!((store.width(), store.height()), renderer.resolution(), "a checkpoint of this image");
+        assert_eq!(store.layout(), renderer.layout(), "a checkpoint of this scene");
+        let samples = SampleTotals::new(store);
+        let budget = settings.budget.spp.map_or(u64::MAX, |spp| u64::from(spp) * store.pixels() as u64);
         let is_too_large = |batch: &SampleBatch| {
             let rest: u64 = batch.step(store, 1.0).iter().map(|&n| u64::from(n)).sum();
-            self.samples.taken + rest > budget
+            samples.taken + rest > budget
         };
-        let gives_up = matches!(&checkpoint.position, Position::Render(batch) if is_too_large(batch));
-        self.checkpoint = checkpoint;
-        if gives_up {
-            self.checkpoint.position = Position::Filter;
+        if matches!(&checkpoint.position, Position::Render(batch) if is_too_large(batch)) {
+            checkpoint.position = Position::Filter;
         }
+        let clock = Clock::new(start);
+        Self {
+            renderer,
+            settings: settings.clone(),
+            clock,
+            checkpoint,
+            measurements: Measurements { saved_at: clock.elapsed(), ..Measurements::default() },
+            processes: None,
+            resumed_samples: samples.valid,
+            samples,
+            is_behind: false,
+            region: None,
+            reference: None,
+        }
+    }
+
+    /// Compares every filtered image with a reference of the same size.
+    pub fn with_reference(mut self, reference: Option<&'a Planes>) -> Self {
+        self.reference = reference;
         self
     }
 

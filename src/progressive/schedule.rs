@@ -34,10 +34,11 @@ const ERROR_POWER: f64 = 0.7;
 const STEP_SPP: u64 = 4;
 /// Fraction of the pixels that the first step under a time budget renders, whatever it costs: there has to be an image.
 const FIRST_STEP: f64 = 1.0 / 16.0;
-/// Samples per pixel of the coarsest image: a pair in every block of 8×8 pixels.
-const LEAST_IMAGE: f64 = 1.0 / 32.0;
+/// Samples per pixel of the first image: a pair in every second block of 4×4 pixels, no coarser than what a viewer saw of a moving
+/// camera before it.
+const LEAST_IMAGE: f64 = 1.0 / 16.0;
 /// Samples per pixel of the shortest step after it: what a step costs beside its samples stays small.
-const LEAST_STEP: f64 = 1.0 / 128.0;
+const LEAST_STEP: f64 = 1.0 / 32.0;
 
 /// The budgets and what is known of the speed, at a moment.
 #[derive(Clone, Copy, Debug)]

@@ -83,6 +83,18 @@ impl Row {
         }
     }
 
+    /// Forgets all samples.
+    pub(super) fn clear(&mut self) {
+        self.next_index.fill(0);
+        self.rejected.fill(0);
+        for half in &mut self.halves {
+            half.count.fill(0);
+            half.mean.fill(0.0);
+        }
+        self.deviations.iter_mut().for_each(|plane| plane.fill(0.0));
+        self.reservoir.fill(0.0);
+    }
+
     /// Index of the pixel's next sample.
     pub fn next_index(&self, x: usize) -> u32 {
         self.next_index[x]

@@ -35,6 +35,11 @@ impl Store {
         Self { width: part.width(), layout, capacity, rows }
     }
 
+    /// Forgets all samples. The reservoirs' seed stays.
+    pub fn clear(&mut self) {
+        self.rows.par_iter_mut().for_each(Row::clear);
+    }
+
     /// Memory of a store in bytes per pixel.
     pub fn bytes_per_pixel(layout: &Layout, capacity: usize) -> usize {
         let moments = layout.len() * (2 + deviation_planes(layout)) * size_of::<f64>();

@@ -198,7 +198,7 @@ fn resumed() -> Case {
     let checkpoints = recorder.0.into_iter();
     let off: f64 = checkpoints
         .map(|checkpoint| {
-            let outcome = run(render_loop().resume(checkpoint), &mut ());
+            let outcome = run(RenderLoop::resume(&renderer, &settings, Instant::now(), checkpoint), &mut ());
             differing(&outcome.store, &whole.store) + changed(&outcome.result.image, &whole.result.image)
         })
         .sum();

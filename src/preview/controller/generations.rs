@@ -10,7 +10,7 @@ use crate::preview::history::{HistoryStep, KeptRender};
 use crate::preview::orbit_camera::OrbitCamera;
 use crate::preview::scene_session::SceneSession;
 use crate::preview::status::{DenoiserInfo, HistoryStatus, Phase};
-use crate::progressive::{Region, RenderLoop, Settings, memory_needed};
+use crate::progressive::{Checkpoint, Region, RenderLoop, Settings, memory_needed};
 use crate::render::Renderer;
 use crate::stats::Store;
 
@@ -72,14 +72,12 @@ impl Controller<'_> {
     ) {
         let render = self.kept_render(render_loop, camera, settings);
         self.keeps_checkpoints = false;
-        if render.checkpoint.store.samples_taken() > 0 {
-            self.history.keep(render);
-        } else {
-            self.unused = Arc::into_inner(render.checkpoint.store);
-        }
+        // No pass of theirs may still read their stores.
+        let dropped = self.history.keep(render).into_iter();
+        self.spare = dropped.filter_map(|render| Arc::into_inner(render.checkpoint.store)).next();
     }
 
-    /// Starts the loop of a new render: into a store that an earlier one left empty, if that fits.
+    /// Starts the loop of a new render: with the spare store, if that fits.
     pub(super) fn new_loop<'r>(&mut self, renderer: &'r Renderer<'r>, start: Instant) -> RenderLoop<'r> {
         let settings = &self.configuration.settings;
         let fits = |store: &Store| {
@@ -87,8 +85,11 @@ impl Controller<'_> {
                 && store.layout() == renderer.layout()
                 && store.capacity() == settings.reservoir_capacity()
         };
-        match self.unused.take().filter(fits) {
-            Some(store) => RenderLoop::with_store(renderer, settings, start, store),
+        match self.spare.take().filter(fits) {
+            Some(mut store) => {
+                store.clear();
+                RenderLoop::resume(renderer, settings, start, Checkpoint::new(store))
+            }
             None => RenderLoop::new(renderer, settings, start),
         }
     }

@@ -81,7 +81,7 @@ fn a_batch_is_rendered_in_steps_to_its_end() {
         (0.0, 100_000, None, Action::Render { to: 0.04 }),
         // A viewer wants shorter ones, but not too short ones.
         (0.0, 8000, Some(0.1), Action::Render { to: 0.125 }),
-        (0.0, 8000, Some(1e-9), Action::Render { to: 1.0 / 8.0 / 128.0 }),
+        (0.0, 8000, Some(1e-9), Action::Render { to: 1.0 / 8.0 / 32.0 }),
         (1.0, 8000, None, Action::EndBatch),
     ] {
         assert_eq!(render(done, samples, longest_step), expected, "{done} {samples} {longest_step:?}");
@@ -90,7 +90,7 @@ fn a_batch_is_rendered_in_steps_to_its_end() {
     let conditions = Conditions { longest_step: Some(1e-9), ..Conditions::default() };
     let now = situation(&settings, &measurements, Mark::Render { done: 0.0, samples: 8000 });
     let first = next_action(&Situation { conditions, samples: 0, ..now });
-    assert_eq!(first, Action::Render { to: 1.0 / 8.0 / 32.0 });
+    assert_eq!(first, Action::Render { to: 1.0 / 8.0 / 16.0 });
 }
 
 #[test]

@@ -140,6 +140,13 @@ fn merging_with_an_empty_store_changes_nothing() {
 }
 
 #[test]
+fn a_cleared_store_is_an_empty_one_of_the_same_seed() {
+    let (mut store, _) = random_store(3, 9);
+    store.clear();
+    assert_eq!(store.rows(), Store::new(WIDTH, HEIGHT, layout(), 4, 3).rows());
+}
+
+#[test]
 fn reading_halves_at_once_equals_reading_them_one_by_one() {
     for per_pixel in [0, 1, 2, 7] {
         let (store, _) = random_store(11, per_pixel);
