@@ -23,8 +23,8 @@ pub static DENOISERS: [&dyn Denoiser; 10] = [
     &none::NONE,
 ];
 
-/// The default where the first of [`DENOISERS`] is too slow.
-pub static FASTER_DEFAULT: &dyn Denoiser = &nlm::STANDARD;
+/// The default denoisers, each faster and less exact than the one before.
+pub static DEFAULTS: [&dyn Denoiser; 3] = [&learned::STANDARD, &nlm::STANDARD, &nlm::DRAFT];
 
 /// The mean of the samples: the fallback if time is short.
 pub static UNFILTERED: &dyn Denoiser = &none::NONE;

@@ -11,7 +11,7 @@
 //! The names beside the arrows are actions, those at their ends positions. `Save` comes anywhere.
 
 use super::finalisation::assumed_seconds;
-use super::schedule::Plan;
+use super::schedule::{Plan, Schedule};
 use super::situation::{Mark, Situation, can_fall_back};
 use super::stopped_by::StoppedBy;
 use super::time_constants::{
@@ -185,7 +185,9 @@ fn calibration(now: &Situation) -> Option<&'static dyn Denoiser> {
     if schedule.is_late(now.elapsed) && can_fall_back(last, stand_in) {
         return Some(stand_in);
     }
-    (schedule.is_far_too_late(now.elapsed) && can_fall_back(last, UNFILTERED)).then_some(UNFILTERED)
+    // One slow calibration is no reason to give the filter up.
+    let at_least = Schedule { finalisation: finalisation.least_seconds(), ..schedule };
+    (at_least.is_far_too_late(now.elapsed) && can_fall_back(last, UNFILTERED)).then_some(UNFILTERED)
 }
 
 /// Returns whether a checkpoint is due, if the next chance comes in `ahead` seconds.

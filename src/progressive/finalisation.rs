@@ -34,6 +34,8 @@ pub struct Finalisation {
     averaged: f64,
     /// The latest calibration; its `filter` is replaced by that of a whole pass.
     latest: Option<CalibrationTimes>,
+    /// Least measured seconds: other programs lengthen a measurement and never shorten it.
+    least: Option<f64>,
     /// Seconds of all calibrations.
     spent: f64,
     /// Whether the last calibration before the end has been made.
@@ -62,6 +64,11 @@ impl Finalisation {
         self.predicted + self.deviation
     }
 
+    /// Returns the seconds that it takes if no other program is in its way, once calibrated.
+    pub fn least_seconds(&self) -> f64 {
+        self.least.unwrap_or(0.0)
+    }
+
     /// Returns the seconds of the last filter pass, once calibrated.
     pub fn filter_seconds(&self) -> Option<f64> {
         self.latest.map(|latest| latest.filter)
@@ -73,6 +80,7 @@ impl Finalisation {
         self.spent += times.spent;
         self.latest = Some(times);
         self.is_fresh = true;
+        self.record(times.total);
 
         self.averaged += 1.0;
         // The first one takes longer than the others: its data is in no cache.
@@ -89,6 +97,9 @@ impl Finalisation {
         let Some(latest) = &mut self.latest else { return };
         let excess = latest.filter - filter_seconds;
         latest.filter = filter_seconds;
+        latest.total -= excess;
+        let total = latest.total;
+        self.record(total);
         self.predicted = (self.predicted - excess).max(0.0);
         self.deviation = 0.0;
         // A measured pass counts as a full set of calibrations.
@@ -99,6 +110,12 @@ impl Finalisation {
     pub fn fall_back(&mut self, denoiser: &'static dyn Denoiser) {
         self.fallback = Some(denoiser);
         (self.predicted, self.deviation, self.averaged) = (0.0, 0.0, 0.0);
+        self.least = None;
+    }
+
+    /// Records a measured time of the whole finalisation, in seconds.
+    fn record(&mut self, total: f64) {
+        self.least = Some(self.least.unwrap_or(f64::INFINITY).min(total.max(0.0)));
     }
 
     /// Marks the latest calibration as taken into account.
@@ -154,11 +171,13 @@ mod tests {
         let mut three = calibrated(&[(5.0, 1.0), (1.0, 1.0), (2.0, 1.0)], 9.0);
         assert!(near(three.seconds(), 1.5 + 0.55), "mean and deviation");
         // 1.8 seconds were extrapolated; a measured pass has no deviation.
+        assert!(near(three.least_seconds(), 1.0));
         three.correct(1.5);
-        assert!(near(three.seconds(), 1.2));
+        assert!(near(three.seconds(), 1.2) && near(three.least_seconds(), 1.0));
         assert_eq!(three.filter_seconds(), Some(1.5));
         three.correct(0.0);
         assert!(near(three.seconds(), 0.0), "nothing takes less than no time");
+        assert!(near(three.least_seconds(), 0.2), "what is left of two seconds without the pass");
     }
 
     #[test]
@@ -172,7 +191,7 @@ mod tests {
     fn calibrations_take_their_fraction_of_the_time_and_no_more() {
         let once = calibrated(&[(0.8, 0.1)], 9.0);
         let due = |elapsed, left| once.is_due(elapsed, left, 0.8);
-        assert!(!due(3.0, 9.0) && due(4.0, 9.0) && !due(4.0, 0.1));
+        assert!(!due(9.0, 9.0) && due(11.0, 9.0) && !due(11.0, 0.1));
     }
 
     #[test]

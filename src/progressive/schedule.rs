@@ -159,11 +159,13 @@ impl Schedule<'_> {
         self.budget.seconds.is_some_and(|seconds| elapsed + self.finalisation > seconds)
     }
 
-    /// Returns whether it would exceed the budget by so much that an unfiltered image is better.
+    /// Returns whether it would exceed the budget by so much that an unfiltered image is better. A budget that is exceeded
+    /// already counts as spent at this moment.
     pub fn is_far_too_late(&self, elapsed: f64) -> bool {
-        let (seconds, fraction) = TOLERANCE;
-        let tolerance = self.budget.seconds.map_or(f64::INFINITY, |budget| (fraction * budget).max(seconds));
-        self.is_late(elapsed) && self.finalisation > tolerance
+        let (least, fraction) = TOLERANCE;
+        self.budget.seconds.is_some_and(|seconds| {
+            elapsed + self.finalisation > seconds.max(elapsed) + least.max(fraction * seconds)
+        })
     }
 
     /// Returns whether every pixel can get a sample within the time budget, after `samples` samples.

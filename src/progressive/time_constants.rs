@@ -37,7 +37,7 @@ pub const INTERIM_USE: f64 = 3.0;
 // Calibration of the finalisation
 
 /// Largest fraction of the time that calibrations take.
-pub const CALIBRATION_FRACTION: f64 = 0.06;
+pub const CALIBRATION_FRACTION: f64 = 0.02;
 /// A calibration is followed by more than this many times its own time for samples.
 pub const CALIBRATION_USE: f64 = 2.0;
 /// The first calibration takes about this many times as long as later ones: memory is prepared before it.

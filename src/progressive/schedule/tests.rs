@@ -93,7 +93,7 @@ fn whether_every_pixel_gets_a_sample_and_whether_time_is_short_is_known_early() 
     assert!(!with(3.0).fills(0.1, 100_000) && !with(3.0).is_late(0.1));
     assert!(with(3.0).is_late(1.1));
     assert!(with(1.5).fills(0.1, 100_000) && !with(1.5).is_late(1.1));
-    assert!(!with(3.0).is_far_too_late(0.9) && with(3.0).is_far_too_late(1.1));
+    assert!(!with(3.0).is_far_too_late(1.05) && with(3.0).is_far_too_late(1.15));
     assert!(with(0.09).is_late(5.0) && !with(0.09).is_far_too_late(5.0), "a tenth of a second is nothing");
     let no_budget = Budget::default();
     let without = schedule(&no_budget, 1_000_000);
