@@ -16,6 +16,7 @@ use super::situation::{Mark, Situation, can_fall_back};
 use super::stopped_by::StoppedBy;
 use super::time_constants::{
     GRACE, INTERIM_FRACTION, INTERIM_USE, LAST_INTERIM_FRACTION, LONGEST_STEP, NEAR_END,
+    TARGET_INTERIM_FRACTION,
 };
 use crate::adaptive::Sampling;
 use crate::filter::{Denoiser, UNFILTERED};
@@ -138,9 +139,11 @@ fn interim_pass(now: &Situation, is_last: bool) -> Option<&'static dyn Denoiser>
     } else if is_last {
         seconds <= LAST_INTERIM_FRACTION * budget
     } else {
+        // A target is noticed by passes alone.
+        let fraction = if has_target { TARGET_INTERIM_FRACTION } else { INTERIM_FRACTION };
         // The time of the one before the last batch is kept for it.
         let spent = interim_total + seconds;
-        spent <= INTERIM_FRACTION * now.elapsed && spent + seconds <= INTERIM_FRACTION * budget
+        spent <= fraction * now.elapsed && spent + seconds <= fraction * budget
     };
     (is_due && is_of_use).then_some(interim)
 }

@@ -8,7 +8,7 @@ use std::time::Instant;
 use rayon::prelude::*;
 
 use super::finalisation::{CalibrationTimes, ROW_RATIO};
-use super::time_constants::WHOLE_EXCESS;
+use super::time_constants::{FILTER_EXCESS, WRITE_EXCESS};
 use crate::filter::{Denoiser, FilterResult};
 use crate::stats::Store;
 
@@ -28,12 +28,13 @@ pub(super) fn calibrate(
 ) -> CalibrationTimes {
     let started = Instant::now();
     let rows = store.select_rows(rows(store.height()));
-    let scale = WHOLE_EXCESS * store.pixels() as f64 / rows.pixels().max(1) as f64;
+    let ratio = store.pixels() as f64 / rows.pixels().max(1) as f64;
     let filtering = Instant::now();
     let result = denoiser.filter(&rows, seed);
-    let filter = scale * filtering.elapsed().as_secs_f64();
+    let filter = FILTER_EXCESS * ratio * filtering.elapsed().as_secs_f64();
+    let writing = Instant::now();
     encode_and_discard(&result, &rows);
-    let total = scale * filtering.elapsed().as_secs_f64();
+    let total = filter + WRITE_EXCESS * ratio * writing.elapsed().as_secs_f64();
     CalibrationTimes { filter, total, spent: started.elapsed().as_secs_f64() }
 }
 

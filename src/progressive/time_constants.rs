@@ -28,6 +28,8 @@ pub const LAST_BATCH_EXCESS: f64 = 1.25;
 
 /// Largest fraction of the time that interim passes take under a time budget.
 pub const INTERIM_FRACTION: f64 = 0.1;
+/// The same where a target error ends the render.
+pub const TARGET_INTERIM_FRACTION: f64 = 1.0 / 3.0;
 /// Largest fraction of the budget that the pass before the last batch takes by itself, however short the budget:
 /// without it the error of an image like the last one is unknown.
 pub const LAST_INTERIM_FRACTION: f64 = 0.08;
@@ -44,9 +46,11 @@ pub const CALIBRATION_USE: f64 = 2.0;
 pub const FIRST_CALIBRATION_EXCESS: f64 = 2.0;
 /// A last calibration is due when this many times its result is left for samples: the machine may be busier by then.
 pub const LAST_CALIBRATION: f64 = 1.0;
-/// Ratio of the time for a whole image to the time extrapolated from some of its rows (measured: 1 to 1.18, growing
-/// with the image): less of it is in the cache, and it needs a disk. The budget's margin covers what this leaves.
-pub const WHOLE_EXCESS: f64 = 1.06;
+/// Ratio of the filter's time for a whole image to that extrapolated from some of its rows (measured: 1 to 1.18, growing
+/// with the image): less of it is in the cache. The budget's margin covers what this leaves.
+pub const FILTER_EXCESS: f64 = 1.06;
+/// The same of the time to encode and write it (measured: 1.0 to 2.5, in the median 1.5): it takes new memory, and a disk.
+pub const WRITE_EXCESS: f64 = 1.5;
 /// Number of the latest calibrations that a prediction averages.
 pub const CALIBRATIONS: f64 = 2.0;
 /// Assumed relative deviation of the first calibration (measured on 0.9 megapixels: 0.1 to 0.2).
