@@ -11,6 +11,7 @@ use prpf::adaptive::{self, Maps, PrioritySettings};
 use prpf::filter::{self, Denoiser, FilterResult, nlm, prpf::PRPF};
 use prpf::geometry::Accel;
 use prpf::image::Planes;
+use prpf::import::{Frame, FrameStore, LayerMap};
 use prpf::preview::{Message, OrbitCamera};
 use prpf::render::Renderer;
 use prpf::scene::texture::{self, Channels, Encoding, WrapMode};
@@ -22,7 +23,7 @@ use prpf::stats::{Block, Layout, Part, Store};
 pub type Target = fn(&[u8]);
 
 /// Every target by its name, that of its corpus.
-pub const TARGETS: [(&str, Target); 8] = [
+pub const TARGETS: [(&str, Target); 9] = [
     ("scene", scene),
     ("ply", ply),
     ("texture", texture),
@@ -31,6 +32,7 @@ pub const TARGETS: [(&str, Target); 8] = [
     ("state", state),
     ("message", message),
     ("store", store),
+    ("import", import),
 ];
 
 /// Scenes of more triangles or instances are read but not rendered: only their number would cost time.
@@ -84,6 +86,24 @@ pub fn texture(bytes: &[u8]) {
     }
     let corner: f32 = image.bilinear(glam::Vec2::ONE, WrapMode::Repeat);
     assert!(!corner.is_nan());
+}
+
+/// An EXR of another program, by itself and beside another image of the same frame: whatever becomes a store is filtered.
+pub fn import(bytes: &[u8]) {
+    let folder = tempfile::tempdir().expect("a temporary folder can be made");
+    let frame = |name: &str, content: &[u8]| {
+        write(folder.path(), name, content);
+        Frame::read(&folder.path().join(name), &LayerMap::default(), &[])
+    };
+    let Ok(first) = frame("a.exr", bytes) else { return };
+    let mut other = first.clone();
+    other.colour.data_mut().iter_mut().for_each(|value| *value *= 0.5);
+    let pairs = [vec![first.clone()], vec![first, other]];
+    for made in pairs.iter().filter_map(|frames| FrameStore::new(frames, 0).ok()) {
+        if made.store.pixels() <= 64 {
+            check(&made.store, &nlm::DRAFT.filter(&made.store, 0));
+        }
+    }
 }
 
 /// A file of wavelengths and values.
