@@ -34,7 +34,7 @@ pub(super) fn check(processes: &Processes, options: &RenderOptions, mode: Mode) 
     ];
     match refused.into_iter().find(|(_, is_given)| *is_given) {
         Some((name, _)) => {
-            anyhow::bail!("{name}: found with {} processes; accepted is it with one", processes.count())
+            anyhow::bail!("{name}: found with {} processes; accepted is a single one", processes.count())
         }
         None => Ok(()),
     }

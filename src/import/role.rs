@@ -31,7 +31,16 @@ const TABLE: [(Role, &str, &[&str]); 7] = [
     (
         Role::Albedo,
         "albedo",
-        &["denoisingalbedo", "albedo", "alb", "diffusealbedo", "basecolor", "diffusecolor", "diffcol"],
+        &[
+            "denoisingalbedo",
+            "denoisealbedo",
+            "albedo",
+            "alb",
+            "diffusealbedo",
+            "basecolor",
+            "diffusecolor",
+            "diffcol",
+        ],
     ),
     (
         Role::Normal,
