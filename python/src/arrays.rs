@@ -71,6 +71,16 @@ pub fn integers<'py>(
     Ok(array.cast_into::<PyArrayDyn<u32>>()?)
 }
 
+/// Takes an argument as a real number for each pixel.
+pub fn plane(name: &str, value: &Bound<PyAny>, [height, width]: [usize; 2]) -> PyResult<Vec<f32>> {
+    let accepted = format!("an array of real numbers of shape ({height}, {width})");
+    let array = reals(name, value, &[2], &accepted)?;
+    match array.shape() {
+        found if found == [height, width] => Ok(array.readonly().as_slice()?.to_vec()),
+        found => Err(wrong_shape(name, found, &accepted)),
+    }
+}
+
 /// Takes an argument of shape (height, width, 3) as planes.
 pub fn rgb(name: &str, value: &Bound<PyAny>) -> PyResult<Planes> {
     planes(name, value, None, 3)

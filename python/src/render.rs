@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use prpf::RenderBuilder;
-use prpf::adaptive::{NO_CEILING, PrioritySettings, Sampling};
+use prpf::adaptive::{MapValues, NO_CEILING, PrioritySettings, SampleMap, Sampling};
 use prpf::filter::by_name;
 use prpf::image::OutputFormat;
 use prpf::progressive::{Budget, Filtered, Outcome, PassRecord, RecordedStatistics, Settings};
@@ -76,7 +76,8 @@ impl Render {
 
 /// Renders, filters and allocates until a budget is spent.
 #[pyfunction]
-#[pyo3(signature = (scene, *, spp=None, time=None, target_error=None, sampling="adaptive", denoiser="learned", seed=0,
+#[pyo3(signature = (scene, *, spp=None, time=None, target_error=None, sampling=None, sample_map=None,
+                    sample_map_values="relative", denoiser="learned", seed=0,
                     min_spp=4, max_spp=None, reservoir=0, statistics="all", reference=None, callback=None, counts=None,
                     output=None, state=None,
                     resume=None))]
@@ -87,7 +88,9 @@ pub fn render(
     spp: Option<u32>,
     time: Option<f64>,
     target_error: Option<f64>,
-    sampling: &str,
+    sampling: Option<&str>,
+    sample_map: Option<&Bound<PyAny>>,
+    sample_map_values: &str,
     denoiser: &str,
     seed: u64,
     min_spp: u32,
@@ -102,15 +105,26 @@ pub fn render(
     resume: Option<PathBuf>,
 ) -> PyResult<Render> {
     // Check the arguments before minutes of rendering
-    let sampling = self::sampling(sampling)?;
+    let sample_map = sample_map.map(|map| self::sample_map(map, sample_map_values, scene)).transpose()?;
+    let default = if sample_map.is_some() { "uniform" } else { "adaptive" };
+    let sampling = self::sampling(sampling.unwrap_or(default))?;
+    if sampling == Sampling::Adaptive && sample_map.is_some() {
+        return Err(value_error("sampling: found adaptive with sample_map; accepted is one of them"));
+    }
     if counts.is_some() && sampling == Sampling::Uniform {
         return Err(value_error(
             "counts: found a function with uniform sampling; accepted is one with adaptive sampling",
         ));
     }
+    if let (Some(spp), Some(_)) = (spp, sample_map.as_ref().and_then(SampleMap::total)) {
+        return Err(value_error(format!(
+            "spp: found {spp} with absolute counts, which give the number of samples; accepted is one of them"
+        )));
+    }
     let settings = Settings {
         budget: Budget { spp, seconds: time, target_error },
         sampling,
+        sample_map,
         denoiser: by_name(denoiser).map_err(value_error)?,
         seed,
         min_spp,
@@ -118,7 +132,6 @@ pub fn render(
         reservoir,
         priority: priority_settings(counts.is_some()),
         statistics: statistics_kept(statistics)?,
-        ..Settings::default()
     };
     if let Some(path) = &output {
         OutputFormat::from_path(path).map_err(image_error)?;
@@ -162,6 +175,25 @@ pub fn render(
         py.detach(|| rendered.write(path)).map_err(image_error)?;
     }
     Render::new(py, rendered.outcome)
+}
+
+/// Takes a map of the scene's size by which samples are placed.
+///
+/// # Errors
+/// Another shape or type, values that cannot be followed, an unknown kind of values.
+fn sample_map(map: &Bound<PyAny>, values: &str, scene: &Scene) -> PyResult<SampleMap> {
+    let kind = match values {
+        "relative" => MapValues::Relative,
+        "absolute" => MapValues::Absolute,
+        found => {
+            return Err(value_error(format!(
+                "sample_map_values: found `{found}`; accepted are relative and absolute"
+            )));
+        }
+    };
+    let film = &scene.scene.film;
+    let values = arrays::plane("sample_map", map, [film.height, film.width])?;
+    SampleMap::new(values, kind).map_err(|error| value_error(format!("sample_map: {error}")))
 }
 
 /// Returns how samples are placed, by its name.

@@ -120,6 +120,31 @@ def test_files_that_cannot_be_read_or_written_are_exceptions(scene, tmp_path):
         prpf.Store.load(text)
 
 
+def test_a_map_places_samples_by_ratios_or_counts(scene):
+    ratios = np.ones((24, 40))
+    ratios[:, :20] = 3
+    counts = prpf.render(scene, spp=16, sample_map=ratios).store.counts()
+    assert counts.sum() == 16 * 40 * 24 and counts[:, :20].mean() == pytest.approx(3 * counts[:, 20:].mean(), rel=0.1)
+    wanted = np.arange(24 * 40).reshape(24, 40) % 7
+    assert np.array_equal(prpf.render(scene, sample_map=wanted, sample_map_values="absolute").store.counts(), wanted)
+
+
+@pytest.mark.parametrize(
+    "arguments, error, words",
+    [
+        ({"sample_map": np.ones((5, 5))}, ValueError, r"sample_map: found the shape \(5, 5\)"),
+        ({"sample_map": -np.ones((24, 40))}, ValueError, "sample_map: "),
+        ({"sample_map": np.full((24, 40), "a")}, TypeError, "sample_map: "),
+        ({"sample_map": np.ones((24, 40)), "sampling": "adaptive"}, ValueError, "found adaptive with sample_map"),
+        ({"sample_map": np.ones((24, 40)), "sample_map_values": "odd"}, ValueError, "accepted are relative and absolute"),
+        ({"sample_map": np.ones((24, 40)), "sample_map_values": "absolute", "spp": 4}, ValueError, "spp: found 4"),
+    ],
+)
+def test_maps_that_cannot_be_followed_are_exceptions(scene, arguments, error, words):
+    with pytest.raises(error, match=words):
+        prpf.render(scene, **arguments)
+
+
 def test_own_counts_are_taken_as_they_are(scene):
     calls = []
 
