@@ -200,6 +200,7 @@ fn wrong_command_lines_exit_with_2_and_say_what_is_accepted() {
         (&["render", "scene.pbrt", "--reference", "none.exr"], "none.exr"),
         (&["info", "missing.pbrt"], "missing.pbrt"),
         (&["merge", "a.state", "-o", "b.state"], "found 1, and at least 2 are needed"),
+        (&["allocate", "a.state", "--spp", "8", "-o", "a.png"], "a.png: unknown extension; accepted is .exr"),
     ];
     for (arguments, expected) in cases {
         let said = refused(folder.path(), arguments);

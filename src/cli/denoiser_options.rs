@@ -8,7 +8,7 @@ use crate::filter::{DENOISERS, Denoiser, find, presets};
 
 #[derive(Clone, Args)]
 pub(super) struct DenoiserOptions {
-    /// The denoiser [default: learned; nlm where a time budget or memory is short; of `denoise`: the render's]
+    /// The denoiser [default: learned; nlm where a time budget or memory is short; of `denoise`: the render's; of `allocate`: nlm draft]
     #[arg(long, value_name = "NAME", value_parser = methods())]
     denoiser: Option<String>,
     /// Preset of the denoiser, e.g. draft [default: its first]

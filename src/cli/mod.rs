@@ -4,6 +4,7 @@
 //! 2 the command line or an input file is wrong; 130 interrupted by SIGINT, SIGTERM or SIGHUP, image and state written
 //! (a preview that is closed has nothing to write, and is done: 0).
 
+mod allocate;
 mod allocator;
 mod checkpoints;
 mod command_line;

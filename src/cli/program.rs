@@ -11,7 +11,7 @@ use super::failure::Failure;
 use super::mode::Mode;
 use super::processes::is_follower;
 use super::terminal::{escaped, print_error};
-use super::{compare, denoise, export, info, merge, options, preview, render, usage};
+use super::{allocate, compare, denoise, export, info, merge, options, preview, render, usage};
 
 #[derive(Parser)]
 #[command(
@@ -37,6 +37,8 @@ enum Command {
     Denoise(denoise::DenoiseOptions),
     /// Add states of one scene: other seeds, other shards
     Merge(merge::MergeOptions),
+    /// Decide how many samples each pixel of a state is to have next
+    Allocate(allocate::AllocateOptions),
     /// Write the content of a state as named numpy arrays
     Export(export::ExportOptions),
     /// Show what a scene holds, the effects it calls for, and the dimensions of its sample vector
@@ -67,6 +69,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>, start: Instant) -> Exi
         Command::Preview(options) => preview::run(&options, start),
         Command::Denoise(options) => denoise::run(&options, start),
         Command::Merge(options) => merge::run(&options),
+        Command::Allocate(options) => allocate::run(&options),
         Command::Export(options) => export::run(&options),
         Command::Info(options) => info::run(&options),
         Command::Compare(options) => compare::run(&options).map_err(Failure::Input),

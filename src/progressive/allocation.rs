@@ -3,6 +3,7 @@
 //! Takes the maps of the latest interim pass or a given map, and the priority region; gives the samples of each pixel.
 
 use super::checkpoint::{Checkpoint, InterimPass};
+use super::filter_pass::Filtered;
 use super::region::Region;
 use super::settings::Settings;
 use crate::adaptive::{self, Maps, Sampling};
@@ -41,6 +42,18 @@ pub(super) fn allocate_batch(
         Some(batch) => batch.allocate(&taken, priority.as_deref(), spread),
         None => spread(priority.as_deref(), &taken, store.width(), total),
     }
+}
+
+/// Returns the samples that each pixel of a checkpoint's store gets of the next `total` samples, by the maps of a pass over all
+/// samples so far.
+pub fn allocate_after(
+    checkpoint: Checkpoint,
+    filtered: Filtered,
+    settings: &Settings,
+    total: u64,
+) -> Vec<u32> {
+    let checkpoint = Checkpoint { interim: Some(InterimPass::new(filtered)), ..checkpoint };
+    allocate_batch(&checkpoint, None, settings, total)
 }
 
 /// Returns the [expected ratio](adaptive::expected_ratio) of the errors of adaptive and uniform sampling by the maps of

@@ -48,6 +48,7 @@ mod store_size;
 mod time_constants;
 
 pub use action::{Action, next_action};
+pub use allocation::allocate_after;
 pub use blocking::run;
 pub use budget::Budget;
 pub use checkpoint::{Checkpoint, InterimPass, Position, SampleBatch};
