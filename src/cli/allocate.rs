@@ -26,10 +26,9 @@ const MOST_SAMPLES: u32 = 1 << 24;
 Example of a round on two machines:
   prpf merge 1.state 2.state -o all.state
   prpf allocate all.state --spp 32 -o counts.exr
-  prpf render scene.pbrt --shard 1/2 --state 1.state --resume --sample-map counts.exr \
---sample-map-values absolute     (on one machine)
-  prpf render scene.pbrt --shard 2/2 --state 2.state --resume --sample-map counts.exr \
---sample-map-values absolute     (on the other)
+and on the first machine, with 2/2 and 2.state on the second,
+  prpf render scene.pbrt --shard 1/2 --state 1.state --resume \\
+    --sample-map counts.exr --sample-map-values absolute
 
 The counts include the samples that the state has. --denoiser chooses the filter whose maps place the samples.")]
 pub(super) struct AllocateOptions {
