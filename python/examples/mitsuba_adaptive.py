@@ -1,26 +1,28 @@
 """Adaptive sampling and denoising of Mitsuba 3's samples.
 
-    pip install mitsuba
+    pip install mitsuba pyoidn
     python mitsuba_adaptive.py [IMAGE.png]
 
 Mitsuba renders one sample per pixel at a time, of the whole image or of tiles (crops of its film), with albedo and
 normals. The samples go to a store of `prpf`; its filter and its allocation decide how many samples each tile gets next.
-Prints the relMSE of Mitsuba's own mean, of the denoised image of uniform samples, and of the denoised image of adaptive
-samples, all of the same number of samples.
+Prints the relMSE of Mitsuba's own mean of uniform samples, of what Intel Open Image Denoise and `prpf` make of it, and of the
+image of adaptive samples that `prpf` has denoised, all of the same number of samples.
 """
 
 import sys
 
 import mitsuba as mi
 import numpy as np
+import pyoidn
 
 import prpf
 
 mi.set_variant("scalar_rgb")
 
-SIDE, TILE = 96, 8
+SIDE, TILE = 128, 8
 SPP, BATCH, REFERENCE_SPP = 16, 4, 1024
 SEEDS = 3
+IMAGES = ["mean", "by OIDN", "denoised", "adaptive and denoised"]
 NAMES = ["R", "G", "B", "albedo.r", "albedo.g", "albedo.b", "N1.x", "N1.y", "N1.z"]
 
 
@@ -77,6 +79,20 @@ class Sampler:
                     store.push(self.one(sensor), x=x, y=y)
 
 
+def denoise_by_oidn(store):
+    """Returns what Open Image Denoise makes of a store's means."""
+    means = dict(zip(store.dimensions, np.moveaxis(store.mean(), -1, 0)))
+    colour, albedo, normal = (
+        np.ascontiguousarray(np.stack([means[name] for name in NAMES[i : i + 3]], -1), np.float32) for i in (0, 3, 6)
+    )
+    guides = {"albedo": np.clip(albedo, 0.0, 1.0), "normal": np.clip(normal, -1.0, 1.0)}
+    return pyoidn.denoise(colour, hdr=True, quality="high", **guides)
+
+
+def describe(errors):
+    return ", ".join(f"{name} {error:.5f}" for name, error in zip(IMAGES, errors))
+
+
 def main():
     scene = make_scene()
     reference = np.array(mi.render(scene, spp=REFERENCE_SPP, seed=12345))[..., :3]
@@ -88,15 +104,17 @@ def main():
         sampler.uniform(adaptive, BATCH)
         sampler.adaptive(adaptive, SPP // BATCH - 1)
         assert adaptive.samples + adaptive.rejected == SPP * SIDE * SIDE
-        results = [prpf.denoise(uniform, "none"), prpf.denoise(uniform), prpf.denoise(adaptive)]
-        errors.append([prpf.compare(result.image, reference)["relmse"] for result in results])
-        print(f"seed {seed}: mean {errors[-1][0]:.5f}, denoised {errors[-1][1]:.5f}, "
-              f"adaptive and denoised {errors[-1][2]:.5f}; counts {adaptive.counts().min()} to {adaptive.counts().max()}")
-    mean, denoised, both = np.exp(np.log(errors).mean(0))
-    print(f"relMSE at {SPP} samples per pixel: mean {mean:.5f}, denoised {denoised:.5f}, adaptive and denoised {both:.5f}")
+        images = [
+            prpf.denoise(uniform, "none").image,
+            denoise_by_oidn(uniform),
+            prpf.denoise(uniform).image,
+            prpf.denoise(adaptive).image,
+        ]
+        errors.append([prpf.compare(image, reference)["relmse"] for image in images])
+        print(f"seed {seed}: {describe(errors[-1])}; counts {adaptive.counts().min()} to {adaptive.counts().max()}")
+    print(f"relMSE at {SPP} samples per pixel: {describe(np.exp(np.log(errors).mean(0)))}")
     if len(sys.argv) > 1:
-        images = [result.image for result in results] + [reference]
-        prpf.write_image(sys.argv[1], np.concatenate(images, 1))
+        prpf.write_image(sys.argv[1], np.concatenate([*images, reference], 1))
 
 
 if __name__ == "__main__":
