@@ -11,6 +11,7 @@ mod half_moments;
 mod layout;
 mod moments;
 mod part;
+mod pooled;
 mod rectangle;
 mod reservoir;
 mod row;

@@ -1,4 +1,4 @@
-//! A coarse image of a view, to look at while a camera moves: one sample in every square of pixels.
+//! A coarse image of a view, to look at while a camera moves: a few samples in every square of pixels.
 
 use rayon::prelude::*;
 
@@ -14,27 +14,28 @@ impl Renderer<'_> {
     /// If `side` is 0.
     pub fn coarse_image(&self, side: usize) -> Planes {
         let renderer = self.recording(BlockSet::NONE);
+        renderer.coarse_store(side, 1).means(Part::Whole, renderer.layout.radiance())
+    }
+
+    /// Returns a store without reservoirs with a pixel for every square of `side` pixels: it has the first `samples` samples
+    /// of the pixel in the middle of the square.
+    ///
+    /// # Panics
+    /// If `side` is 0.
+    pub fn coarse_store(&self, side: usize, samples: u32) -> Store {
         let (width, height) = self.resolution;
         let middle = |square: usize, size: usize| (square * side + side / 2).min(size - 1);
         let (columns, rows) = (width.div_ceil(side), height.div_ceil(side));
-
-        // Render into a store of the rows in the middle of squares
-        let mut store = Store::new(width, rows, renderer.layout.clone(), 0, renderer.rows.seed);
         let mut counts = vec![0; width];
-        (0..columns).for_each(|column| counts[middle(column, width)] = 1);
-        store.rows_mut().par_iter_mut().enumerate().with_max_len(1).for_each(|(square, row)| {
-            renderer.render_row(middle(square, height), &counts, None, row);
+        (0..columns).for_each(|column| counts[middle(column, width)] = samples);
+        let mut store = Store::new(columns, rows, self.layout.clone(), 0, self.rows.seed);
+        let fine = || Store::new(width, 1, self.layout.clone(), 0, self.rows.seed);
+        store.rows_mut().par_iter_mut().enumerate().with_max_len(1).for_each_init(fine, |fine, (y, row)| {
+            fine.clear();
+            let fine = &mut fine.rows_mut()[0];
+            self.render_row(middle(y, height), &counts, None, fine);
+            row.merge_groups(fine, side);
         });
-
-        // Gather the pixels in the middle of squares
-        let means = store.means(Part::Whole, renderer.layout.radiance());
-        let mut image = Planes::new(columns, rows, means.count());
-        for (plane, out) in image.planes_mut().enumerate() {
-            let means = means.plane(plane);
-            for (pixel, value) in out.iter_mut().enumerate() {
-                *value = means[pixel / columns * width + middle(pixel % columns, width)];
-            }
-        }
-        image
+        store
     }
 }

@@ -37,6 +37,34 @@ impl Row {
         }
     }
 
+    /// Adds the samples of every `side` pixels of a longer row to one pixel, without reservoirs.
+    ///
+    /// # Panics
+    /// If a pixel would have more than `u32::MAX` samples.
+    pub(crate) fn merge_groups(&mut self, other: &Self, side: usize) {
+        let add = |a: &mut u32, b: u32| *a = a.checked_add(b).expect("a pixel has at most u32::MAX samples");
+        // Pixels behind the last one have no samples.
+        for x in (0..other.width).filter(|&x| other.next_index[x] > 0) {
+            let to = x / side;
+            add(&mut self.next_index[to], other.next_index[x]);
+            add(&mut self.rejected[to], other.rejected[x]);
+            for h in 0..self.halves.len() {
+                let plane = h.min(self.deviations.len() - 1);
+                for dim in 0..self.dims {
+                    let (i, j) = (dim * self.stride + to, dim * other.stride + x);
+                    let (half, other_half) = (&mut self.halves[h], &other.halves[h]);
+                    let m2s = &mut self.deviations[plane];
+                    // A plane for both halves is added once.
+                    let m2 = if plane == h { other.deviations[plane][j] } else { 0.0 };
+                    let a = Moments { count: half.count[to], mean: half.mean[i], m2: m2s[i] };
+                    let m = a.merge(Moments { count: other_half.count[x], mean: other_half.mean[j], m2 });
+                    (half.mean[i], m2s[i]) = (m.mean, m.m2);
+                }
+                self.halves[h].count[to] += other.halves[h].count[x];
+            }
+        }
+    }
+
     /// Fills the reservoir by sampling without replacement from the union of both pixels' samples. Each
     /// vector in a reservoir represents an equal fraction of its pixel's samples.
     fn merge_reservoir(&mut self, x: usize, other: &Self) {
