@@ -139,7 +139,7 @@ export class Panel {
       error: estimate ? short(estimate.error) : "–",
       made_by: made_by ? [made_by.denoiser, made_by.quality].filter(Boolean).join(" ") : "–",
       true_error: statistics.true_error === null ? "" : `${short(statistics.true_error)}${statistics.flip === null ? "" : ` · FLIP ${short(statistics.flip)}`}`,
-      error_interval: estimate ? `${short(estimate.low)} to ${short(estimate.high)}` : "–",
+      error_interval: estimate ? `${short(estimate.low)} to ${short(estimate.high)}` : "",
     };
     for (const element of document.querySelectorAll(".with-reference")) element.hidden = statistics.true_error === null;
     for (const [name, text] of Object.entries(values)) {
@@ -175,7 +175,7 @@ export class Panel {
     drawErrorCurve($("curve"), curve, forecast?.halved ?? null, settings.budget.target_error);
     const text = $("forecast");
     if (!forecast) {
-      text.textContent = "The error is estimated with the first filtered image.";
+      text.textContent = "The first filter pass estimates the error.";
       return;
     }
     const { error } = this.status.statistics.estimate ?? {};
