@@ -7,6 +7,7 @@
 
 mod camera;
 mod coarse_look;
+mod coarse_passes;
 mod commands;
 mod generations;
 mod image_requests;
@@ -261,12 +262,13 @@ impl<'a> Controller<'a> {
             let conditions = self.conditions();
             match render_loop.next_action(&conditions) {
                 Action::Filter(denoiser) => {
-                    let filtered = self.filter(render_loop.interim_pass(denoiser))?;
+                    let is_shown = self.shows_interim_passes();
+                    let filtered = self.filter(render_loop.interim_pass(denoiser), is_shown)?;
                     render_loop.complete_interim(filtered);
                 }
                 Action::Finish(stopped_by) => {
                     self.save_checkpoint(render_loop);
-                    let filtered = self.filter(render_loop.final_pass(&conditions))?;
+                    let filtered = self.filter(render_loop.final_pass(&conditions), true)?;
                     render_loop.complete_final(&filtered);
                     return Some((filtered, stopped_by));
                 }
@@ -312,8 +314,8 @@ impl<'a> Controller<'a> {
         self.report(store, false);
         self.receive(store);
         let has_to_leave = |controller: &Self| controller.pending.any() || !controller.requests.is_empty();
-        if !has_to_leave(self) && self.should_filter(store) {
-            self.filter_for_viewers(store);
+        if !has_to_leave(self) {
+            self.filter_if_due(store);
         }
         has_to_leave(self) || self.is_resting(store)
     }
@@ -338,9 +340,7 @@ impl<'a> Controller<'a> {
         let is_idle = |controller: &Self| (controller.is_paused || !is_pause) && !controller.pending.any();
         while is_idle(self) && !self.is_interrupted() {
             self.save_requested_images();
-            if self.should_filter(&store) {
-                self.filter_for_viewers(&store);
-            }
+            self.filter_if_due(&store);
             let has_work = |controller: &Self| {
                 !is_idle(controller) || !controller.requests.is_empty() || controller.should_filter(&store)
             };

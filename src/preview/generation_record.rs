@@ -11,6 +11,8 @@ pub struct GenerationRecord {
     /// The newest filter result, and its number of samples.
     pub shown: Option<FilterResult>,
     pub shown_samples: u64,
+    /// Number of samples of the newest coarse image that stands in for it.
+    pub coarse_samples: u64,
     pub progress: Option<Progress>,
     /// Elapsed seconds and samples of the latest steps.
     pub recent: VecDeque<(f64, u64)>,
@@ -35,5 +37,6 @@ impl GenerationRecord {
         self.estimate = None;
         self.curve.clear();
         self.shown = None;
+        self.coarse_samples = 0;
     }
 }

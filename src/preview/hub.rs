@@ -34,11 +34,21 @@ pub struct Hub {
     generation: AtomicU32,
     sequence: AtomicU32,
     commands: (Sender<Command>, Receiver<Command>),
-    /// Identifier of each viewer, and the views that it is ready for: a bit per view.
-    viewers: Mutex<Vec<(u64, u32)>>,
-    /// Union of the viewers' bits.
+    viewers: Mutex<Vec<Selection>>,
+    /// The views that some viewer has selected, and those that one is ready for: a bit per view.
+    selected: AtomicU32,
     wanted: AtomicU32,
     next_viewer: AtomicU64,
+}
+
+/// What a viewer shows.
+#[derive(Clone, Copy)]
+pub(super) struct Selection {
+    pub viewer: u64,
+    /// A bit per view.
+    pub views: u32,
+    /// Whether it is ready for a frame.
+    pub is_ready: bool,
 }
 
 impl Default for Hub {
@@ -53,6 +63,7 @@ impl Default for Hub {
             sequence: AtomicU32::new(0),
             commands: bounded(COMMAND_QUEUE),
             viewers: Mutex::default(),
+            selected: AtomicU32::new(0),
             wanted: AtomicU32::new(0),
             next_viewer: AtomicU64::new(0),
         }
@@ -167,17 +178,36 @@ impl Hub {
         &self.commands.1
     }
 
-    fn viewers(&self) -> std::sync::MutexGuard<'_, Vec<(u64, u32)>> {
+    /// Tests whether any viewer shows a view, ready for a frame or not.
+    pub fn is_selected(&self, view: View) -> bool {
+        self.selected.load(Ordering::Relaxed) & bit(view) != 0
+    }
+
+    fn viewers(&self) -> std::sync::MutexGuard<'_, Vec<Selection>> {
         // A panic of another thread leaves the list of numbers intact.
         self.viewers.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
     }
 
-    /// Sets the views that a viewer is ready for; `None` removes the viewer.
-    pub(super) fn set_ready(&self, id: u64, views: Option<u32>) {
+    /// Replaces what a viewer shows.
+    pub(super) fn select(&self, selection: Selection) {
         let mut viewers = self.viewers();
-        viewers.retain(|(other, _)| *other != id);
-        viewers.extend(views.map(|views| (id, views)));
-        self.wanted.store(viewers.iter().fold(0, |all, (_, views)| all | views), Ordering::Relaxed);
+        viewers.retain(|other| other.viewer != selection.viewer);
+        viewers.push(selection);
+        self.count(&viewers);
+    }
+
+    /// Removes a viewer.
+    pub(super) fn remove(&self, viewer: u64) {
+        let mut viewers = self.viewers();
+        viewers.retain(|other| other.viewer != viewer);
+        self.count(&viewers);
+    }
+
+    fn count(&self, viewers: &[Selection]) {
+        let union = |all: u32, viewer: &Selection| all | viewer.views;
+        self.selected.store(viewers.iter().fold(0, union), Ordering::Relaxed);
+        let wanted = viewers.iter().filter(|viewer| viewer.is_ready).fold(0, union);
+        self.wanted.store(wanted, Ordering::Relaxed);
     }
 }
 
@@ -193,7 +223,7 @@ mod tests {
     use crate::preview::preview_frame::FrameInfo;
 
     fn frame(view: View, generation: u32, sequence: u32) -> PreviewFrame {
-        let info = FrameInfo { generation, sequence, spp: 0.0, seconds: 0.0 };
+        let info = FrameInfo { generation, sequence, spp: 0.0, seconds: 0.0, side: 1 };
         PreviewFrame::new(view, &Planes::new(1, 1, 1), None, info)
     }
 

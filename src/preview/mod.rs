@@ -14,7 +14,7 @@
 //! | --- | --- |
 //! | `controller`, `controller_end`, `scene_session`, `pending`, `configuration`, `image_request`, `history`, `background_pass` | control of the render |
 //! | `reporter`, `generation_record`, `status` | the status of the render |
-//! | `publisher`, `preview_frame` | encoded images for the viewers |
+//! | `publisher`, `preview_frame`, `enlargement` | encoded images for the viewers |
 //! | `view`, `colour_scale`, `pixel_values`, `comparison`, `saved_images` | what the page shows |
 //! | `orbit_camera`, `camera_move` | the camera and its movements |
 //! | `hub`, `viewer` | between the render thread and its viewers |
@@ -32,6 +32,7 @@ mod configuration;
 mod connections;
 mod controller;
 mod controller_end;
+mod enlargement;
 mod generation_record;
 mod history;
 mod hub;

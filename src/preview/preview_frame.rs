@@ -12,8 +12,8 @@ use crate::image::Planes;
 
 /// Version of the header's layout.
 const VERSION: u8 = 1;
-/// Length of the header, in bytes. All numbers are little endian: version, view, channels, 0 (u8 each); width, height
-/// (u16); generation, sequence (u32); samples per pixel, seconds (f32).
+/// Length of the header, in bytes. All numbers are little endian: version, view, channels, side (u8 each); width,
+/// height (u16); generation, sequence (u32); samples per pixel, seconds (f32).
 pub const HEADER: usize = 24;
 /// The largest finite half float; larger values are clamped to it.
 const LARGEST: f32 = 65504.0;
@@ -41,6 +41,8 @@ pub struct FrameInfo {
     pub spp: f32,
     /// Render time in seconds.
     pub seconds: f32,
+    /// Side in pixels of the squares that one value was made for: 1 unless the image is coarse.
+    pub side: u8,
 }
 
 impl PreviewFrame {
@@ -52,7 +54,7 @@ impl PreviewFrame {
         let mut bytes = vec![0; HEADER + row_bytes * height];
         // Write the header
         let (head, pixels) = bytes.split_at_mut(HEADER);
-        head[0..4].copy_from_slice(&[VERSION, view.index() as u8, channels as u8, 0]);
+        head[0..4].copy_from_slice(&[VERSION, view.index() as u8, channels as u8, info.side]);
         head[4..6].copy_from_slice(&(width as u16).to_le_bytes());
         head[6..8].copy_from_slice(&(height as u16).to_le_bytes());
         head[8..12].copy_from_slice(&info.generation.to_le_bytes());
@@ -137,7 +139,7 @@ impl<'c> StandIns<'c> {
 mod tests {
     use super::*;
 
-    const INFO: FrameInfo = FrameInfo { generation: 2, sequence: 7, spp: 1.5, seconds: 3.0 };
+    const INFO: FrameInfo = FrameInfo { generation: 2, sequence: 7, spp: 1.5, seconds: 3.0, side: 4 };
 
     fn halves(frame: &PreviewFrame) -> Vec<f32> {
         let pairs = frame.bytes[HEADER..].as_chunks::<2>().0.iter();
@@ -150,7 +152,7 @@ mod tests {
         planes.data_mut().copy_from_slice(&[0.0, 1.0, 2.0, 3.0, 1e9, f32::NEG_INFINITY]);
         let frame = PreviewFrame::new(View::Raw, &planes, None, INFO);
         assert_eq!(halves(&frame), [0.0, 2.0, 65504.0, 1.0, 3.0, -65504.0]);
-        assert_eq!(frame.bytes[..8], [1, 1, 3, 0, 2, 0, 1, 0]);
+        assert_eq!(frame.bytes[..8], [1, 1, 3, 4, 2, 0, 1, 0]);
         assert_eq!(frame.bytes[8..16], [2, 0, 0, 0, 7, 0, 0, 0]);
     }
 

@@ -3,8 +3,7 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use rayon::prelude::*;
-
+use super::enlargement::{enlarged, interpolated};
 use super::hub::Hub;
 use super::preview_frame::{FrameInfo, PreviewFrame};
 use super::status::ViewInfo;
@@ -20,7 +19,7 @@ const LONGEST_INTERVAL: Duration = Duration::from_millis(200);
 /// Fraction of the time that encoding frames should take.
 const TIME_FRACTION: f64 = 0.04;
 /// Mean samples per pixel from which on every pixel has some: samples come in pairs.
-const COVERED_SPP: f64 = 2.0;
+pub const COVERED_SPP: f64 = 2.0;
 /// First steps of a generation, whose coarse images are all shown.
 const EAGER_STEPS: u64 = 4;
 
@@ -99,23 +98,34 @@ impl Publisher {
         self.steps <= EAGER_STEPS || self.latest.elapsed() >= rest
     }
 
-    /// Publishes a coarse image: a pixel for every square of `side` pixels, of an image of `size` pixels.
-    pub fn publish_coarse(&self, image: &Planes, side: usize, (width, height): (usize, usize)) {
-        let mut planes = Planes::new(width, height, image.count());
-        for (plane, out) in planes.planes_mut().enumerate() {
-            let squares = image.plane(plane);
-            out.par_chunks_mut(width.max(1)).enumerate().for_each(|(y, row)| {
-                let squares = &squares[y / side * image.width()..][..image.width()];
-                row.iter_mut().enumerate().for_each(|(x, value)| *value = squares[x / side]);
-            });
-        }
+    /// Publishes an unfiltered coarse image: a pixel for every square of `side` pixels, of an image of `size` pixels.
+    pub fn publish_coarse(&self, image: &Planes, side: usize, size: (usize, usize)) {
+        let progress = (1.0 / (side * side) as f32, 0.0);
+        self.publish_enlarged(View::Raw, &enlarged(image, side, size), side, progress);
+    }
+
+    /// Publishes a filtered coarse image: a pixel for every square of `side` pixels; between them it is
+    /// interpolated.
+    pub fn publish_coarse_filtered(
+        &self,
+        image: &Planes,
+        side: usize,
+        size: (usize, usize),
+        progress: Option<&Progress>,
+    ) {
+        let progress = progress.map_or((0.0, 0.0), |p| (p.spp as f32, p.elapsed as f32));
+        self.publish_enlarged(View::Filtered, &interpolated(image, side, size), side, progress);
+    }
+
+    fn publish_enlarged(&self, view: View, image: &Planes, side: usize, (spp, seconds): (f32, f32)) {
         let info = FrameInfo {
             generation: self.generation,
             sequence: self.hub.next_sequence(),
-            spp: 1.0 / (side * side) as f32,
-            seconds: 0.0,
+            spp,
+            seconds,
+            side: side as u8,
         };
-        self.hub.publish(PreviewFrame::new(View::Raw, &planes, None, info));
+        self.hub.publish(PreviewFrame::new(view, image, None, info));
         self.hub.drop_before(self.generation);
     }
 
@@ -149,6 +159,7 @@ impl Publisher {
                 sequence: self.hub.next_sequence(),
                 spp: spp as f32,
                 seconds: progress.map_or(0.0, |p| p.elapsed) as f32,
+                side: 1,
             };
             let counts = counts.as_deref().filter(|_| !matches!(view, View::Samples | View::Reference));
             self.hub.publish(PreviewFrame::new(view, &planes, counts, info));

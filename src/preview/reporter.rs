@@ -89,7 +89,8 @@ impl Reporter {
             self.publisher.stepped();
             self.publisher.filtered();
         }
-        std::mem::replace(&mut self.record, record)
+        // A coarse image was shown to earlier viewers.
+        std::mem::replace(&mut self.record, GenerationRecord { coarse_samples: 0, ..record })
     }
 
     /// Follows other settings.
@@ -151,6 +152,16 @@ impl Reporter {
     /// Returns whether a viewer is ready for one of the views that `selects` selects.
     pub fn wants(&self, selects: impl Fn(View) -> bool) -> bool {
         View::ALL.into_iter().any(|view| selects(view) && self.hub.wants(view))
+    }
+
+    /// Returns the number of samples behind the newest coarse image that stands in for a filtered one.
+    pub fn coarse_samples(&self) -> u64 {
+        self.record.coarse_samples
+    }
+
+    /// Returns whether a viewer shows one of the views that `selects` selects, ready for a frame or not.
+    pub fn is_selected(&self, selects: impl Fn(View) -> bool) -> bool {
+        View::ALL.into_iter().any(|view| selects(view) && self.hub.is_selected(view))
     }
 
     /// Adds a notice to the user.
@@ -259,6 +270,23 @@ impl Reporter {
     /// Publishes a coarse image; see [`Publisher::publish_coarse`].
     pub fn publish_coarse(&self, image: &Planes, side: usize, size: (usize, usize)) {
         self.publisher.publish_coarse(image, side, size);
+    }
+
+    /// Takes the image of a pass over `samples` samples that took `seconds` seconds, in place of a filtered one of `size`
+    /// pixels: it has a pixel for every square of `side` pixels. `None` if the pass was given up.
+    pub fn filtered_coarsely(
+        &mut self,
+        image: Option<&Planes>,
+        side: usize,
+        samples: u64,
+        size: (usize, usize),
+        seconds: f64,
+    ) {
+        self.record.filter_seconds += seconds;
+        if let Some(image) = image {
+            self.record.coarse_samples = samples;
+            self.publisher.publish_coarse_filtered(image, side, size, self.record.progress.as_ref());
+        }
     }
 
     /// Publishes the status; not too often unless it is urgent or `at_once`.

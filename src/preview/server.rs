@@ -171,7 +171,7 @@ async fn saved_image(
     };
     let read = move || {
         let planes = read_rgb(&path).map_err(|error| error.to_string())?;
-        let info = FrameInfo { generation: 0, sequence: 0, spp: 0.0, seconds: 0.0 };
+        let info = FrameInfo { generation: 0, sequence: 0, spp: 0.0, seconds: 0.0, side: 1 };
         Ok::<_, String>(PreviewFrame::new(View::Raw, &planes, None, info).bytes)
     };
     match tokio::task::spawn_blocking(read).await {

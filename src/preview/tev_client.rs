@@ -232,7 +232,7 @@ mod tests {
     }
 
     fn frame(values: &Planes, sequence: u32) -> PreviewFrame {
-        let info = FrameInfo { generation: 1, sequence, spp: 1.0, seconds: 1.0 };
+        let info = FrameInfo { generation: 1, sequence, spp: 1.0, seconds: 1.0, side: 1 };
         PreviewFrame::new(View::Raw, values, None, info)
     }
 

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use tokio::sync::watch;
 
 use super::command::Command;
-use super::hub::{Frames, Hub, bit};
+use super::hub::{Frames, Hub, Selection, bit};
 use super::preview_frame::PreviewFrame;
 use super::view::View;
 
@@ -24,8 +24,9 @@ impl Viewer {
     /// Adds a viewer of no views to `hub`.
     pub fn new(hub: Arc<Hub>) -> Self {
         let id = hub.next_viewer();
-        hub.set_ready(id, Some(0));
-        Self { hub, id, views: 0, taken: [None; View::ALL.len()] }
+        let viewer = Self { hub, id, views: 0, taken: [None; View::ALL.len()] };
+        viewer.set_ready(false);
+        viewer
     }
 
     /// Selects the views to take frames of.
@@ -34,9 +35,9 @@ impl Viewer {
     }
 
     /// Sets whether the viewer is ready for a frame. If it is, an idle render is woken.
-    pub fn set_ready(&self, ready: bool) {
-        self.hub.set_ready(self.id, Some(if ready { self.views } else { 0 }));
-        if ready {
+    pub fn set_ready(&self, is_ready: bool) {
+        self.hub.select(Selection { viewer: self.id, views: self.views, is_ready });
+        if is_ready {
             self.hub.send(Command::Wake);
         }
     }
@@ -57,7 +58,7 @@ impl Viewer {
 
 impl Drop for Viewer {
     fn drop(&mut self) {
-        self.hub.set_ready(self.id, None);
+        self.hub.remove(self.id);
     }
 }
 
@@ -68,7 +69,7 @@ mod tests {
     use crate::preview::preview_frame::FrameInfo;
 
     fn frame(view: View, generation: u32, sequence: u32) -> PreviewFrame {
-        let info = FrameInfo { generation, sequence, spp: 0.0, seconds: 0.0 };
+        let info = FrameInfo { generation, sequence, spp: 0.0, seconds: 0.0, side: 1 };
         PreviewFrame::new(view, &Planes::new(1, 1, 1), None, info)
     }
 
@@ -112,9 +113,10 @@ mod tests {
         viewer.set_ready(true);
         assert!(hub.wants(View::Raw) && !hub.wants(View::Error));
         viewer.set_ready(false);
-        assert!(!hub.wants(View::Raw) && hub.has_viewers());
+        assert!(!hub.wants(View::Raw) && hub.is_selected(View::Raw) && !hub.is_selected(View::Error));
+        assert!(hub.has_viewers());
         viewer.set_ready(true);
         drop(viewer);
-        assert!(!hub.wants(View::Raw) && !hub.has_viewers());
+        assert!(!hub.wants(View::Raw) && !hub.is_selected(View::Raw) && !hub.has_viewers());
     }
 }

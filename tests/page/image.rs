@@ -40,6 +40,27 @@ fn the_image_does_not_move_when_the_pointer_arrives() {
     }
 }
 
+/// The image of a moved camera is filtered at a lower resolution long before every pixel has samples.
+#[test]
+fn a_large_image_is_filtered_coarsely_first() {
+    let Some(program) = chromium() else { return };
+    let arguments = ["--resolution", "1920x1080", "--threads", "1", "--spp", "0", "--max-spp", "100000"];
+    let (_render, address, _folder) = preview(&arguments);
+    let mut page = Page::open(program, &address, [1280, 800]);
+    page.wait("window.prpf && window.prpf.state.status && window.prpf.viewport.frames.size > 0");
+    page.key("c");
+    let (from, to) = (on_image(&mut page, [0.0, 0.0]), on_image(&mut page, [0.1, 0.05]));
+    page.drag(&[from, to]);
+    let badge = "document.getElementById('badge')";
+    page.wait(&format!(
+        "{GENERATION} > 1 && /^filtered at \\d+×\\d+ so far$/.test({badge}.textContent) && !{badge}.hidden"
+    ));
+    let filtered =
+        page.value("(({ width, side }) => [width, side > 1])(window.prpf.viewport.frames.get('filtered'))");
+    assert_eq!(filtered, serde_json::json!([1920, true]));
+    assert!(page.value("window.prpf.state.status.statistics.mean").as_f64().unwrap() < 2.0);
+}
+
 #[test]
 fn screenshots_of_another_scene() {
     let (Some(program), Some(folder), Some(scene)) =

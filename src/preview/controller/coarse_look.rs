@@ -3,6 +3,8 @@
 use std::time::{Duration, Instant};
 
 use super::Controller;
+use crate::filter::UNFILTERED;
+use crate::preview::background_pass::Event;
 use crate::preview::command::Command;
 use crate::preview::view::View;
 use crate::render::Renderer;
@@ -13,6 +15,9 @@ const SIDES: (usize, usize) = (32, 4);
 const LOOK_SECONDS: [f64; 2] = [0.08, 0.3];
 /// Below this time for the finest one, the render's own first step is an image soon enough.
 const SHORT: f64 = 0.04;
+/// Samples of every square of a filtered image, and longest time to take them, in seconds.
+const SAMPLES: u32 = 2;
+const FILTERED_SECONDS: f64 = 0.3;
 /// A camera rests if nothing moves it for this time.
 const REST: Duration = Duration::from_millis(100);
 
@@ -45,28 +50,71 @@ impl Controller<'_> {
                 shown = Some(side);
             }
             self.await_moves();
-            if !self.pending.moves.is_empty() || self.deferred.is_some() {
+            if self.is_called_away() {
                 return;
             }
         }
+
+        // Filter a few samples
+        let filters = self.configuration.settings.denoiser != UNFILTERED;
+        if filters && self.reporter.is_selected(|view| view == View::Filtered) {
+            let mut side = finest;
+            while side < coarsest && f64::from(SAMPLES) * seconds_for(side) > FILTERED_SECONDS {
+                side *= 2;
+            }
+            self.look_filtered(renderer, side);
+        }
     }
 
-    /// Collects movements of the camera, until it rests or there is another command.
+    /// Shows a filtered coarse image, unless another command comes before it is done.
+    fn look_filtered(&mut self, renderer: &Renderer, side: usize) {
+        let started = Instant::now();
+        let store = renderer.coarse_store(side, SAMPLES);
+        let samples = store.samples_taken();
+        let (pass, commands) = (self.draft_pass(store), self.hub.commands().clone());
+        let filtered = self.pass_threads.clone().run(pass, &commands, &mut |event| {
+            if let Event::Command(command) = event {
+                self.set_aside(command);
+            }
+            !self.is_called_away()
+        });
+        let image = filtered.as_ref().map(|filtered| &filtered.result.image);
+        let seconds = started.elapsed().as_secs_f64();
+        self.reporter.filtered_coarsely(image, side, samples, renderer.resolution(), seconds);
+    }
+
+    /// Collects movements of the camera, until it rests or there is another command that matters.
     fn await_moves(&mut self) {
         let commands = self.hub.commands().clone();
         let mut rest = REST;
         while let Ok(command) = commands.recv_timeout(rest) {
-            match command {
-                Command::Wake => {}
-                Command::MoveCamera(step) => {
-                    self.pending.moves.push(step);
-                    rest = Duration::ZERO;
-                }
-                other => {
-                    self.deferred = Some(other);
-                    return;
-                }
+            self.set_aside(command);
+            if self.is_deferred() {
+                return;
+            }
+            if !self.pending.moves.is_empty() {
+                rest = Duration::ZERO;
             }
         }
+    }
+
+    /// Keeps a command for the time when there is a store.
+    fn set_aside(&mut self, command: Command) {
+        match command {
+            Command::Wake => {}
+            Command::MoveCamera(step) => self.pending.moves.push(step),
+            other => self.deferred = Some(other),
+        }
+    }
+
+    /// Returns whether a command waits that matters more than a first image.
+    fn is_called_away(&self) -> bool {
+        !self.pending.moves.is_empty() || self.is_deferred()
+    }
+
+    /// Returns whether a command other than a movement waits. A page whose pointer is on the image inspects a pixel after
+    /// every frame: that one waits until there is a store.
+    fn is_deferred(&self) -> bool {
+        self.deferred.as_ref().is_some_and(|command| !matches!(command, Command::Inspect { .. }))
     }
 }

@@ -57,7 +57,8 @@ impl Controller<'_> {
                 let pass = self.pass_threads.start(self.viewer_pass(&request.store, &request.settings));
                 let commands = self.hub.commands().clone();
                 let (store, settings) = (request.store.clone(), request.settings.clone());
-                match self.while_filtering(&store, &settings, |handle| pass.wait_handling(&commands, handle))
+                match self
+                    .while_filtering(&store, &settings, true, |handle| pass.wait_handling(&commands, handle))
                 {
                     Some(filtered) => self.write_image(&request, Some(&filtered.result)),
                     None => self.background.push((request, pass)),

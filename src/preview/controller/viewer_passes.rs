@@ -4,6 +4,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use super::Controller;
+use super::coarse_passes::draft_of;
 use crate::filter::{UNFILTERED, suited_to};
 use crate::preview::background_pass::Event;
 use crate::preview::publisher::is_covered;
@@ -12,8 +13,9 @@ use crate::preview::view::View;
 use crate::progressive::{FailureMap, FilterPass, Filtered, Settings};
 use crate::stats::Store;
 
-/// Largest fraction of the time that passes for the viewers alone take.
-const VIEWER_PASS_FRACTION: f64 = 0.04;
+/// Largest fraction of the time that passes for the viewers alone take, where the loop's interim passes are shown, and where
+/// they are by another method than the chosen one.
+const VIEWER_PASS_FRACTIONS: [f64; 2] = [0.04, 0.1];
 /// Such a pass waits until there are this many times the samples of the latest one.
 const VIEWER_PASS_GROWTH: f64 = 1.4;
 
@@ -27,56 +29,84 @@ impl Controller<'_> {
         let lacks_image = filters && self.reporter.wants(View::is_filtered) && {
             let samples = progress.samples as f64;
             let has_grown = samples > VIEWER_PASS_GROWTH * self.reporter.shown_samples() as f64;
-            let is_affordable = self.viewer_pass_seconds < VIEWER_PASS_FRACTION * progress.elapsed;
+            let fraction = VIEWER_PASS_FRACTIONS[usize::from(!self.has_interim_passes_of_method())];
+            let is_affordable = self.viewer_pass_seconds < fraction * progress.elapsed;
             shown.is_none() || is_affordable && (has_grown || self.region.is_some())
         };
         (lacks_image || lacks_map) && is_covered(store) && !self.pass_threads.is_busy()
     }
 
-    /// Filters for the viewers: by the denoiser's stand-in, but a finished image by the denoiser itself.
+    /// Filters for the viewers if they need it: coarsely before every pixel has samples.
+    pub(super) fn filter_if_due(&mut self, store: &Arc<Store>) {
+        if self.should_filter(store) {
+            self.filter_for_viewers(store);
+        } else if let Some(side) = self.coarse_side(store) {
+            self.filter_coarsely(store, side);
+        }
+    }
+
+    fn has_interim_passes_of_method(&self) -> bool {
+        let settings = &self.configuration.settings;
+        settings.interim_denoiser().name().method == settings.denoiser.name().method
+    }
+
+    /// Returns whether the image of an interim pass is to be shown. One by a stand-in of another method is worse than the
+    /// image that viewers have, even of a fraction of its samples.
+    pub(super) fn shows_interim_passes(&self) -> bool {
+        let method = self.configuration.settings.denoiser.name().method;
+        let has_own = self.reporter.shown().is_some_and(|shown| shown.made_by.method == method);
+        self.has_interim_passes_of_method() || !has_own || !self.reporter.is_selected(View::is_filtered)
+    }
+
+    /// Filters for the viewers: by the fastest preset of the denoiser's method, but a finished image by the denoiser itself.
     pub(super) fn filter_for_viewers(&mut self, store: &Arc<Store>) {
         let started = Instant::now();
         let mut settings = self.configuration.settings.clone();
         if self.reporter.phase() != Phase::Finished {
-            settings.denoiser = settings.denoiser.stand_in();
+            settings.denoiser = draft_of(settings.denoiser);
         }
         // A pass that is given up is made again when it is needed.
-        let _ = self.filter(self.viewer_pass(store, &settings));
+        let _ = self.filter(self.viewer_pass(store, &settings), true);
         self.viewer_pass_seconds += started.elapsed().as_secs_f64();
     }
 
-    /// Runs a pass and shows its image; `None` if it was given up, or if another method was chosen meanwhile.
-    pub(super) fn filter(&mut self, pass: FilterPass) -> Option<Filtered> {
+    /// Runs a pass and shows its image if it `is_shown`; `None` if it was given up, or if another method was chosen meanwhile.
+    pub(super) fn filter(&mut self, pass: FilterPass, is_shown: bool) -> Option<Filtered> {
         let (store, settings) = (pass.store.clone(), self.configuration.settings.clone());
         let (commands, threads) = (self.hub.commands().clone(), self.pass_threads.clone());
-        let filtered = self.while_filtering(&store, &settings, |handle| threads.run(pass, &commands, handle));
+        let run = |handle: &mut dyn FnMut(Event) -> bool| threads.run(pass, &commands, handle);
+        let filtered = self.while_filtering(&store, &settings, is_shown, run);
         filtered.filter(|_| self.has_method_of(&settings))
     }
 
-    /// Handles commands and reports while `run` waits for a pass over `store` by these settings, and shows its image
-    /// unless another method was chosen meanwhile.
+    /// Handles commands and reports while `run` waits for a pass over `store` by these settings, and shows its image if it
+    /// `is_shown`, unless another method was chosen meanwhile.
     pub(super) fn while_filtering(
         &mut self,
         store: &Arc<Store>,
         settings: &Settings,
+        is_shown: bool,
         run: impl FnOnce(&mut dyn FnMut(Event) -> bool) -> Option<Filtered>,
     ) -> Option<Filtered> {
         let started = Instant::now();
         let before = self.reporter.enter(Phase::Filtering);
         self.report(store, true);
-        let filtered = run(&mut |event| {
-            match event {
-                Event::Command(command) => self.handle(command, store),
-                Event::Idle => self.receive(store),
-            }
-            self.reporter.publish(store);
-            !self.pending.ends_pass()
-        });
+        let filtered = run(&mut |event| self.goes_on_filtering(event, store));
         self.reporter.enter(before);
         self.reporter.hasten();
-        let fitting = filtered.as_ref().filter(|_| self.has_method_of(settings));
+        let fitting = filtered.as_ref().filter(|_| is_shown && self.has_method_of(settings));
         self.reporter.filtered(fitting, started.elapsed().as_secs_f64(), store);
         filtered
+    }
+
+    /// Handles an event during a pass; returns whether the pass goes on.
+    pub(super) fn goes_on_filtering(&mut self, event: Event, store: &Arc<Store>) -> bool {
+        match event {
+            Event::Command(command) => self.handle(command, store),
+            Event::Idle => self.receive(store),
+        }
+        self.reporter.publish(store);
+        !self.pending.ends_pass()
     }
 
     /// Returns a pass over `store` as these settings ask for, with the map that a viewer wants.
@@ -90,7 +120,7 @@ impl Controller<'_> {
         }
     }
 
-    fn has_method_of(&self, settings: &Settings) -> bool {
+    pub(super) fn has_method_of(&self, settings: &Settings) -> bool {
         let method = |settings: &Settings| settings.denoiser.name().method;
         method(&self.configuration.settings) == method(settings)
     }

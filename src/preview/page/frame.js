@@ -13,6 +13,7 @@ export function decodeFrame(data) {
   return {
     view: VIEWS[head.getUint8(1)],
     channels: head.getUint8(2),
+    side: head.getUint8(3), // of the squares of pixels that one value was made for: 1 unless the image is coarse
     width: head.getUint16(4, true),
     height: head.getUint16(6, true),
     generation: head.getUint32(8, true),

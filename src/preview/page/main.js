@@ -163,8 +163,11 @@ function updateViews() {
 // Says which image of a flicker is shown, or why an image is missing.
 function showBadge(right) {
   const isMissing = !fresh(right) && state.status && right !== "raw" && viewport.frames.size > 0;
-  $("badge").hidden = !isMissing && !comparison.isFlickering;
-  if (comparison.isFlickering) $("badge").textContent = comparison.showsOther ? comparison.name() : VIEW_NAMES[right];
+  const frame = viewport.frames.get(right);
+  const isCoarse = !isMissing && FILTERED.includes(right) && frame?.side > 1;
+  $("badge").hidden = !isMissing && !isCoarse && !comparison.isFlickering;
+  if (isCoarse && !comparison.isFlickering) $("badge").textContent = `filtered at ${Math.ceil(frame.width / frame.side)}×${Math.ceil(frame.height / frame.side)} so far`;
+  else if (comparison.isFlickering) $("badge").textContent = comparison.showsOther ? comparison.name() : VIEW_NAMES[right];
   else if (right !== "filtered") $("badge").textContent = "available after the next filter pass";
   else $("badge").textContent = state.status?.settings.denoiser === "none" ? "denoiser is off" : "not filtered yet";
 }

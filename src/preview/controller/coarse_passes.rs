@@ -1,0 +1,102 @@
+//! Filtered images of a new view before every pixel has samples: passes over the pooled samples of squares of pixels.
+
+use std::sync::Arc;
+use std::time::Instant;
+
+use super::Controller;
+use crate::filter::{Denoiser, SampleVectors, UNFILTERED, find, nlm};
+use crate::preview::publisher::{COVERED_SPP, is_covered};
+use crate::preview::view::View;
+use crate::progressive::{FailureMap, FilterPass, Settings};
+use crate::stats::Store;
+
+/// Sides of the squares, in pixels: the finest that has enough samples is taken.
+const SIDES: [usize; 3] = [2, 4, 8];
+/// Samples that a square has on average, at least.
+const SQUARE_SAMPLES: f64 = 4.0;
+/// Another such pass waits until there are this many times the samples of the latest one.
+const GROWTH: f64 = 2.0;
+/// Where every pixel has samples within this time, no coarse image is made, in seconds.
+const SOON: f64 = 0.5;
+
+impl Controller<'_> {
+    /// Returns the side of the squares of a coarse filtered image, if viewers wait for one.
+    pub(super) fn coarse_side(&self, store: &Store) -> Option<usize> {
+        let progress = self.reporter.progress()?;
+        let filters = self.configuration.settings.denoiser != UNFILTERED;
+        let lacks_image =
+            self.reporter.shown().is_none() && self.reporter.wants(|view| view == View::Filtered);
+        if !filters || !lacks_image || is_covered(store) || self.pass_threads.is_busy() {
+            return None;
+        }
+        let spp = |samples: u64| samples as f64 / store.pixels().max(1) as f64;
+        side_for(spp(store.samples_taken()), spp(self.reporter.coarse_samples()), progress.elapsed)
+    }
+
+    /// Filters the pooled samples of squares for the viewers.
+    pub(super) fn filter_coarsely(&mut self, store: &Arc<Store>, side: usize) {
+        let started = Instant::now();
+        let settings = self.configuration.settings.clone();
+        let pass = self.draft_pass(store.pooled(side));
+        let (commands, threads) = (self.hub.commands().clone(), self.pass_threads.clone());
+        let filtered = threads.run(pass, &commands, &mut |event| self.goes_on_filtering(event, store));
+        let fitting = filtered.filter(|_| self.has_method_of(&settings));
+        let image = fitting.as_ref().map(|filtered| &filtered.result.image);
+        let (samples, size) = (store.samples_taken(), (store.width(), store.height()));
+        self.reporter.filtered_coarsely(image, side, samples, size, started.elapsed().as_secs_f64());
+    }
+
+    /// Returns a fast pass over a store without reservoirs.
+    pub(super) fn draft_pass(&self, store: Store) -> FilterPass {
+        let Settings { denoiser, seed, .. } = self.configuration.settings;
+        let failure_map = FailureMap::Carry(None);
+        FilterPass { store: Arc::new(store), denoiser: draft_without_vectors(denoiser), seed, failure_map }
+    }
+}
+
+/// Returns the fastest preset of a denoiser's own method: a draft, or its stand-in.
+pub(super) fn draft_of(denoiser: &'static dyn Denoiser) -> &'static dyn Denoiser {
+    find(denoiser.name().method, Some("draft")).unwrap_or(denoiser.stand_in())
+}
+
+/// Returns the same, or the draft of `nlm` where that reads sample vectors.
+fn draft_without_vectors(denoiser: &'static dyn Denoiser) -> &'static dyn Denoiser {
+    let draft = draft_of(denoiser);
+    let reads_vectors = draft.reads().sample_vectors != SampleVectors::None;
+    if reads_vectors { &nlm::DRAFT } else { draft }
+}
+
+/// Returns the side of the squares that have enough of `spp` samples per pixel, where the latest image was made of `latest`;
+/// `None` if there are none, or if another image is not worth it. `elapsed`: seconds that the samples took.
+fn side_for(spp: f64, latest: f64, elapsed: f64) -> Option<usize> {
+    let is_soon = elapsed * (COVERED_SPP / spp - 1.0) < SOON;
+    let is_enough = |side: &usize| spp * (side * side) as f64 >= SQUARE_SAMPLES;
+    SIDES.into_iter().find(is_enough).filter(|_| spp >= GROWTH * latest && !is_soon)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::filter::DENOISERS;
+
+    #[test]
+    fn squares_get_finer_as_samples_come() {
+        assert_eq!(side_for(0.01, 0.0, 1.0), None);
+        assert_eq!(side_for(1.0 / 16.0, 0.0, 1.0), Some(8));
+        assert_eq!(side_for(1.0 / 4.0, 1.0 / 8.0, 2.0), Some(4));
+        assert_eq!(side_for(1.0, 0.5, 8.0), Some(2));
+        // Not yet twice the samples; soon every pixel has some.
+        assert_eq!(side_for(1.0, 0.6, 8.0), None);
+        assert_eq!(side_for(1.0, 0.5, 0.4), None);
+    }
+
+    #[test]
+    fn drafts_need_no_sample_vectors() {
+        for denoiser in DENOISERS {
+            let draft = draft_without_vectors(denoiser);
+            assert_eq!(draft.reads().sample_vectors, SampleVectors::None, "{denoiser:?}");
+        }
+        let name = |method: &str| draft_without_vectors(find(method, None).unwrap()).name().to_string();
+        assert_eq!([name("learned"), name("prpf")], ["learned draft", "nlm draft"]);
+    }
+}
