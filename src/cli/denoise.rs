@@ -28,7 +28,7 @@ use crate::state::RenderState;
 Examples:
   prpf denoise scene.state -o out.exr
   prpf denoise scene.state --quality draft -o draft.png
-  prpf denoise scene.state --denoiser none -o noisy.exr --layers Noisy,SampleCount
+  prpf denoise scene.state --denoiser none -o noisy.exr --layers Noisy
 
 Two renders of one frame, of any renderer:
   prpf denoise a.exr b.exr -o out.exr
