@@ -1,6 +1,7 @@
 // The estimated error over time on logarithmic axes, and its forecast.
 
 const COLOURS = { axis: "#4a4a4a", text: "#8e8e8e", line: "#e0e0e0", forecast: "#a0a0a0" };
+const LABEL_DISTANCE = 11; // CSS pixels
 const MARGIN = { left: 46, right: 10, top: 8, bottom: 18 };
 
 // Formats a power of ten.
@@ -45,8 +46,12 @@ export function drawErrorCurve(canvas, points, halved, target) {
   c.lineWidth = 1;
   c.textBaseline = "middle";
   c.textAlign = "right";
+  let labelled = Infinity;
   for (const { factor, e, value } of gridValues(ys)) {
     rule(c, MARGIN.left, y(value), width - MARGIN.right, y(value), COLOURS.axis);
+    // Labels that would touch the one before are left out.
+    if (Math.abs(y(value) - labelled) < LABEL_DISTANCE) continue;
+    labelled = y(value);
     c.fillStyle = COLOURS.text;
     c.fillText((factor > 1 ? `${factor}·` : "") + powerOfTen(e), MARGIN.left - 6, y(value));
   }
