@@ -244,7 +244,12 @@ const togglePause = () => state.status && state.status.phase !== "finished" && s
 const restart = () => send("restart", {});
 const undo = () => $("undo").disabled || send("undo", {});
 const redo = () => $("redo").disabled || send("redo", {});
-const save = () => { if (connection.isOpen()) notify("saving …", false); send("save", {}); };
+const save = () => {
+  // An image needs samples of every pixel.
+  const isThere = state.status?.statistics.min > 0;
+  if (connection.isOpen()) notify(isThere ? "saving …" : "saving as soon as every pixel has samples …", false);
+  send("save", {});
+};
 const clearRegion = () => send("priority-region", { region: null });
 const toggleHelp = () => {
   $("help").hidden = !$("help").hidden;

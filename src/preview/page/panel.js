@@ -24,7 +24,7 @@ function cost({ denoiser, begins_anew, memory_bytes }, settings) {
   if (denoiser === settings.denoiser) return "";
   if (memory_bytes === null) return "Keeps every sample: enter a number of samples first.";
   if (!begins_anew) return "Uses the samples so far.";
-  return `Begins the render anew, in about ${(memory_bytes / 1e9).toPrecision(2)} GB.`;
+  return `Begins the render anew, in about ${Number((memory_bytes / 1e9).toPrecision(2))} GB.`;
 }
 
 export class Panel {
