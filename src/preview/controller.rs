@@ -268,9 +268,7 @@ impl<'a> Controller<'a> {
                 }
                 Action::Finish(stopped_by) => {
                     self.save_checkpoint(render_loop);
-                    let filtered = self.filter(render_loop.final_pass(&conditions), true)?;
-                    render_loop.complete_final(&filtered);
-                    return Some((filtered, stopped_by));
+                    return Some((self.finalise(render_loop, &conditions)?, stopped_by));
                 }
                 action => {
                     render_loop.perform(action, &mut self.generation_host());

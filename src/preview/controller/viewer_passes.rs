@@ -5,12 +5,12 @@ use std::time::Instant;
 
 use super::Controller;
 use super::coarse_passes::draft_of;
-use crate::filter::{UNFILTERED, suited_to};
+use crate::filter::{FilterResult, UNFILTERED, suited_to};
 use crate::preview::background_pass::Event;
 use crate::preview::publisher::is_covered;
 use crate::preview::status::Phase;
 use crate::preview::view::View;
-use crate::progressive::{FailureMap, FilterPass, Filtered, Settings};
+use crate::progressive::{Conditions, ErrorEstimate, FailureMap, FilterPass, Filtered, RenderLoop, Settings};
 use crate::stats::Store;
 
 /// Largest fraction of the time that passes for the viewers alone take, where the loop's interim passes are shown, and where
@@ -54,7 +54,8 @@ impl Controller<'_> {
     /// image that viewers have, even of a fraction of its samples.
     pub(super) fn shows_interim_passes(&self) -> bool {
         let method = self.configuration.settings.denoiser.name().method;
-        let has_own = self.reporter.shown().is_some_and(|shown| shown.made_by.method == method);
+        let has_coarse = self.reporter.coarse_samples() > 0;
+        let has_own = self.reporter.shown().map_or(has_coarse, |shown| shown.made_by.method == method);
         self.has_interim_passes_of_method() || !has_own || !self.reporter.is_selected(View::is_filtered)
     }
 
@@ -68,6 +69,30 @@ impl Controller<'_> {
         // A pass that is given up is made again when it is needed.
         let _ = self.filter(self.viewer_pass(store, &settings), true);
         self.viewer_pass_seconds += started.elapsed().as_secs_f64();
+    }
+
+    /// Makes the last image, unless it is on show already; `None` as for [`Self::filter`].
+    pub(super) fn finalise(
+        &mut self,
+        render_loop: &mut RenderLoop,
+        conditions: &Conditions,
+    ) -> Option<Filtered> {
+        let pass = render_loop.final_pass(conditions);
+        let filtered = match self.shown_result(&pass) {
+            Some(shown) => shown,
+            None => self.filter(pass, true)?,
+        };
+        render_loop.complete_final(&filtered);
+        Some(filtered)
+    }
+
+    /// Returns the result of a pass that is on show already, as after an undo; `None` if another image is.
+    fn shown_result(&self, pass: &FilterPass) -> Option<Filtered> {
+        let has_samples = self.reporter.shown_samples() == pass.store.samples();
+        let is_same = |shown: &&FilterResult| has_samples && shown.made_by == pass.denoiser.name();
+        let result = self.reporter.shown().filter(is_same)?.clone();
+        let estimate = ErrorEstimate::new(&result, &pass.store);
+        Some(Filtered { result, estimate, seconds: 0.0 })
     }
 
     /// Runs a pass and shows its image if it `is_shown`; `None` if it was given up, or if another method was chosen meanwhile.
