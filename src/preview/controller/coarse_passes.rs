@@ -24,8 +24,9 @@ impl Controller<'_> {
     pub(super) fn coarse_side(&self, store: &Store) -> Option<usize> {
         let progress = self.reporter.progress()?;
         let filters = self.configuration.settings.denoiser != UNFILTERED;
-        let lacks_image =
-            self.reporter.shown().is_none() && self.reporter.wants(|view| view == View::Filtered);
+        // A viewer that still draws another frame gets it next.
+        let is_selected = self.reporter.is_selected(|view| view == View::Filtered);
+        let lacks_image = self.reporter.shown().is_none() && is_selected;
         if !filters || !lacks_image || is_covered(store) || self.pass_threads.is_busy() {
             return None;
         }
