@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::filter::DenoiserName;
 use crate::progressive::SampleTotals;
-use crate::stats::{BlockSet, Rectangle};
+use crate::stats::{BlockSet, Rectangle, StatisticsExtent};
 
 /// A command of the first process to another one.
 #[derive(Debug, Serialize, Deserialize)]
@@ -15,8 +15,8 @@ pub enum Command {
     Divide { parts: Vec<Rectangle> },
     /// Take samples: counts of this many bytes follow, and an answer is expected.
     Render { bytes: usize },
-    /// Send all statistics to the first process, by an exchange.
-    Gather,
+    /// Send statistics of all pixels to the first process, by an exchange.
+    Gather { extent: StatisticsExtent },
     /// Filter the pixels with all others, and send the result to the first process, by exchanges.
     Filter { denoiser: DenoiserName },
     /// Answer with a `ProcessRecord`.

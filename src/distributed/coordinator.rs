@@ -14,7 +14,7 @@ use super::worker::OwnPart;
 use crate::filter::{Denoiser, FilterResult};
 use crate::progressive::{ProcessGroup, ProcessRecord, Rendered, SampleTotals};
 use crate::render::{RejectedSample, Renderer};
-use crate::stats::{Part, Rectangle, Store};
+use crate::stats::{Part, Rectangle, StatisticsExtent, Store};
 
 /// Pixels are divided anew if that is expected to save more than this fraction of the next batch's time …
 const LEAST_GAIN: f64 = 0.03;
@@ -146,20 +146,23 @@ impl ProcessGroup for Coordinator<'_> {
         Rendered { samples, first_rejected }
     }
 
-    fn gather(&mut self, store: &mut Store) {
-        self.command(&Command::Gather);
+    fn gather(&mut self, store: &mut Store, extent: StatisticsExtent) {
+        self.command(&Command::Gather { extent });
         let started = Instant::now();
-        self.part.gather(self.link, Some(store));
-        let bytes = store.pixels() * Store::bytes_per_pixel(store.layout(), store.capacity());
+        self.part.gather(self.link, extent, Some(store));
+        let bytes = self.part.kind.bytes(&self.part.image(), extent);
         self.rate = bytes as f64 / started.elapsed().as_secs_f64().max(1e-6);
     }
 
-    fn filter(&mut self, denoiser: &'static dyn Denoiser, store: &Store) -> Option<FilterResult> {
-        let parts = denoiser.parts()?;
+    fn can_share(&self, denoiser: &dyn Denoiser, store: &Store) -> bool {
         // What few samples say depends on pixels that may be far away.
-        store.counts(Part::Whole).iter().all(|&n| n >= 2).then_some(())?;
+        denoiser.parts().is_some() && store.counts(Part::Whole).iter().all(|&n| n >= 2)
+    }
+
+    fn filter(&mut self, denoiser: &'static dyn Denoiser) -> FilterResult {
         self.command(&Command::Filter { denoiser: denoiser.name() });
-        self.part.filter(self.link, parts)
+        let result = denoiser.parts().and_then(|parts| self.part.filter(self.link, parts));
+        result.expect("a denoiser of parts, whose results the first process gets")
     }
 
     fn records(&mut self) -> Vec<ProcessRecord> {

@@ -2,10 +2,8 @@
 //!
 //! With what is wanted this is every exchange there is: new owners, margins, the whole image in one process.
 
-use rayon::prelude::*;
-
 use super::link::Link;
-use crate::stats::{Layout, Rectangle, Row, Store};
+use crate::stats::{Layout, Rectangle, StatisticsExtent, Store};
 
 /// What the stores of all processes have in common.
 #[derive(Clone, Debug)]
@@ -22,17 +20,18 @@ impl StoreKind {
         Store::of_part(part, self.layout.clone(), self.capacity, self.seed)
     }
 
-    fn row_bytes(&self, part: &Rectangle) -> usize {
-        Row::byte_len(part.width(), &self.layout, self.capacity).expect("what is in memory has a size")
+    /// Returns the bytes of the statistics of a rectangle.
+    pub fn bytes(&self, part: &Rectangle, extent: StatisticsExtent) -> usize {
+        Store::rectangle_byte_len(part, extent, &self.layout, self.capacity)
     }
 }
 
 /// Fills the rectangle that this process wants with the statistics of the processes that have them. All processes call it,
 /// with the rectangles that each has, which do not overlap, and that each wants, if any. `own` has the statistics of this
-/// process, and `wanted` the size of what it wants; what no process has stays as it is.
+/// process, and `wanted` the size of what it wants; what no process has, or `extent` lacks, stays as it is.
 pub fn exchange(
     link: &Link,
-    kind: &StoreKind,
+    (kind, extent): (&StoreKind, StatisticsExtent),
     (have, own): (&[Option<Rectangle>], Option<&Store>),
     (want, wanted): (&[Option<Rectangle>], Option<&mut Store>),
 ) {
@@ -41,7 +40,7 @@ pub fn exchange(
     // Send what others want
     let message = |to: usize| {
         let (part, own) = (shared(rank, to)?, own?);
-        Some((to, to_bytes(kind, own, &part.within(&have[rank]?))))
+        Some((to, own.rectangle_to_bytes(&part.within(&have[rank]?), extent)))
     };
     let messages: Vec<_> = (0..link.size()).filter(|&to| to != rank).filter_map(message).collect();
 
@@ -52,26 +51,11 @@ pub fn exchange(
             let Some(part) = shared(from, rank) else { continue };
             let place = part.within(&want);
             if let (true, Some(own), Some(have)) = (from == rank, own, have[rank]) {
-                wanted.paste(&place, &own.crop(&part.within(&have)));
+                wanted.copy_rectangle(&place, own, &part.within(&have), extent);
             } else {
-                let bytes = link.receive(from, kind.row_bytes(&part) * part.height());
-                wanted.paste(&place, &from_bytes(kind, &part, &bytes));
+                let bytes = link.receive(from, kind.bytes(&part, extent));
+                wanted.read_rectangle(&place, extent, &bytes);
             }
         }
     });
-}
-
-fn to_bytes(kind: &StoreKind, store: &Store, part: &Rectangle) -> Vec<u8> {
-    let cropped = store.crop(part);
-    let row_bytes = kind.row_bytes(part);
-    let mut bytes = vec![0; row_bytes * part.height()];
-    bytes.par_chunks_mut(row_bytes.max(1)).zip(cropped.rows()).for_each(|(out, row)| row.to_bytes(out));
-    bytes
-}
-
-fn from_bytes(kind: &StoreKind, part: &Rectangle, bytes: &[u8]) -> Store {
-    let mut store = kind.empty(part);
-    let rows = store.rows_mut().par_iter_mut().zip(bytes.par_chunks(kind.row_bytes(part).max(1)));
-    rows.for_each(|(row, bytes)| row.read_bytes(bytes).expect("a store's own bytes are valid"));
-    store
 }

@@ -11,7 +11,7 @@ use crate::filter::{Denoiser, FilterResult, PartFilter, find};
 use crate::memory::peak_bytes;
 use crate::progressive::{ProcessRecord, SampleTotals};
 use crate::render::{RejectedSample, Renderer};
-use crate::stats::{Rectangle, Store};
+use crate::stats::{Rectangle, StatisticsExtent, Store};
 
 /// The pixels of a process.
 pub struct OwnPart<'s> {
@@ -65,21 +65,23 @@ impl<'s> OwnPart<'s> {
     pub fn divide(&mut self, link: &Link, parts: Vec<Rectangle>) {
         let mut store = self.kind.empty(&parts[self.rank]);
         let (have, want) = (all(&self.parts), all(&parts));
-        exchange(link, &self.kind, (&have, Some(&self.store)), (&want, Some(&mut store)));
+        let kind = (&self.kind, StatisticsExtent::All);
+        exchange(link, kind, (&have, Some(&self.store)), (&want, Some(&mut store)));
         (self.parts, self.store) = (parts, store);
         self.renderer = part_of(&self.whole, &self.place());
     }
 
-    /// Gathers the statistics of all processes in the first one, which passes a store of the whole image.
-    pub fn gather(&self, link: &Link, whole: Option<&mut Store>) {
+    /// Gathers statistics of all processes in the first one, which passes a store of the whole image.
+    pub fn gather(&self, link: &Link, extent: StatisticsExtent, whole: Option<&mut Store>) {
         let want = only_first(self.image(), self.parts.len());
-        exchange(link, &self.kind, (&all(&self.parts), Some(&self.store)), (&want, whole));
+        exchange(link, (&self.kind, extent), (&all(&self.parts), Some(&self.store)), (&want, whole));
     }
 
     /// Takes the statistics of its pixels from the first process, which passes a store of the whole image.
     pub fn scatter(&mut self, link: &Link, whole: Option<&Store>) {
         let have = only_first(self.image(), self.parts.len());
-        exchange(link, &self.kind, (&have, whole), (&all(&self.parts), Some(&mut self.store)));
+        let kind = (&self.kind, StatisticsExtent::All);
+        exchange(link, kind, (&have, whole), (&all(&self.parts), Some(&mut self.store)));
     }
 
     /// Filters the pixels of this process, with a margin that it takes from others, and gathers the results in the first
@@ -92,7 +94,7 @@ impl<'s> OwnPart<'s> {
         let place = grown[self.rank];
         let mut store = self.kind.empty(&place);
         let own = (&all(&self.parts)[..], Some(&self.store));
-        exchange(link, &self.kind, own, (&all(&grown), Some(&mut store)));
+        exchange(link, (&self.kind, StatisticsExtent::All), own, (&all(&grown), Some(&mut store)));
 
         // Filter, and send the result without the margin
         let started = Instant::now();
@@ -154,7 +156,7 @@ pub fn serve(link: &Link, renderer: &Renderer, interrupt: &AtomicBool) {
                 let counts = decode_counts(&link.receive(0, bytes));
                 link.tell(0, &part.render(&counts, interrupt));
             }
-            (Command::Gather, Some(part)) => part.gather(link, None),
+            (Command::Gather { extent }, Some(part)) => part.gather(link, extent, None),
             (Command::Filter { denoiser }, Some(part)) => {
                 let denoiser = find(denoiser.method, denoiser.preset).and_then(Denoiser::parts);
                 part.filter(link, denoiser.expect("the first process knows what can be shared"));

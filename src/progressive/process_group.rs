@@ -5,7 +5,7 @@
 
 use crate::filter::{Denoiser, FilterResult};
 use crate::render::RejectedSample;
-use crate::stats::Store;
+use crate::stats::{StatisticsExtent, Store};
 
 /// Processes that render one image together.
 pub trait ProcessGroup: Send {
@@ -18,11 +18,17 @@ pub trait ProcessGroup: Send {
     /// Takes `counts[pixel]` more samples of every pixel.
     fn render(&mut self, counts: &[u32]) -> Rendered;
 
-    /// Copies the statistics of all pixels to `store`, which has their number and layout.
-    fn gather(&mut self, store: &mut Store);
+    /// Copies statistics of all pixels to `store`, which has their number and layout. What `extent` lacks stays as it is there.
+    fn gather(&mut self, store: &mut Store, extent: StatisticsExtent);
 
-    /// Filters the statistics of all pixels, which `store` has; `None` if that has to be done by this process alone.
-    fn filter(&mut self, denoiser: &'static dyn Denoiser, store: &Store) -> Option<FilterResult>;
+    /// Returns whether all processes can share a filter pass over their statistics, of which `store` has the counts.
+    fn can_share(&self, denoiser: &dyn Denoiser, store: &Store) -> bool;
+
+    /// Filters the statistics of all pixels, with all processes.
+    ///
+    /// # Panics
+    /// If [`Self::can_share`] is false.
+    fn filter(&mut self, denoiser: &'static dyn Denoiser) -> FilterResult;
 
     /// Returns what each process has done so far, the first one first.
     fn records(&mut self) -> Vec<ProcessRecord>;

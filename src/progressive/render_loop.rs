@@ -26,7 +26,7 @@ use crate::adaptive::Sampling;
 use crate::filter::{Denoiser, FilterResult};
 use crate::image::Planes;
 use crate::render::Renderer;
-use crate::stats::Store;
+use crate::stats::{StatisticsExtent, Store};
 
 mod processes;
 mod progress;
@@ -42,8 +42,8 @@ pub struct RenderLoop<'a> {
     processes: Option<&'a mut dyn ProcessGroup>,
     /// Samples so far.
     samples: SampleTotals,
-    /// Whether other processes have samples that the checkpoint's store lacks.
-    is_behind: bool,
+    /// What the checkpoint's store has of the statistics of all processes, its latest samples included.
+    gathered: Option<StatisticsExtent>,
     /// The region that is rendered first.
     region: Option<Region>,
     /// Samples of the store that an earlier run took.
@@ -94,7 +94,7 @@ impl<'a> RenderLoop<'a> {
             processes: None,
             resumed_samples: samples.valid,
             samples,
-            is_behind: false,
+            gathered: Some(StatisticsExtent::All),
             region: None,
             reference: None,
         }
@@ -155,7 +155,8 @@ impl<'a> RenderLoop<'a> {
         self.checkpoint
     }
 
-    /// Returns the pixel statistics. With several processes they are those of its latest filter pass or checkpoint.
+    /// Returns the pixel statistics. With several processes they are those of the latest pass, batch or checkpoint that this
+    /// process needed them for, as far as it did: those of a pass that all share are [`StatisticsExtent::Radiance`].
     pub fn store(&self) -> &Arc<Store> {
         &self.checkpoint.store
     }
@@ -195,7 +196,7 @@ impl<'a> RenderLoop<'a> {
     /// Hands a checkpoint to the host.
     pub fn save(&mut self, host: &mut dyn Host) {
         if host.checkpoint_interval().is_some() {
-            self.gather();
+            self.gather(StatisticsExtent::All);
             host.save(&self.settings, self.checkpoint.clone());
         }
         (self.measurements.saved_at, self.measurements.is_saved) = (self.clock.elapsed(), true);
@@ -203,7 +204,7 @@ impl<'a> RenderLoop<'a> {
 
     /// Returns the filter pass of [`Action::Filter`].
     pub fn interim_pass(&mut self, denoiser: &'static dyn Denoiser) -> FilterPass {
-        self.gather();
+        self.gather_for_pass(denoiser);
         self.pass(denoiser, FailureMap::Carry(None))
     }
 
@@ -244,7 +245,7 @@ impl<'a> RenderLoop<'a> {
 
     /// Returns the filter pass of [`Action::Finish`].
     pub fn final_pass(&mut self, conditions: &Conditions) -> FilterPass {
-        self.gather();
+        self.gather(StatisticsExtent::All);
         let earlier = self.checkpoint.interim.as_ref().and_then(|interim| interim.interpolation.clone());
         self.pass(self.situation(conditions).final_denoiser(), FailureMap::Carry(earlier))
     }
@@ -308,7 +309,7 @@ impl<'a> RenderLoop<'a> {
 
     /// Begins a batch.
     fn allocate(&mut self, plan: Plan, host: &mut dyn Host) {
-        self.gather();
+        self.gather(StatisticsExtent::Radiance);
         let started = Instant::now();
         let grain = if self.samples.taken == 0 { Grain::Pixel } else { Grain::Block };
         let planned = allocate_batch(&self.checkpoint, self.region, &self.settings, plan.samples);
@@ -328,7 +329,7 @@ impl<'a> RenderLoop<'a> {
         };
         let counts = batch.step(store, to);
         let Rendered { samples, first_rejected } = if let Some(processes) = &mut self.processes {
-            self.is_behind = true;
+            self.gathered = None;
             processes.render(&counts)
         } else {
             // Copies only while a filter pass that was given up still reads the store.
@@ -357,7 +358,7 @@ impl<'a> RenderLoop<'a> {
 
     /// Measures the finalisation by this denoiser.
     fn calibrate(&mut self, denoiser: &'static dyn Denoiser, host: &dyn Host) {
-        self.gather();
+        self.gather(StatisticsExtent::All);
         let elapsed = self.clock.elapsed();
         let situation = self.situation(&Conditions::default());
         let left = situation.schedule().seconds_left(elapsed).unwrap_or(f64::INFINITY);

@@ -17,6 +17,7 @@ mod reservoir;
 mod row;
 mod sample_list;
 mod sample_rectangle;
+mod statistics_extent;
 mod store;
 
 pub use block_set::BlockSet;
@@ -29,4 +30,5 @@ pub use rectangle::Rectangle;
 pub use row::{LARGEST_VALUE, PIXEL_BLOCK, PixelBlockValues, Row, RowError};
 pub use sample_list::SampleListError;
 pub use sample_rectangle::{RectangleError, SampleRectangle};
+pub use statistics_extent::StatisticsExtent;
 pub use store::Store;

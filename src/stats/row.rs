@@ -5,6 +5,7 @@ mod merge;
 mod pixel_block;
 
 pub use bytes::RowError;
+pub(super) use bytes::Selection;
 pub use pixel_block::{LARGEST_VALUE, PIXEL_BLOCK, PixelBlockValues};
 
 use std::ops::Range;
@@ -156,15 +157,17 @@ impl Row {
         rejected
     }
 
-    /// Replaces the statistics of pixels from `at` on, and how their reservoirs go on, by those of some pixels of a row of
-    /// the same layout and capacity.
-    pub(super) fn copy_pixels(&mut self, at: usize, from: &Self, pixels: Range<usize>) {
+    /// Replaces the statistics of pixels from `at` on by those of a selection of a row with the same layout and capacity.
+    pub(super) fn copy_pixels(&mut self, at: usize, from: &Self, selection: &Selection) {
+        let Selection { pixels, dims, reservoir } = selection.clone();
         let to = at..at + pixels.len();
         self.next_index[to.clone()].copy_from_slice(&from.next_index[pixels.clone()]);
         self.rejected[to.clone()].copy_from_slice(&from.rejected[pixels.clone()]);
         let copy_planes = |planes: &mut [f64], stride: usize, others: &[f64], other_stride: usize| {
             let both = planes.chunks_exact_mut(stride).zip(others.chunks_exact(other_stride));
-            both.for_each(|(plane, other)| plane[to.clone()].copy_from_slice(&other[pixels.clone()]));
+            both.skip(dims.start)
+                .take(dims.len())
+                .for_each(|(plane, other)| plane[to.clone()].copy_from_slice(&other[pixels.clone()]));
         };
         for (half, other) in self.halves.iter_mut().zip(&from.halves) {
             half.count[to.clone()].copy_from_slice(&other.count[pixels.clone()]);
@@ -173,11 +176,10 @@ impl Row {
         for (plane, other) in self.deviations.iter_mut().zip(&from.deviations) {
             copy_planes(plane, self.stride, other, from.stride);
         }
-        if self.capacity > 0 {
+        if reservoir > 0 {
             self.keys[to.clone()].copy_from_slice(&from.keys[pixels.clone()]);
-            let vectors = self.capacity * self.dims;
-            self.reservoir[to.start * vectors..to.end * vectors]
-                .copy_from_slice(&from.reservoir[pixels.start * vectors..pixels.end * vectors]);
+            self.reservoir[to.start * reservoir..to.end * reservoir]
+                .copy_from_slice(&from.reservoir[pixels.start * reservoir..pixels.end * reservoir]);
         }
     }
 

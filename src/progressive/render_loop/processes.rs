@@ -3,8 +3,10 @@
 use std::sync::Arc;
 
 use super::RenderLoop;
+use crate::filter::Denoiser;
 use crate::progressive::filter_pass::{FilterPass, Filtered};
 use crate::progressive::process_group::ProcessGroup;
+use crate::stats::StatisticsExtent;
 
 impl<'a> RenderLoop<'a> {
     /// Divides the work among several processes, of which this is the first. A checkpoint has to be given before.
@@ -18,16 +20,33 @@ impl<'a> RenderLoop<'a> {
     pub fn run_pass(&mut self, pass: FilterPass) -> Filtered {
         let Some(processes) = &mut self.processes else { return pass.run() };
         pass.run_with(|FilterPass { store, denoiser, seed, .. }| {
-            processes.filter(*denoiser, store).unwrap_or_else(|| denoiser.filter(store, *seed))
+            if processes.can_share(*denoiser, store) {
+                processes.filter(*denoiser)
+            } else {
+                denoiser.filter(store, *seed)
+            }
         })
     }
 
-    /// Brings the statistics of all processes together.
-    pub(super) fn gather(&mut self) {
-        if let (Some(processes), true) = (&mut self.processes, self.is_behind) {
+    /// Brings statistics of all processes together.
+    pub(super) fn gather(&mut self, extent: StatisticsExtent) {
+        if let (Some(processes), true) = (&mut self.processes, self.gathered < Some(extent)) {
             // Copies only while an earlier checkpoint is in use.
-            processes.gather(Arc::make_mut(&mut self.checkpoint.store));
-            self.is_behind = false;
+            processes.gather(Arc::make_mut(&mut self.checkpoint.store), extent);
+            self.gathered = Some(extent);
+        }
+    }
+
+    /// Brings together what this process reads in a filter pass, shared if possible, and after it.
+    pub(super) fn gather_for_pass(&mut self, denoiser: &'static dyn Denoiser) {
+        self.gather(if denoiser.parts().is_some() {
+            StatisticsExtent::Radiance
+        } else {
+            StatisticsExtent::All
+        });
+        let store = &self.checkpoint.store;
+        if self.processes.as_ref().is_some_and(|processes| !processes.can_share(denoiser, store)) {
+            self.gather(StatisticsExtent::All);
         }
     }
 }

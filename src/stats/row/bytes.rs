@@ -1,10 +1,13 @@
 //! Converts rows of the store to bytes and back. Numbers are little endian; arrays follow each other
 //! without headers.
 
+use std::ops::Range;
+
 use super::pixel_block::LARGEST_VALUE;
 use super::{HalfRow, Row, deviation_planes};
 use crate::stats::layout::Layout;
 use crate::stats::part::Part;
+use crate::stats::statistics_extent::StatisticsExtent;
 
 /// Factor by which rounding may raise means and deviations above their bounds.
 const ROUNDING: f64 = 1.5;
@@ -59,14 +62,53 @@ fn take<'b, T: Number>(values: &mut [T], bytes: &'b [u8]) -> &'b [u8] {
     rest
 }
 
+/// Number of bytes of a pixel with the moments of some dimensions and some numbers in its reservoir.
+fn pixel_bytes(layout: &Layout, dims: usize, reservoir: usize) -> Option<usize> {
+    let moments = dims.checked_mul((2 + deviation_planes(layout)) * size_of::<f64>())?;
+    let counts = (2 + 2) * size_of::<u32>();
+    moments.checked_add(counts)?.checked_add(reservoir.checked_mul(size_of::<f32>())?)
+}
+
+/// Some pixels of a row, and which of their statistics are converted.
+#[derive(Clone, Debug)]
+pub(in crate::stats) struct Selection {
+    pub pixels: Range<usize>,
+    /// Dimensions whose moments are converted.
+    pub dims: Range<usize>,
+    /// Numbers of each pixel's reservoir; 0 leaves it out.
+    pub reservoir: usize,
+}
+
+impl Selection {
+    pub fn new(pixels: Range<usize>, extent: StatisticsExtent, layout: &Layout, capacity: usize) -> Self {
+        let (dims, reservoir) = match extent {
+            StatisticsExtent::Radiance => (layout.radiance(), 0),
+            StatisticsExtent::All => (0..layout.len(), capacity * layout.len()),
+        };
+        Self { pixels, dims, reservoir }
+    }
+
+    /// Number of bytes of the selection.
+    pub fn byte_len(&self, layout: &Layout) -> usize {
+        let bytes = pixel_bytes(layout, self.dims.len(), self.reservoir);
+        self.pixels.len() * bytes.expect("what is in memory has a size")
+    }
+
+    /// Returns the places of the selected dimensions in planes of this stride.
+    fn planes(&self, stride: usize) -> impl Iterator<Item = Range<usize>> + use<> {
+        let Range { start, end } = self.pixels;
+        self.dims.clone().map(move |dim| dim * stride + start..dim * stride + end)
+    }
+
+    fn vectors(&self) -> Range<usize> {
+        self.pixels.start * self.reservoir..self.pixels.end * self.reservoir
+    }
+}
+
 impl Row {
     /// Number of bytes of a row; `None` if it exceeds the address space.
     pub fn byte_len(width: usize, layout: &Layout, capacity: usize) -> Option<usize> {
-        let dims = layout.len();
-        let moments = dims.checked_mul((2 + deviation_planes(layout)) * size_of::<f64>())?;
-        let counts = (2 + 2) * size_of::<u32>();
-        let reservoir = capacity.checked_mul(dims)?.checked_mul(size_of::<f32>())?;
-        width.checked_mul(moments.checked_add(counts)?.checked_add(reservoir)?)
+        width.checked_mul(pixel_bytes(layout, layout.len(), capacity.checked_mul(layout.len())?)?)
     }
 
     /// Writes, for all pixels: the samples taken; the rejected samples; for each half the counts, the
@@ -76,18 +118,52 @@ impl Row {
     /// # Panics
     /// If the length of `out` is not [`Self::byte_len`].
     pub fn to_bytes(&self, out: &mut [u8]) {
-        let mut out = put(&self.next_index[..self.width], out);
-        out = put(&self.rejected[..self.width], out);
-        let stride = self.stride.max(1);
+        self.put(&self.everything(), out);
+    }
+
+    /// Writes a selection in the same order.
+    ///
+    /// # Panics
+    /// If the length of `out` is not [`Selection::byte_len`].
+    pub(in crate::stats) fn put(&self, selection: &Selection, out: &mut [u8]) {
+        let pixels = selection.pixels.clone();
+        let mut out = put(&self.next_index[pixels.clone()], out);
+        out = put(&self.rejected[pixels.clone()], out);
         for (h, half) in self.halves.iter().enumerate() {
-            out = put(&half.count[..self.width], out);
-            let deviations = self.deviations.get(h).map_or(&[][..], |plane| plane);
-            for values in half.mean.chunks_exact(stride).chain(deviations.chunks_exact(stride)) {
-                out = put(&values[..self.width], out);
+            out = put(&half.count[pixels.clone()], out);
+            for values in std::iter::once(&half.mean).chain(self.deviations.get(h)) {
+                for plane in selection.planes(self.stride) {
+                    out = put(&values[plane], out);
+                }
             }
         }
-        out = put(&self.reservoir, out);
-        assert!(out.is_empty(), "the output has the length of a row");
+        out = put(&self.reservoir[selection.vectors()], out);
+        assert!(out.is_empty(), "the output has the length of the selection");
+    }
+
+    /// Reads what [`Self::put`] wrote, from a row with the same layout and capacity.
+    ///
+    /// # Panics
+    /// If the length of `bytes` is not [`Selection::byte_len`].
+    pub(in crate::stats) fn take(&mut self, selection: &Selection, bytes: &[u8]) {
+        let pixels = selection.pixels.clone();
+        let mut bytes = take(&mut self.next_index[pixels.clone()], bytes);
+        bytes = take(&mut self.rejected[pixels.clone()], bytes);
+        for (h, half) in self.halves.iter_mut().enumerate() {
+            bytes = take(&mut half.count[pixels.clone()], bytes);
+            for values in std::iter::once(&mut half.mean).chain(self.deviations.get_mut(h)) {
+                for plane in selection.planes(self.stride) {
+                    bytes = take(&mut values[plane], bytes);
+                }
+            }
+        }
+        bytes = take(&mut self.reservoir[selection.vectors()], bytes);
+        assert!(bytes.is_empty(), "the input has the length of the selection");
+    }
+
+    /// Selects all statistics of all pixels.
+    fn everything(&self) -> Selection {
+        Selection { pixels: 0..self.width, dims: 0..self.dims, reservoir: self.capacity * self.dims }
     }
 
     /// Reads bytes that [`Self::to_bytes`] wrote, into a row of the same size, layout and capacity.
@@ -98,18 +174,7 @@ impl Row {
     /// # Panics
     /// If the length of `bytes` is not [`Self::byte_len`].
     pub fn read_bytes(&mut self, bytes: &[u8]) -> Result<(), RowError> {
-        let mut bytes = take(&mut self.next_index[..self.width], bytes);
-        bytes = take(&mut self.rejected[..self.width], bytes);
-        let stride = self.stride.max(1);
-        for (h, half) in self.halves.iter_mut().enumerate() {
-            bytes = take(&mut half.count[..self.width], bytes);
-            let deviations = self.deviations.get_mut(h).map_or(&mut [][..], |plane| plane);
-            for values in half.mean.chunks_exact_mut(stride).chain(deviations.chunks_exact_mut(stride)) {
-                bytes = take(&mut values[..self.width], bytes);
-            }
-        }
-        bytes = take(&mut self.reservoir, bytes);
-        assert!(bytes.is_empty(), "the input has the length of a row");
+        self.take(&self.everything(), bytes);
         self.check()
     }
 

@@ -7,7 +7,7 @@ use rand::RngExt;
 
 use super::*;
 use crate::filter::{Denoiser, PartFilter, nlm};
-use crate::stats::{Block, Rectangle};
+use crate::stats::{Block, Rectangle, StatisticsExtent};
 
 /// The sums of a whole image: recorded when that is filtered, and told to filters of its parts.
 struct RecordedSums {
@@ -88,7 +88,10 @@ fn parts_with_their_margins_give_the_whole() {
             };
             let sums = Mutex::new(totals.clone());
             let of_part = RecordedSums { part: part.within(&place), sums, is_whole: false };
-            let found = denoiser.filter_part(&store.crop(&place), &of_part);
+            let size = place.within(&place);
+            let mut cut = Store::of_part(&size, store.layout().clone(), store.capacity(), 0);
+            cut.copy_rectangle(&size, &store, &place, StatisticsExtent::All);
+            let found = denoiser.filter_part(&cut, &of_part);
             let pairs = [
                 (&found.image, &whole.image),
                 (&found.halves[0], &whole.halves[0]),
