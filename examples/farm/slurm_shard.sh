@@ -1,10 +1,10 @@
 #!/usr/bin/env bash
-# One task of the job array of slurm.sh: HERE SCENE FOLDER SHARDS SPP.
+# One task of the job arrays of slurm.sh and slurm_rounds.sh: HERE SCENE FOLDER SHARDS SAMPLES (see shard.sh).
 set -euo pipefail
-here=$1 scene=$2 folder=$3 shards=$4 spp=$5
+here=$1 scene=$2 folder=$3 shards=$4 samples=$5
 
 status=0
-srun --ntasks=1 "$here/shard.sh" "$scene" "$folder" "$SLURM_ARRAY_TASK_ID" "$shards" "$spp" || status=$?
+srun --ntasks=1 "$here/shard.sh" "$scene" "$folder" "$SLURM_ARRAY_TASK_ID" "$shards" "$samples" || status=$?
 # Stopped before its end, with its state written: the task waits in the queue again, and goes on from there.
 if ((status == 130)); then
     scontrol requeue "${SLURM_ARRAY_JOB_ID}_$SLURM_ARRAY_TASK_ID"
