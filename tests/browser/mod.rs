@@ -77,6 +77,13 @@ impl Page {
         self.call("Emulation.setDeviceMetricsOverride", size);
     }
 
+    /// Reloads the page and waits until it is there.
+    pub fn reload(&mut self) {
+        self.call("Page.enable", json!({}));
+        self.call("Page.reload", json!({}));
+        while self.read()["method"] != "Page.loadEventFired" {}
+    }
+
     fn call(&mut self, method: &str, parameters: Value) -> Value {
         self.next += 1;
         let id = self.next;
@@ -86,15 +93,18 @@ impl Page {
         }
         self.socket.send(Message::text(call.to_string())).expect("the browser listens");
         loop {
-            let message = self.socket.read().expect("the browser answers");
-            let Ok(answer) = serde_json::from_str::<Value>(message.to_text().unwrap_or_default()) else {
-                continue;
-            };
+            let answer = self.read();
             if answer["id"] == id {
                 assert!(answer["error"].is_null(), "{method}: {}", answer["error"]);
                 return answer["result"].clone();
             }
         }
+    }
+
+    /// The next message of the browser; null if it is no JSON.
+    fn read(&mut self) -> Value {
+        let message = self.socket.read().expect("the browser answers");
+        serde_json::from_str(message.to_text().unwrap_or_default()).unwrap_or_default()
     }
 
     /// The value of an expression in the page.

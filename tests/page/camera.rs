@@ -76,8 +76,9 @@ fn bookmarks_survive_a_reload_and_lead_back() {
     page.wait("!window.prpf.state.status.camera.directives.startsWith('LookAt 0 1.5 -4 ')");
     page.click("#add-bookmark");
     page.wait("document.querySelectorAll('#bookmarks li').length === 2");
-    page.value("window.isBeforeReload = true; location.reload()");
-    page.wait("!window.isBeforeReload && document.querySelectorAll('#bookmarks li').length === 2");
+    page.reload();
+    page.wait("document.querySelectorAll('#bookmarks li').length === 2");
+    page.wait("window.prpf.state.status !== null");
     page.click("#bookmarks li:first-child button");
     page.wait("window.prpf.state.status.camera.directives.startsWith('LookAt 0 1.5 -4 ')");
     page.wait("document.querySelector('#bookmarks button').getAttribute('aria-pressed') === 'true'");
