@@ -65,7 +65,9 @@ impl ErrorEstimate {
         let (value, deviation) = if variance.value > 0.0 {
             let reliability = result.reliability;
             let risk = risk.logarithm(reliability.risk_factor, reliability.risk_deviation);
-            let variance = variance.logarithm(reliability.variance_factor, reliability.variance_deviation);
+            let spp = store.samples() as f64 / store.pixels() as f64;
+            let variance =
+                variance.logarithm(reliability.variance_factor(spp), reliability.variance_deviation);
             let weights = [risk, variance].map(|(_, deviation)| deviation.powi(-2));
             let sum = weights[0] + weights[1];
             (((weights[0] * risk.0 + weights[1] * variance.0) / sum).exp(), sum.powf(-0.5))
