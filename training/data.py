@@ -9,7 +9,6 @@ from model import STATISTICS, Statistics
 
 # Arrays of `planes` are [channels, h, w] in half precision; `noise` is the variance of the reference's mean.
 View = namedtuple("View", ["scene", "spp", "is_adaptive", "statistics", "reference", "noise"])
-HALF_REFERENCE = 256
 
 
 def half(values):
@@ -76,14 +75,14 @@ def statistics(arrays):
     return Statistics(**planes), scale
 
 
-def converged(of_set, halves, draw):
+def converged(of_set, halves, spp, draw):
     """A view of the first half of the reference, whose target is the other half. So the filter learns to converge."""
     emission = of_set.emission.astype(np.float32)
-    spread = 2 * of_set.deviation.astype(np.float32) / np.sqrt(HALF_REFERENCE)
+    spread = 2 * of_set.deviation.astype(np.float32) / np.sqrt(spp)
     return of_set._replace(
         colour=half(np.maximum(halves[0] - emission, 0)),
         difference=half(spread * draw.normal(size=spread.shape)),
-        count=np.full_like(of_set.count, HALF_REFERENCE),
+        count=np.full_like(of_set.count, spp),
         has_nlm=np.zeros_like(of_set.has_nlm),
     )
 
@@ -99,6 +98,7 @@ def read_views(folder, keep):
             arrays = {name: loaded[name] for name in loaded}
         halves = [arrays[f"reference_{half}"].astype(np.float32) for half in "ab"]
         reference, noise = (halves[0] + halves[1]) / 2, (halves[0] - halves[1]) ** 2 / 4
+        half_spp = int(arrays["reference_spp"]) // 2
         k, finest, scale_of_finest = 0, None, None
         while f"set{k}/spp" in arrays:
             of_set = {name.split("/")[1]: array for name, array in arrays.items() if name.startswith(f"set{k}/")}
@@ -111,6 +111,6 @@ def read_views(folder, keep):
                 finest, scale_of_finest = views[-1], scale
             k += 1
         halves = [scale_of_finest * x for x in halves]
-        of_half = converged(finest.statistics, halves, draw)
-        views.append(View(path.stem, HALF_REFERENCE, False, of_half, half(halves[1]), half(2 * scale_of_finest**2 * noise)))
+        of_half = converged(finest.statistics, halves, half_spp, draw)
+        views.append(View(path.stem, half_spp, False, of_half, half(halves[1]), half(2 * scale_of_finest**2 * noise)))
     return views

@@ -17,6 +17,8 @@ import model
 from train import load
 
 SIZE = (16, 32)
+# Increased when the network changes; the program has the same.
+FORMAT = "prpf learned 2"
 
 
 def random_statistics(seed):
@@ -40,7 +42,7 @@ def main():
     arguments = parser.parse_args()
     rounded = jax.tree.map(lambda x: np.asarray(x).astype(np.float16), load(arguments.weights))
     tensors = {f"{name}.{part}": x for name, pair in rounded.items() for part, x in zip(["weight", "bias"], pair)}
-    save_file(tensors, arguments.folder / "weights.safetensors")
+    save_file(tensors, arguments.folder / "weights.safetensors", {"format": FORMAT})
 
     parameters = jax.tree.map(lambda x: x.astype(np.float32), rounded)
     statistics = random_statistics(1)

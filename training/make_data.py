@@ -16,8 +16,10 @@ from pathlib import Path
 
 import numpy as np
 
-UNIFORM = [1, 2, 4, 8, 16, 32, 64]
-ADAPTIVE = [8, 16, 32, 64]
+FEW = [1, 2, 4, 8]
+MANY = [16, 32, 64]
+# Width of the whole image in units of the view's: what is seen large in a large image is smooth over many pixels.
+ZOOMS = [1, 2, 4, 6]
 SCENE_SEED = 2027
 
 
@@ -27,10 +29,10 @@ def run(*arguments):
         raise RuntimeError(f"{' '.join(map(str, arguments))}: {done.stderr.strip()[-300:]}")
 
 
-def render(prpf, scene, folder, size, spp, seed, *options):
-    """Renders a view and returns the arrays of its state."""
+def render(prpf, scene, folder, window, spp, seed, *options):
+    """Renders a view and returns the arrays of its state. `window` are the options that choose it."""
     state, image, arrays = (folder / name for name in ["a.state", "a.exr", "a.npz"])
-    run(prpf, "render", scene, "--resolution", f"{size}x{size}", "--spp", spp, "--seed", seed, "--state", state,
+    run(prpf, "render", scene, *window, "--spp", spp, "--seed", seed, "--state", state,
         "-o", image, "--quiet", *options)
     run(prpf, "export", state, "-o", arrays, "--quiet")
     with np.load(arrays) as loaded:
@@ -99,8 +101,10 @@ def make(number, arguments):
         folder = Path(temporary)
         run(arguments.scenes, "random", folder, "--first", number, "--count", 1, "--seed", SCENE_SEED)
         scene = folder / f"scene-{number:04d}" / "view-0.pbrt"
-        size = arguments.size
-        names, reference = render(arguments.prpf, scene, folder, size, arguments.reference, 1, "--sampling", "uniform",
+        size, zoom = arguments.size, draw.choice(ZOOMS)
+        x, y = (draw.randint(0, (zoom - 1) * size) for _ in "xy")
+        window = ["--resolution", f"{zoom * size}x{zoom * size}", "--pixelbounds", f"{x},{x + size},{y},{y + size}"]
+        names, reference = render(arguments.prpf, scene, folder, window, arguments.reference, 1, "--sampling", "uniform",
                                   "--denoiser", "none")
         halves = [radiance(names, reference[f"mean_{part}"]) for part in "ab"]
         level = float(np.mean(halves))
@@ -108,10 +112,11 @@ def make(number, arguments):
             return False
         scale = 1 / level
         arrays = {f"reference_{part}": half(values * scale) for part, values in zip("ab", halves)}
-        sets = [(spp, "uniform") for spp in draw.sample(UNIFORM, 3)]
-        sets += [(spp, "adaptive") for spp in draw.sample(ADAPTIVE, 2)]
+        arrays["reference_spp"] = np.array(arguments.reference)
+        sets = [(spp, "uniform") for spp in [*draw.sample(FEW, 3), draw.choice(MANY)]]
+        sets += [(draw.choice([8, *MANY]), "adaptive")]
         for k, (spp, sampling) in enumerate(sets):
-            names, found = render(arguments.prpf, scene, folder, size, spp, 100 + k, "--sampling", sampling,
+            names, found = render(arguments.prpf, scene, folder, window, spp, 100 + k, "--sampling", sampling,
                                   "--denoiser", "nlm")
             arrays[f"set{k}/spp"] = np.array(spp)
             arrays[f"set{k}/adaptive"] = np.array(sampling == "adaptive")
@@ -130,7 +135,7 @@ def main():
     parser.add_argument("--first", type=int, default=0, help="number of the first scene")
     parser.add_argument("--count", type=int, default=300, help="number of scenes")
     parser.add_argument("--size", type=int, default=128, help="width and height of the views")
-    parser.add_argument("--reference", type=int, default=512, help="samples per pixel of the reference")
+    parser.add_argument("--reference", type=int, default=256, help="samples per pixel of the reference")
     parser.add_argument("--prpf", default="target/release/prpf", type=Path)
     parser.add_argument("--scenes", default="target/release/prpf-scenes", type=Path)
     arguments = parser.parse_args()

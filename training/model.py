@@ -14,7 +14,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-DILATIONS = [1, 2, 4, 8, 16]
+from kernels import filter_images
+
+DILATIONS = (1, 2, 4, 8, 16, 32, 2, 1)
 FEATURES = 6
 # Per level features, neighbour weight, own weight; then the mix of four images, of albedo, and of emission.
 OUTPUTS = len(DILATIONS) * (FEATURES + 2) + 6
@@ -136,39 +138,12 @@ def network(parameters, inputs):
     return to_space(convolve(parameters, "leave", y0, False)).transpose(0, 3, 1, 2)
 
 
-def shifted(x, dy, dx):
-    """x at the neighbour (y + dy, x + dx); the nearest pixel's beyond the border."""
-    h, w = x.shape[2:]
-    padded = jnp.pad(x, ((0, 0), (0, 0), (abs(dy),) * 2, (abs(dx),) * 2), mode="edge")
-    return padded[:, :, abs(dy) + dy : abs(dy) + dy + h, abs(dx) + dx : abs(dx) + dx + w]
-
-
-def filter_values(outputs, hit, values):
-    """Filters values [b, c, h, w] by the predicted kernels, level by level; surfaces do not mix with what is none."""
-    for level, dilation in enumerate(DILATIONS):
-        start = level * (FEATURES + 2)
-        features = outputs[:, start : start + FEATURES]
-        neighbour = jnp.clip(outputs[:, start + FEATURES : start + FEATURES + 1], -20, 20)
-        own = jnp.exp(jnp.clip(outputs[:, start + FEATURES + 1 : start + FEATURES + 2], -20, 20))
-        total, norm = own * values, own
-        for dy in (-1, 0, 1):
-            for dx in (-1, 0, 1):
-                if dy == dx == 0:
-                    continue
-                moved = (shifted(x, dy * dilation, dx * dilation) for x in (features, neighbour, hit, values))
-                of, on, oh, ov = moved
-                apart = jnp.where(jnp.abs(oh - hit) > 0.99, 100.0, 0.0)
-                weight = jnp.exp(on - apart - jnp.sum((of - features) ** 2, 1, keepdims=True))
-                total, norm = total + weight * ov, norm + weight
-        values = total / norm
-    return values
-
-
 def denoise(parameters, s):
     """The image [b, 3, h, w] of statistics, and the one of the predicted kernels alone."""
     outputs = network(parameters, network_inputs(s))
     divisor = jnp.maximum(s.albedo, ALBEDO_FLOOR)
-    filtered = filter_values(outputs, s.hit, jnp.concatenate([s.colour / divisor, divisor, s.colour, s.emission], 1))
+    values = jnp.concatenate([s.colour / divisor, divisor, s.colour, s.emission], 1)
+    filtered = filter_images(FEATURES, DILATIONS, outputs, s.hit, values)
     demodulated, soft_albedo, plain, soft_emission = jnp.split(filtered, 4, 1)
     of_images, of_albedo, of_emission = outputs[:, -6:-2], outputs[:, -2:-1], outputs[:, -1:]
     # Bounded, so that no candidate is lost for good

@@ -2,8 +2,9 @@
 
     python training/train.py FOLDER WEIGHTS.npz --steps 20000
 
-FOLDER is that of `make_data.py`. Every eighth scene is held out; on them the error relative to that of `nlm` is printed
-(geometric mean over renders, by samples per pixel). Goes on from WEIGHTS.npz if it exists.
+FOLDER is that of `make_data.py`, which may go on making scenes. Every eighth scene is held out; on them the error relative to
+that of `nlm` is printed (geometric mean over renders, by samples per pixel). Goes on from WEIGHTS.npz if it exists, else from
+the program's weights if they are given.
 """
 
 import argparse
@@ -16,12 +17,13 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import optax
+from safetensors.numpy import load_file
 
 import model
 from data import read_views
 
 EPSILON = 0.01
-CROP = 96
+CROP = 112
 
 
 def relative_error(image, reference):
@@ -130,22 +132,51 @@ def load(path):
         return {name: (loaded[f"{name}/w"], loaded[f"{name}/b"]) for name, *_ in model.LAYERS}
 
 
+def load_exported(path):
+    """The weights of a file that `export.py` wrote."""
+    loaded = load_file(path)
+    parts = ("weight", "bias")
+    return {name: tuple(loaded[f"{name}.{part}"].astype(np.float32) for part in parts) for name, *_ in model.LAYERS}
+
+
+class Scenes:
+    """The views of a folder's scenes."""
+
+    def __init__(self, folder, limit):
+        self.folder, self.limit = folder, limit
+        self.seen, self.training, self.held_out = set(), [], []
+
+    def refresh(self):
+        """Reads the scenes that have been made since the last call."""
+        found = {int(path.stem) for path in self.folder.glob("*.npz")}
+        new = sorted(found - self.seen)
+        self.seen |= found
+        self.held_out += read_views(self.folder, lambda n: n in new and n % 8 == 0)
+        taken = sorted(n for n in self.seen if n % 8)[: self.limit]
+        self.training += read_views(self.folder, lambda n: n in new and n in taken)
+        print(len(self.training), "renders to train on,", len(self.held_out), "held out", flush=True)
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path)
     parser.add_argument("weights", type=Path)
     parser.add_argument("--steps", type=int, default=20000)
-    parser.add_argument("--batch", type=int, default=8)
-    parser.add_argument("--rate", type=float, default=7e-4)
+    parser.add_argument("--start", type=Path, help="exported weights to start from")
+    parser.add_argument("--batch", type=int, default=6)
+    parser.add_argument("--rate", type=float, default=5e-4)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--scenes", type=int, help="train on this many scenes only")
     arguments = parser.parse_args()
 
-    limit = arguments.scenes or 10**9
-    training = read_views(arguments.folder, lambda n: n % 8 and n - n // 8 <= limit)
-    held_out = read_views(arguments.folder, lambda n: n % 8 == 0)
-    print(len(training), "renders to train on,", len(held_out), "held out", flush=True)
-    parameters = load(arguments.weights) if arguments.weights.exists() else model.initial(arguments.seed)
+    scenes = Scenes(arguments.folder, arguments.scenes)
+    scenes.refresh()
+    if arguments.weights.exists():
+        parameters = load(arguments.weights)
+    elif arguments.start:
+        parameters = load_exported(arguments.start)
+    else:
+        parameters = model.initial(arguments.seed)
     parameters = jax.tree.map(jnp.asarray, parameters)
     averaged = parameters
     schedule = optax.warmup_cosine_decay_schedule(0, arguments.rate, 100, arguments.steps, 0.01 * arguments.rate)
@@ -154,7 +185,8 @@ def main():
     draw = np.random.default_rng(arguments.seed)
     started, losses = time.monotonic(), []
     for k in range(1, arguments.steps + 1):
-        crops = [augment(draw, training[i]) for i in draw.integers(len(training), size=arguments.batch)]
+        chosen = draw.integers(len(scenes.training), size=arguments.batch)
+        crops = [augment(draw, scenes.training[i]) for i in chosen]
         batch = jax.tree.map(lambda *planes: np.stack(planes), *crops)
         parameters, averaged, state, values = step(optimiser, parameters, averaged, state, batch)
         losses.append(np.asarray(values))
@@ -164,7 +196,8 @@ def main():
             print(f"{k} {waited:.0f} s, loss of the mix {of_mix:.3f}, of the kernels {of_kernels:.3f}", flush=True)
         if k % 500 == 0 or k == arguments.steps:
             save(arguments.weights, averaged)
-            evaluate(averaged, held_out)
+            scenes.refresh()
+            evaluate(averaged, scenes.held_out)
 
 
 if __name__ == "__main__":

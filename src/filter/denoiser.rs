@@ -33,6 +33,11 @@ pub trait Denoiser: Send + Sync {
         None
     }
 
+    /// Returns the name of the trained weights that it filters by, for outputs; `None` if it has none.
+    fn weights(&self) -> Option<&'static str> {
+        None
+    }
+
     /// Filters a store. The result depends on `seed` and not on the number of threads.
     fn filter(&self, store: &Store, seed: u64) -> FilterResult;
 

@@ -35,6 +35,11 @@ pub fn find(method: &str, preset: Option<&str>) -> Option<&'static dyn Denoiser>
     DENOISERS.into_iter().find(|denoiser| matches(denoiser.name()))
 }
 
+/// Returns the name of the trained weights by which a denoiser filters, if it has any.
+pub fn weights_of(name: DenoiserName) -> Option<&'static str> {
+    find(name.method, name.preset).and_then(Denoiser::weights)
+}
+
 /// Returns the presets of a method, its default first; none if it has no presets.
 pub fn presets(method: &str) -> Vec<&'static str> {
     let names = DENOISERS.into_iter().map(Denoiser::name).filter(|name| name.method == method);

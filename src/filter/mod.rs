@@ -28,7 +28,7 @@ pub use common::error_maps::ErrorMaps;
 pub use common::fireflies::FireflySettings;
 pub use denoiser::{Cost, Denoiser, PartFilter, Reads, SampleVectors};
 pub use denoiser_name::DenoiserName;
-pub use denoisers::{DEFAULTS, DENOISERS, UNFILTERED, find, presets, suited_to};
+pub use denoisers::{DEFAULTS, DENOISERS, UNFILTERED, find, presets, suited_to, weights_of};
 pub use lack::Lack;
 pub use nlm::NlmSettings;
 pub use none::unfiltered;

@@ -9,15 +9,17 @@
 use multiversion::target::match_target;
 use rayon::prelude::*;
 
-use super::convolution::MARGIN;
 use crate::filter::cancellable_pool::stop_if_cancelled;
 use crate::filter::common::fast_exp::exp_negative;
 use crate::filter::common::interleaved_planes::{InterleavedPlanes, extend};
 use crate::filter::common::lanes::{lanes, multiply_add};
 use crate::simd::{LANES, Lanes, apply, multiversioned};
 
-/// Levels, of which the level l has the dilation 2^l pixels.
-pub const LEVELS: usize = 5;
+/// Dilations of the levels, in pixels. The last ones smooth the grid that the wide ones leave.
+pub const DILATIONS: [usize; 8] = [1, 2, 4, 8, 16, 32, 2, 1];
+
+/// Margin of all planes, in which the neighbours of pixels near the border lie.
+pub const MARGIN: usize = 32;
 
 /// Features f.
 const FEATURES: usize = 6;
@@ -28,27 +30,28 @@ pub const PLANES_PER_LEVEL: usize = FEATURES + 2;
 /// Greatest magnitude of a and b.
 const MAX_LOG_WEIGHT: f32 = 20.0;
 
-const _: () = assert!(1 << (LEVELS - 1) <= MARGIN, "neighbours lie inside the margin");
-
 /// Difference in hit fraction from which two pixels do not mix.
 const APART: f32 = 0.99;
 
 /// Added to the exponent of pixels that do not mix.
 const FAR: f32 = 100.0;
 
-/// Filters all planes of `values` by the `predicted` kernels. `hit` is the fraction of samples that hit a surface, 1 plane. The
-/// margins of all three have the values of the nearest pixel.
+/// Filters all planes of `values`. `kernels` computes the predicted planes of a level, and `hit` is the fraction of samples that
+/// hit a surface, 1 plane. The margins of all three have the values of the nearest pixel.
 pub fn filter(
-    predicted: &InterleavedPlanes,
+    kernels: impl Fn(usize, &mut InterleavedPlanes),
     hit: &InterleavedPlanes,
     mut values: InterleavedPlanes,
 ) -> InterleavedPlanes {
     let mut filtered = values.clone();
     let row_len = values.row_len();
-    for level in 0..LEVELS {
+    let mut predicted =
+        InterleavedPlanes::new(values.width(), values.height(), PLANES_PER_LEVEL, MARGIN, 0.0);
+    for (level, dilation) in DILATIONS.into_iter().enumerate() {
+        kernels(level, &mut predicted);
         filtered.data_mut().par_chunks_mut(row_len).enumerate().for_each(|(y, out)| {
             stop_if_cancelled();
-            filter_row(predicted, hit, level, &values, y, out);
+            filter_row(&predicted, hit, dilation, &values, y, out);
             out.chunks_exact_mut(values.stride()).for_each(|plane| extend(plane, MARGIN, values.width()));
         });
         std::mem::swap(&mut values, &mut filtered);
@@ -60,15 +63,15 @@ pub fn filter(
 fn filter_row(
     predicted: &InterleavedPlanes,
     hit: &InterleavedPlanes,
-    level: usize,
+    dilation: usize,
     values: &InterleavedPlanes,
     y: usize,
     out: &mut [f32],
 ) {
     match_target! {
-        "x86_64+fma" => sum_row::<true>(predicted, hit, level, values, y, out),
-        "aarch64" => sum_row::<true>(predicted, hit, level, values, y, out),
-        _ => sum_row::<false>(predicted, hit, level, values, y, out),
+        "x86_64+fma" => sum_row::<true>(predicted, hit, dilation, values, y, out),
+        "aarch64" => sum_row::<true>(predicted, hit, dilation, values, y, out),
+        _ => sum_row::<false>(predicted, hit, dilation, values, y, out),
     }
 }
 
@@ -76,26 +79,25 @@ fn filter_row(
 fn sum_row<const FMA: bool>(
     predicted: &InterleavedPlanes,
     hit: &InterleavedPlanes,
-    level: usize,
+    dilation: usize,
     values: &InterleavedPlanes,
     y: usize,
     out: &mut [f32],
 ) {
-    let first = level * PLANES_PER_LEVEL;
     for x in (0..values.width()).step_by(LANES) {
         // Weights of the neighbours, and one over their sum with the pixel's own
-        let neighbours = neighbours(level, x, y, values.height());
-        let own: [&Lanes; FEATURES] = std::array::from_fn(|f| predicted.lanes(first + f, y, x));
+        let neighbours = neighbours(dilation, x, y, values.height());
+        let own: [&Lanes; FEATURES] = std::array::from_fn(|f| predicted.lanes(f, y, x));
         let own_y = y;
         let mut weights = [[0.0; LANES]; 8];
-        let mut sum = exponential(predicted.lanes(first + FEATURES + 1, y, x), &[0.0; LANES]);
+        let mut sum = exponential(predicted.lanes(FEATURES + 1, y, x), &[0.0; LANES]);
         for (weight, (y, at)) in weights.iter_mut().zip(neighbours) {
             let mut squared = apart(hit.lanes(0, own_y, x), lanes(&hit.row_with_margins(0, y)[at..]));
             for (f, own) in own.iter().enumerate() {
-                let other = lanes(&predicted.row_with_margins(first + f, y)[at..]);
+                let other = lanes(&predicted.row_with_margins(f, y)[at..]);
                 squared = add_square::<FMA>(&squared, own, other);
             }
-            *weight = exponential(lanes(&predicted.row_with_margins(first + FEATURES, y)[at..]), &squared);
+            *weight = exponential(lanes(&predicted.row_with_margins(FEATURES, y)[at..]), &squared);
             sum = std::array::from_fn(|i| sum[i] + weight[i]);
         }
         let factor: Lanes = std::array::from_fn(|i| 1.0 / sum[i]);
@@ -142,10 +144,9 @@ fn add_difference<const FMA: bool>(sum: &Lanes, w: &Lanes, a: &Lanes, b: &Lanes)
     std::array::from_fn(|i| multiply_add::<FMA>(w[i], a[i] - b[i], sum[i]))
 }
 
-/// Rows of the eight neighbours of a level, and the index in the row with its margins of the one of pixel `x`.
+/// Rows of the eight neighbours at a dilation, and the index in the row with its margins of the one of pixel `x`.
 #[inline(always)]
-fn neighbours(level: usize, x: usize, y: usize, height: usize) -> [(usize, usize); 8] {
-    let dilation = 1 << level;
+fn neighbours(dilation: usize, x: usize, y: usize, height: usize) -> [(usize, usize); 8] {
     std::array::from_fn(|i| {
         // The pixel itself is left out.
         let i = i + usize::from(i >= 4);
@@ -170,17 +171,21 @@ mod tests {
         InterleavedPlanes::extended(&planes, MARGIN)
     }
 
+    /// The kernels of all levels.
+    fn random_kernels(width: usize, height: usize, rng: &mut Pcg32) -> Vec<InterleavedPlanes> {
+        DILATIONS.map(|_| random(width, height, PLANES_PER_LEVEL, rng)).into()
+    }
+
     /// The definition of a level.
     fn plain(
         predicted: &InterleavedPlanes,
         hit: &InterleavedPlanes,
-        level: usize,
+        dilation: usize,
         values: &Planes,
     ) -> Planes {
         let (width, height) = (values.width(), values.height());
         let mut filtered = values.clone();
-        let first = level * PLANES_PER_LEVEL;
-        let dilation = 1isize << level;
+        let dilation = dilation as isize;
         for (y, x) in (0..width * height).map(|i| (i / width, i % width)) {
             let mut sums = vec![0.0f64; values.count()];
             let mut norm = 0.0;
@@ -189,7 +194,7 @@ mod tests {
                     (v as isize + d * dilation).clamp(0, size as isize - 1) as usize
                 };
                 let (qx, qy) = (clamp(x, dx, width), clamp(y, dy, height));
-                let at = |plane, x, y| f64::from(predicted.at(first + plane, x, y));
+                let at = |plane, x, y| f64::from(predicted.at(plane, x, y));
                 let log = if (dx, dy) == (0, 0) {
                     at(FEATURES + 1, x, y)
                 } else {
@@ -213,13 +218,15 @@ mod tests {
     fn the_filter_agrees_with_the_definition() {
         let mut rng = Pcg32::seed_from_u64(6);
         for (width, height) in [(1, 1), (41, 19)] {
-            let predicted = random(width, height, LEVELS * PLANES_PER_LEVEL, &mut rng);
+            let kernels = random_kernels(width, height, &mut rng);
             let values = random(width, height, 4, &mut rng);
             let mut hit = random(width, height, 1, &mut rng);
             hit.data_mut().iter_mut().for_each(|v| *v = v.signum().max(0.0));
-            let expected =
-                (0..LEVELS).fold(values.to_planes(), |values, level| plain(&predicted, &hit, level, &values));
-            let found = filter(&predicted, &hit, values).to_planes();
+            let levels = kernels.iter().zip(DILATIONS);
+            let expected = levels.fold(values.to_planes(), |values, (kernels, dilation)| {
+                plain(kernels, &hit, dilation, &values)
+            });
+            let found = filter(|level, out| out.clone_from(&kernels[level]), &hit, values).to_planes();
             for (found, expected) in found.data().iter().zip(expected.data()) {
                 assert!((found - expected).abs() < 2e-4, "{found} {expected}");
             }
@@ -229,12 +236,13 @@ mod tests {
     #[test]
     fn constants_are_exact_whatever_is_predicted() {
         let mut rng = Pcg32::seed_from_u64(7);
-        let mut predicted = random(20, 12, LEVELS * PLANES_PER_LEVEL, &mut rng);
-        predicted.data_mut().iter_mut().for_each(|v| *v *= 1e3);
+        let mut kernels = random_kernels(20, 12, &mut rng);
+        kernels.iter_mut().flat_map(InterleavedPlanes::data_mut).for_each(|v| *v *= 1e3);
         let mut values = Planes::new(20, 12, 1);
         values.data_mut().fill(0.1);
         let values = InterleavedPlanes::extended(&values, MARGIN);
-        let filtered = filter(&predicted, &values, values.clone()).to_planes();
+        let filtered =
+            filter(|level, out| out.clone_from(&kernels[level]), &values, values.clone()).to_planes();
         assert!(filtered.data().iter().all(|&v| v == 0.1));
     }
 }

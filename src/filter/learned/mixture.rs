@@ -85,7 +85,7 @@ struct MixtureWeights {
 }
 
 impl MixtureWeights {
-    fn new(predicted: [f32; 6], has_nlm: bool) -> Self {
+    fn new(predicted: [f32; MIXTURE], has_nlm: bool) -> Self {
         /// Greatest magnitude of a logarithmic weight.
         const MAX_LOG: f32 = 8.0;
         let [demodulated, plain, own, nlm, albedo, emission] = predicted;
@@ -156,8 +156,7 @@ impl Candidates {
         let weights: Vec<MixtureWeights> = (0..width * height)
             .into_par_iter()
             .map(|i| {
-                let predicted =
-                    std::array::from_fn(|k| predicted.at(MIXTURE.start + k, i % width, i / width));
+                let predicted = std::array::from_fn(|k| predicted.at(k, i % width, i / width));
                 MixtureWeights::new(predicted, has_nlm)
             })
             .collect();

@@ -20,6 +20,7 @@ mod mixture;
 mod network;
 mod safeguard;
 mod weight_file;
+mod weights;
 
 use super::common::error_maps::ErrorMaps;
 use super::common::fireflies::{self, FireflyClamp, FireflySettings};
@@ -32,10 +33,12 @@ use super::none::unfiltered;
 use super::result::{FilterResult, Reliability};
 use crate::image::Planes;
 use crate::stats::{Block, Part, Store};
-use convolution::MARGIN;
+use affinity::MARGIN;
 use input_statistics::InputStatistics;
 use mixture::{Candidates, Noisy};
-use network::NETWORK;
+pub use weight_file::WeightFileError;
+use weights::weights;
+pub use weights::{use_weights, weights_id};
 
 /// The learned filter with one of its presets.
 pub struct Learned {
@@ -91,12 +94,16 @@ impl Denoiser for Learned {
 
     fn reach(&self) -> usize {
         // Of the filter; what the network sees reaches further.
-        31
+        affinity::DILATIONS.iter().sum()
     }
 
     fn stand_in(&self) -> &'static dyn Denoiser {
         // Half the time of the network alone, and its maps place the samples as well or better.
         &nlm::DRAFT
+    }
+
+    fn weights(&self) -> Option<&'static str> {
+        Some(weights_id())
     }
 
     fn filter(&self, store: &Store, seed: u64) -> FilterResult {
@@ -120,10 +127,13 @@ fn filter(store: &Store, nlm: Option<FilterResult>) -> FilterResult {
 
     // Filter the image
     let inputs = statistics.inputs(candidates.nlm.as_ref().map(|image| &image.mean));
-    let predicted = NETWORK.predict(&inputs, width, height);
+    let predicted = weights().network.predict(&inputs, width, height);
     let values = InterleavedPlanes::extended(&candidates.values(), MARGIN);
     let hit = InterleavedPlanes::extended(&statistics.hit, MARGIN);
-    let mut mixed = candidates.mix(&predicted, &affinity::filter(&predicted, &hit, values));
+    let mut mixed = candidates.mix(
+        &predicted.mixture(),
+        &affinity::filter(|level, out| predicted.kernels(level, out), &hit, values),
+    );
     let unfiltered_image = candidates.unfiltered();
     let nlm = candidates.nlm();
     let second = nlm.as_ref().unwrap_or(&unfiltered_image);
@@ -227,10 +237,13 @@ mod tests {
             };
             let inputs = statistics.inputs(candidates.nlm.as_ref().map(|image| &image.mean));
             let expected = exported(name);
-            let predicted = NETWORK.predict(&inputs, expected.width(), expected.height());
+            let predicted = weights().network.predict(&inputs, expected.width(), expected.height());
             let values = InterleavedPlanes::extended(&candidates.values(), MARGIN);
             let hit = InterleavedPlanes::extended(&statistics.hit, MARGIN);
-            let mixed = candidates.mix(&predicted, &affinity::filter(&predicted, &hit, values));
+            let mixed = candidates.mix(
+                &predicted.mixture(),
+                &affinity::filter(|level, out| predicted.kernels(level, out), &hit, values),
+            );
             for image in [&mixed.mean, &mixed.noise] {
                 for (found, expected) in image.data().iter().zip(expected.data()) {
                     assert!((found - expected).abs() < 1e-3 * (1.0 + expected), "{name}: {found} {expected}");

@@ -1,27 +1,19 @@
 //! The network that predicts the filter's kernels: a small U-Net (Ronneberger et al. 2015) at half the image's resolution,
 //! where 2×2 pixels are planes of one. `training/model.py` has the same in Python.
 
-use std::ops::Range;
-use std::sync::LazyLock;
-
 use rayon::prelude::*;
 
-use super::affinity::{LEVELS, PLANES_PER_LEVEL};
+use super::affinity::{self, DILATIONS, PLANES_PER_LEVEL};
 use super::convolution::{Convolution, MARGIN};
 use super::input_statistics::INPUTS;
 use super::weight_file::{WeightFile, WeightFileError};
 use crate::filter::common::interleaved_planes::{InterleavedPlanes, extend};
 
-/// Where the weights of the mixture are among the predicted planes.
-pub const MIXTURE: Range<usize> = LEVELS * PLANES_PER_LEVEL..OUTPUTS;
+/// Predicted planes of the mixture.
+pub const MIXTURE: usize = 6;
 
-/// Predicted planes.
-const OUTPUTS: usize = LEVELS * PLANES_PER_LEVEL + 6;
-
-/// The network with the weights of this version.
-pub static NETWORK: LazyLock<Network> = LazyLock::new(|| {
-    Network::new(include_bytes!("weights.safetensors")).expect("the embedded weights are valid")
-});
+/// Predicted planes: those of the levels' kernels, then those of the mixture.
+const OUTPUTS: usize = DILATIONS.len() * PLANES_PER_LEVEL + MIXTURE;
 
 /// The layers, from fine to coarse and back.
 pub struct Network {
@@ -30,7 +22,8 @@ pub struct Network {
     coarsest: Convolution,
     /// From coarse to fine.
     up: [Convolution; 3],
-    leave: Convolution,
+    /// The last layer in parts: the kernels of each level, and the mixture.
+    leave: Vec<Convolution>,
 }
 
 impl Network {
@@ -41,6 +34,12 @@ impl Network {
     pub fn new(bytes: &[u8]) -> Result<Self, WeightFileError> {
         let weights = WeightFile::new(bytes)?;
         let layer = |name, inputs, outputs| weights.layer(name, 3, inputs, outputs);
+        let leave = weights.tensors("leave", 1, 48, 4 * OUTPUTS)?;
+        let planes = (0..OUTPUTS).collect::<Vec<usize>>();
+        let leave = planes.chunks(PLANES_PER_LEVEL).map(|planes| {
+            let of_pixel = |pixel: usize| planes.iter().map(move |plane| pixel * OUTPUTS + plane);
+            leave.select(&(0..4).flat_map(of_pixel).collect::<Vec<_>>())
+        });
         Ok(Self {
             enter: layer("enter", 4 * INPUTS, 48)?,
             down: [
@@ -49,13 +48,12 @@ impl Network {
             ],
             coarsest: layer("down3", 96, 96)?,
             up: [layer("up2", 96 + 96, 96)?, layer("up1", 96 + 64, 48)?, layer("up0", 48 + 48, 48)?],
-            leave: weights.layer("leave", 1, 48, 4 * OUTPUTS)?,
+            leave: leave.collect(),
         })
     }
 
-    /// Predicts the filter of an image of `width`×`height` pixels, see [`MIXTURE`] and `affinity`. Margins have the values
-    /// of the nearest pixel. `inputs` are those of `InputStatistics::inputs`.
-    pub fn predict(&self, inputs: &InterleavedPlanes, width: usize, height: usize) -> InterleavedPlanes {
+    /// Predicts the filter of an image of `width`×`height` pixels. `inputs` are those of `InputStatistics::inputs`.
+    pub fn predict(&self, inputs: &InterleavedPlanes, width: usize, height: usize) -> Prediction<'_> {
         // Down
         let fine = self.enter.activate(inputs);
         let [middle, coarse] = &self.down;
@@ -67,28 +65,51 @@ impl Network {
         // Up, each level beside what it was made of
         let up = self.up.iter().zip([coarse, middle, fine]);
         let last = up.fold(coarsest, |x, (layer, skipped)| layer.activate(&grow_beside(&x, &skipped)));
-        self.leave(&last, width, height)
+        Prediction { network: self, last, width, height }
+    }
+}
+
+/// The predicted filter of an image. Its planes are computed when they are asked for: all together they would take 280 bytes
+/// a pixel.
+pub struct Prediction<'a> {
+    network: &'a Network,
+    /// What the last layer reads.
+    last: InterleavedPlanes,
+    width: usize,
+    height: usize,
+}
+
+impl Prediction<'_> {
+    /// Computes the planes of a level's kernels, see `affinity`. Margins have the values of the nearest pixel.
+    pub fn kernels(&self, level: usize, out: &mut InterleavedPlanes) {
+        self.leave(&self.network.leave[level], out);
     }
 
-    /// Computes the outputs and takes four planes of one pixel to 2×2 pixels.
-    fn leave(&self, x: &InterleavedPlanes, width: usize, height: usize) -> InterleavedPlanes {
-        let mut out = InterleavedPlanes::new(width, height, OUTPUTS, MARGIN, 0.0);
-        let (stride, row_len) = (out.stride(), out.row_len());
-        let make_row = || vec![0.0; self.leave.outputs() * x.stride()];
+    /// Returns the planes of the mixture, see `mixture`.
+    pub fn mixture(&self) -> InterleavedPlanes {
+        let mut out = InterleavedPlanes::new(self.width, self.height, MIXTURE, affinity::MARGIN, 0.0);
+        self.leave(&self.network.leave[DILATIONS.len()], &mut out);
+        out
+    }
+
+    /// Computes a part of the last layer and takes four planes of one pixel to 2×2 pixels.
+    fn leave(&self, layer: &Convolution, out: &mut InterleavedPlanes) {
+        let (x, width) = (&self.last, self.width);
+        let (planes, stride, row_len) = (out.count(), out.stride(), out.row_len());
+        let make_row = || vec![0.0; layer.outputs() * x.stride()];
         out.data_mut().par_chunks_mut(2 * row_len).enumerate().for_each_init(make_row, |row, (y, out)| {
-            self.leave.convolve_row(x, y, row);
+            layer.convolve_row(x, y, row);
             for (iy, out) in out.chunks_exact_mut(row_len).enumerate() {
                 for (plane, out) in out.chunks_exact_mut(stride).enumerate() {
-                    let source = |ix: usize| &row[((2 * iy + ix) * OUTPUTS + plane) * x.stride() + MARGIN..];
+                    let source = |ix: usize| &row[((2 * iy + ix) * planes + plane) * x.stride() + MARGIN..];
                     let pairs = source(0).iter().zip(source(1));
-                    for (out, (&even, &odd)) in out[MARGIN..][..width].chunks_mut(2).zip(pairs) {
+                    for (out, (&even, &odd)) in out[affinity::MARGIN..][..width].chunks_mut(2).zip(pairs) {
                         out.copy_from_slice(&[even, odd][..out.len()]);
                     }
-                    extend(out, MARGIN, width);
+                    extend(out, affinity::MARGIN, width);
                 }
             }
         });
-        out
     }
 }
 
