@@ -18,6 +18,9 @@ Material "diffuse" "rgb reflectance" [ 0.7 0.2 0.2 ]
 Shape "sphere" "float radius" 1
 "#;
 
+/// The weights that the program embeds.
+const WEIGHTS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/src/filter/learned/weights.safetensors");
+
 fn folder_with(scene: &str) -> tempfile::TempDir {
     let folder = tempfile::tempdir().expect("a temporary folder");
     std::fs::write(folder.path().join("scene.pbrt"), scene).expect("a file in it");
@@ -26,6 +29,28 @@ fn folder_with(scene: &str) -> tempfile::TempDir {
 
 fn stderr(output: &Output) -> String {
     String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+#[test]
+fn outputs_name_the_weights_that_are_used() {
+    let folder = folder_with(SCENE);
+    let mut weights = std::fs::read(WEIGHTS).expect("the weights");
+    let last = weights.len() - 1;
+    weights[last] ^= 0x80;
+    std::fs::write(folder.path().join("other.safetensors"), &weights).expect("other weights");
+    let named = |options: &[&str]| {
+        let render = ["render", "scene.pbrt", "--spp", "2", "-o", "a.exr", "--report", "a.json"];
+        let output = prpf(folder.path(), &[&render, options].concat());
+        assert!(output.status.success(), "{}", stderr(&output));
+        let report: serde_json::Value =
+            serde_json::from_slice(&std::fs::read(folder.path().join("a.json")).unwrap()).unwrap();
+        report["weights"].as_str().map(str::to_owned)
+    };
+    let own = named(&[]).expect("weights of the default denoiser");
+    let other = named(&["--denoiser", "learned", "--weights", "other.safetensors"]);
+    assert!(other.is_some_and(|other| other != own && other.len() == 16));
+    assert_eq!(named(&["--denoiser", "learned", "--weights", WEIGHTS]), Some(own));
+    assert_eq!(named(&["--denoiser", "nlm"]), None);
 }
 
 #[test]
@@ -170,7 +195,7 @@ fn a_wrong_scene_gets_one_line_with_its_place() {
 #[test]
 fn wrong_command_lines_exit_with_2_and_say_what_is_accepted() {
     let folder = folder_with(SCENE);
-    let cases: [(&[&str], &str); 26] = [
+    let cases: [(&[&str], &str); 28] = [
         (&["render", "scene.pbrt", "--foo"], "found `--foo`"),
         (&["render", "scene.pbrt", "--qualty", "draft"], "`--quality`"),
         (&["render", "scene.pbrt", "--spp", "many"], "whole number"),
@@ -193,6 +218,8 @@ fn wrong_command_lines_exit_with_2_and_say_what_is_accepted() {
             "--denoiser nlm --quality standard",
         ),
         (&["render", "scene.pbrt", "--quality", "paper"], "--denoiser prpf"),
+        (&["render", "scene.pbrt", "--weights", "scene.pbrt"], "not a file of weights"),
+        (&["render", "scene.pbrt", "--denoiser", "nlm", "--weights", WEIGHTS], "accepted is learned"),
         (&["render", "scene.pbrt", "--time", "soon"], "20s"),
         (&["render", "scene.pbrt", "--pixelbounds", "0,50,0,10"], "24"),
         (&["render", "scene.pbrt", "--pixelbounds", "-1,5,0,5"], "accepted are four whole numbers"),

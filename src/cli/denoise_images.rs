@@ -13,7 +13,7 @@ use super::summary::describe;
 use super::terminal::{escaped, print, print_error};
 use crate::files::open_regular;
 use crate::filter::nlm::{self, Nlm};
-use crate::filter::{DENOISERS, Denoiser, FilterResult, SampleVectors};
+use crate::filter::{DENOISERS, Denoiser, FilterResult, SampleVectors, weights_of};
 use crate::image::exr_file::{self, Attribute, Channel, Precision, Windows};
 use crate::image::{OutputFormat, Planes, png_file};
 use crate::import::{Frame, FrameStore, Role};
@@ -146,12 +146,14 @@ fn warn(frames: &[Frame], empty_pixels: usize) {
 fn attributes(frames: &[Frame], result: &FilterResult) -> Vec<(String, Attribute)> {
     let sources: Vec<String> = frames.iter().map(|frame| frame.path.to_string_lossy().into_owned()).collect();
     let own = |name: &str, value: String| (format!("prpf.{name}"), Attribute::Text(value));
-    vec![
+    let mut attributes = vec![
         own("version", env!("CARGO_PKG_VERSION").to_owned()),
         own("commandLine", command_line()),
         own("sources", sources.join(" ")),
         own("denoiser", result.made_by.to_string()),
-    ]
+    ];
+    attributes.extend(weights_of(result.made_by).map(|weights| own("weights", weights.to_owned())));
+    attributes
 }
 
 fn summary(

@@ -1,9 +1,12 @@
 //! The options that choose a denoiser.
 
-use anyhow::bail;
+use std::path::PathBuf;
+
+use anyhow::{anyhow, bail};
 use clap::Args;
 use clap::builder::PossibleValue;
 
+use crate::filter::learned::use_weights;
 use crate::filter::{DENOISERS, Denoiser, find, presets};
 
 #[derive(Clone, Args)]
@@ -14,6 +17,9 @@ pub(super) struct DenoiserOptions {
     /// Preset of the denoiser, e.g. draft [default: its first]
     #[arg(long, value_name = "PRESET")]
     quality: Option<String>,
+    /// Weights of --denoiser learned, as training/export.py writes them [default: those of this version]
+    #[arg(long, value_name = "FILE")]
+    weights: Option<PathBuf>,
 }
 
 /// Returns the values of `--denoiser`.
@@ -39,10 +45,16 @@ impl DenoiserOptions {
     /// Returns the chosen denoiser; `default` if none is chosen.
     ///
     /// # Errors
-    /// A preset that the denoiser does not have; a denoiser that this machine lacks. A spelling of an earlier version gets
-    /// the new one.
+    /// A preset that the denoiser does not have; a denoiser that this machine lacks; a wrong file of weights. A spelling of
+    /// an earlier version gets the new one.
     pub fn choose(&self, default: &'static dyn Denoiser) -> anyhow::Result<&'static dyn Denoiser> {
         let denoiser = self.find(default)?;
+        if let Some(path) = &self.weights {
+            use_weights(path).map_err(|error| anyhow!("--weights {}: {error}", path.display()))?;
+            if self.denoiser.is_some() && denoiser.weights().is_none() {
+                bail!("--weights: found with --denoiser {}; accepted is learned", denoiser.name().method);
+            }
+        }
         match denoiser.missing() {
             Some(reason) => bail!("--denoiser {}: {reason}", denoiser.name().method),
             None => Ok(denoiser),
@@ -82,14 +94,14 @@ mod tests {
 
     #[test]
     fn a_preset_alone_chooses_its_method() {
-        let options = DenoiserOptions { denoiser: None, quality: Some("draft".to_owned()) };
+        let options = DenoiserOptions { denoiser: None, quality: Some("draft".to_owned()), weights: None };
         let chosen = options.choose(crate::filter::UNFILTERED).unwrap();
         assert_eq!(chosen.name().to_string(), "learned draft");
     }
 
     fn choose(denoiser: Option<&str>, quality: Option<&str>) -> Result<String, String> {
         let [denoiser, quality] = [denoiser, quality].map(|text| text.map(str::to_owned));
-        let options = DenoiserOptions { denoiser, quality };
+        let options = DenoiserOptions { denoiser, quality, weights: None };
         options.choose(DENOISERS[0]).map(|found| found.name().to_string()).map_err(|error| error.to_string())
     }
 

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use super::layers::Layers;
 use super::sample_counts::SampleCounts;
-use crate::filter::FilterResult;
+use crate::filter::{FilterResult, weights_of};
 use crate::image::OutputFormat;
 use crate::image::exr_file::{self, Attribute, Windows, attribute_names};
 use crate::image::metrics::Pair;
@@ -134,6 +134,9 @@ impl<'a> ImageOutput<'a> {
             (own("samplesMax"), Attribute::Int(counts.max.try_into().unwrap_or(i32::MAX))),
             (own("batches"), Attribute::Ints(schedule.collect())),
         ];
+        if let Some(weights) = weights_of(self.result.made_by) {
+            attributes.push((own("weights"), Attribute::Text(weights.to_owned())));
+        }
         let mse =
             self.reference.and_then(|reference| Some(Pair::new(&self.result.image, reference).ok()?.mse()));
         if let Some(mse) = mse {

@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use super::sample_counts::SampleCounts;
 use crate::files;
-use crate::filter::DenoiserName;
+use crate::filter::{DenoiserName, weights_of};
 use crate::memory::peak_bytes;
 use crate::progressive::{
     ErrorEstimate, Forecast, Outcome, PassRecord, ProcessRecord, Seconds, Settings, StoppedBy,
@@ -57,6 +57,9 @@ pub struct Report<'a> {
     /// The denoiser that made the image: keys `denoiser` and, where it has presets, `quality`.
     #[serde(flatten)]
     made_by: DenoiserName,
+    /// The trained weights that it filtered by.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    weights: Option<&'static str>,
     /// Whether that is another one than the settings ask for.
     fallback: bool,
     seconds: Times,
@@ -98,6 +101,7 @@ impl<'a> Report<'a> {
             settings,
             stopped_by: outcome.stopped_by,
             made_by: outcome.result.made_by,
+            weights: weights_of(outcome.result.made_by),
             fallback: outcome.is_fallback(),
             seconds,
             samples_total: store.samples(),
