@@ -4,7 +4,7 @@
 //! halves with the other halves' noisy values c, which they do not contain, tells the best λ as N/Q with
 //! N = Σ ρ D_h (c_{1−h} − F₂_h), Q = Σ ρ D_h², D = F₁ − F₂, ρ = 1/(F² + 0.01 F̄²), where the sums extend over halves,
 //! channels and, by a blur, surrounding pixels. This observation of λ has the variance V/Q², V = Σ ρ² D_h² v with the variance
-//! v of c. The prior of λ is normal with mean 1 and deviation [`DOUBT`].
+//! v of c, which is at least its usual one over a wider surrounding. The prior of λ is normal with mean 1 and deviation [`DOUBT`].
 
 use rayon::prelude::*;
 
@@ -17,6 +17,9 @@ const DOUBT: f32 = 0.25;
 
 /// Standard deviation of the blur, in pixels.
 const SIGMA: f32 = 4.0;
+
+/// Standard deviation of the blur of the relative variance, in pixels.
+const VARIANCE_SIGMA: f32 = 8.0;
 
 /// Floor of the squared brightness in relative errors, in units of the squared mean of the image.
 const RELATIVE_FLOOR: f64 = 0.01;
@@ -39,6 +42,9 @@ fn fraction_of_learned(learned: &Noisy, second: &Noisy, noisy: &Noisy, counts: &
     let level = level / learned.mean.data().len().max(1) as f64;
     let floor = ((RELATIVE_FLOOR * level * level) as f32).max(f32::MIN_POSITIVE);
 
+    // A pixel's variance is at least the usual one: few samples that all miss the light agree, and are not certain
+    let usual_variance = usual_variance(learned, noisy, floor);
+
     // Sum over halves and channels. With the mean m and the noise e of a pixel the halves are m ± e
     let [a, b] = counts.floats();
     let mut sums = [(); 3].map(|()| vec![0.0; pixels]);
@@ -55,7 +61,7 @@ fn fraction_of_learned(learned: &Noisy, second: &Noisy, noisy: &Noisy, counts: &
             let (d, e) = (f1 - f2, e1 - e2);
             *n += weight * (d * (mean - f2) - e * (noise + e2));
             *q += weight * (d * d + e * e);
-            *v += weight * weight * (d * d + e * e) * noise * noise;
+            *v += weight * (d * d + e * e) * (weight * noise * noise).max(usual_variance[i]);
         });
     }
     let [n, q, v] = sums.map(|plane| blur::gaussian(width, height, &plane, SIGMA));
@@ -72,6 +78,18 @@ fn fraction_of_learned(learned: &Noisy, second: &Noisy, noisy: &Noisy, counts: &
         }
     };
     (0..pixels).into_par_iter().map(posterior).collect()
+}
+
+/// Returns the variance of `noisy` over the squared brightness, mean of the channels, blurred.
+fn usual_variance(learned: &Noisy, noisy: &Noisy, floor: f32) -> Vec<f32> {
+    let (width, height, pixels) = (noisy.mean.width(), noisy.mean.height(), noisy.mean.pixels());
+    let relative = |i: usize| {
+        let of_channel =
+            |c: usize| noisy.noise.plane(c)[i].powi(2) / (learned.mean.plane(c)[i].powi(2) + floor);
+        (0..3).map(of_channel).sum::<f32>() / 3.0
+    };
+    let plane: Vec<f32> = (0..pixels).into_par_iter().with_min_len(1024).map(relative).collect();
+    blur::gaussian(width, height, &plane, VARIANCE_SIGMA)
 }
 
 #[cfg(test)]
@@ -110,6 +128,28 @@ mod tests {
         assert!(fraction(0.1, true) < 0.05, "{}", fraction(0.1, true));
         assert!(fraction(50.0, true) > 0.7, "{}", fraction(50.0, true));
         assert!(fraction(0.1, false) > 0.95, "{}", fraction(0.1, false));
+    }
+
+    #[test]
+    fn pixels_that_miss_the_light_by_chance_are_not_certain() {
+        let image = |of: &dyn Fn(usize, usize) -> f32| {
+            let mut planes = Planes::new(SIDE, SIDE, 3);
+            (0..planes.data().len()).for_each(|i| planes.data_mut()[i] = of(i % SIDE, i / SIDE % SIDE));
+            planes
+        };
+        // One pixel in five has met the light, but none around the middle, where the second image is dark
+        let is_missed = |x: usize, y: usize| x.abs_diff(24) < 2 && y.abs_diff(24) < 2;
+        let is_lit = |x: usize, y: usize| !is_missed(x, y) && (7 * x + 3 * y).is_multiple_of(5);
+        let noisy = Noisy {
+            mean: image(&|x, y| if is_lit(x, y) { 5.0 } else { 0.0 }),
+            noise: image(&|x, y| if is_lit(x, y) { 5.0 } else { 0.05 }),
+        };
+        let clean = |mean| Noisy { mean, noise: image(&|_, _| 0.0) };
+        let learned = clean(image(&|_, _| 1.0));
+        let second = clean(image(&|x, y| if is_missed(x, y) { 0.0 } else { 1.0 }));
+        let counts = HalfCounts::new(SIDE, [vec![2; SIDE * SIDE], vec![2; SIDE * SIDE]]);
+        let fraction = fraction_of_learned(&learned, &second, &noisy, &counts)[24 * SIDE + 24];
+        assert!(fraction > 0.5, "{fraction}");
     }
 
     #[test]
