@@ -80,7 +80,7 @@ impl Reliability {
 
 impl Reliability {
     /// Returns the factor of the variance of an image of `spp` samples per pixel.
-    pub fn variance_factor(&self, spp: f64) -> f64 {
+    pub fn variance_factor_at(&self, spp: f64) -> f64 {
         (self.variance_factor * spp.max(1.0).powf(-self.variance_exponent)).max(1.0)
     }
 }

@@ -67,7 +67,7 @@ impl ErrorEstimate {
             let risk = risk.logarithm(reliability.risk_factor, reliability.risk_deviation);
             let spp = store.samples() as f64 / store.pixels() as f64;
             let variance =
-                variance.logarithm(reliability.variance_factor(spp), reliability.variance_deviation);
+                variance.logarithm(reliability.variance_factor_at(spp), reliability.variance_deviation);
             let weights = [risk, variance].map(|(_, deviation)| deviation.powi(-2));
             let sum = weights[0] + weights[1];
             (((weights[0] * risk.0 + weights[1] * variance.0) / sum).exp(), sum.powf(-0.5))
