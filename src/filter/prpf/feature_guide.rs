@@ -123,20 +123,7 @@ impl FeatureGuide {
     /// Collects the cluster of a pixel: the similar pixels of its window that have samples, row by row. It includes
     /// the pixel itself if that has samples.
     pub fn cluster(&self, x: usize, y: usize, window: usize, cluster: &mut Vec<(u32, u32)>) {
-        let radius = window / 2;
-        cluster.clear();
-        let (left, right) = (x.saturating_sub(radius), (x + radius).min(self.width() - 1));
-        let mut similar = [0; LANES];
-        for yj in y.saturating_sub(radius)..=(y + radius).min(self.height() - 1) {
-            for start in (left..=right).step_by(LANES) {
-                find_similar(self, (x, y), (start, yj), &mut similar);
-                for (xj, &similar) in (start..=right).zip(&similar) {
-                    if similar != 0 {
-                        cluster.push((xj as u32, yj as u32));
-                    }
-                }
-            }
-        }
+        collect_similar(self, (x, y), window, cluster);
     }
 
     /// Whether pixel `j` is similar to pixel `i`, by the thresholds of `i`.
@@ -150,24 +137,67 @@ impl FeatureGuide {
     }
 }
 
-/// Sets those of [`LANES`] flags to 1 whose pixels, from `start` on, are similar to pixel `i`; the others to 0.
+/// Implements [`FeatureGuide::cluster`].
 #[apply(multiversioned!)]
-fn find_similar(guide: &FeatureGuide, i: (usize, usize), start: (usize, usize), similar: &mut [u32; LANES]) {
-    let at = guide.means.margin() + start.0;
-    let hit = guide.own_hit.at(0, i.0, i.1);
-    let hits = lanes(&guide.hit.row_with_margins(0, start.1)[at..]);
-    for l in 0..LANES {
-        similar[l] = u32::from((hit - hits[l]).abs() <= FeatureGuide::HIT_THRESHOLD);
-    }
-    for k in 0..guide.features() {
-        let own = guide.means.at(k, i.0, i.1);
-        let threshold = guide.thresholds.at(k, i.0, i.1);
-        let others = lanes(&guide.means.row_with_margins(k, start.1)[at..]);
-        for l in 0..LANES {
-            let d = own - others[l];
-            similar[l] &= u32::from(d * d <= threshold);
+fn collect_similar(
+    guide: &FeatureGuide,
+    (x, y): (usize, usize),
+    window: usize,
+    cluster: &mut Vec<(u32, u32)>,
+) {
+    /// Features after which the flags of a block are looked at for the first time: most dissimilar pixels lie
+    /// elsewhere in the world, and its position comes first.
+    const FIRST_FEATURES: usize = 3;
+    let radius = window / 2;
+    let (left, right) = (x.saturating_sub(radius), (x + radius).min(guide.width() - 1));
+    let (top, bottom) = (y.saturating_sub(radius), (y + radius).min(guide.height() - 1));
+    // A pixel that is not similar is written to the place of the next one: a vector more places.
+    cluster.resize((right - left + 1) * (bottom - top + 1) + LANES, (0, 0));
+    let hit = guide.own_hit.at(0, x, y);
+    let own: Vec<(f32, f32)> =
+        (0..guide.features()).map(|k| (guide.means.at(k, x, y), guide.thresholds.at(k, x, y))).collect();
+    let (first, rest) = own.split_at(own.len().min(FIRST_FEATURES));
+    let mut len = 0;
+    for yj in top..=bottom {
+        'blocks: for start in (left..=right).step_by(LANES) {
+            // Compare a block of pixels with the pixel
+            let at = guide.means.margin() + start;
+            let hits = lanes(&guide.hit.row_with_margins(0, yj)[at..]);
+            let mut similar = [0; LANES];
+            for l in 0..LANES {
+                similar[l] = u32::from((hit - hits[l]).abs() <= FeatureGuide::HIT_THRESHOLD);
+            }
+            let mut planes = guide.means.row_planes(yj, at);
+            for features in [first, rest] {
+                for (&(own, threshold), others) in features.iter().zip(&mut planes) {
+                    let others = lanes(others);
+                    for l in 0..LANES {
+                        let d = own - others[l];
+                        similar[l] &= u32::from(d * d <= threshold);
+                    }
+                }
+                if similar == [0; LANES] {
+                    continue 'blocks;
+                }
+            }
+
+            // Append those that are similar
+            let places = &mut cluster[len..len + LANES];
+            if similar == [1; LANES] && start + LANES <= right + 1 {
+                let here = |l: usize| ((start + l) as u32, yj as u32);
+                places.iter_mut().enumerate().for_each(|(l, place)| *place = here(l));
+                len += LANES;
+            } else {
+                let mut count = 0;
+                for (xj, similar) in (start..=right).zip(similar) {
+                    places[count] = (xj as u32, yj as u32);
+                    count += similar as usize;
+                }
+                len += count;
+            }
         }
     }
+    cluster.truncate(len);
 }
 
 /// Similarity threshold of a feature: in standard deviations, and the absolute minimum.

@@ -36,6 +36,7 @@ mod interpolation_counts;
 pub(super) mod inverse_bandwidths;
 mod mutual_information;
 mod neighbourhood;
+mod reservoirs;
 pub(super) mod sample_vector;
 mod settings;
 #[cfg(test)]
@@ -56,6 +57,7 @@ use feature_guide::FeatureGuide;
 use interpolation_counts::InterpolationCounts;
 pub use mutual_information::mutual_information;
 use neighbourhood::Neighbourhood;
+use reservoirs::Reservoirs;
 pub use settings::{Bandwidth, PrpfSettings};
 use variables::weight_names;
 use weight_inputs::WeightInputs;
@@ -152,6 +154,7 @@ pub fn filter_observed(store: &Store, settings: &PrpfSettings, seed: u64, observ
     let colours = Colours::new(store, &settings.fireflies);
     observe(Stage::Neighbourhoods);
     let guide = FeatureGuide::new(store, colours.guide(), settings);
+    let reservoirs = Reservoirs::new(store);
     let mut values = colours.values(settings.margin());
     let mut interpolation = InterpolationCounts::new(store.width(), store.height());
 
@@ -162,6 +165,7 @@ pub fn filter_observed(store: &Store, settings: &PrpfSettings, seed: u64, observ
         let normalisation_scale = colours.normalisation_scale();
         let inputs = WeightInputs {
             store,
+            reservoirs: &reservoirs,
             guide: &guide,
             neighbourhood: &neighbourhood,
             normalisation_scale,
@@ -189,12 +193,22 @@ pub fn filter_observed(store: &Store, settings: &PrpfSettings, seed: u64, observ
 pub fn feature_weights(store: &Store, settings: &PrpfSettings, seed: u64) -> (Vec<String>, Vec<Planes>) {
     let colours = Colours::new(store, &settings.fireflies);
     let guide = FeatureGuide::new(store, colours.guide(), settings);
+    let reservoirs = &Reservoirs::new(store);
     let normalisation_scale = colours.normalisation_scale();
     let pass_weights = |(pass, &window): (usize, &usize)| {
         let neighbourhood = &Neighbourhood::new(&guide, window, settings.statistics_side);
         let guide = &guide;
-        let inputs =
-            WeightInputs { store, guide, neighbourhood, normalisation_scale, settings, pass, window, seed };
+        let inputs = WeightInputs {
+            store,
+            reservoirs,
+            guide,
+            neighbourhood,
+            normalisation_scale,
+            settings,
+            pass,
+            window,
+            seed,
+        };
         upsampling::weights(&inputs).to_planes()
     };
     let mut names = weight_names(store.layout());

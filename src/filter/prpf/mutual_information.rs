@@ -1,6 +1,6 @@
 //! Mutual information of two variables, as the filter estimates it.
 
-use super::bit_slices::{BLOCK_SAMPLES, BitSlices, NO_SAMPLE, Standardisation};
+use super::bit_slices::{BLOCK_SAMPLES, BinLimits, BitSlices, Standardisation};
 use super::sample_vector::MAX_VARIABLES;
 use crate::stats::Moments;
 
@@ -20,14 +20,12 @@ pub fn mutual_information(a: &[f32], b: &[f32]) -> f32 {
         let deviation = (moments.m2 / f64::from(moments.count.max(1))).sqrt();
         standardisation.scale[variable] = if deviation > 0.0 { deviation.recip() as f32 } else { 0.0 };
     }
+    let limits = BinLimits::new(&standardisation);
+    let pairs: Vec<[f32; 2]> = a.iter().zip(b).map(|(&a, &b)| [a, b]).collect();
+    let samples: Vec<&[f32]> = pairs.iter().map(|pair| &pair[..]).collect();
     let mut slices = BitSlices::default();
-    for (a, b) in a.chunks(BLOCK_SAMPLES).zip(b.chunks(BLOCK_SAMPLES)) {
-        let mut block = [[NO_SAMPLE; MAX_VARIABLES]; BLOCK_SAMPLES];
-        for ((sample, &a), &b) in block.iter_mut().zip(a).zip(b) {
-            (sample[0], sample[1]) = (a, b);
-        }
-        slices.push(&block, a.len(), &standardisation, &[0, 1]);
-    }
+    samples.chunks(BLOCK_SAMPLES).for_each(|samples| slices.push(samples, &limits, &[0, 1]));
+    slices.finish();
     slices.mutual_information(0, 2)[1]
 }
 

@@ -4,14 +4,15 @@
 use rand::Rng;
 use rand_pcg::Pcg32;
 
-use super::bit_slices::{BLOCK_SAMPLES, BitSlices, NO_SAMPLE, SampleBlock, Standardisation};
+use super::bit_slices::{BLOCK_SAMPLES, BinLimits, BitSlices, Standardisation};
 use super::feature_guide::FeatureGuide;
 use super::inverse_bandwidths::ROUNDING;
 use super::neighbourhood::Neighbourhood;
-use super::sample_vector::{MAX_VARIABLES, copy};
+use super::reservoirs::Reservoirs;
+use super::sample_vector::MAX_VARIABLES;
 use super::settings::PrpfSettings;
 use super::variables::{Damping, Variables};
-use crate::simd::prefetch;
+use crate::simd::{apply, multiversioned, prefetch};
 use crate::stats::{Part, Store};
 
 /// Mean and inverse standard deviation of numbers that are uniform in [0, 1).
@@ -23,6 +24,7 @@ const PIXEL_VARIANCE: f32 = 1.0 / 12.0;
 /// Inputs of the weights of one pass.
 pub struct WeightInputs<'a> {
     pub store: &'a Store,
+    pub reservoirs: &'a Reservoirs<'a>,
     pub guide: &'a FeatureGuide,
     pub neighbourhood: &'a Neighbourhood,
     /// Factor by which colours were multiplied in guide and neighbourhood.
@@ -39,7 +41,6 @@ pub struct Scratch<'a> {
     cluster: Vec<(u32, u32)>,
     samples: Vec<&'a [f32]>,
     slices: BitSlices,
-    block: Box<SampleBlock>,
 }
 
 impl<'a> Scratch<'a> {
@@ -49,7 +50,6 @@ impl<'a> Scratch<'a> {
             cluster: Vec::new(),
             samples: Vec::new(),
             slices: BitSlices::default(),
-            block: Box::new([[NO_SAMPLE; MAX_VARIABLES]; BLOCK_SAMPLES]),
         }
     }
 }
@@ -82,15 +82,7 @@ impl<'a> WeightInputs<'a> {
 
         // Positions: sum over the cluster, relative to the pixel
         let n = cluster.len().max(1) as f32;
-        let offset = |(xj, yj): (u32, u32)| [xj as f32 - x as f32, yj as f32 - y as f32];
-        let mut sums = [0.0; 2];
-        let mut squares = [0.0; 2];
-        for d in cluster.iter().map(|&j| offset(j)) {
-            for axis in 0..2 {
-                sums[axis] += d[axis];
-                squares[axis] += d[axis] * d[axis];
-            }
-        }
+        let [sums, squares] = position_sums(cluster, (x as i32, y as i32)).map(|sums| sums.map(|s| s as f32));
         for (axis, &dim) in variables.dims[variables.positions.clone()].iter().enumerate() {
             let own = self.store.rows()[y].moments(x, dim, Part::Whole).mean as f32;
             let shift = sums[axis] / n;
@@ -123,18 +115,18 @@ impl<'a> WeightInputs<'a> {
         /// Numbers in a line of the cache.
         const FLOATS_PER_LINE: usize = 16;
         self.select_samples(i, scratch);
-        let Scratch { variables, samples, slices, block, .. } = scratch;
+        let Scratch { variables, samples, slices, .. } = scratch;
+        let limits = BinLimits::new(standardisation);
         slices.clear();
-        for (index, of_block) in samples.chunks(BLOCK_SAMPLES).enumerate() {
+        for (index, block) in samples.chunks(BLOCK_SAMPLES).enumerate() {
             // Samples lie scattered over the reservoirs: those of the next block are loaded during the work on this one.
             let next = samples.iter().skip((index + 1) * BLOCK_SAMPLES).take(BLOCK_SAMPLES);
             next.for_each(|sample| {
                 (0..sample.len()).step_by(FLOATS_PER_LINE).for_each(|i| prefetch(sample, i))
             });
-            of_block.iter().zip(&mut **block).for_each(|(sample, to)| copy(sample, to));
-            block[of_block.len()..].fill([NO_SAMPLE; MAX_VARIABLES]);
-            slices.push(block, of_block.len(), standardisation, &variables.dims);
+            slices.push(block, &limits, &variables.dims);
         }
+        slices.finish();
         samples.len()
     }
 
@@ -143,48 +135,58 @@ impl<'a> WeightInputs<'a> {
     fn select_samples(&self, i: (usize, usize), scratch: &mut Scratch<'a>) {
         let Scratch { cluster, samples, .. } = scratch;
         samples.clear();
-        let store = self.store;
-        let dims = store.layout().len();
-        let reservoir = |(x, y): (usize, usize)| store.rows()[y].reservoir(x).chunks_exact(dims);
-        let at = |p: usize| (cluster[p].0 as usize, cluster[p].1 as usize);
+        let (store, reservoirs) = (self.store, self.reservoirs);
+        let own = reservoirs.pixel((i.0 as u32, i.1 as u32));
+        let at = |p: usize| reservoirs.pixel(cluster[p]);
 
         // Select all samples if there are at most as many as wanted
         let wanted = if store.capacity() > 0 { self.settings.mi_samples } else { 0 };
-        samples.extend(reservoir(i).take(wanted));
+        samples.extend(reservoirs.samples(own).take(wanted));
         let others = wanted - samples.len();
-        let available = || (0..cluster.len()).map(|p| reservoir(at(p)).len()).sum::<usize>();
+        let available = || (0..cluster.len()).map(|p| reservoirs.count(at(p)) as usize).sum::<usize>();
         if cluster.len() <= wanted && available() <= wanted {
-            samples.extend((0..cluster.len()).map(at).filter(|&j| j != i).flat_map(reservoir));
+            let rest = (0..cluster.len()).map(at).filter(|&j| j != own);
+            rest.for_each(|j| samples.extend(reservoirs.samples(j)));
             return;
         }
 
-        // Otherwise select a pixel from each of `others` equal parts of the cluster
-        let pixel = (i.1 * store.width() + i.0) as u64;
-        let mut rng = Pcg32::new(self.seed ^ pixel, self.pass as u64);
-        let part = cluster.len() as f64 / others as f64;
+        // Otherwise select a pixel from each of `others` equal parts of the cluster, whose size is a fixed-point number
+        const FRACTION_BITS: u32 = 32;
+        let mut rng = Pcg32::new(self.seed ^ own as u64, self.pass as u64);
+        let part = ((cluster.len() as u64) << FRACTION_BITS) / others.max(1) as u64;
         let (mut previous, mut repeats) = (usize::MAX, 0);
-        for s in 0..others {
-            let jitter = f64::from(rng.next_u32()) / (f64::from(u32::MAX) + 1.0);
-            let p = ((s as f64 + jitter) * part) as usize;
-            let p = if at(p) == i { (p + 1) % cluster.len() } else { p };
+        for s in 0..others as u64 {
+            let jitter = (u64::from(rng.next_u32()) * part) >> FRACTION_BITS;
+            let p = ((s * part + jitter) >> FRACTION_BITS) as usize;
+            let j = at(p);
+            let j = if j == own { at((p + 1) % cluster.len()) } else { j };
             // A pixel that is selected again contributes its next sample.
-            repeats = if p == previous { repeats + 1 } else { 0 };
-            previous = p;
-            let (x, y) = at(p);
-            let row = &store.rows()[y];
-            let slot = (self.first_slot((x, y)) + repeats) % row.reservoir_len(x) as u32;
-            samples.push(&row.reservoir(x)[slot as usize * dims..][..dims]);
+            repeats = if j == previous { repeats + 1 } else { 0 };
+            previous = j;
+            samples.push(reservoirs.sample(j, self.first_sample(j) + repeats));
         }
     }
 
     /// Returns a pseudo-random number that selects a pixel's first sample. It is the same in all evaluations
     /// of a pass, so that neighbouring evaluations read the same memory.
-    fn first_slot(&self, (x, y): (usize, usize)) -> u32 {
+    fn first_sample(&self, pixel: usize) -> u32 {
         /// 2³² over the golden ratio: scatters neighbouring numbers (Knuth, vol. 3, section 6.4).
         const SCATTER: u32 = 0x9E37_79B9;
-        let pixel = (y * self.store.width() + x) as u32;
-        ((pixel ^ self.seed as u32).wrapping_mul(SCATTER) >> 16) + self.pass as u32
+        ((pixel as u32 ^ self.seed as u32).wrapping_mul(SCATTER) >> 16) + self.pass as u32
     }
+}
+
+/// Returns the sums and the sums of squares of the offsets of a cluster's pixels from a pixel, along both axes.
+#[apply(multiversioned!)]
+fn position_sums(cluster: &[(u32, u32)], (x, y): (i32, i32)) -> [[i64; 2]; 2] {
+    let (mut sums, mut squares) = ([0; 2], [0; 2]);
+    for &(xj, yj) in cluster {
+        for (axis, d) in [xj as i32 - x, yj as i32 - y].into_iter().enumerate() {
+            sums[axis] += i64::from(d);
+            squares[axis] += i64::from(d * d);
+        }
+    }
+    [sums, squares]
 }
 
 #[cfg(test)]

@@ -4,7 +4,7 @@
 use super::candidate_sampler::{Candidate, CandidateSampler};
 use super::samples::Samples;
 use super::settings::RpfSettings;
-use crate::filter::prpf::bit_slices::{BLOCK_SAMPLES, NO_SAMPLE, SampleBlock};
+use crate::filter::prpf::bit_slices::BLOCK_SAMPLES;
 use crate::filter::prpf::sample_vector::{MAX_VARIABLES, SampleVector, copy};
 use crate::simd::{apply, multiversioned};
 use crate::stats::{Block, Feature, Layout};
@@ -52,8 +52,8 @@ impl Clustering {
 
 /// A neighbourhood, the pixel's own samples first.
 pub struct Neighbourhood {
-    /// Sample vectors; the last block is filled up with [`NO_SAMPLE`].
-    blocks: Vec<SampleBlock>,
+    /// Sample vectors, and places for as many as a neighbourhood may have.
+    rows: Vec<SampleVector>,
     /// Indices of the samples among all.
     ids: Vec<u32>,
     len: usize,
@@ -69,7 +69,7 @@ impl Neighbourhood {
         // A rejected sample is written to the place of the next one: one more place.
         let places = sampler.size.max(samples.max_count()) + 1;
         Self {
-            blocks: vec![[[NO_SAMPLE; MAX_VARIABLES]; BLOCK_SAMPLES]; places.div_ceil(BLOCK_SAMPLES)],
+            rows: vec![[0.0; MAX_VARIABLES]; places],
             ids: vec![0; places],
             len: 0,
             centre: [0.0; MAX_VARIABLES],
@@ -83,13 +83,9 @@ impl Neighbourhood {
         self.len
     }
 
-    pub fn blocks(&self) -> &[SampleBlock] {
-        &self.blocks[..self.len.div_ceil(BLOCK_SAMPLES)]
-    }
-
     /// The sample vectors.
     pub fn rows(&self) -> &[SampleVector] {
-        &self.blocks.as_flattened()[..self.len]
+        &self.rows[..self.len]
     }
 
     /// Indices of the samples among all.
@@ -113,7 +109,7 @@ impl Neighbourhood {
     ) {
         sampler.sample(samples, (x, y), (seed, pass), &mut self.tally, &mut self.candidates);
         let own = samples.ids(x, y);
-        let rows = self.blocks.as_flattened_mut();
+        let rows = &mut self.rows;
         for (slot, id) in own.clone().enumerate() {
             copy(samples.sample(y * samples.width() + x, slot), &mut rows[slot]);
             self.ids[slot] = id as u32;
@@ -122,8 +118,6 @@ impl Neighbourhood {
         self.centre = centre;
         self.len =
             append_similar(&self.candidates, samples, own.len(), &centre, &thresholds, rows, &mut self.ids);
-        let end = self.len.next_multiple_of(BLOCK_SAMPLES);
-        rows[self.len..end].fill([NO_SAMPLE; MAX_VARIABLES]);
     }
 
     /// Returns mean and variance of each dimension.

@@ -3,7 +3,7 @@
 
 use super::neighbourhood::Neighbourhood;
 use super::settings::RpfSettings;
-use crate::filter::prpf::bit_slices::{BLOCK_SAMPLES, BitSlices, Standardisation};
+use crate::filter::prpf::bit_slices::{BLOCK_SAMPLES, BinLimits, BitSlices, Standardisation};
 use crate::filter::prpf::inverse_bandwidths::{ROUNDING, rpf_inverse_bandwidth};
 use crate::filter::prpf::sample_vector::{MAX_VARIABLES, SampleVector};
 use crate::filter::prpf::variables::{Damping, Variables};
@@ -49,13 +49,14 @@ impl Weights {
         own: usize,
     ) -> &SampleVector {
         let standardisation = self.standardisation(neighbourhood);
+        let limits = BinLimits::new(&standardisation);
         self.slices.clear();
-        let mut remaining = neighbourhood.len();
-        for block in neighbourhood.blocks() {
-            let count = remaining.min(BLOCK_SAMPLES);
-            self.slices.push(block, count, &standardisation, &self.variables.dims);
-            remaining -= count;
+        for block in neighbourhood.rows().chunks(BLOCK_SAMPLES) {
+            let mut samples: [&[f32]; BLOCK_SAMPLES] = [&[]; BLOCK_SAMPLES];
+            samples.iter_mut().zip(block).for_each(|(to, sample)| *to = sample);
+            self.slices.push(&samples[..block.len()], &limits, &self.variables.dims);
         }
+        self.slices.finish();
         let damping = |[first, growth]: [f32; 2]| first + growth * t as f32;
         let damping = Damping {
             colours: damping(settings.colour_damping),

@@ -8,14 +8,13 @@ use super::*;
 /// Slices of samples, each variable in the order of its dimension, standardised by `standardisation`.
 fn slices(samples: &[Vec<f32>], standardisation: &Standardisation) -> BitSlices {
     let order: Vec<usize> = (0..samples[0].len()).collect();
+    let limits = BinLimits::new(standardisation);
     let mut slices = BitSlices::default();
     for samples in samples.chunks(BLOCK_SAMPLES) {
-        let mut block = [[NO_SAMPLE; MAX_VARIABLES]; BLOCK_SAMPLES];
-        for (to, sample) in block.iter_mut().zip(samples) {
-            to[..sample.len()].copy_from_slice(sample);
-        }
-        slices.push(&block, samples.len(), standardisation, &order);
+        let samples: Vec<&[f32]> = samples.iter().map(|sample| &sample[..]).collect();
+        slices.push(&samples, &limits, &order);
     }
+    slices.finish();
     slices
 }
 

@@ -4,6 +4,7 @@ use rand::RngExt;
 
 use super::*;
 use crate::filter::common::colours::Colours;
+use crate::filter::prpf::reservoirs::Reservoirs;
 use crate::filter::synthetic::{store, wall};
 use crate::stats::{Block, Layout};
 
@@ -97,6 +98,7 @@ fn of_a_block_in_which_interpolation_failed_similar_pixels_share_their_weights()
     let neighbourhood = &Neighbourhood::new(guide, 17, 9);
     let inputs = WeightInputs {
         store: &store,
+        reservoirs: &Reservoirs::new(&store),
         guide,
         neighbourhood,
         normalisation_scale: 1.0,

@@ -37,6 +37,7 @@ fn evaluate(store: &Store, min_threshold: f32) -> Vec<f32> {
     let guide = FeatureGuide::new(store, colours.guide(), &settings);
     let inputs = WeightInputs {
         store,
+        reservoirs: &Reservoirs::new(store),
         guide: &guide,
         neighbourhood: &Neighbourhood::new(&guide, 55, 9),
         normalisation_scale: colours.normalisation_scale(),
@@ -118,6 +119,7 @@ fn with_inputs<T>(
     let neighbourhood = Neighbourhood::new(&guide, window, 9);
     let inputs = WeightInputs {
         store,
+        reservoirs: &Reservoirs::new(store),
         guide: &guide,
         neighbourhood: &neighbourhood,
         normalisation_scale: colours.normalisation_scale(),
