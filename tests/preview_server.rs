@@ -1,12 +1,14 @@
 //! Tests the live page's server with requests and viewers of their own, friendly or not: no browser is needed.
 
 mod live;
+mod process;
 
 use std::process::{Command, Stdio};
 
 use tungstenite::Message;
 
-use live::{Running, SCENE, Socket, first_line, preview, viewer};
+use live::{SCENE, Socket, preview, viewer};
+use process::{Running, first_line};
 
 /// Returns the status of the answer to a request for the WebSocket with these headers.
 fn socket_status(address: &str, path: &str, origin: Option<&str>, host: Option<&str>) -> u16 {

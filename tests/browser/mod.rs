@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 use tungstenite::stream::MaybeTlsStream;
 use tungstenite::{Message, WebSocket};
 
-use crate::live::{Running, first_line};
+use crate::process::{Running, first_line};
 
 /// How long anything may take before a test fails.
 const PATIENCE: Duration = Duration::from_secs(30);
@@ -149,23 +149,24 @@ impl Page {
         }
     }
 
-    /// Presses the mouse at the first point, moves it over the others and lets go at the last.
+    /// Presses the left button at the first point, moves the mouse over the others and lets go at the last.
     pub fn drag(&mut self, points: &[[f64; 2]]) {
-        self.drag_with(0, points);
+        self.drag_with("left", 0, points);
     }
 
-    /// The same while keys are held: 2 is Ctrl, 8 is Shift.
-    pub fn drag_with(&mut self, modifiers: u32, points: &[[f64; 2]]) {
+    /// The same with a button while keys are held: 2 is Ctrl, 8 is Shift.
+    pub fn drag_with(&mut self, button: &str, modifiers: u32, points: &[[f64; 2]]) {
+        let held = if button == "left" { 1 } else { 2 };
         let mut mouse = |kind: &str, [x, y]: [f64; 2], buttons: u32| {
             let event = json!({
-                "type": kind, "x": x, "y": y, "button": "left", "buttons": buttons, "clickCount": 1,
+                "type": kind, "x": x, "y": y, "button": button, "buttons": buttons, "clickCount": 1,
                 "modifiers": modifiers
             });
             self.call("Input.dispatchMouseEvent", event);
         };
         mouse("mouseMoved", points[0], 0);
-        mouse("mousePressed", points[0], 1);
-        points[1..].iter().for_each(|&point| mouse("mouseMoved", point, 1));
+        mouse("mousePressed", points[0], held);
+        points[1..].iter().for_each(|&point| mouse("mouseMoved", point, held));
         mouse("mouseReleased", points[points.len() - 1], 0);
     }
 

@@ -5,7 +5,7 @@ use std::process::{Command, Stdio};
 
 use super::*;
 use crate::browser::chromium;
-use crate::live::first_line;
+use crate::process::first_line;
 
 #[test]
 fn on_a_phone_in_landscape_the_image_is_beside_the_controls() {
@@ -34,7 +34,7 @@ fn the_image_does_not_move_when_the_pointer_arrives() {
     for size in [[390, 844], [812, 375], [1024, 768], [1600, 1000]] {
         let (mut page, _render, _folder) = recording_page(program, size);
         let middle = on_image(&mut page, [0.0, 0.0]);
-        page.drag_with(0, &[middle, middle]);
+        page.drag(&[middle, middle]);
         page.wait("document.getElementById('values').textContent.includes('albedo')");
         assert_eq!(on_image(&mut page, [0.0, 0.0]), middle, "{size:?}");
     }

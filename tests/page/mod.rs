@@ -11,7 +11,8 @@ mod steering;
 use std::path::PathBuf;
 
 use crate::browser::Page;
-use crate::live::{Running, preview};
+use crate::live::preview;
+use crate::process::Running;
 
 pub fn screenshots() -> Option<PathBuf> {
     std::env::var_os("PRPF_SCREENSHOTS").map(PathBuf::from)

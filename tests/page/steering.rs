@@ -299,9 +299,9 @@ fn the_mouse_pans_and_dollies_the_camera_or_moves_the_image() {
         }
     };
     page.key("c");
-    page.drag_with(8, &[middle, to]);
+    page.drag_with("left", 8, &[middle, to]);
     moved(&mut page, [40, -30, 0, 0]);
-    page.drag_with(2, &[middle, to]);
+    page.drag_with("left", 2, &[middle, to]);
     moved(&mut page, [40, -30, 30, 0]);
     let generation = page.value(GENERATION);
     page.wheel(middle, -100.0);
