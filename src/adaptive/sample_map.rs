@@ -33,7 +33,7 @@ const MAX_COUNT: f32 = (1 << 24) as f32;
 pub enum SampleMapError {
     #[error("found {found} at pixel {pixel}; accepted are {accepted}")]
     Value { found: f32, pixel: usize, accepted: &'static str },
-    #[error("found no pixel that gets a sample; accepted is a map with a value of at least {0}")]
+    #[error("found no pixel that gets a sample; accepted is a map with a value {0}")]
     Empty(&'static str),
 }
 
@@ -51,8 +51,8 @@ impl SampleMap {
     /// A value that is negative or not finite, a count above 2²⁴, no value that gives a sample.
     pub fn new(mut values: Vec<f32>, kind: MapValues) -> Result<Self, SampleMapError> {
         let (largest, accepted, least) = match kind {
-            MapValues::Relative => (f32::MAX, "finite numbers from 0 up", "more than 0"),
-            MapValues::Absolute => (MAX_COUNT, "numbers from 0 to 16777216", "0.5"),
+            MapValues::Relative => (f32::MAX, "finite numbers from 0 up", "above 0"),
+            MapValues::Absolute => (MAX_COUNT, "numbers from 0 to 16777216", "of at least 0.5"),
         };
         let is_valid = |value: f32| (0.0..=largest).contains(&value);
         if let Some(pixel) = values.iter().position(|&value| !is_valid(value)) {

@@ -4,7 +4,7 @@ use std::io::Write;
 use std::path::Path;
 
 use image::codecs::png::PngEncoder;
-use image::{DynamicImage, ExtendedColorType, ImageDecoder, ImageEncoder, ImageReader, Limits};
+use image::{DynamicImage, ExtendedColorType, ImageDecoder, ImageEncoder, ImageFormat, ImageReader, Limits};
 
 use super::error::{MAX_SAMPLES, MAX_SIDE};
 use super::tone::{srgb_decode, to_srgb8};
@@ -99,7 +99,8 @@ fn decode(path: &Path) -> Result<Planes, Problem> {
     limits.max_image_height = Some(MAX_SIDE as u32);
     limits.max_alloc = Some(MAX_SAMPLES as u64);
     let mut reader = ImageReader::open(path)?.with_guessed_format()?;
-    if reader.format().is_none() {
+    // Without a known start the format is that of the file's name.
+    if !matches!(reader.format(), Some(ImageFormat::Png | ImageFormat::Jpeg | ImageFormat::Tga)) {
         return Err(Problem::Unsupported("the file is not an EXR, PNG, JPEG or TGA image".to_owned()));
     }
     reader.limits(limits);

@@ -48,10 +48,11 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.exr");
         assert!(read_rgb(&path).unwrap_err().to_string().ends_with("a.exr: no such file or folder"));
-        std::fs::write(&path, b"").unwrap();
-        assert!(read_rgb(&path).unwrap_err().to_string().contains("a.exr: "));
-        std::fs::write(&path, b"This is not an image at all.").unwrap();
-        assert!(read_rgb(&path).unwrap_err().to_string().contains("a.exr: "));
+        for content in ["", "This is not an image at all."] {
+            std::fs::write(&path, content).unwrap();
+            let error = read_rgb(&path).unwrap_err().to_string();
+            assert!(error.contains("a.exr: ") && error.contains("not an EXR, PNG, JPEG or TGA"), "{error}");
+        }
         assert!(read_rgb(folder.path()).is_err());
     }
 }

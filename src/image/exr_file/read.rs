@@ -3,7 +3,7 @@
 
 use std::collections::HashSet;
 use std::fs::File;
-use std::io::{BufReader, Read, Seek, SeekFrom};
+use std::io::{BufReader, ErrorKind, Read, Seek, SeekFrom};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
@@ -166,12 +166,24 @@ fn catch_panic<T>(read: impl FnOnce() -> Result<T, Problem>) -> Result<T, Proble
 /// Reads and checks the headers.
 fn open<R: Read + Seek>(mut source: R) -> Result<Reader<R>, Problem> {
     let file_bytes = source.seek(SeekFrom::End(0))?;
+    check_magic(&mut source)?;
     source.rewind()?;
     let reader = exr::block::read(source, false)?;
     for header in reader.headers() {
         check(header, file_bytes)?;
     }
     Ok(reader)
+}
+
+/// Checks that a file begins as an EXR does.
+fn check_magic<R: Read + Seek>(source: &mut R) -> Result<(), Problem> {
+    source.rewind()?;
+    let mut start = [0; super::MAGIC.len()];
+    match source.read_exact(&mut start) {
+        Ok(()) if start == super::MAGIC => Ok(()),
+        Err(error) if error.kind() != ErrorKind::UnexpectedEof => Err(error.into()),
+        _ => Err(Problem::Unsupported("the file is not an EXR image".into())),
+    }
 }
 
 /// Checks a header's sizes, and that its features are supported.
