@@ -197,7 +197,10 @@ fn images_that_cannot_be_denoised_get_one_line() {
     assert!(refused(&["a.exr", "b.exr"]).contains("-o FILE.exr"));
     assert!(with_out(&["a.exr"]).contains("without a variance"));
     assert!(with_out(&["a.exr", "a.exr"]).contains("another seed"));
-    assert!(with_out(&["a.exr", "scene.pbrt"]).contains("scene.pbrt: "));
+    assert!(
+        with_out(&["a.exr", "scene.pbrt"])
+            .contains("scene.pbrt: the image is not supported: the file is not an EXR")
+    );
     assert!(
         with_out(&["a.exr", "b.exr", "--map", "albedo=skin"])
             .contains("found no layer `skin`; accepted are ``, `Ns`")

@@ -35,6 +35,11 @@ impl ExrLayer {
         }
     }
 
+    /// Returns the last components of the channels' names, for a message.
+    pub fn suffixes(&self) -> String {
+        self.channels.iter().map(|(suffix, _)| suffix.as_str()).collect::<Vec<_>>().join(" ")
+    }
+
     /// Returns the last component of the name that says what the layer holds, in lower case without spaces, underscores and
     /// the endings by which renderers mark inputs of denoisers.
     pub fn key(&self) -> String {

@@ -57,7 +57,7 @@ impl FrameStore {
     ///
     /// # Errors
     /// Another number of frames, frames of different sizes or equal frames, one frame without variance, AOVs that do not sum
-    /// to the colour.
+    /// to the colour, no valid pixel.
     pub fn new(frames: &[Frame], seed: u64) -> Result<Self, ImportError> {
         // Make the halves
         frames.iter().try_for_each(check_aovs)?;
@@ -91,6 +91,14 @@ impl FrameStore {
         let moments = buffers.each_ref().map(Buffers::moments);
         let (width, height) = (halves[0].colour.width(), halves[0].colour.height());
         let store = Store::from_half_moments(width, height, &columns, &moments, seed)?;
+        if store.samples() == 0 {
+            return Err(ImportError::Layers {
+                path: frames[0].path.clone(),
+                problem: format!(
+                    "found no pixel whose colour and variance are valid; accepted are finite values of at most {LARGEST_VALUE:e}"
+                ),
+            });
+        }
         let is_empty = |i: &usize| buffers.iter().all(|half| half.counts[*i] == 0);
         Ok(Self { store, aovs, empty_pixels: (0..width * height).filter(is_empty).count() })
     }
@@ -138,10 +146,17 @@ fn features(frames: &[Frame]) -> Vec<Feature> {
             if names == POSITION {
                 scale_positions(&mut halves);
             }
+            halves.iter_mut().for_each(remove_invalid_values);
             features.push((names, halves));
         }
     }
     features
+}
+
+/// Sets values that no store takes to 0: a pixel keeps its colour if a feature of it is wrong.
+fn remove_invalid_values(feature: &mut Planes) {
+    let is_valid = |value: f32| value.abs() <= LARGEST_VALUE;
+    feature.data_mut().iter_mut().filter(|value| !is_valid(**value)).for_each(|value| *value = 0.0);
 }
 
 /// Scales positions to order 1. Those of the background may be at any distance.
@@ -170,7 +185,9 @@ fn check_pair(a: &Frame, b: &Frame) -> Result<(), ImportError> {
             found.0, found.1, accepted.0, accepted.1
         ));
     }
-    if a.colour == b.colour {
+    // Black frames are equal, too
+    let is_lit = a.colour.data().iter().any(|value| value.is_finite() && *value > 0.0);
+    if is_lit && a.colour == b.colour {
         return fail(
             "found the colours of the first image; accepted is a render of the same frame with another seed"
                 .to_owned(),
@@ -250,9 +267,8 @@ impl Buffers {
             let start = buffers.means.len();
             for c in 0..3 {
                 buffers.means.push(half.colour.plane(c)[i]);
-                buffers
-                    .variances
-                    .push(half.variance.as_ref().map_or(0.0, |variance| variance.plane(c)[i].max(0.0)));
+                let variance = half.variance.as_ref().map_or(0.0, |variance| variance.plane(c)[i]);
+                buffers.variances.push(if variance < 0.0 { 0.0 } else { variance });
             }
             for (_, planes) in features {
                 for c in 0..3 {

@@ -157,11 +157,16 @@ pub fn by_name<'a>(
 ) -> Result<&'a ExrLayer, String> {
     let last = |layer: &ExrLayer| layer.name.rsplit('.').next() == Some(name);
     let suitable = || layers.iter().filter(|layer| is_suitable(layer));
+    let other = || layers.iter().find(|layer| layer.name == name || last(layer));
     suitable().find(|layer| layer.name == name).or_else(|| suitable().find(|layer| last(layer))).ok_or_else(
         || {
             let all: Vec<String> = suitable().map(|layer| format!("`{}`", layer.name)).collect();
+            let found = match other() {
+                Some(layer) => format!("the layer `{}` with the channels {}", layer.name, layer.suffixes()),
+                None => format!("no layer `{name}`"),
+            };
             format!(
-                "found no layer `{name}`; accepted are {}",
+                "found {found}; accepted are {}",
                 if all.is_empty() { "none".into() } else { all.join(", ") }
             )
         },
@@ -242,6 +247,8 @@ mod tests {
         assert_eq!(found, ["colour=a.b", "depth=d"]);
         let error = roles("normal=nn", &names).unwrap_err();
         assert_eq!(error, "found no layer `nn`; accepted are ``, `a.b`, `Albedo`");
+        let error = roles("normal=d", &names).unwrap_err();
+        assert_eq!(error, "found the layer `d` with the channels T; accepted are ``, `a.b`, `Albedo`");
         assert!(roles("shape=x", &names).unwrap_err().contains("the roles colour, albedo"));
         assert!(roles("albedo=a,albedo=b", &names).unwrap_err().contains("twice"));
     }

@@ -110,12 +110,41 @@ fn pixels_that_are_not_finite_have_no_samples() {
 }
 
 #[test]
+fn invalid_features_leave_the_colour() {
+    let mut frames = [1, 2].map(|seed| frame(noisy(seed, 0.2)));
+    for frame in &mut frames {
+        let wrong = [f32::NAN, f32::INFINITY, 1e30];
+        let feature = || planes(|_, i| wrong.get(i).copied().unwrap_or(0.5));
+        frame.features = [Role::Albedo, Role::Normal, Role::Position].map(|role| (role, feature())).into();
+    }
+    let FrameStore { store, empty_pixels, .. } = FrameStore::new(&frames, 0).unwrap();
+    assert_eq!((empty_pixels, store.samples()), (0, 2 * (SIDE * SIDE) as u64));
+    let mean = |block| store.means(Part::Whole, store.layout().block(block).unwrap()).plane(0)[..4].to_vec();
+    assert_eq!(mean(Block::Albedo), [0.0, 0.0, 0.0, 0.5]);
+    assert_eq!(mean(Block::Position1), [0.0, 4.0, 4.0, 1.0], "the background is far away");
+}
+
+#[test]
+fn black_frames_are_halves() {
+    let black = frame(Planes::new(3, 2, 3));
+    assert_eq!(FrameStore::new(&[black.clone(), black], 0).unwrap().store.samples(), 12);
+}
+
+#[test]
 fn frames_that_are_no_halves_are_refused() {
     let error = |frames: &[Frame]| FrameStore::new(frames, 0).unwrap_err().to_string();
     let [a, mut b] = [1, 2].map(|seed| frame(noisy(seed, 0.2)));
     assert!(error(&[a.clone(), a.clone()]).contains("another seed"));
     assert!(error(std::slice::from_ref(&a)).contains("without a variance"));
     assert!(error(&[]).contains("found 0 images"));
+    let wrong = [f32::NAN, f32::INFINITY, 1e16]
+        .map(|value| [1.0, 2.0].map(|factor| frame(planes(|_, _| factor * value))));
+    for wrong in &wrong {
+        assert!(error(wrong).contains("found no pixel whose colour and variance are valid"));
+    }
+    let mut without_variance = a.clone();
+    without_variance.variance = Some(planes(|_, _| f32::NAN));
+    assert!(error(&[without_variance]).contains("found no pixel"));
     b.aovs = vec![("key".into(), planes(|_, _| 0.5))];
     assert!(error(&[a.clone(), b.clone()]).contains("sum differs from the colour by"));
     b = frame(Planes::new(3, 2, 3));
