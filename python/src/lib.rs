@@ -1,7 +1,7 @@
 //! The Python package `prpf`: scenes, pixel statistics, denoisers, allocation and the render loop, as numpy arrays.
 //!
 //! Each module wraps one part of the library's public face, checks its arguments and converts arrays and errors; nothing
-//! is computed here. `prpf.pyi` documents the classes and functions.
+//! is computed here. `__init__.pyi` documents the classes and functions.
 
 mod allocation;
 mod arrays;
@@ -16,7 +16,7 @@ mod store;
 
 /// A progressive path tracer whose adaptive sampling is coupled to its denoiser: its scenes, pixel statistics,
 /// denoisers, allocation and render loop.
-#[pyo3::pymodule(name = "prpf")]
+#[pyo3::pymodule(name = "_prpf")]
 mod module {
     #[pymodule_export]
     use crate::allocation::{allocate, priority};

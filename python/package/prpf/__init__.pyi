@@ -103,7 +103,10 @@ class Scene:
 @final
 class Store:
     """Statistics of the samples of every pixel: Welford moments of all samples and of two independent halves, those of even
-    and those of odd index, and a reservoir of whole sample vectors."""
+    and those of odd index, and a reservoir of whole sample vectors.
+
+    Threads may use one store: calls that add samples wait for each other, and a filter pass sees the samples that were there
+    when it began."""
 
     def __new__(
         cls, width: int, height: int, dimensions: Sequence[str], *, reservoir: int = 0, seed: int = 0
