@@ -6,6 +6,7 @@ use prpf::filter;
 use prpf::stats::Part;
 use pyo3::prelude::*;
 
+use crate::arguments;
 use crate::arrays;
 use crate::denoising::Denoised;
 use crate::errors::value_error;
@@ -46,7 +47,7 @@ pub fn priority(
     };
 
     // Take the maps
-    let store = &store.store;
+    let store = &*store.statistics(py);
     let (width, height) = (store.width(), store.height());
     let size = Some([width, height]);
     let image = arrays::planes("result.image", result.image.bind(py), size, 3)?;
@@ -79,11 +80,12 @@ pub fn allocate(
     py: Python,
     store: &Store,
     priority: &Bound<PyAny>,
-    samples: u64,
-    min_spp: u32,
-    max_spp: Option<u32>,
+    #[pyo3(from_py_with = arguments::whole)] samples: u64,
+    #[pyo3(from_py_with = arguments::whole)] min_spp: u32,
+    #[pyo3(from_py_with = arguments::whole_or_none)] max_spp: Option<u32>,
 ) -> PyResult<Py<PyAny>> {
-    let (width, height) = (store.store.width(), store.store.height());
+    let statistics = store.statistics(py);
+    let (width, height) = (statistics.width(), statistics.height());
     let accepted = format!("a prpf.Denoised, or an array of numbers from 0 up of shape ({height}, {width})");
     let priority = match priority.cast::<Denoised>() {
         Ok(result) => self::priority(py, store, result.get(), None, None, None, None)?.into_bound(py),
@@ -97,7 +99,7 @@ pub fn allocate(
     let priority = priority.as_slice()?;
     let bounds = [min_spp, max_spp.unwrap_or(NO_CEILING)];
     let counts = py
-        .detach(|| adaptive::next_counts(&store.store, priority, samples, bounds, store.seed))
+        .detach(|| adaptive::next_counts(&statistics, priority, samples, bounds, store.seed))
         .map_err(value_error)?;
     arrays::map(py, counts, width)
 }

@@ -5,7 +5,7 @@
 
 use numpy::{PyArray1, PyArrayDyn, PyArrayMethods, PyUntypedArrayMethods};
 use prpf::image::Planes;
-use pyo3::exceptions::PyTypeError;
+use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 
 use crate::errors::value_error;
@@ -56,13 +56,13 @@ pub fn integers<'py>(
     accepted: &str,
 ) -> PyResult<Bound<'py, PyArrayDyn<u32>>> {
     // The range is checked before the conversion, which would wrap around
-    let as_given = numpy(value.py())?.call_method1("asarray", (value,))?;
+    let as_given = as_array(name, value, accepted)?;
     check_kind(name, &as_given, "iu", accepted)?;
     if as_given.getattr("size")?.extract::<usize>()? > 0 {
         for bound in ["min", "max"] {
             let value: i128 = as_given.call_method0(bound)?.extract()?;
             if u32::try_from(value).is_err() {
-                return Err(value_error(format!("{name}: found {value}; accepted are {accepted}")));
+                return Err(value_error(format!("{name}: found {value}; accepted is {accepted}")));
             }
         }
     }
@@ -135,10 +135,18 @@ fn typed<'py>(
     dtype: &str,
     accepted: &str,
 ) -> PyResult<Bound<'py, PyAny>> {
-    let numpy = numpy(value.py())?;
-    let array = numpy.call_method1("asarray", (value,))?;
+    let array = as_array(name, value, accepted)?;
     check_kind(name, &array, kinds, accepted)?;
-    numpy.call_method1("require", (array, dtype, ["C", "A"]))
+    numpy(value.py())?.call_method1("require", (array, dtype, ["C", "A"]))
+}
+
+/// Returns what numpy makes of a value.
+fn as_array<'py>(name: &str, value: &Bound<'py, PyAny>, accepted: &str) -> PyResult<Bound<'py, PyAny>> {
+    let array = numpy(value.py())?.call_method1("asarray", (value,));
+    array.map_err(|error| match error.is_instance_of::<PyValueError>(value.py()) {
+        true => value_error(format!("{name}: {}; accepted is {accepted}", error.value(value.py()))),
+        false => error,
+    })
 }
 
 fn numpy(py: Python) -> PyResult<Bound<PyModule>> {

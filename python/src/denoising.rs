@@ -9,7 +9,7 @@ use crate::arrays;
 use crate::errors::value_error;
 use crate::store::Store;
 
-/// See `prpf.pyi`.
+/// See `__init__.pyi`.
 #[pyclass(frozen, get_all, module = "prpf")]
 pub struct Denoised {
     made_by: String,
@@ -25,7 +25,7 @@ pub struct Denoised {
     seconds: f64,
 }
 
-/// See `prpf.pyi`.
+/// See `__init__.pyi`.
 #[pyclass(frozen, get_all, module = "prpf")]
 pub struct Estimate {
     relmse: f64,
@@ -89,10 +89,11 @@ pub fn denoisers() -> Vec<String> {
 #[pyo3(signature = (store, denoiser="learned"))]
 pub fn denoise(py: Python, store: &Store, denoiser: &str) -> PyResult<Denoised> {
     let denoiser = by_name(denoiser).map_err(value_error)?;
-    can_filter(denoiser, &store.store).map_err(value_error)?;
+    let statistics = store.statistics(py);
+    can_filter(denoiser, &statistics).map_err(value_error)?;
     let pass = FilterPass {
-        store: store.store.clone(),
-        denoiser: suited_to(&store.store, denoiser),
+        denoiser: suited_to(&statistics, denoiser),
+        store: statistics,
         seed: store.seed,
         failure_map: FailureMap::Carry(None),
     };

@@ -22,7 +22,7 @@ pub fn value_error(message: impl ToString) -> PyErr {
 }
 
 /// An exception of the file system.
-fn file_error(kind: io::ErrorKind, message: String) -> PyErr {
+pub fn file_error(kind: io::ErrorKind, message: String) -> PyErr {
     match kind {
         io::ErrorKind::NotFound => PyFileNotFoundError::new_err(message),
         io::ErrorKind::PermissionDenied => PyPermissionError::new_err(message),

@@ -4,6 +4,7 @@
 //! is computed here. `__init__.pyi` documents the classes and functions.
 
 mod allocation;
+mod arguments;
 mod arrays;
 mod denoising;
 mod errors;

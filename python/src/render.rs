@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use prpf::RenderBuilder;
 use prpf::adaptive::{MapValues, NO_CEILING, PrioritySettings, SampleMap, Sampling};
+use prpf::files::{can_replace, error_message};
 use prpf::filter::by_name;
 use prpf::image::OutputFormat;
 use prpf::progressive::{Budget, Filtered, Outcome, PassRecord, RecordedStatistics, Settings};
@@ -13,14 +14,15 @@ use prpf::state::{ImageMetadata, RenderState, Stream};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
+use crate::arguments;
 use crate::arrays;
 use crate::denoising::Denoised;
-use crate::errors::{Error, image_error, render_error, state_error, value_error};
+use crate::errors::{Error, file_error, image_error, render_error, state_error, value_error};
 use crate::render_host::RenderHost;
 use crate::scene::Scene;
 use crate::store::Store;
 
-/// See `prpf.pyi`.
+/// See `__init__.pyi`.
 #[pyclass(frozen, get_all, module = "prpf")]
 pub struct Render {
     result: Py<Denoised>,
@@ -79,27 +81,26 @@ impl Render {
 #[pyo3(signature = (scene, *, spp=None, time=None, target_error=None, sampling=None, sample_map=None,
                     sample_map_values="relative", denoiser="learned", seed=0,
                     min_spp=4, max_spp=None, reservoir=0, statistics="all", reference=None, callback=None, counts=None,
-                    output=None, state=None,
-                    resume=None))]
+                    output=None, state=None, resume=None))]
 #[expect(clippy::too_many_arguments, reason = "keyword arguments of Python")]
 pub fn render(
     py: Python,
     scene: &Scene,
-    spp: Option<u32>,
+    #[pyo3(from_py_with = arguments::whole_or_none)] spp: Option<u32>,
     time: Option<f64>,
     target_error: Option<f64>,
     sampling: Option<&str>,
     sample_map: Option<&Bound<PyAny>>,
     sample_map_values: &str,
     denoiser: &str,
-    seed: u64,
-    min_spp: u32,
-    max_spp: Option<u32>,
-    reservoir: usize,
+    #[pyo3(from_py_with = arguments::whole)] seed: u64,
+    #[pyo3(from_py_with = arguments::whole)] min_spp: u32,
+    #[pyo3(from_py_with = arguments::whole_or_none)] max_spp: Option<u32>,
+    #[pyo3(from_py_with = arguments::whole)] reservoir: usize,
     statistics: &str,
     reference: Option<&Bound<PyAny>>,
-    callback: Option<Py<PyAny>>,
-    counts: Option<Py<PyAny>>,
+    #[pyo3(from_py_with = arguments::function_or_none)] callback: Option<Py<PyAny>>,
+    #[pyo3(from_py_with = arguments::function_or_none)] counts: Option<Py<PyAny>>,
     output: Option<PathBuf>,
     state: Option<PathBuf>,
     resume: Option<PathBuf>,
@@ -136,6 +137,7 @@ pub fn render(
     if let Some(path) = &output {
         OutputFormat::from_path(path).map_err(image_error)?;
     }
+    check_files([("output", &output), ("state", &state)])?;
     let reference = reference.map(|reference| arrays::rgb("reference", reference)).transpose()?;
 
     // Render
@@ -177,7 +179,25 @@ pub fn render(
     Render::new(py, rendered.outcome)
 }
 
-/// Takes a map of the scene's size by which samples are placed.
+/// Checks that the files to write are different ones that can be written.
+///
+/// # Errors
+/// The first one that cannot.
+fn check_files(files: [(&str, &Option<PathBuf>); 2]) -> PyResult<()> {
+    for (i, (name, path)) in files.iter().enumerate() {
+        let Some(path) = path else { continue };
+        if let Some((other, _)) = files[..i].iter().find(|(_, other)| other.as_ref() == Some(path)) {
+            return Err(value_error(format!("{name}: found the file of {other}; accepted is another one")));
+        }
+        can_replace(path).map_err(|error| {
+            let message = format!("{}: {}", path.display(), error_message(&error));
+            file_error(error.kind(), message)
+        })?;
+    }
+    Ok(())
+}
+
+/// Takes a map of the size of the render by which samples are placed.
 ///
 /// # Errors
 /// Another shape or type, values that cannot be followed, an unknown kind of values.
@@ -191,8 +211,8 @@ fn sample_map(map: &Bound<PyAny>, values: &str, scene: &Scene) -> PyResult<Sampl
             )));
         }
     };
-    let film = &scene.scene.film;
-    let values = arrays::plane("sample_map", map, [film.height, film.width])?;
+    let (width, height) = scene.size();
+    let values = arrays::plane("sample_map", map, [height, width])?;
     SampleMap::new(values, kind).map_err(|error| value_error(format!("sample_map: {error}")))
 }
 

@@ -14,7 +14,7 @@ use crate::denoising::Denoised;
 use crate::errors::{state_error, value_error};
 use crate::store::Store;
 
-/// See `prpf.pyi`.
+/// See `__init__.pyi`.
 #[pyclass(frozen, get_all, module = "prpf")]
 pub struct Pass {
     /// Counted from 0.

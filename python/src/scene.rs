@@ -11,6 +11,7 @@ use prpf::stats::{Columns, Layout};
 use pyo3::prelude::*;
 use self_cell::self_cell;
 
+use crate::arguments;
 use crate::arrays;
 use crate::errors::{Error, scene_error, value_error};
 use crate::store::Store;
@@ -27,7 +28,7 @@ self_cell!(
     }
 );
 
-/// See `prpf.pyi`.
+/// See `__init__.pyi`.
 #[pyclass(frozen, module = "prpf")]
 pub struct Scene {
     pub scene: Arc<scene::Scene>,
@@ -76,7 +77,8 @@ impl Scene {
         sample_layout(&self.scene.effects())
     }
 
-    fn size(&self) -> (usize, usize) {
+    /// Returns width and height of what is rendered.
+    pub fn size(&self) -> (usize, usize) {
         let [x0, x1, y0, y1] = self.scene.film.pixel_bounds;
         (x1 - x0, y1 - y0)
     }
@@ -90,8 +92,8 @@ impl Scene {
     fn load(
         py: Python,
         path: PathBuf,
-        resolution: Option<[usize; 2]>,
-        pixel_bounds: Option<[usize; 4]>,
+        #[pyo3(from_py_with = arguments::wholes_or_none)] resolution: Option<[usize; 2]>,
+        #[pyo3(from_py_with = arguments::wholes_or_none)] pixel_bounds: Option<[usize; 4]>,
     ) -> PyResult<Self> {
         py.detach(|| {
             let scene = pbrt::read(&path).map_err(|error| scene_error(error, std::fs::read(&path).err()))?;
@@ -106,8 +108,8 @@ impl Scene {
         py: Python,
         text: &str,
         folder: PathBuf,
-        resolution: Option<[usize; 2]>,
-        pixel_bounds: Option<[usize; 4]>,
+        #[pyo3(from_py_with = arguments::wholes_or_none)] resolution: Option<[usize; 2]>,
+        #[pyo3(from_py_with = arguments::wholes_or_none)] pixel_bounds: Option<[usize; 4]>,
     ) -> PyResult<Self> {
         py.detach(|| {
             let scene = pbrt::read_str(text, &folder).map_err(|error| scene_error(error, None))?;
@@ -165,28 +167,37 @@ impl Scene {
 
     /// Returns an empty store for samples of this scene.
     #[pyo3(signature = (*, reservoir=0, seed=0))]
-    fn store(&self, py: Python, reservoir: usize, seed: u64) -> PyResult<Store> {
+    fn store(
+        &self,
+        py: Python,
+        #[pyo3(from_py_with = arguments::whole)] reservoir: usize,
+        #[pyo3(from_py_with = arguments::whole)] seed: u64,
+    ) -> PyResult<Store> {
         let (width, height) = self.size();
         Store::empty(py, width, height, Columns::from_layout(self.layout()), reservoir, seed)
     }
 
     /// Adds samples to a store: `counts` to every pixel, or to each its own.
-    fn render(&self, py: Python, store: &mut Store, counts: &Bound<PyAny>) -> PyResult<()> {
+    fn render(&self, py: Python, store: &Store, counts: &Bound<PyAny>) -> PyResult<()> {
         // Check that the store is one of this scene
         let (width, height) = self.size();
-        if (store.store.width(), store.store.height()) != (width, height) {
-            let (found_width, found_height) = (store.store.width(), store.store.height());
+        let found = store.statistics(py);
+        if (found.width(), found.height()) != (width, height) {
             return Err(value_error(format!(
-                "store: found {found_width}x{found_height} pixels; accepted is the size of the scene, {width}x{height}"
+                "store: found {}x{} pixels; accepted is the size of the scene, {width}x{height}",
+                found.width(),
+                found.height()
             )));
         }
-        if *store.store.layout() != self.layout() {
-            let found = store.store.layout().names().collect::<Vec<_>>().join(" ");
+        if *found.layout() != self.layout() {
+            let found = found.layout().names().collect::<Vec<_>>().join(" ");
             let accepted = self.dimensions().join(" ");
             return Err(value_error(format!(
                 "store: found the dimensions {found}; accepted are those of the scene, {accepted}"
             )));
         }
+        // A store that is still read would be copied
+        drop(found);
         let mut counts = arrays::counts("counts", counts, [height, width])?;
 
         // Render in steps: signals are looked at between two
@@ -194,7 +205,7 @@ impl Scene {
         let step = (STEP_SAMPLES / (width * height) as u64).max(1) as u32;
         while counts.iter().any(|&count| count > 0) {
             let now: Vec<u32> = counts.iter().map(|&count| count.min(step)).collect();
-            py.detach(|| renderer.render_batch(&now, Arc::make_mut(&mut store.store)));
+            store.add(py, |store| renderer.render_batch(&now, store));
             counts.iter_mut().zip(now).for_each(|(count, now)| *count -= now);
             py.check_signals()?;
         }

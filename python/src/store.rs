@@ -1,7 +1,7 @@
 //! Pixel statistics: taking samples in, and reading moments as arrays.
 
 use std::path::PathBuf;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use numpy::{PyArrayMethods, PyUntypedArrayMethods};
 use prpf::image::Planes;
@@ -11,14 +11,15 @@ use prpf::stats::{self, Columns, HalfMoments, Layout, Part, SampleRectangle};
 use pyo3::exceptions::PyMemoryError;
 use pyo3::prelude::*;
 
+use crate::arguments;
 use crate::arrays;
 use crate::errors::{state_error, value_error};
 
-/// See `prpf.pyi`.
-#[pyclass(module = "prpf")]
+/// See `__init__.pyi`.
+#[pyclass(frozen, module = "prpf")]
 pub struct Store {
-    /// Copied only if it changes while a pass of a callback still holds it.
-    pub store: Arc<stats::Store>,
+    /// Copied only if it changes while another call or a pass of a callback still reads it.
+    store: Mutex<Arc<stats::Store>>,
     pub seed: u64,
     /// The columns of the samples that are pushed.
     columns: Columns,
@@ -37,19 +38,33 @@ impl Store {
         check_size(&columns, [width, height], reservoir)?;
         let layout = columns.layout().clone();
         let store = py.detach(|| stats::Store::new(width, height, layout, reservoir, seed));
-        Ok(Self { store: Arc::new(store), seed, columns })
+        Ok(Self { store: Mutex::new(Arc::new(store)), seed, columns })
     }
 
     /// Wraps a store whose samples come from the renderer.
     pub fn wrap(store: Arc<stats::Store>, seed: u64) -> Self {
         let columns = Columns::from_layout(store.layout().clone());
-        Self { store, seed, columns }
+        Self { store: Mutex::new(store), seed, columns }
     }
 
-    /// Reads a function of the moments of the dimensions that `names` selects.
+    /// Returns the statistics of the samples so far. Waits for calls of other threads that add some.
+    pub fn statistics(&self, py: Python) -> Arc<stats::Store> {
+        py.detach(|| self.lock().clone())
+    }
+
+    /// Adds samples. Calls of other threads wait.
+    pub fn add<T: Send>(&self, py: Python, add: impl FnOnce(&mut stats::Store) -> T + Send) -> T {
+        py.detach(|| add(Arc::make_mut(&mut self.lock())))
+    }
+
+    /// Never waits with the GIL, which the thread that holds the lock may need.
+    fn lock(&self) -> MutexGuard<'_, Arc<stats::Store>> {
+        self.store.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
     /// Checks that the deviations of a half of the samples are kept.
-    fn check_deviations(&self, half: Option<usize>) -> PyResult<()> {
-        if half.is_some() && !self.store.layout().has_half_deviations() {
+    fn check_deviations(&self, py: Python, half: Option<usize>) -> PyResult<()> {
+        if half.is_some() && !self.statistics(py).layout().has_half_deviations() {
             return Err(value_error(
                 "half: found a store without deviations of its halves; accepted is one that was rendered with all statistics",
             ));
@@ -57,6 +72,7 @@ impl Store {
         Ok(())
     }
 
+    /// Reads a function of the moments of the dimensions that `names` selects.
     fn read(
         &self,
         py: Python,
@@ -64,9 +80,10 @@ impl Store {
         half: Option<usize>,
         read: impl Fn(&stats::Store, Part, Vec<usize>) -> Planes + Send + Sync,
     ) -> PyResult<Py<PyAny>> {
-        let dimensions = select(self.store.layout(), names)?;
+        let store = self.statistics(py);
+        let dimensions = select(store.layout(), names)?;
         let part = part(half)?;
-        let planes = py.detach(|| read(&self.store, part, dimensions));
+        let planes = py.detach(|| read(&store, part, dimensions));
         arrays::image(py, planes)
     }
 }
@@ -90,9 +107,9 @@ fn part(half: Option<usize>) -> PyResult<Part> {
 /// Returns the dimensions of some names: whole ones (`N1.x`), what comes before their point (`N1`), or `RGB`; all for `None`.
 fn select(layout: &Layout, names: Option<&Bound<PyAny>>) -> PyResult<Vec<usize>> {
     let Some(names) = names else { return Ok((0..layout.len()).collect()) };
-    let names: Vec<String> = match names.extract::<String>() {
+    let names = match names.extract::<String>() {
         Ok(name) => vec![name],
-        Err(_) => names.extract()?,
+        Err(_) => arguments::names(names)?,
     };
     let mut selected = Vec::new();
     for name in &names {
@@ -117,11 +134,11 @@ impl Store {
     #[pyo3(signature = (width, height, dimensions, *, reservoir=0, seed=0))]
     fn new(
         py: Python,
-        width: usize,
-        height: usize,
-        dimensions: Vec<String>,
-        reservoir: usize,
-        seed: u64,
+        #[pyo3(from_py_with = arguments::whole)] width: usize,
+        #[pyo3(from_py_with = arguments::whole)] height: usize,
+        #[pyo3(from_py_with = arguments::names)] dimensions: Vec<String>,
+        #[pyo3(from_py_with = arguments::whole)] reservoir: usize,
+        #[pyo3(from_py_with = arguments::whole)] seed: u64,
     ) -> PyResult<Self> {
         let columns = Columns::new(&dimensions).map_err(value_error)?;
         Self::empty(py, width, height, columns, reservoir, seed)
@@ -132,11 +149,11 @@ impl Store {
     #[pyo3(signature = (dimensions, counts, means, variances, *, seed=0))]
     fn from_moments(
         py: Python,
-        dimensions: Vec<String>,
+        #[pyo3(from_py_with = arguments::names)] dimensions: Vec<String>,
         counts: &Bound<PyAny>,
         means: &Bound<PyAny>,
         variances: &Bound<PyAny>,
-        seed: u64,
+        #[pyo3(from_py_with = arguments::whole)] seed: u64,
     ) -> PyResult<Self> {
         // Take the buffers
         let columns = Columns::new(&dimensions).map_err(value_error)?;
@@ -153,7 +170,7 @@ impl Store {
         if variances.shape() != means.shape() {
             return Err(arrays::wrong_shape("variances", variances.shape(), &accepted));
         }
-        let accepted = format!("an array of integers of shape (2, {height}, {width})");
+        let accepted = format!("an array of integers from 0 up of shape (2, {height}, {width})");
         let counts = arrays::integers("counts", counts, &[3], &accepted)?;
         if counts.shape() != [2, height, width] {
             return Err(arrays::wrong_shape("counts", counts.shape(), &accepted));
@@ -171,7 +188,7 @@ impl Store {
         let store = py
             .detach(|| stats::Store::from_half_moments(width, height, &columns, &halves, seed))
             .map_err(value_error)?;
-        Ok(Self { store: Arc::new(store), seed, columns })
+        Ok(Self { store: Mutex::new(Arc::new(store)), seed, columns })
     }
 
     /// Reads the store of a render state.
@@ -182,25 +199,25 @@ impl Store {
     }
 
     #[getter]
-    fn width(&self) -> usize {
-        self.store.width()
+    fn width(&self, py: Python) -> usize {
+        self.statistics(py).width()
     }
 
     #[getter]
-    fn height(&self) -> usize {
-        self.store.height()
+    fn height(&self, py: Python) -> usize {
+        self.statistics(py).height()
     }
 
     /// Names of the dimensions, in the order of the last axis of statistics.
     #[getter]
-    fn dimensions(&self) -> Vec<&'static str> {
-        self.store.layout().names().collect()
+    fn dimensions(&self, py: Python) -> Vec<&'static str> {
+        self.statistics(py).layout().names().collect()
     }
 
     /// Sample vectors that are kept of each pixel at most.
     #[getter]
-    fn reservoir(&self) -> usize {
-        self.store.capacity()
+    fn reservoir(&self, py: Python) -> usize {
+        self.statistics(py).capacity()
     }
 
     #[getter]
@@ -210,25 +227,32 @@ impl Store {
 
     /// Valid samples of the whole image.
     #[getter]
-    fn samples(&self) -> u64 {
-        self.store.samples()
+    fn samples(&self, py: Python) -> u64 {
+        self.statistics(py).samples()
     }
 
     /// Samples of the whole image that were rejected.
     #[getter]
-    fn rejected(&self) -> u64 {
-        self.store.rejected()
+    fn rejected(&self, py: Python) -> u64 {
+        self.statistics(py).rejected()
     }
 
     /// Valid samples per pixel, on average.
     #[getter]
-    fn spp(&self) -> f64 {
-        self.store.samples() as f64 / self.store.pixels() as f64
+    fn spp(&self, py: Python) -> f64 {
+        let store = self.statistics(py);
+        store.samples() as f64 / store.pixels() as f64
     }
 
     /// Adds the samples of a rectangle of pixels with its upper left corner at (x, y).
     #[pyo3(signature = (samples, *, x=0, y=0))]
-    fn push(&mut self, py: Python, samples: &Bound<PyAny>, x: usize, y: usize) -> PyResult<()> {
+    fn push(
+        &self,
+        py: Python,
+        samples: &Bound<PyAny>,
+        #[pyo3(from_py_with = arguments::whole)] x: usize,
+        #[pyo3(from_py_with = arguments::whole)] y: usize,
+    ) -> PyResult<()> {
         let columns = self.columns.count();
         let accepted = format!(
             "an array of real numbers of shape (height, width, samples, {columns}) or (height, width, {columns})"
@@ -244,14 +268,13 @@ impl Store {
         }
         let values = array.try_readonly()?;
         let rectangle = SampleRectangle { corner: [x, y], size, samples, values: values.as_slice()? };
-        py.detach(|| Arc::make_mut(&mut self.store).push_rectangle(&self.columns, &rectangle))
-            .map_err(value_error)
+        self.add(py, |store| store.push_rectangle(&self.columns, &rectangle)).map_err(value_error)
     }
 
     /// Adds samples of pixels in any order: one row of `pixels`, (x, y), and one of `samples` for each.
-    fn push_pixels(&mut self, py: Python, pixels: &Bound<PyAny>, samples: &Bound<PyAny>) -> PyResult<()> {
+    fn push_pixels(&self, py: Python, pixels: &Bound<PyAny>, samples: &Bound<PyAny>) -> PyResult<()> {
         let columns = self.columns.count();
-        let accepted = "an array of integers of shape (samples, 2), an x and a y a row";
+        let accepted = "an array of integers from 0 up of shape (samples, 2), an x and a y a row";
         let pixels = arrays::integers("pixels", pixels, &[2], accepted)?;
         if pixels.shape()[1] != 2 {
             return Err(arrays::wrong_shape("pixels", pixels.shape(), accepted));
@@ -263,28 +286,42 @@ impl Store {
         }
         let (pixels, samples) = (pixels.try_readonly()?, samples.try_readonly()?);
         let (pixels, samples) = (pixels.as_slice()?, samples.as_slice()?);
-        py.detach(|| Arc::make_mut(&mut self.store).push_pixels(&self.columns, pixels, samples))
-            .map_err(value_error)
+        self.add(py, |store| store.push_pixels(&self.columns, pixels, samples)).map_err(value_error)
     }
 
     /// Valid samples of each pixel.
     #[pyo3(signature = (half=None))]
-    fn counts(&self, py: Python, half: Option<usize>) -> PyResult<Py<PyAny>> {
+    fn counts(
+        &self,
+        py: Python,
+        #[pyo3(from_py_with = arguments::whole_or_none)] half: Option<usize>,
+    ) -> PyResult<Py<PyAny>> {
         let part = part(half)?;
-        let counts = py.detach(|| self.store.counts(part));
-        arrays::map(py, counts, self.store.width())
+        let store = self.statistics(py);
+        let counts = py.detach(|| store.counts(part));
+        arrays::map(py, counts, store.width())
     }
 
     /// Means of the samples.
     #[pyo3(signature = (names=None, *, half=None))]
-    fn mean(&self, py: Python, names: Option<&Bound<PyAny>>, half: Option<usize>) -> PyResult<Py<PyAny>> {
+    fn mean(
+        &self,
+        py: Python,
+        names: Option<&Bound<PyAny>>,
+        #[pyo3(from_py_with = arguments::whole_or_none)] half: Option<usize>,
+    ) -> PyResult<Py<PyAny>> {
         self.read(py, names, half, |store, part, dimensions| store.means(part, dimensions))
     }
 
     /// Unbiased variances of the samples.
     #[pyo3(signature = (names=None, *, half=None))]
-    fn variance(&self, py: Python, names: Option<&Bound<PyAny>>, half: Option<usize>) -> PyResult<Py<PyAny>> {
-        self.check_deviations(half)?;
+    fn variance(
+        &self,
+        py: Python,
+        names: Option<&Bound<PyAny>>,
+        #[pyo3(from_py_with = arguments::whole_or_none)] half: Option<usize>,
+    ) -> PyResult<Py<PyAny>> {
+        self.check_deviations(py, half)?;
         self.read(py, names, half, |store, part, dimensions| store.variances(part, dimensions))
     }
 
@@ -294,9 +331,9 @@ impl Store {
         &self,
         py: Python,
         names: Option<&Bound<PyAny>>,
-        half: Option<usize>,
+        #[pyo3(from_py_with = arguments::whole_or_none)] half: Option<usize>,
     ) -> PyResult<Py<PyAny>> {
-        self.check_deviations(half)?;
+        self.check_deviations(py, half)?;
         self.read(py, names, half, |store, part, dimensions| {
             let mut planes = store.variances(part, dimensions);
             planes.data_mut().iter_mut().for_each(|value| *value = value.sqrt());
@@ -304,7 +341,7 @@ impl Store {
         })
     }
 
-    fn __repr__(&self) -> String {
-        format!("<prpf.Store {}x{} pixels, {:.1} spp>", self.width(), self.height(), self.spp())
+    fn __repr__(&self, py: Python) -> String {
+        format!("<prpf.Store {}x{} pixels, {:.1} spp>", self.width(py), self.height(py), self.spp(py))
     }
 }

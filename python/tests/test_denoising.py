@@ -108,5 +108,9 @@ def test_results_of_other_sizes_and_limits_that_contradict_are_exceptions(render
         prpf.allocate(rendered, prpf.denoise(other), 100)
     with pytest.raises(ValueError, match="max_spp: found 2; accepted is a number from min_spp, 4"):
         prpf.allocate(rendered, np.ones((24, 40)), 100, min_spp=4, max_spp=2)
-    with pytest.raises(OverflowError):
+    with pytest.raises(ValueError, match="found -1; accepted is a whole number from 0 to 18446744073709551615"):
         prpf.allocate(rendered, np.ones((24, 40)), -1)
+    with pytest.raises(TypeError, match="found 1.5; accepted is a whole number"):
+        prpf.allocate(rendered, np.ones((24, 40)), 1.5)
+    with pytest.raises(ValueError, match="found 4294967296; accepted is a whole number from 0 to 4294967295"):
+        prpf.allocate(rendered, np.ones((24, 40)), 1, min_spp=2**32)

@@ -99,6 +99,10 @@ def test_an_interrupt_is_heard_and_other_threads_run(scene, interrupts):
         ({"reference": np.zeros((5, 5, 3))}, ValueError, "reference: found 5x5 pixels; .* 40x24 pixels"),
         ({"reference": np.zeros((24, 40))}, ValueError, r"reference: found the shape \(24, 40\)"),
         ({"output": "out.bmp"}, ValueError, "use .exr or .png"),
+        ({"output": "out.png", "state": "out.png"}, ValueError, "state: found the file of output; accepted is another"),
+        ({"callback": 3}, TypeError, "found 3; accepted is a function"),
+        ({"counts": "all"}, TypeError, "found 'all'; accepted is a function"),
+        ({"spp": -1}, ValueError, "found -1; accepted is a whole number from 0 to 4294967295"),
         ({"reservoir": 10**9}, MemoryError, "GB of memory"),
     ],
 )
@@ -108,10 +112,10 @@ def test_wrong_arguments_are_exceptions(scene, arguments, error, words):
 
 
 def test_files_that_cannot_be_read_or_written_are_exceptions(scene, tmp_path):
-    with pytest.raises(OSError):
-        prpf.render(scene, spp=1, output=tmp_path / "missing" / "out.exr")
-    with pytest.raises(OSError):
-        prpf.render(scene, spp=1, state=tmp_path / "missing" / "out.state")
+    for name in ["output", "state"]:
+        # An hour of rendering that would be lost
+        with pytest.raises(FileNotFoundError, match="missing/out.exr: no such file or folder"):
+            prpf.render(scene, time=3600, **{name: tmp_path / "missing" / "out.exr"})
     with pytest.raises(FileNotFoundError):
         prpf.Store.load(tmp_path / "missing.state")
     text = tmp_path / "text.state"
@@ -127,6 +131,15 @@ def test_a_map_places_samples_by_ratios_or_counts(scene):
     assert counts.sum() == 16 * 40 * 24 and counts[:, :20].mean() == pytest.approx(3 * counts[:, 20:].mean(), rel=0.1)
     wanted = np.arange(24 * 40).reshape(24, 40) % 7
     assert np.array_equal(prpf.render(scene, sample_map=wanted, sample_map_values="absolute").store.counts(), wanted)
+
+
+def test_a_map_has_the_size_of_the_part_that_is_rendered(scene_file):
+    part = prpf.Scene.load(scene_file, pixel_bounds=(4, 20, 2, 12))
+    wanted = np.arange(10 * 16).reshape(10, 16) % 5
+    rendered = prpf.render(part, sample_map=wanted, sample_map_values="absolute", denoiser="none")
+    assert np.array_equal(rendered.store.counts(), wanted)
+    with pytest.raises(ValueError, match=r"found the shape \(24, 40\); accepted is .* \(10, 16\)"):
+        prpf.render(part, sample_map=np.ones((24, 40)))
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,7 @@
 """Statistics: samples of other renderers against numpy's own moments."""
 
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
 import pytest
 from conftest import FEATURES, made_up_samples
@@ -69,6 +71,7 @@ def test_empty_arrays_change_nothing():
         (np.zeros((2, 4, 3), complex), TypeError, "complex128"),
         (np.zeros((2, 4, 3), object), TypeError, "object"),
         (np.zeros((2, 4, 3), "datetime64[s]"), TypeError, "datetime64"),
+        ([[1], [1, 2]], ValueError, "samples: setting an array element with a sequence.*; accepted is an array of real"),
         ("no samples", TypeError, "<U10"),
         (None, TypeError, "object"),
     ],
@@ -87,7 +90,7 @@ def test_pixels_outside_are_exceptions():
             store.push(np.zeros((2, 4, 3)), **corner)
     with pytest.raises(ValueError, match=r"pixels: found \(4, 0\); accepted are pixels within 4x2"):
         store.push_pixels([[4, 0]], [[1, 1, 1]])
-    with pytest.raises(ValueError, match="found -1"):
+    with pytest.raises(ValueError, match="found -1; accepted is an array of integers from 0 up"):
         store.push_pixels([[-1, 0]], [[1, 1, 1]])
     with pytest.raises(ValueError, match=r"samples: found the shape \(2, 3\); accepted is .* \(1, 3\)"):
         store.push_pixels([[0, 0]], np.ones((2, 3)))
@@ -118,14 +121,32 @@ def test_layouts_without_sense_are_exceptions(names, words):
         prpf.Store(4, 4, names)
 
 
+@pytest.mark.parametrize("names", ["RGB", ["R", "G", 3], None, 7])
+def test_layouts_that_are_no_lists_of_names_are_exceptions(names):
+    with pytest.raises(TypeError, match="found .*; accepted is a list of names"):
+        prpf.Store(4, 4, names)
+
+
 def test_stores_without_pixels_or_beyond_memory_are_exceptions():
     for size in [(0, 4), (4, 0), (10**6, 1), (2**63, 2)]:
         with pytest.raises(ValueError, match="size: found"):
             prpf.Store(*size, ["R", "G", "B"])
     with pytest.raises(MemoryError, match="GB of memory"):
         prpf.Store(10000, 10000, FEATURES, reservoir=10**6)
-    with pytest.raises((ValueError, OverflowError)):
+    with pytest.raises(ValueError, match="found -1; accepted is a whole number"):
         prpf.Store(-1, 4, ["R", "G", "B"])
+
+
+def test_threads_share_a_store():
+    samples, image = made_up_samples(32, 32, 4)
+    store = prpf.Store(32, 32, FEATURES)
+    store.push(samples)
+    with ThreadPoolExecutor(4) as pool:
+        pushes = [pool.submit(store.push, samples) for _ in range(16)]
+        passes = [pool.submit(prpf.denoise, store, "nlm draft") for _ in range(4)]
+        for done in pushes + passes:
+            done.result()
+    assert store.spp == 17 * 4
 
 
 def test_unknown_names_and_halves_are_exceptions():
