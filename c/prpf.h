@@ -156,6 +156,16 @@ PrpfStatus prpf_set_threads(size_t threads);
 const char *prpf_denoiser_name(size_t index);
 
 /**
+ * Filters by other weights of "learned", in the whole process: before the first pass, and once. The same file again changes
+ * nothing.
+ *
+ * path: of a file that training/export.py has written, in UTF-8.
+ *
+ * `path` is null or points to a text.
+ */
+PrpfStatus prpf_use_weights(const char *path);
+
+/**
  * Creates an empty store for samples of any renderer.
  *
  * width, height: of the image in pixels.

@@ -9,7 +9,7 @@ use prpf::filter::{Denoiser, nlm};
 use prpf::stats::{Columns, SampleRectangle, Store};
 
 use crate::allocation::{prpf_filter_priority, prpf_store_allocate};
-use crate::denoisers::prpf_denoiser_name;
+use crate::denoisers::{prpf_denoiser_name, prpf_use_weights};
 use crate::filter::{
     PrpfFilter, prpf_filter_create, prpf_filter_free, prpf_filter_run, prpf_filter_set_progress,
 };
@@ -331,4 +331,24 @@ fn the_names_of_denoisers_can_be_listed() {
     let names: Vec<CString> = names.map(|name| unsafe { CStr::from_ptr(name) }.to_owned()).collect();
     assert_eq!(names.len(), prpf::filter::DENOISERS.len());
     assert_eq!(names[0].as_c_str(), c"learned standard");
+}
+
+#[test]
+fn files_of_weights_are_taken_or_refused() {
+    // SAFETY: all texts end with a zero byte.
+    let use_weights = |path: &CStr| (unsafe { prpf_use_weights(path.as_ptr()) }, message());
+    let own = concat!(env!("CARGO_MANIFEST_DIR"), "/../src/filter/learned/weights.safetensors");
+    assert_eq!(use_weights(&CString::new(own).unwrap()), (PrpfStatus::Ok, String::new()));
+    for (path, words) in [
+        (c"none", "none: no such file or folder"),
+        (c"Cargo.toml", "Cargo.toml: not a file of weights"),
+        (c"/", "/: it is a folder"),
+        (c"\xc3", "path: found bytes that are not UTF-8"),
+    ] {
+        let (status, message) = use_weights(path);
+        assert_eq!(status, PrpfStatus::InvalidArgument);
+        assert!(message.contains(words), "{message}");
+    }
+    // SAFETY: a null pointer is checked.
+    assert_eq!(unsafe { prpf_use_weights(null()) }, PrpfStatus::InvalidArgument);
 }

@@ -1,12 +1,15 @@
 //! Denoisers: filtering a store, and the maps of the result.
 
+use std::path::PathBuf;
+
+use prpf::filter::learned::{self, WeightFileError};
 use prpf::filter::{CancellablePool, DENOISERS, by_name, can_filter, suited_to};
 use prpf::progressive::{ErrorEstimate, FailureMap, FilterPass, Filtered};
-use pyo3::exceptions::PyRuntimeError;
+use pyo3::exceptions::{PyOSError, PyRuntimeError};
 use pyo3::prelude::*;
 
 use crate::arrays;
-use crate::errors::value_error;
+use crate::errors::{Error, value_error};
 use crate::store::Store;
 
 /// See `__init__.pyi`.
@@ -82,6 +85,17 @@ impl Estimate {
 #[pyfunction]
 pub fn denoisers() -> Vec<String> {
     DENOISERS.iter().map(|denoiser| denoiser.name().to_string()).collect()
+}
+
+/// Filters by other weights of the learned filter.
+#[pyfunction]
+pub fn use_weights(path: PathBuf) -> PyResult<()> {
+    let message = |error: &WeightFileError| format!("{}: {error}", path.display());
+    learned::use_weights(&path).map_err(|error| match &error {
+        WeightFileError::Read(_) => PyOSError::new_err(message(&error)),
+        WeightFileError::InUse => value_error(message(&error)),
+        _ => Error::new_err(message(&error)),
+    })
 }
 
 /// Filters a store.

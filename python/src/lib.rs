@@ -22,7 +22,7 @@ mod module {
     #[pymodule_export]
     use crate::allocation::{allocate, priority};
     #[pymodule_export]
-    use crate::denoising::{Denoised, Estimate, denoise, denoisers};
+    use crate::denoising::{Denoised, Estimate, denoise, denoisers, use_weights};
     #[pymodule_export]
     use crate::errors::Error;
     #[pymodule_export]

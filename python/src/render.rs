@@ -1,6 +1,7 @@
 //! The whole render loop.
 
-use std::path::PathBuf;
+use std::io;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use prpf::RenderBuilder;
@@ -10,7 +11,7 @@ use prpf::filter::by_name;
 use prpf::image::OutputFormat;
 use prpf::progressive::{Budget, Filtered, Outcome, PassRecord, RecordedStatistics, Settings};
 use prpf::render::Shard;
-use prpf::state::{ImageMetadata, RenderState, Stream};
+use prpf::state::{ImageMetadata, RenderState, SampleFile, Stream};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
@@ -81,7 +82,7 @@ impl Render {
 #[pyo3(signature = (scene, *, spp=None, time=None, target_error=None, sampling=None, sample_map=None,
                     sample_map_values="relative", denoiser="learned", seed=0,
                     min_spp=4, max_spp=None, reservoir=0, statistics="all", reference=None, callback=None, counts=None,
-                    output=None, state=None, resume=None))]
+                    output=None, state=None, resume=None, samples=None))]
 #[expect(clippy::too_many_arguments, reason = "keyword arguments of Python")]
 pub fn render(
     py: Python,
@@ -104,6 +105,7 @@ pub fn render(
     output: Option<PathBuf>,
     state: Option<PathBuf>,
     resume: Option<PathBuf>,
+    samples: Option<PathBuf>,
 ) -> PyResult<Render> {
     // Check the arguments before minutes of rendering
     let sample_map = sample_map.map(|map| self::sample_map(map, sample_map_values, scene)).transpose()?;
@@ -137,7 +139,7 @@ pub fn render(
     if let Some(path) = &output {
         OutputFormat::from_path(path).map_err(image_error)?;
     }
-    check_files([("output", &output), ("state", &state)])?;
+    check_files([("output", &output), ("state", &state), ("samples", &samples)])?;
     let reference = reference.map(|reference| arrays::rgb("reference", reference)).transpose()?;
 
     // Render
@@ -156,7 +158,13 @@ pub fn render(
                 .map_err(|error| Error::new_err(format!("{}: {error}", path.display())))?;
             builder = builder.resume(found.checkpoint);
         }
+        let begin = |path: &PathBuf| SampleFile::begin(path, renderer.layout());
         let mut host = RenderHost {
+            samples: samples
+                .as_ref()
+                .map(begin)
+                .transpose()
+                .map_err(|error| cannot_write(&samples, error))?,
             callback,
             counts,
             state,
@@ -168,9 +176,10 @@ pub fn render(
             error: None,
         };
         let rendered = builder.run_with(&mut host).map_err(render_error)?;
+        let finished = host.samples.map_or(Ok(()), SampleFile::finish);
         match host.error {
             Some(error) => Err(error),
-            None => Ok(rendered),
+            None => finished.map(|()| rendered).map_err(|error| cannot_write(&samples, error)),
         }
     })?;
     if let Some(path) = &output {
@@ -183,7 +192,7 @@ pub fn render(
 ///
 /// # Errors
 /// The first one that cannot.
-fn check_files(files: [(&str, &Option<PathBuf>); 2]) -> PyResult<()> {
+fn check_files(files: [(&str, &Option<PathBuf>); 3]) -> PyResult<()> {
     for (i, (name, path)) in files.iter().enumerate() {
         let Some(path) = path else { continue };
         if let Some((other, _)) = files[..i].iter().find(|(_, other)| other.as_ref() == Some(path)) {
@@ -195,6 +204,12 @@ fn check_files(files: [(&str, &Option<PathBuf>); 2]) -> PyResult<()> {
         })?;
     }
     Ok(())
+}
+
+/// The exception of a file of samples that cannot be written.
+fn cannot_write(path: &Option<PathBuf>, error: io::Error) -> PyErr {
+    let name = path.as_deref().unwrap_or(Path::new("")).display();
+    file_error(error.kind(), format!("{name}: cannot write the samples: {}", error_message(&error)))
 }
 
 /// Takes a map of the size of the render by which samples are placed.

@@ -4,8 +4,8 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use prpf::progressive::{Checkpoint, Filtered, Host, Progress, Settings};
-use prpf::render::Shard;
-use prpf::state::{ImageMetadata, RenderState, Stream};
+use prpf::render::{SampleSink, Shard};
+use prpf::state::{ImageMetadata, RenderState, SampleFile, Stream};
 use prpf::stats;
 use pyo3::prelude::*;
 
@@ -29,6 +29,8 @@ pub struct RenderHost {
     /// The function that chooses the counts of a batch.
     pub counts: Option<Py<PyAny>>,
     pub state: Option<PathBuf>,
+    /// The file that gets every sample.
+    pub samples: Option<SampleFile>,
     pub metadata: ImageMetadata,
     pub seed: u64,
     /// Passes so far.
@@ -113,6 +115,10 @@ impl Host for RenderHost {
 
     fn is_interrupted(&self) -> bool {
         self.is_stopped || self.error.is_some()
+    }
+
+    fn sample_sink(&mut self) -> Option<&mut dyn SampleSink> {
+        self.samples.as_mut().map(|file| file as &mut dyn SampleSink)
     }
 
     fn checkpoint_interval(&self) -> Option<f64> {

@@ -112,7 +112,7 @@ def test_wrong_arguments_are_exceptions(scene, arguments, error, words):
 
 
 def test_files_that_cannot_be_read_or_written_are_exceptions(scene, tmp_path):
-    for name in ["output", "state"]:
+    for name in ["output", "state", "samples"]:
         # An hour of rendering that would be lost
         with pytest.raises(FileNotFoundError, match="missing/out.exr: no such file or folder"):
             prpf.render(scene, time=3600, **{name: tmp_path / "missing" / "out.exr"})
@@ -140,6 +140,17 @@ def test_a_map_has_the_size_of_the_part_that_is_rendered(scene_file):
     assert np.array_equal(rendered.store.counts(), wanted)
     with pytest.raises(ValueError, match=r"found the shape \(24, 40\); accepted is .* \(10, 16\)"):
         prpf.render(part, sample_map=np.ones((24, 40)))
+
+
+def test_every_sample_is_written(scene, tmp_path):
+    rendered = prpf.render(scene, spp=6, samples=tmp_path / "all.npz")
+    pieces = np.load(tmp_path / "all.npz")
+    samples = np.concatenate([pieces[name] for name in pieces.files])
+    assert samples.dtype.names == ("x", "y", "index", *scene.dimensions)
+    counts = np.zeros((24, 40), int)
+    np.add.at(counts, (samples["y"], samples["x"]), 1)
+    assert np.array_equal(counts, rendered.store.counts())
+    assert samples["R"].mean() == pytest.approx(np.average(rendered.store.mean("R")[..., 0], weights=counts), rel=1e-4)
 
 
 @pytest.mark.parametrize(

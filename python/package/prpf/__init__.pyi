@@ -29,6 +29,7 @@ __all__ = [
     "priority",
     "read_image",
     "render",
+    "use_weights",
     "write_image",
 ]
 
@@ -265,6 +266,10 @@ def denoise(store: Store, denoiser: str = "learned") -> Denoised:
     Raises ``ValueError`` if the store has no samples, or a smaller reservoir than the denoiser needs.
     """
 
+def use_weights(path: str | PathLike[str]) -> None:
+    """Filters by other weights of ``learned``, which ``training/export.py`` has written, in the whole process: before the first
+    filter pass, and once. :class:`Error` for a file of something else, ``ValueError`` if other weights are in use."""
+
 def priority(
     store: Store,
     result: Denoised,
@@ -314,6 +319,7 @@ def render(
     output: str | PathLike[str] | None = None,
     state: str | PathLike[str] | None = None,
     resume: str | PathLike[str] | None = None,
+    samples: str | PathLike[str] | None = None,
 ) -> Render:
     """Renders, filters and allocates until the first budget is spent.
 
@@ -327,7 +333,8 @@ def render(
     many in all as are planned. ``statistics``: whether the store keeps every dimension, or what the denoiser and an EXR read,
     which takes less memory and time. ``output``: an ``.exr`` with all layers or a ``.png``. ``state``: a file for :meth:`Store.load` and
     ``prpf denoise``, ``merge`` and ``render --resume``. ``resume``: a state of the same scene, view and seed to go on from, which may
-    be the same file; with a budget of samples the image is the same to the last bit as without the interruption.
+    be the same file; with a budget of samples the image is the same to the last bit as without the interruption. ``samples``: an ``.npz``
+    file for every sample vector of this call, as ``prpf render --samples`` writes it.
 
     Ctrl-C ends the render after the current step and one filter pass, and raises ``KeyboardInterrupt``; so does an exception of
     the callback.

@@ -16,7 +16,7 @@ const FORMAT: &str = "prpf learned 2";
 pub enum WeightFileError {
     #[error("{0}")]
     Read(String),
-    #[error("not a file of weights: {0}")]
+    #[error("not a file of weights: {0}; accepted is what training/export.py writes")]
     NoWeights(String),
     #[error("format: found `{found}`; accepted is `{FORMAT}`")]
     Format { found: String },

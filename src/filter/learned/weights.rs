@@ -1,5 +1,6 @@
 //! The weights in use: those of this version, or others that a program gives before the first filter pass.
 
+use std::io::Read;
 use std::path::Path;
 use std::sync::OnceLock;
 
@@ -7,6 +8,7 @@ use sha2::{Digest, Sha256};
 
 use super::network::Network;
 use super::weight_file::WeightFileError;
+use crate::files::{error_message, open_regular};
 
 static WEIGHTS: OnceLock<Weights> = OnceLock::new();
 
@@ -42,7 +44,9 @@ pub fn weights_id() -> &'static str {
 /// # Errors
 /// A file that cannot be read or is no file of weights for this version; other weights in use.
 pub fn use_weights(path: &Path) -> Result<(), WeightFileError> {
-    let bytes = std::fs::read(path).map_err(|error| WeightFileError::Read(error.to_string()))?;
+    let (mut file, _) = open_regular(path).map_err(WeightFileError::Read)?;
+    let mut bytes = Vec::new();
+    file.read_to_end(&mut bytes).map_err(|error| WeightFileError::Read(error_message(&error)))?;
     let given = Weights::new(&bytes)?;
     let id = given.id.clone();
     match WEIGHTS.get_or_init(|| given).id == id {
@@ -69,6 +73,8 @@ mod tests {
         let last = not_finite.len() - 2;
         not_finite[last..].copy_from_slice(&half::f16::INFINITY.to_le_bytes());
         let of_other_version = replaced(embedded, b"prpf learned 2", b"prpf learned 1");
+        let none = use_weights(Path::new("none.safetensors")).unwrap_err();
+        assert_eq!(none.to_string(), "no such file or folder");
         for (bytes, message) in [
             (&b"exr"[..], "not a file of weights"),
             (&embedded[..embedded.len() / 2], "not a file of weights"),
