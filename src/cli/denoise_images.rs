@@ -12,7 +12,6 @@ use super::failure::Failure;
 use super::summary::describe;
 use super::terminal::{escaped, print, print_error};
 use crate::files::open_regular;
-use crate::filter::nlm::{self, Nlm};
 use crate::filter::{DENOISERS, Denoiser, FilterResult, SampleVectors, weights_of};
 use crate::image::exr_file::{self, Attribute, Channel, Precision, Windows};
 use crate::image::{OutputFormat, Planes, png_file};
@@ -48,8 +47,8 @@ pub(super) fn denoise(options: &DenoiseOptions, outfiles: &[PathBuf], start: Ins
 
     // Filter them
     let planes: Vec<[Planes; 2]> = aovs.iter().map(|(_, planes)| planes.clone()).collect();
-    let (result, filtered) = match as_nlm(denoiser) {
-        Some(nlm) => nlm.filter_with_layers(&store, &planes),
+    let (result, filtered) = match denoiser.layers() {
+        Some(denoiser) => denoiser.filter_with_layers(&store, 0, &planes),
         None => (denoiser.filter(&store, 0), Vec::new()),
     };
     let estimate = ErrorEstimate::new(&result, &store);
@@ -97,23 +96,24 @@ pub(super) fn denoise(options: &DenoiseOptions, outfiles: &[PathBuf], start: Ins
 
 /// Returns the denoiser, which images have to suffice for.
 fn choose(options: &DenoiseOptions) -> anyhow::Result<&'static dyn Denoiser> {
-    // Other layers share the weights of `nlm` only.
-    let default = if options.aovs.is_some() { &nlm::STANDARD } else { DENOISERS[0] };
-    let denoiser = options.denoiser.choose(default)?;
+    let denoiser = options.denoiser.choose(DENOISERS[0])?;
     let name = denoiser.name();
     ensure!(
         denoiser.reads().sample_vectors == SampleVectors::None,
         "--denoiser {name}: found a denoiser that reads sample vectors, which images do not have; accepted are nlm, learned, \
          oidn and none"
     );
-    if options.aovs.is_some() && as_nlm(denoiser).is_none() {
-        bail!("--aovs: found --denoiser {name}, whose weights other layers cannot share; accepted is nlm");
+    if options.aovs.is_some() && denoiser.layers().is_none() {
+        let mut accepted: Vec<_> =
+            DENOISERS.into_iter().filter(|denoiser| denoiser.layers().is_some()).collect();
+        accepted.dedup_by_key(|denoiser| denoiser.name().method);
+        let accepted: Vec<_> = accepted.into_iter().map(|denoiser| denoiser.name().method).collect();
+        bail!(
+            "--aovs: found --denoiser {name}, whose weights other layers cannot share; accepted are {}",
+            accepted.join(" and ")
+        );
     }
     Ok(denoiser)
-}
-
-fn as_nlm(denoiser: &dyn Denoiser) -> Option<&'static Nlm> {
-    [&nlm::STANDARD, &nlm::DRAFT].into_iter().find(|nlm| nlm.name() == denoiser.name())
 }
 
 /// Prints what may make the image worse than it could be.

@@ -6,6 +6,7 @@
 use super::denoiser_name::DenoiserName;
 use super::result::FilterResult;
 use super::whole_image::WholeImage;
+use crate::image::Planes;
 use crate::stats::{Block, Store};
 
 /// A method of reconstruction with one of its presets.
@@ -45,6 +46,23 @@ pub trait Denoiser: Send + Sync {
     fn parts(&self) -> Option<&dyn PartFilter> {
         None
     }
+
+    /// Returns how the denoiser filters layers of the colour; `None`, the default, if it cannot.
+    fn layers(&self) -> Option<&dyn LayerFilter> {
+        None
+    }
+}
+
+/// A denoiser that can filter layers that sum to the colour, such as light groups, by the weights of the colour.
+pub trait LayerFilter {
+    /// Filters a store, and layers: of each the means of both halves of the samples, 3 planes. Returns the filtered layers as
+    /// well, which sum to the image without directly visible emission up to rounding.
+    fn filter_with_layers(
+        &self,
+        store: &Store,
+        seed: u64,
+        layers: &[[Planes; 2]],
+    ) -> (FilterResult, Vec<Planes>);
 }
 
 /// A denoiser that can filter the parts of an image one by one, to the same result as the whole. Every pixel needs two

@@ -84,9 +84,13 @@ impl Serialize for dyn Denoiser {
 
 #[cfg(test)]
 mod tests {
+    use rand::RngExt;
+
     use super::*;
     use crate::filter::SampleVectors;
-    use crate::stats::Layout;
+    use crate::filter::synthetic::{store, wall};
+    use crate::image::Planes;
+    use crate::stats::{Block, Layout, Part};
 
     #[test]
     fn every_denoiser_is_found_by_its_name_and_no_two_share_one() {
@@ -121,6 +125,49 @@ mod tests {
         }
         let unknown = serde_json::from_str::<DenoiserName>(r#"{"denoiser":"nlm","quality":"best"}"#);
         assert!(unknown.unwrap_err().to_string().contains("unknown denoiser nlm best"));
+    }
+
+    #[test]
+    fn layers_of_the_colour_sum_to_the_image() {
+        let layout = Layout::with_blocks(|block| matches!(block, Block::Albedo | Block::Normal1));
+        let noisy = store(
+            40,
+            30,
+            layout.clone(),
+            |x, y| [0, 1, 2, 8][(x + y) % 4],
+            |x, y, _, rng| {
+                // Light that few samples meet leaves fireflies
+                let light = if rng.random_bool(0.01) { 200.0 } else { rng.random::<f32>() };
+                wall(&layout, x, y, [light; 3], rng)
+            },
+        );
+        let colour = [0, 1].map(|half| noisy.means(Part::Half(half), layout.colour()));
+        let parts = [0.0, 0.3, 0.5].map(|lower| {
+            let part = |i: usize| if i % 7 < 3 { lower } else { 0.5 * lower };
+            colour.each_ref().map(|half| {
+                let mut layer = half.clone();
+                layer.data_mut().iter_mut().enumerate().for_each(|(i, v)| *v *= part(i));
+                layer
+            })
+        });
+        let rest = [0, 1].map(|half| {
+            let mut rest = colour[half].clone();
+            for part in &parts {
+                rest.data_mut().iter_mut().zip(part[half].data()).for_each(|(rest, v)| *rest -= v);
+            }
+            rest
+        });
+        let layers: Vec<[Planes; 2]> = parts.into_iter().chain([rest]).collect();
+        let with_layers: Vec<_> = DENOISERS.into_iter().filter_map(Denoiser::layers).collect();
+        assert_eq!(with_layers.len(), 4, "both presets of learned and nlm");
+        for denoiser in with_layers {
+            let (result, filtered) = denoiser.filter_with_layers(&noisy, 0, &layers);
+            for (i, v) in result.image.data().iter().enumerate() {
+                let sum: f32 = filtered.iter().map(|layer| layer.data()[i]).sum();
+                assert!((sum - v).abs() <= 2e-5 * (1.0 + v.abs()), "{}: {sum} {v}", result.made_by);
+            }
+            assert!(filtered[0].data().iter().all(|&v| v.abs() < 1e-6), "a black layer stays black");
+        }
     }
 
     #[test]

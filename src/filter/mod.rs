@@ -26,7 +26,7 @@ pub use cancellable_pool::{CancellablePool, stop_if_cancelled};
 pub use common::blur;
 pub use common::error_maps::ErrorMaps;
 pub use common::fireflies::FireflySettings;
-pub use denoiser::{Cost, Denoiser, PartFilter, Reads, SampleVectors};
+pub use denoiser::{Cost, Denoiser, LayerFilter, PartFilter, Reads, SampleVectors};
 pub use denoiser_name::DenoiserName;
 pub use denoisers::{DEFAULTS, DENOISERS, UNFILTERED, find, presets, suited_to, weights_of};
 pub use lack::Lack;

@@ -76,6 +76,15 @@ pub struct Firefly {
     pub half_scales: [f32; 2],
 }
 
+/// Clamps a layer of the colour, its means in both halves, as the colour was clamped.
+pub fn clamp_layer(layer: &mut [Planes; 2], fireflies: &[Firefly]) {
+    for firefly in fireflies {
+        for (half, scale) in layer.iter_mut().zip(firefly.half_scales) {
+            half.planes_mut().for_each(|plane| plane[firefly.pixel] *= scale);
+        }
+    }
+}
+
 /// Clamps fireflies. `whole` and `halves` are means of 3 planes, `counts` the sample counts of the halves.
 pub fn clamp(
     whole: &Planes,

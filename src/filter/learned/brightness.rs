@@ -1,4 +1,4 @@
-//! Scales the filtered image to the local brightness of the samples: filters that suppress bright samples darken it.
+//! Computes the factors that scale the filtered image to the local brightness of the samples: filters that suppress bright samples darken it.
 //!
 //! Over a wide surrounding the mean of the unfiltered image c is known well. There the filtered image F is multiplied by
 //! 1 + r, r = Σ(c − F) / ΣF, which has the variance Σv / (ΣF)² with the variance v of c. The prior of r is normal with mean
@@ -17,8 +17,8 @@ const USUAL_LOSS: f32 = 0.05;
 /// Standard deviation of the blur that the sums are, in pixels.
 const SIGMA: f32 = 16.0;
 
-/// Scales the filtered image so that its brightness is that of the `noisy` one.
-pub fn restore(filtered: &mut Noisy, noisy: &Noisy, counts: &HalfCounts) {
+/// Returns the factors that give the pixels of the filtered image the brightness of the `noisy` one.
+pub fn factors(filtered: &Noisy, noisy: &Noisy, counts: &HalfCounts) -> Vec<f32> {
     let (width, height, pixels) = (noisy.mean.width(), noisy.mean.height(), noisy.mean.pixels());
     let over_surrounding = |of: &(dyn Fn(usize) -> f32 + Sync)| {
         let sum = |i: usize| match counts.floats().iter().all(|counts| counts[i] > 0.0) {
@@ -40,13 +40,7 @@ pub fn restore(filtered: &mut Noisy, noisy: &Noisy, counts: &HalfCounts) {
         let change = loss / (1.0 + uncertainty / (USUAL_LOSS * USUAL_LOSS));
         if change.is_finite() { 1.0 + change.max(-0.5) } else { 1.0 }
     };
-    let factors: Vec<f32> = (0..pixels).into_par_iter().with_min_len(1024).map(factor).collect();
-    for planes in [&mut filtered.mean, &mut filtered.noise] {
-        for plane in planes.planes_mut() {
-            let values = plane.par_iter_mut().with_min_len(1024).zip(&factors);
-            values.for_each(|(v, factor)| *v *= factor);
-        }
-    }
+    (0..pixels).into_par_iter().with_min_len(1024).map(factor).collect()
 }
 
 #[cfg(test)]
@@ -62,8 +56,9 @@ mod tests {
             planes
         };
         let counts = HalfCounts::new(64, [vec![2; 64 * 64], vec![2; 64 * 64]]);
-        let mut filtered = Noisy { mean: constant(0.9), noise: constant(0.0) };
-        restore(&mut filtered, &Noisy { mean: constant(1.0), noise: constant(deviation) }, &counts);
+        let mut filtered = Noisy::exact(constant(0.9));
+        let noisy = Noisy { mean: constant(1.0), noise: constant(deviation) };
+        filtered.scale(&factors(&filtered, &noisy, &counts));
         filtered.mean.at(1, 32, 32)
     }
 

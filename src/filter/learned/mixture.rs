@@ -28,6 +28,21 @@ impl Noisy {
         Self { mean, noise }
     }
 
+    /// An image without noise.
+    pub fn exact(mean: Planes) -> Self {
+        Self { noise: Planes::new(mean.width(), mean.height(), mean.count()), mean }
+    }
+
+    /// Multiplies each pixel by its factor.
+    pub fn scale(&mut self, factors: &[f32]) {
+        for planes in [&mut self.mean, &mut self.noise] {
+            for plane in planes.planes_mut() {
+                let values = plane.par_iter_mut().with_min_len(1024).zip(factors);
+                values.for_each(|(v, factor)| *v *= factor);
+            }
+        }
+    }
+
     /// Returns the images of the halves.
     pub fn halves(&self, counts: &HalfCounts) -> [Planes; 2] {
         [(0, 1.0), (1, -1.0)].map(|(half, sign)| {

@@ -10,12 +10,14 @@
 //! 4. The results, the unfiltered image and that of `nlm` are mixed.
 //! 5. Where the samples contradict the result, it is blended with the image of `nlm`; in preset `draft` with the unfiltered one.
 //! 6. Light that was lost over a wide surrounding is given back.
-//! 7. Variance, residual and error follow from the halves, which are filtered with the same weights.
+//! 7. Layers that sum to the colour are filtered with the same weights.
+//! 8. Variance, residual and error follow from the halves, which are filtered with the same weights.
 
 mod affinity;
 mod brightness;
 mod convolution;
 mod input_statistics;
+mod layers;
 mod mixture;
 mod network;
 mod safeguard;
@@ -23,10 +25,10 @@ mod weight_file;
 mod weights;
 
 use super::common::error_maps::ErrorMaps;
-use super::common::fireflies::{self, FireflyClamp, FireflySettings};
+use super::common::fireflies::{self, FireflySettings};
 use super::common::half_counts::HalfCounts;
 use super::common::interleaved_planes::InterleavedPlanes;
-use super::denoiser::{Cost, Denoiser, Reads, SampleVectors};
+use super::denoiser::{Cost, Denoiser, LayerFilter, Reads, SampleVectors};
 use super::denoiser_name::DenoiserName;
 use super::nlm;
 use super::none::unfiltered;
@@ -35,7 +37,9 @@ use crate::image::Planes;
 use crate::stats::{Block, Part, Store};
 use affinity::MARGIN;
 use input_statistics::InputStatistics;
+use layers::ColourSteps;
 use mixture::{Candidates, Noisy};
+use network::Prediction;
 pub use weight_file::WeightFileError;
 use weights::weights;
 pub use weights::{use_weights, weights_id};
@@ -107,8 +111,29 @@ impl Denoiser for Learned {
     }
 
     fn filter(&self, store: &Store, seed: u64) -> FilterResult {
-        let nlm = self.is_mixed.then(|| nlm::STANDARD.filter(store, seed));
-        FilterResult { made_by: self.name(), ..filter(store, nlm) }
+        self.filter_with_layers(store, seed, &[]).0
+    }
+
+    fn layers(&self) -> Option<&dyn LayerFilter> {
+        Some(self)
+    }
+}
+
+impl LayerFilter for Learned {
+    fn filter_with_layers(
+        &self,
+        store: &Store,
+        seed: u64,
+        layers: &[[Planes; 2]],
+    ) -> (FilterResult, Vec<Planes>) {
+        let nlm = self.is_mixed.then(|| nlm::STANDARD.filter_with_layers(store, seed, layers));
+        let (nlm, of_layers) = match nlm {
+            Some((image, layers)) => (Some(image), layers.into_iter().map(Some).collect()),
+            None => (None, vec![None; layers.len()]),
+        };
+        let layers = layers.iter().cloned().zip(of_layers);
+        let (result, layers) = filter(store, nlm, layers);
+        (FilterResult { made_by: self.name(), ..result }, layers)
     }
 }
 
@@ -116,29 +141,44 @@ impl Denoiser for Learned {
 const FIREFLIES: FireflySettings =
     FireflySettings { median_factor: 7.0, deviation_factor: 4.0, ..FireflySettings::DEFAULT };
 
-/// Filters a store. `nlm` is the result of that denoiser.
-fn filter(store: &Store, nlm: Option<FilterResult>) -> FilterResult {
+/// Filters a store, and layers that sum to its colour. `nlm` is the result of that denoiser, and so is the second value of a
+/// layer.
+fn filter(
+    store: &Store,
+    nlm: Option<FilterResult>,
+    layers: impl Iterator<Item = ([Planes; 2], Option<Planes>)>,
+) -> (FilterResult, Vec<Planes>) {
     let (width, height) = (store.width(), store.height());
     let counts = HalfCounts::from_store(store);
     let [a, b] = [0, 1].map(|half| store.means(Part::Half(half), store.layout().colour()));
     let clamped = fireflies::clamp(&counts.mean([&a, &b]), [&a, &b], counts.integers(), &FIREFLIES);
     let statistics = InputStatistics::from_store(store, &counts, &clamped);
-    let candidates = candidates(store, &counts, &statistics, clamped, nlm);
+    let candidates = candidates(store, &counts, &statistics, clamped.halves, nlm);
 
     // Filter the image
     let inputs = statistics.inputs(candidates.nlm.as_ref().map(|image| &image.mean));
     let predicted = weights().network.predict(&inputs, width, height);
-    let values = InterleavedPlanes::extended(&candidates.values(), MARGIN);
     let hit = InterleavedPlanes::extended(&statistics.hit, MARGIN);
-    let mut mixed = candidates.mix(
-        &predicted.mixture(),
-        &affinity::filter(|level, out| predicted.kernels(level, out), &hit, values),
-    );
+    let mut mixed = mix(&candidates, &predicted, &hit);
     let unfiltered_image = candidates.unfiltered();
     let nlm = candidates.nlm();
     let second = nlm.as_ref().unwrap_or(&unfiltered_image);
-    safeguard::blend(&mut mixed, second, &unfiltered_image, &counts);
-    brightness::restore(&mut mixed, &unfiltered_image, &counts);
+    let fraction = safeguard::fraction_of_learned(&mixed, second, &unfiltered_image, &counts);
+    safeguard::blend(&mut mixed, second, &fraction);
+    let factors = brightness::factors(&mixed, &unfiltered_image, &counts);
+    mixed.scale(&factors);
+
+    // Filter the layers
+    let steps = ColourSteps {
+        counts: &counts,
+        fireflies: &clamped.fireflies,
+        albedo: &candidates.albedo,
+        predicted: &predicted,
+        hit: &hit,
+        fraction: &fraction,
+        factors: &factors,
+    };
+    let layers = layers.map(|(layer, nlm)| steps.filter(layer, nlm)).collect();
 
     // Estimate the error
     let noisy = unfiltered(store);
@@ -156,7 +196,14 @@ fn filter(store: &Store, nlm: Option<FilterResult>) -> FilterResult {
         counts.integers(),
     );
     let reliability = Reliability::LEARNED;
-    FilterResult { image, halves, variance, error, residual, risk, reliability, ..noisy }
+    (FilterResult { image, halves, variance, error, residual, risk, reliability, ..noisy }, layers)
+}
+
+/// Filters the candidates and mixes them.
+fn mix(candidates: &Candidates, predicted: &Prediction, hit: &InterleavedPlanes) -> Noisy {
+    let values = InterleavedPlanes::extended(&candidates.values(), MARGIN);
+    candidates
+        .mix(&predicted.mixture(), &affinity::filter(|level, out| predicted.kernels(level, out), hit, values))
 }
 
 /// Collects what is filtered and mixed.
@@ -164,7 +211,7 @@ fn candidates(
     store: &Store,
     counts: &HalfCounts,
     statistics: &InputStatistics,
-    clamped: FireflyClamp,
+    clamped: [Planes; 2],
     nlm: Option<FilterResult>,
 ) -> Candidates {
     let layout = store.layout();
@@ -179,7 +226,7 @@ fn candidates(
         }
         image
     });
-    let colour = noisy(&statistics.colour, clamped.halves);
+    let colour = noisy(&statistics.colour, clamped);
     Candidates { colour, emission, albedo: statistics.albedo.mean.clone(), nlm }
 }
 
@@ -238,12 +285,8 @@ mod tests {
             let inputs = statistics.inputs(candidates.nlm.as_ref().map(|image| &image.mean));
             let expected = exported(name);
             let predicted = weights().network.predict(&inputs, expected.width(), expected.height());
-            let values = InterleavedPlanes::extended(&candidates.values(), MARGIN);
             let hit = InterleavedPlanes::extended(&statistics.hit, MARGIN);
-            let mixed = candidates.mix(
-                &predicted.mixture(),
-                &affinity::filter(|level, out| predicted.kernels(level, out), &hit, values),
-            );
+            let mixed = mix(&candidates, &predicted, &hit);
             for image in [&mixed.mean, &mixed.noise] {
                 for (found, expected) in image.data().iter().zip(expected.data()) {
                     assert!((found - expected).abs() < 1e-3 * (1.0 + expected), "{name}: {found} {expected}");

@@ -24,19 +24,18 @@ const VARIANCE_SIGMA: f32 = 8.0;
 /// Floor of the squared brightness in relative errors, in units of the squared mean of the image.
 const RELATIVE_FLOOR: f64 = 0.01;
 
-/// Blends the learned image with a second estimate. `noisy` is the unfiltered image.
-pub fn blend(learned: &mut Noisy, second: &Noisy, noisy: &Noisy, counts: &HalfCounts) {
-    let fraction = fraction_of_learned(learned, second, noisy, counts);
+/// Blends the learned image with a second estimate. `fraction` is that of [`fraction_of_learned`].
+pub fn blend(learned: &mut Noisy, second: &Noisy, fraction: &[f32]) {
     for (learned, second) in [(&mut learned.mean, &second.mean), (&mut learned.noise, &second.noise)] {
         for (plane, second) in learned.planes_mut().zip(second.data().chunks(second.pixels().max(1))) {
-            let values = plane.par_iter_mut().with_min_len(1024).zip(second).zip(&fraction);
+            let values = plane.par_iter_mut().with_min_len(1024).zip(second).zip(fraction);
             values.for_each(|((value, second), fraction)| *value = second + fraction * (*value - second));
         }
     }
 }
 
-/// Computes λ for each pixel.
-fn fraction_of_learned(learned: &Noisy, second: &Noisy, noisy: &Noisy, counts: &HalfCounts) -> Vec<f32> {
+/// Computes λ for each pixel. `noisy` is the unfiltered image.
+pub fn fraction_of_learned(learned: &Noisy, second: &Noisy, noisy: &Noisy, counts: &HalfCounts) -> Vec<f32> {
     let (width, height, pixels) = (noisy.mean.width(), noisy.mean.height(), noisy.mean.pixels());
     let level = learned.mean.data().iter().map(|&v| f64::from(v.abs())).sum::<f64>();
     let level = level / learned.mean.data().len().max(1) as f64;

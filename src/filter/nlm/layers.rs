@@ -8,7 +8,7 @@ use super::NlmSettings;
 use super::blend::mix;
 use super::cross_filtering::{filter_layer, fit_layer};
 use crate::filter::common::dual_buffer::DualBuffer;
-use crate::filter::common::fireflies::Firefly;
+use crate::filter::common::fireflies::{Firefly, clamp_layer};
 use crate::filter::common::half_counts::HalfCounts;
 use crate::filter::whole_image::WholeImage;
 use crate::image::Planes;
@@ -39,15 +39,8 @@ impl ColourSteps<'_> {
     }
 
     fn filter_one(&self, mut layer: [Planes; 2]) -> [Planes; 2] {
-        // Clamp fireflies as in the colour
-        for firefly in self.fireflies {
-            for (half, scale) in layer.iter_mut().zip(firefly.half_scales) {
-                half.planes_mut().for_each(|plane| plane[firefly.pixel] *= scale);
-            }
-        }
+        clamp_layer(&mut layer, self.fireflies);
         self.counts.fill_missing(&mut layer);
-
-        // Filter it, and blend it with its fit
         let [normal, albedo] = self.features;
         let mut filtered = filter_layer(&layer, self.noisy, normal, albedo, self.settings, self.whole);
         if let Some(fraction) = self.fraction {

@@ -34,7 +34,7 @@ use super::common::fireflies::FireflyClamp;
 use super::common::firefly_redistribution::blurred_excess;
 use super::common::half_counts::HalfCounts;
 use super::common::linear_estimate::LinearEstimate;
-use super::denoiser::{Cost, Denoiser, PartFilter, Reads, SampleVectors};
+use super::denoiser::{Cost, Denoiser, LayerFilter, PartFilter, Reads, SampleVectors};
 use super::denoiser_name::DenoiserName;
 use super::result::{FilterResult, Reliability};
 use super::whole_image::{self, AllPixels, WholeImage};
@@ -105,6 +105,10 @@ impl Denoiser for Nlm {
     fn parts(&self) -> Option<&dyn PartFilter> {
         Some(self)
     }
+
+    fn layers(&self) -> Option<&dyn LayerFilter> {
+        Some(self)
+    }
 }
 
 impl PartFilter for Nlm {
@@ -118,10 +122,13 @@ impl PartFilter for Nlm {
     }
 }
 
-impl Nlm {
-    /// Filters a store, and layers that sum to its colour with the same weights: of each layer the means of both halves of
-    /// the samples, 3 planes. Returns the layers, which sum to the image without directly visible emission, as well.
-    pub fn filter_with_layers(&self, store: &Store, layers: &[[Planes; 2]]) -> (FilterResult, Vec<Planes>) {
+impl LayerFilter for Nlm {
+    fn filter_with_layers(
+        &self,
+        store: &Store,
+        _: u64,
+        layers: &[[Planes; 2]],
+    ) -> (FilterResult, Vec<Planes>) {
         let whole = AllPixels::new(store.width(), store.height());
         let (result, layers) = filter_with_layers(store, &self.settings, layers, &whole);
         (FilterResult { made_by: self.name(), ..result }, layers)
