@@ -43,6 +43,11 @@ impl Neighbourhood {
         self.planes.row(self.dims + k, y)
     }
 
+    /// Variances of dimension `k` of the [`LANES`] pixels of row `y` from `x` on, a multiple of [`LANES`].
+    pub fn variance_lanes(&self, k: usize, x: usize, y: usize) -> &Lanes {
+        self.planes.lanes(self.dims + k, y, x)
+    }
+
     pub fn mean(&self, k: usize, x: usize, y: usize) -> f32 {
         self.planes.at(k, x, y)
     }

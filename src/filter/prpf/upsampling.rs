@@ -10,7 +10,7 @@ use super::settings::PrpfSettings;
 use super::weight_inputs::{Scratch, WeightInputs};
 use crate::filter::common::fast_exp::exp_negative_precise;
 use crate::filter::common::interleaved_planes::InterleavedPlanes;
-use crate::simd::{apply, multiversioned};
+use crate::simd::{LANES, apply, multiversioned};
 
 /// Minimum variance of a feature's mean in the interpolation weight, relative to the neighbourhood's variance.
 const MIN_FEATURE_VARIANCE: f32 = 1e-4;
@@ -23,6 +23,9 @@ const MIN_VARIANCE: f32 = 1e-12;
 
 /// Exponent above which an interpolation weight is 0.
 const MAX_EXPONENT: f32 = 40.0;
+
+/// Maximum number of weights of a pixel.
+const MAX_WEIGHTS: usize = 2 * LANES;
 
 /// Computes the weights of one pass at all pixels: the planes that [`WeightInputs::evaluate`] writes, then
 /// the sum of interpolation weights, which is infinite where nothing was interpolated.
@@ -96,8 +99,10 @@ fn interpolation_weight(inputs: &WeightInputs, (x, y): (usize, usize), node: (us
     let guide = inputs.guide;
     let (dx, dy) = (node.0.abs_diff(x) as f32, node.1.abs_diff(y) as f32);
     let distance = |k: usize| {
-        let d = guide.means.at(k, node.0, node.1) - guide.means.at(k, x, y);
-        d * d * inverse_variance(guide, inputs.neighbourhood, k, (x, y))
+        let own = guide.means.at(k, x, y);
+        let d = guide.means.at(k, node.0, node.1) - own;
+        let (variance, around) = (guide.variances.at(k, x, y), inputs.neighbourhood.variance(k, x, y));
+        d * d * inverse_variance(guide.z.get(k).copied(), own, variance, around)
     };
     let exponent = film_factor(inputs.window) * (dx * dx + dy * dy)
         + (0..guide.features() + 3).map(distance).sum::<f32>();
@@ -105,19 +110,13 @@ fn interpolation_weight(inputs: &WeightInputs, (x, y): (usize, usize), node: (us
     if hits.abs() <= FeatureGuide::HIT_THRESHOLD { (-0.5 * exponent).exp() } else { 0.0 }
 }
 
-/// Returns one over the variance by which the squared differences of dimension `k` are divided.
+/// Returns one over the variance by which the squared differences of a dimension are divided. `z` is the similarity
+/// threshold of a feature; a colour has none. `variance` is that of the pixel, `around` that of its neighbourhood.
 #[inline(always)]
-fn inverse_variance(
-    guide: &FeatureGuide,
-    neighbourhood: &Neighbourhood,
-    k: usize,
-    (x, y): (usize, usize),
-) -> f32 {
-    let own = guide.means.at(k, x, y);
-    let around = neighbourhood.variance(k, x, y);
-    let variance = match guide.z.get(k) {
-        Some(z) => z * z * guide.variances.at(k, x, y) + MIN_FEATURE_VARIANCE * around,
-        None => around + MIN_COLOUR_VARIANCE * own * own,
+fn inverse_variance(z: Option<f32>, mean: f32, variance: f32, around: f32) -> f32 {
+    let variance = match z {
+        Some(z) => z * z * variance + MIN_FEATURE_VARIANCE * around,
+        None => around + MIN_COLOUR_VARIANCE * mean * mean,
     };
     1.0 / (variance + MIN_VARIANCE)
 }
@@ -195,8 +194,23 @@ fn interpolate_row(
     let mut block = None;
     let (mut xs, mut ys, mut hits) = ([0.0; NODES], [0.0; NODES], [FeatureGuide::NO_PIXEL; NODES]);
     let mut means = vec![[0.0; NODES]; dims];
-    let mut node_values = vec![[0.0; NODES]; planes];
+    let mut node_values = [[0.0; MAX_WEIGHTS]; NODES];
+    let mut own = vec![([0.0; LANES], [0.0; LANES]); dims];
     for x in 0..guide.width() {
+        // Load means and inverse variances of the next pixels
+        let lane = x % LANES;
+        if lane == 0 {
+            for (k, (means, factors)) in own.iter_mut().enumerate() {
+                let around = neighbourhood.variance_lanes(k, x, y);
+                let variances = guide.variances.lanes(k, y, x);
+                *means = *guide.means.lanes(k, y, x);
+                let z = guide.z.get(k).copied();
+                for l in 0..LANES {
+                    factors[l] = inverse_variance(z, means[l], variances[l], around[l]);
+                }
+            }
+        }
+
         // Load the surrounding nodes of a new block
         let here = grid.block((x, y));
         if block != Some(here) {
@@ -207,8 +221,7 @@ fn interpolate_row(
                 let (xn, yn) = grid.node(node);
                 (xs[n], ys[n], hits[n]) = (xn as f32, yn as f32, guide.hit.at(0, xn, yn));
                 means.iter_mut().enumerate().for_each(|(k, means)| means[n] = guide.means.at(k, xn, yn));
-                let values = &values[node * planes..][..planes];
-                node_values.iter_mut().zip(values).for_each(|(out, &value)| out[n] = value);
+                node_values[n][..planes].copy_from_slice(&values[node * planes..][..planes]);
             }
         }
 
@@ -218,12 +231,10 @@ fn interpolate_row(
             let (dx, dy) = (xs[n] - x as f32, ys[n] - y as f32);
             exponents[n] = film_factor * (dx * dx + dy * dy);
         }
-        for (k, means) in means.iter().enumerate() {
-            let own = guide.means.at(k, x, y);
-            let factor = inverse_variance(guide, neighbourhood, k, (x, y));
+        for (means, (own, factors)) in means.iter().zip(&own) {
             for n in 0..NODES {
-                let d = means[n] - own;
-                exponents[n] += factor * d * d;
+                let d = means[n] - own[lane];
+                exponents[n] += factors[lane] * d * d;
             }
         }
 
@@ -239,10 +250,14 @@ fn interpolate_row(
 
         // Average the nodes
         let sum: f32 = weights.iter().sum();
-        for (k, values) in node_values.iter().enumerate() {
-            let weighted: f32 = weights.iter().zip(values).map(|(w, v)| w * v).sum();
-            out[k * stride + x] = if sum > 0.0 { weighted / sum } else { 0.0 };
+        let scale = if sum > 0.0 { 1.0 / sum } else { 0.0 };
+        let mut averages = [0.0; MAX_WEIGHTS];
+        for (weight, values) in weights.iter().zip(&node_values) {
+            for k in 0..MAX_WEIGHTS {
+                averages[k] += weight * values[k];
+            }
         }
+        averages[..planes].iter().enumerate().for_each(|(k, average)| out[k * stride + x] = scale * average);
         out[planes * stride + x] = sum;
     }
 }
