@@ -142,13 +142,22 @@ pub fn interpolation_sums(
     sums
 }
 
-/// Computes the weights of some pixels directly, one pixel after the other.
+/// Computes the weights of some pixels directly. The pixels are in row order, and evaluated in vertical strips, so that
+/// the samples of a pixel's window are still in the cache for the next row.
 fn evaluate(inputs: &WeightInputs, pixels: &[(usize, usize)]) -> Vec<f32> {
-    let mut values = vec![0.0; pixels.len() * inputs.len()];
-    values
-        .par_chunks_mut(inputs.len())
-        .zip(pixels)
-        .for_each_init(|| Scratch::new(inputs), |scratch, (out, &i)| inputs.evaluate(i, scratch, out));
+    /// In pixels.
+    const STRIP_WIDTH: usize = 40;
+    let mut order: Vec<usize> = (0..pixels.len()).collect();
+    order.sort_by_key(|&i| pixels[i].0 / STRIP_WIDTH);
+    let mut ordered = vec![0.0; pixels.len() * inputs.len()];
+    ordered.par_chunks_mut(inputs.len()).zip(&order).for_each_init(
+        || Scratch::new(inputs),
+        |scratch, (out, &i)| inputs.evaluate(pixels[i], scratch, out),
+    );
+    let mut values = vec![0.0; ordered.len()];
+    for (ordered, i) in ordered.chunks(inputs.len()).zip(order) {
+        values[i * inputs.len()..][..inputs.len()].copy_from_slice(ordered);
+    }
     values
 }
 
