@@ -247,24 +247,34 @@ fn joint_entropies(
     others: &Group,
     both: &[Group; LIMITS.len()],
 ) -> [f32; GROUP] {
-    let mut entropies = [0.0; GROUP];
+    // Build the histogram without empty rows: most colours have no samples in the lowest bin
+    let mut histogram = [[0; GROUP]; (BINS * BINS).next_multiple_of(LANES / GROUP)];
+    let mut filled = 0;
     let mut row = cumulative(&[samples; GROUP], others);
     let mut row_count = samples;
     // No sample lies above the highest bin
     let rows = own.iter().zip(both).map(|(&own, both)| (own, cumulative(&[own; GROUP], both)));
     for (next_count, next) in rows.chain([(0, [[0; GROUP]; BINS + 1])]) {
-        // Most colours have no samples in the lowest bin.
         if next_count != row_count {
-            for j in 0..BINS {
+            for (j, bin) in histogram[filled..filled + BINS].iter_mut().enumerate() {
                 for l in 0..GROUP {
-                    let here = row[j][l] - row[j + 1][l];
-                    entropies[l] += entropy_term(here - (next[j][l] - next[j + 1][l]));
+                    bin[l] = (row[j][l] - row[j + 1][l]) - (next[j][l] - next[j + 1][l]);
                 }
             }
+            filled += BINS;
         }
         (row, row_count) = (next, next_count);
     }
-    entropies
+
+    // Sum over its bins, as many at once as a vector holds
+    let mut entropies = [0.0; LANES];
+    let (vectors, _) = histogram.as_flattened().as_chunks::<LANES>();
+    for counts in &vectors[..(filled * GROUP).div_ceil(LANES)] {
+        for l in 0..LANES {
+            entropies[l] += entropy_term(counts[l]);
+        }
+    }
+    std::array::from_fn(|l| entropies[l] + entropies[GROUP + l])
 }
 
 /// Returns the numbers of samples at or above the lower limit of each bin, then 0. `all` are those of the lowest bin.
