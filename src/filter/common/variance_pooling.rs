@@ -29,14 +29,17 @@ pub fn pool_planes(variance: &mut Planes, mean: &Planes, count: &[f32]) {
     let weight = sum_3x3(width, height, &known);
     variance.planes_mut().enumerate().for_each(|(channel, plane)| {
         let sum = sum_3x3(width, height, plane);
-        let from_difference = |i: usize| {
-            let row = mean.row(channel, i / width);
-            let x = i % width;
-            0.5 * (row[x] - row[if x > 0 { x - 1 } else { 1.min(width - 1) }]).powi(2) * count[i]
-        };
-        plane.par_iter_mut().enumerate().with_min_len(width).for_each(|(i, v)| {
-            let pooled = if weight[i] > 0.0 { sum[i] / weight[i] } else { from_difference(i) };
-            *v = shrink(pooled, *v, (count[i] - 1.0).max(0.0));
+        plane.par_chunks_mut(width.max(1)).enumerate().for_each(|(y, out)| {
+            let row = y * width..(y + 1) * width;
+            let (mean, count) = (mean.row(channel, y), &count[row.clone()]);
+            let others = std::iter::once(&mean[1.min(width - 1)]).chain(mean);
+            let squared: Vec<f32> =
+                mean.iter().zip(others).map(|(own, other)| (own - other) * (own - other)).collect();
+            let known = sum[row.clone()].iter().zip(&weight[row]);
+            for (((v, (sum, weight)), squared), n) in out.iter_mut().zip(known).zip(squared).zip(count) {
+                let pooled = if *weight > 0.0 { sum / weight } else { 0.5 * squared * n };
+                *v = shrink(pooled, *v, (n - 1.0).max(0.0));
+            }
         });
     });
 }
