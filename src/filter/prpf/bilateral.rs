@@ -31,9 +31,9 @@ const TASK_ROWS: usize = 8;
 /// Width of the tiles of a task, in blocks of [`LANES`] pixels. The planes of a tile's windows stay in the cache.
 const TILE_BLOCKS: usize = 8;
 
-/// Exponent above which a weight is 0: exp(−40) is below the precision of `f32` relative to the pixel's own weight,
-/// and smaller weights would be denormal, which is slow.
-const MAX_EXPONENT: f32 = 40.0;
+/// Exponent above which a weight is 0: those of a whole window are below the precision of `f32` relative to the pixel's
+/// own weight.
+const MAX_EXPONENT: f32 = 25.0;
 
 /// Features after which the distances of a block are looked at for the first time: most dissimilar pixels lie elsewhere
 /// in the world, and its position comes first.
@@ -209,6 +209,9 @@ fn filter_block<const FMA: bool>(
                 add_distance::<FMA, false>(&mut e1, own, lanes(r1), bandwidth, threshold);
                 add_distance::<FMA, false>(&mut e2, own, lanes(r2), bandwidth, threshold);
                 add_distance::<FMA, false>(&mut e3, own, lanes(r3), bandwidth, threshold);
+            }
+            if are_negligible([&e0, &e1, &e2, &e3]) {
+                continue;
             }
             for (e, row) in [e0, e1, e2, e3].iter().zip(rows) {
                 add_neighbours::<FMA>(&mut sums, &centre, e, guide, values, row, at);
