@@ -4,6 +4,8 @@
 //! Takes the radiance of a store. Filters average six channels, the mean of all samples and the difference of
 //! the halves, from which the image of each half follows.
 
+use rayon::prelude::*;
+
 use super::error_maps::ErrorMaps;
 use super::fireflies::{self, FireflyClamp, FireflySettings};
 use super::firefly_redistribution::redistribute;
@@ -97,18 +99,24 @@ impl Colours {
         settings: &FireflySettings,
         is_similar: impl Fn((usize, usize), (usize, usize)) -> bool + Sync,
     ) -> [Planes; 3] {
-        let values = values.to_planes();
-        let pixels = values.pixels();
-        let [mut image, mut a, mut b] = [0; 3].map(|_| Planes::new(values.width(), values.height(), 3));
-        let (means, differences) = values.data().split_at(3 * pixels);
-        for (i, (mean, difference)) in means.iter().zip(differences).enumerate() {
-            let [n_a, n_b] = [0, 1].map(|h| self.counts[h][i % pixels] as f32);
-            // The mean of the halves, weighted by sample counts, is the image.
-            let fraction_a = if n_a + n_b > 0.0 { n_a / (n_a + n_b) } else { 0.5 };
-            let (mean, difference) = (mean / self.normalisation_scale, difference / self.normalisation_scale);
-            image.data_mut()[i] = mean;
-            a.data_mut()[i] = mean + (1.0 - fraction_a) * difference;
-            b.data_mut()[i] = mean - fraction_a * difference;
+        let (width, height) = (values.width(), values.height());
+        let [mut image, mut a, mut b] = [0; 3].map(|_| Planes::new(width, height, 3));
+        let planes = image.planes_mut().zip(a.planes_mut()).zip(b.planes_mut());
+        for (channel, ((image, a), b)) in planes.enumerate() {
+            let [image, a, b] = [image, a, b].map(|plane| plane.par_chunks_mut(width.max(1)));
+            image.zip(a).zip(b).enumerate().for_each(|(y, ((image, a), b))| {
+                let (means, differences) = (values.row(channel, y), values.row(3 + channel, y));
+                for x in 0..width {
+                    let [n_a, n_b] = [0, 1].map(|h| self.counts[h][y * width + x] as f32);
+                    // The mean of the halves, weighted by sample counts, is the image.
+                    let fraction_a = if n_a + n_b > 0.0 { n_a / (n_a + n_b) } else { 0.5 };
+                    let [mean, difference] =
+                        [means[x], differences[x]].map(|value| value / self.normalisation_scale);
+                    image[x] = mean;
+                    a[x] = mean + (1.0 - fraction_a) * difference;
+                    b[x] = mean - fraction_a * difference;
+                }
+            });
         }
         redistribute(&self.clamped.fireflies, &mut [&mut image, &mut a, &mut b], settings, is_similar);
         [image, a, b]
