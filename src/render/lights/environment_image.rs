@@ -8,6 +8,7 @@ use super::piecewise_constant_2d::PiecewiseConstant2d;
 use crate::render::sphere_map::SphereMap;
 use crate::scene::Textures;
 use crate::scene::light::EnvironmentMap;
+use crate::scene::texture::floor;
 
 /// An image over the sphere.
 #[derive(Clone, Debug)]
@@ -92,7 +93,7 @@ impl EnvironmentImage {
     #[inline]
     fn lookup(&self, uv: Vec2) -> Vec3 {
         let p = uv * Vec2::new(self.width as f32, self.height as f32) - 0.5;
-        let floor = p.floor();
+        let floor = p.map(floor);
         let (x, y) = (floor.x as isize, floor.y as isize);
         let f = p - floor;
         let top = self.texel(x, y).lerp(self.texel(x + 1, y), f.x);

@@ -1,5 +1,6 @@
 //! Textures and the images they use.
 
+mod floor;
 mod load;
 mod pfm;
 mod procedural;
@@ -9,6 +10,7 @@ mod texture_mapping;
 mod texture_value;
 mod textures;
 
+pub(crate) use self::floor::floor;
 pub use self::load::{Channels, Encoding, load};
 pub use self::procedural::Procedural;
 pub use self::texture_id::{FloatTextureId, ImageId, RgbTextureId};

@@ -5,6 +5,7 @@
 
 use glam::{Vec2, Vec3};
 
+use super::floor::{floor, floor3};
 use super::texture_value::TextureValue;
 
 /// A function of the position in texture space.
@@ -49,7 +50,7 @@ impl Procedural {
 
 /// Whether a point is inside a dot. About every second unit cell has one.
 pub fn in_dot(st: Vec2) -> bool {
-    let cell = (st + 0.5).floor();
+    let cell = (st + 0.5).map(floor);
     let noise_at = |x: f32, y: f32| noise(Vec3::new(cell.x + x, cell.y + y, 0.5));
     if noise_at(0.5, 0.5) <= 0.0 {
         return false;
@@ -113,7 +114,7 @@ fn marble(phase: f32) -> Vec3 {
 
 /// Perlin noise: 0 at integer coordinates, in [-1, 1], with continuous second derivatives.
 fn noise(p: Vec3) -> f32 {
-    let corner = p.floor();
+    let corner = floor3(p);
     let offset = p - corner;
     if !offset.is_finite() {
         return 0.0;

@@ -2,6 +2,7 @@
 
 use glam::{DVec3, Vec2, Vec3};
 
+use super::floor::floor;
 use super::texture_value::TextureValue;
 
 /// Values beyond the borders of an image (pbrt's `WrapMode`).
@@ -80,12 +81,14 @@ impl TextureImage {
     }
 
     /// Linear RGB of a texel; x < width, y < height, (0, 0) is the top left.
+    #[inline]
     pub fn rgb(&self, x: usize, y: usize) -> Vec3 {
         let first = (y * self.width + x) * self.channels;
-        if self.channels == 1 {
-            Vec3::splat(self.channel(first))
-        } else {
-            Vec3::new(self.channel(first), self.channel(first + 1), self.channel(first + 2))
+        match &self.texels {
+            Texels::Bytes { data, decode } => {
+                gray_or_rgb(&data[first..][..self.channels], |&byte| decode[usize::from(byte)])
+            }
+            Texels::Floats(data) => gray_or_rgb(&data[first..][..self.channels], |&value| value),
         }
     }
 
@@ -116,13 +119,6 @@ impl TextureImage {
         }
     }
 
-    fn channel(&self, index: usize) -> f32 {
-        match &self.texels {
-            Texels::Bytes { data, decode } => decode[usize::from(data[index])],
-            Texels::Floats(data) => data[index],
-        }
-    }
-
     fn alpha(&self, index: usize) -> f32 {
         match &self.texels {
             Texels::Bytes { data, .. } => f32::from(data[index]) / 255.0,
@@ -133,30 +129,53 @@ impl TextureImage {
     /// Bilinearly filtered value at (s, t), which run over [0, 1]² from the top left.
     pub fn bilinear<V: Texel>(&self, st: Vec2, wrap: WrapMode) -> V {
         let position = st * Vec2::new(self.width as f32, self.height as f32) - 0.5;
-        let corner = position.floor();
+        let corner = position.map(floor);
         let Vec2 { x: fx, y: fy } = position - corner;
         if !(fx >= 0.0 && fy >= 0.0) {
             // The coordinates overflowed to NaN
             return V::splat(0.0);
         }
+        let columns = wrap.neighbours(corner.x, self.width);
+        let row = |y: Option<usize>| {
+            let texel = |x: Option<usize>| match (x, y) {
+                (Some(x), Some(y)) => V::texel(self, x, y),
+                _ => V::splat(0.0),
+            };
+            texel(columns[0]) * (1.0 - fx) + texel(columns[1]) * fx
+        };
+        let [y0, y1] = wrap.neighbours(corner.y, self.height);
+        row(y0) * (1.0 - fy) + row(y1) * fy
+    }
+}
+
+impl WrapMode {
+    /// Indices, below `size`, of the texels at the integer `i` and after it along an axis; `None` for zero.
+    #[inline]
+    fn neighbours(self, i: f32, size: usize) -> [Option<usize>; 2] {
         // `as` saturates to `i32`, whose neighbours fit an `i64`
-        let (x, y) = (i64::from(corner.x as i32), i64::from(corner.y as i32));
-        let texel = |x, y| self.wrapped::<V>(x, y, wrap);
-        (texel(x, y) * (1.0 - fx) + texel(x + 1, y) * fx) * (1.0 - fy)
-            + (texel(x, y + 1) * (1.0 - fx) + texel(x + 1, y + 1) * fx) * fy
+        let i = i64::from(i as i32);
+        match usize::try_from(i) {
+            Ok(i) if i + 1 < size => [Some(i), Some(i + 1)],
+            _ => [i, i + 1].map(|i| self.index(i, size)),
+        }
     }
 
-    /// The texel at (x, y), which may be beyond the borders.
-    fn wrapped<V: Texel>(&self, x: i64, y: i64, wrap: WrapMode) -> V {
-        let texel = |i: i64, size: usize| match wrap {
+    /// Index, below `size`, of the texel at `i`, which may be beyond the borders.
+    fn index(self, i: i64, size: usize) -> Option<usize> {
+        match self {
             WrapMode::Repeat => Some(i.rem_euclid(size as i64) as usize),
             WrapMode::Clamp => Some(i.clamp(0, size as i64 - 1) as usize),
             WrapMode::Black => usize::try_from(i).ok().filter(|&i| i < size),
-        };
-        match (texel(x, self.width), texel(y, self.height)) {
-            (Some(x), Some(y)) => V::texel(self, x, y),
-            _ => V::splat(0.0),
         }
+    }
+}
+
+/// The gray value in all channels, or red, green and blue of a texel.
+#[inline]
+fn gray_or_rgb<T>(texel: &[T], linear: impl Fn(&T) -> f32) -> Vec3 {
+    match texel {
+        [red, green, blue, ..] => Vec3::new(linear(red), linear(green), linear(blue)),
+        _ => texel.first().map_or(Vec3::ZERO, |gray| Vec3::splat(linear(gray))),
     }
 }
 
@@ -167,12 +186,14 @@ pub trait Texel: TextureValue {
 }
 
 impl Texel for f32 {
+    #[inline]
     fn texel(image: &TextureImage, x: usize, y: usize) -> Self {
         image.float(x, y)
     }
 }
 
 impl Texel for Vec3 {
+    #[inline]
     fn texel(image: &TextureImage, x: usize, y: usize) -> Self {
         image.rgb(x, y)
     }

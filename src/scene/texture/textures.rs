@@ -7,6 +7,7 @@ use std::sync::Arc;
 
 use glam::{Affine3A, Vec3};
 
+use super::floor::{floor, floor3};
 use super::procedural::{self, Procedural};
 use super::texture_id::{FloatTextureId, ImageId, RgbTextureId};
 use super::texture_image::{Texel, TextureImage, WrapMode};
@@ -201,9 +202,9 @@ impl Textures {
             Texture::Constant(value) => *value,
             Texture::Image(texture) => self.image_value(texture, at),
             Texture::Checkerboard { mapping, even, odd } => {
-                let cell = mapping.coordinates(at).floor();
+                let cell = floor3(mapping.coordinates(at));
                 let half = 0.5 * (cell.x + cell.y + cell.z);
-                let is_even = half == half.floor();
+                let is_even = half == floor(half);
                 self.value::<V>(if is_even { *even } else { *odd }, at)
             }
             Texture::Dots { mapping, inside, outside } => {
