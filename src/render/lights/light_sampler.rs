@@ -11,8 +11,9 @@ use glam::Vec3;
 use super::angle::Angle;
 use super::emission_bounds::EmissionBounds;
 use super::light_bounds::LightBounds;
-use super::light_sample_context::LightSampleContext;
-use super::light_tree::{LightTree, ONE_MINUS_EPSILON};
+use super::light_sample_context::{LightSampleContext, LightSampleContexts};
+use super::light_tree::{ChosenLights, LightTree, ONE_MINUS_EPSILON};
+use crate::simd::{Lanes, lanes_in};
 
 /// Fraction of the choices between infinite lights and the tree that is uniform, since the estimated
 /// irradiance ignores occlusion.
@@ -22,6 +23,14 @@ const UNIFORM_FRACTION: f32 = 0.1;
 pub struct LightSampler {
     infinite: Vec<InfiniteLight>,
     tree: LightTree,
+}
+
+/// A choice among the infinite lights and the tree.
+enum InfiniteChoice {
+    /// An infinite light and its probability; `None` if no light can illuminate the point.
+    Light(Option<(usize, f32)>),
+    /// The tree, reached with a probability; `u` in [0, 1) chooses in it.
+    Tree { u: f32, probability: f32 },
 }
 
 struct InfiniteLight {
@@ -68,15 +77,58 @@ impl LightSampler {
     /// Chooses a light by `u` in [0, 1) and returns its index and probability; `None` if no light can
     /// illuminate the point. `finite` is [`Self::finite_irradiance`].
     #[inline]
-    pub fn sample(&self, context: &LightSampleContext, finite: f32, mut u: f32) -> Option<(usize, f32)> {
+    pub fn sample(&self, context: &LightSampleContext, finite: f32, u: f32) -> Option<(usize, f32)> {
+        match self.sample_infinite(context, finite, u) {
+            InfiniteChoice::Light(choice) => choice,
+            InfiniteChoice::Tree { u, probability } => {
+                let (light, in_tree) = self.tree.sample(context, u)?;
+                Some((light, probability * in_tree))
+            }
+        }
+    }
+
+    /// As [`Self::sample`] in the lanes of a mask.
+    pub fn sample_lanes(
+        &self,
+        mask: u32,
+        contexts: &LightSampleContexts,
+        finite: &Lanes,
+        u: &Lanes,
+    ) -> ChosenLights {
+        let mut chosen = ChosenLights::NONE;
         if self.infinite.is_empty() {
-            return self.tree.sample(context, u);
+            self.tree.sample_lanes(mask, contexts, u, &mut chosen);
+            return chosen;
+        }
+        let (mut u_tree, mut p_tree, mut in_tree) = (*u, *u, 0);
+        for lane in lanes_in(mask) {
+            match self.sample_infinite(&contexts.at(lane), finite[lane], u[lane]) {
+                InfiniteChoice::Light(Some((light, probability))) => chosen.set(lane, light, probability),
+                InfiniteChoice::Light(None) => {}
+                InfiniteChoice::Tree { u, probability } => {
+                    (u_tree[lane], p_tree[lane]) = (u, probability);
+                    in_tree |= 1 << lane;
+                }
+            }
+        }
+        self.tree.sample_lanes(in_tree, contexts, &u_tree, &mut chosen);
+        for lane in lanes_in(in_tree & chosen.mask) {
+            chosen.probability[lane] *= p_tree[lane];
+        }
+        chosen
+    }
+
+    /// Chooses among the infinite lights and the tree.
+    #[inline]
+    fn sample_infinite(&self, context: &LightSampleContext, finite: f32, mut u: f32) -> InfiniteChoice {
+        if self.infinite.is_empty() {
+            return InfiniteChoice::Tree { u, probability: 1.0 };
         }
         let probabilities = self.probabilities(context, finite);
         for infinite in &self.infinite {
             let probability = probabilities.for_irradiance(infinite.irradiance_at(context));
             if u < probability {
-                return Some((infinite.light, probability));
+                return InfiniteChoice::Light(Some((infinite.light, probability)));
             }
             u -= probability;
         }
@@ -86,11 +138,12 @@ impl LightSampler {
             let last = self.infinite.iter().rev().map(|infinite| {
                 (infinite.light, probabilities.for_irradiance(infinite.irradiance_at(context)))
             });
-            return last.into_iter().find(|(_, probability)| *probability > 0.0);
+            return InfiniteChoice::Light(last.into_iter().find(|(_, probability)| *probability > 0.0));
         }
-        let (light, probability) =
-            self.tree.sample(context, (u / tree_probability).min(ONE_MINUS_EPSILON))?;
-        Some((light, tree_probability * probability))
+        InfiniteChoice::Tree {
+            u: (u / tree_probability).min(ONE_MINUS_EPSILON),
+            probability: tree_probability,
+        }
     }
 
     /// Probability with which [`Self::sample`] chooses a light.

@@ -11,10 +11,34 @@ mod split;
 
 use self::split::{Item, NodeBounds, partition};
 use super::light_bounds::LightBounds;
-use super::light_sample_context::LightSampleContext;
+use super::light_sample_context::{LightSampleContext, LightSampleContexts};
+use super::simd::{ChoiceOfChild, choose_children};
+use crate::simd::{LANES, Lanes, lanes_in};
 
 /// The largest number below 1.
 pub const ONE_MINUS_EPSILON: f32 = 1.0 - 0.5 * f32::EPSILON;
+
+/// Up to this many lanes are traced through the tree one by one.
+const FEW_LANES: u32 = 4;
+
+/// A light chosen in each lane of a mask, which the other lanes have no use for.
+#[derive(Clone, Copy, Debug)]
+pub struct ChosenLights {
+    pub mask: u32,
+    pub light: Lanes<u32>,
+    pub probability: Lanes,
+}
+
+impl ChosenLights {
+    pub const NONE: Self = Self { mask: 0, light: [0; LANES], probability: [0.0; LANES] };
+
+    #[inline]
+    pub fn set(&mut self, lane: usize, light: usize, probability: f32) {
+        self.mask |= 1 << lane;
+        self.light[lane] = light as u32;
+        self.probability[lane] = probability;
+    }
+}
 
 /// A tree with one light in every leaf.
 #[derive(Clone, Debug, Default)]
@@ -90,11 +114,21 @@ impl LightTree {
     /// Chooses a light by `u` in [0, 1) and returns its index and probability; `None` if the traversal
     /// reaches a node whose lights cannot illuminate the point.
     #[inline]
-    pub fn sample(&self, context: &LightSampleContext, mut u: f32) -> Option<(usize, f32)> {
-        let mut node = self.nodes.first()?;
-        let mut probability = 1.0;
+    pub fn sample(&self, context: &LightSampleContext, u: f32) -> Option<(usize, f32)> {
+        self.sample_below(0, context, u, 1.0)
+    }
+
+    /// As [`Self::sample`], from a node on that is reached with a probability.
+    #[inline]
+    fn sample_below(
+        &self,
+        mut node: usize,
+        context: &LightSampleContext,
+        mut u: f32,
+        mut probability: f32,
+    ) -> Option<(usize, f32)> {
         loop {
-            let first = match node.content {
+            let first = match self.nodes.get(node)?.content {
                 Content::Light(light) => return Some((light as usize, probability)),
                 Content::Children(first) => first as usize,
             };
@@ -102,11 +136,59 @@ impl LightTree {
             if u < p_first {
                 u /= p_first;
                 probability *= p_first;
-                node = &self.nodes[first];
+                node = first;
             } else {
                 u = ((u - p_first) / (1.0 - p_first)).min(ONE_MINUS_EPSILON);
                 probability *= 1.0 - p_first;
-                node = &self.nodes[first + 1];
+                node = first + 1;
+            }
+        }
+    }
+
+    /// As [`Self::sample`] in the lanes of a mask. Lanes go down the tree together as long as they choose the same child.
+    pub fn sample_lanes(
+        &self,
+        mask: u32,
+        contexts: &LightSampleContexts,
+        u: &Lanes,
+        chosen: &mut ChosenLights,
+    ) {
+        if self.nodes.is_empty() {
+            return;
+        }
+        let (mut u, mut probability) = (*u, [1.0; LANES]);
+        // Groups have no lane in common
+        let mut groups = [(0, 0); LANES];
+        groups[0] = (0, mask);
+        let mut count = usize::from(mask != 0);
+        while count > 0 {
+            count -= 1;
+            let (node, lanes) = groups[count];
+            if lanes.count_ones() <= FEW_LANES {
+                for lane in lanes_in(lanes) {
+                    let below = self.sample_below(node, &contexts.at(lane), u[lane], probability[lane]);
+                    if let Some((light, probability)) = below {
+                        chosen.set(lane, light, probability);
+                    }
+                }
+                continue;
+            }
+            match self.nodes[node].content {
+                Content::Light(light) => {
+                    lanes_in(lanes).for_each(|lane| chosen.set(lane, light as usize, probability[lane]));
+                }
+                Content::Children(first) => {
+                    let first = first as usize;
+                    let children = [first, first + 1].map(|child| &self.nodes[child].bounds);
+                    let ChoiceOfChild { first: to_first, second: to_second } =
+                        choose_children(lanes, children, contexts, &mut u, &mut probability);
+                    for group in [(first, to_first), (first + 1, to_second)] {
+                        if group.1 != 0 {
+                            groups[count] = group;
+                            count += 1;
+                        }
+                    }
+                }
             }
         }
     }

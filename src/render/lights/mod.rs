@@ -161,21 +161,12 @@ impl<'s> Lights<'s> {
         samples: &mut LightSamples,
     ) {
         // Choose a light for each lane
-        let (mut lights, mut probabilities) = ([0; LANES], [0.0; LANES]);
         let finite = self.finite_irradiance(contexts);
-        let mut chosen = 0;
-        for lane in lanes_in(mask) {
-            match self.sampler.sample(&contexts.at(lane), finite[lane], u_light[lane]) {
-                Some((light, probability)) => {
-                    (lights[lane], probabilities[lane]) = (light as u32, probability);
-                    chosen |= 1 << lane;
-                }
-                None => samples.set(lane, None),
-            }
-        }
+        let chosen = self.sampler.sample_lanes(mask, contexts, &finite, u_light);
+        lanes_in(mask & !chosen.mask).for_each(|lane| samples.set(lane, None));
 
         // Sample each chosen light for all of its lanes
-        group_lanes(&lights, chosen, |light, lanes| {
+        group_lanes(&chosen.light, chosen.mask, |light, lanes| {
             let light = light as usize;
             match self.surfaceless.get(light) {
                 Some(SurfacelessLight::Environment(environment)) if environment.constant().is_some() => {
@@ -198,7 +189,7 @@ impl<'s> Lights<'s> {
         });
 
         // Multiply the densities by the probabilities of the choices
-        samples.pdf.iter_mut().zip(&probabilities).for_each(|(pdf, probability)| *pdf *= probability);
+        samples.pdf.iter_mut().zip(&chosen.probability).for_each(|(pdf, probability)| *pdf *= probability);
     }
 
     /// Samples one light from a reference point.

@@ -7,10 +7,11 @@ use glam::{Vec2, Vec3};
 use super::light_bounds::LightBounds;
 use super::light_sample::LightSamples;
 use super::light_sample_context::LightSampleContexts;
+use super::light_tree::ONE_MINUS_EPSILON;
 use super::uniform_sphere::{UNIFORM_SPHERE_PDF, sample_uniform_sphere};
 use super::uniform_triangle_light::{UniformTriangleLight, sample_triangle_point};
 use crate::geometry::TriangleSampler;
-use crate::simd::{LANES, Lanes, Lanes3, apply, multiversioned};
+use crate::simd::{LANES, Lanes, Lanes3, apply, lane_mask, multiversioned};
 
 /// Importance of bounds of lights at every point.
 #[apply(multiversioned!)]
@@ -18,6 +19,46 @@ pub fn importances(bounds: &LightBounds, contexts: &LightSampleContexts, importa
     let bounds = *bounds;
     for lane in 0..LANES {
         importances[lane] = bounds.importance(&contexts.at(lane));
+    }
+}
+
+/// The lanes that choose each child of a node of the light tree; the others, whose points neither can illuminate, choose
+/// none.
+pub struct ChoiceOfChild {
+    pub first: u32,
+    pub second: u32,
+}
+
+/// Chooses one of two bounds of lights by their importance in the lanes of a mask, by `u` in [0, 1). Multiplies the
+/// probabilities by that of the choice, and leaves in `u` a number in [0, 1) for the next one.
+#[apply(multiversioned!)]
+pub fn choose_children(
+    mask: u32,
+    children: [&LightBounds; 2],
+    contexts: &LightSampleContexts,
+    u: &mut Lanes,
+    probability: &mut Lanes,
+) -> ChoiceOfChild {
+    let [first, second] = children.map(|bounds| *bounds);
+    let (mut is_first, mut is_second) = ([0u32; LANES], [0u32; LANES]);
+    for lane in 0..LANES {
+        let context = contexts.at(lane);
+        let importance = first.importance(&context);
+        let sum = importance + second.importance(&context);
+        let p_first = importance / sum;
+        let takes_first = u[lane] < p_first;
+        let (to_first, to_second) = (u[lane] / p_first, (u[lane] - p_first) / (1.0 - p_first));
+        let to_second = if to_second < ONE_MINUS_EPSILON { to_second } else { ONE_MINUS_EPSILON };
+        let is_on = (mask >> lane & 1 == 1) & (sum > 0.0);
+        is_first[lane] = u32::from(is_on & takes_first);
+        is_second[lane] = u32::from(is_on & !takes_first);
+        let (next, p) = if takes_first { (to_first, p_first) } else { (to_second, 1.0 - p_first) };
+        u[lane] = if is_on { next } else { u[lane] };
+        probability[lane] *= if is_on { p } else { 1.0 };
+    }
+    ChoiceOfChild {
+        first: lane_mask(|lane| is_first[lane] != 0),
+        second: lane_mask(|lane| is_second[lane] != 0),
     }
 }
 

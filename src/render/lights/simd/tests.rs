@@ -32,6 +32,52 @@ const CONTEXTS: [LightSampleContext; 3] = [
 const SIDE: usize = 16;
 const NODES: usize = 32;
 
+fn contexts() -> LightSampleContexts {
+    let mut contexts = LightSampleContexts::NONE;
+    for lane in 0..LANES {
+        let LightSampleContext { position, normal, transmits } = CONTEXTS[lane % CONTEXTS.len()];
+        contexts.position.set(lane, position);
+        contexts.normal.set(lane, normal);
+        contexts.transmits[lane] = u32::from(transmits);
+    }
+    contexts
+}
+
+#[test]
+fn lights_are_chosen_in_lanes_as_one_by_one() {
+    let contexts = contexts();
+    // The scene's lights, a row of many more, and one that only some of the points see
+    let row: String =
+        (0..40).map(|x| format!("LightSource \"point\" \"point3 from\" [ {x} 3 {} ]", x % 7)).collect();
+    let seen_by_some =
+        "AttributeBegin AreaLightSource \"diffuse\" Translate 0 -4 0 Shape \"disk\" AttributeEnd";
+    let mut rng = Pcg32::seed_from_u64(9);
+    for scene in [
+        LIGHTS,
+        &format!("{LIGHTS} {row}"),
+        &format!("WorldBegin {row}"),
+        &format!("WorldBegin {seen_by_some}"),
+    ] {
+        let scene = read_str(scene, Path::new("")).unwrap();
+        let lights = Lights::new(&scene);
+        let finite = lights.finite_irradiance(&contexts);
+        for _ in 0..300 {
+            let u: Lanes = std::array::from_fn(|_| rng.random());
+            let mask = rng.random_range(1..1 << LANES);
+            let chosen = lights.sampler.sample_lanes(mask, &contexts, &finite, &u);
+            for lane in 0..LANES {
+                let is_on = mask >> lane & 1 == 1;
+                let context = contexts.at(lane);
+                let expected =
+                    is_on.then(|| lights.sampler.sample(&context, finite[lane], u[lane])).flatten();
+                let is_chosen = chosen.mask >> lane & 1 == 1;
+                let found = is_chosen.then(|| (chosen.light[lane] as usize, chosen.probability[lane]));
+                assert_eq!(found, expected, "lane {lane}");
+            }
+        }
+    }
+}
+
 fn cell(w: Vec3) -> usize {
     let coordinates = [0.5 * (w.z + 1.0), w.y.atan2(w.x) / TAU + 0.5];
     let [row, column] = coordinates.map(|x| ((x * SIDE as f32) as usize).min(SIDE - 1));
@@ -59,13 +105,7 @@ fn directions_sampled_in_simd_follow_their_density() {
     const ROUNDS: usize = 20_000;
     let scene = read_str(LIGHTS, Path::new("")).unwrap();
     let (lights, accel) = (Lights::new(&scene), Accel::build(&scene));
-    let mut contexts = LightSampleContexts::NONE;
-    for lane in 0..LANES {
-        let LightSampleContext { position, normal, transmits } = CONTEXTS[lane % CONTEXTS.len()];
-        contexts.position.set(lane, position);
-        contexts.normal.set(lane, normal);
-        contexts.transmits[lane] = u32::from(transmits);
-    }
+    let contexts = contexts();
 
     // Count the sampled directions by cell; the last cell is for no sample
     let mut counts = [(); CONTEXTS.len()].map(|()| vec![0.0; SIDE * SIDE + 1]);
