@@ -1,11 +1,11 @@
-//! Areas of shapes in render space, and the densities of sampling them uniformly by area.
+//! Areas of shapes in render space.
 
 use glam::{DAffine3, DVec2, DVec3, Vec3};
 
 use super::disk::DiskExtent;
 use super::mesh;
 use super::sphere::SphereExtent;
-use crate::scene::{Primitive, Scene, Shape};
+use crate::scene::{Scene, Shape};
 
 /// Rows and columns of the grid over which the area of a stretched sphere is integrated.
 const AREA_GRID: (u32, u32) = (64, 128);
@@ -31,35 +31,13 @@ pub fn area(scene: &Scene, primitive: u32, element: u32) -> f32 {
     }
 }
 
-/// Density with respect to area, in render space, of sampling a shape uniformly by area in its own
-/// space. `normal` is the unit normal at the sampled point, in render space.
-#[inline]
-pub fn area_density(owner: &Primitive, element: u32, normal: DVec3) -> f64 {
-    match &owner.shape {
-        Shape::Mesh(mesh) => triangle_area(mesh::corners(mesh, element)).recip(),
-        Shape::Disk(disk) => (DiskExtent::new(disk).area() * area_stretch(&disk.to_object, DVec3::Z)).recip(),
-        Shape::Sphere(sphere) => {
-            // The transpose of the linear part transforms normals back to the sphere's space.
-            let own_normal = (sphere.to_object.matrix3.transpose() * normal).normalize_or_zero();
-            (SphereExtent::new(sphere).area() * area_stretch(&sphere.to_object, own_normal)).recip()
-        }
-    }
-}
-
-/// Factor that converts a density with respect to area to one with respect to solid angle.
-#[inline]
-pub fn area_to_solid_angle(to_point: DVec3, normal: DVec3) -> f64 {
-    let squared = to_point.length_squared();
-    squared * squared.sqrt() / to_point.dot(normal).abs()
-}
-
 fn triangle_area(corners: [Vec3; 3]) -> f64 {
     0.5 * mesh::scaled_normal(corners).length()
 }
 
 /// Factor by which a transform scales a differential area with this unit normal: the length of the
 /// normal times the cofactor matrix.
-fn area_stretch(transform: &DAffine3, normal: DVec3) -> f64 {
+pub fn area_stretch(transform: &DAffine3, normal: DVec3) -> f64 {
     let [x, y, z] = [transform.matrix3.x_axis, transform.matrix3.y_axis, transform.matrix3.z_axis];
     (normal.x * y.cross(z) + normal.y * z.cross(x) + normal.z * x.cross(y)).length()
 }

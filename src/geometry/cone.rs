@@ -5,8 +5,7 @@ use std::f64::consts::TAU;
 
 use glam::{DAffine3, DVec2, DVec3, Vec3};
 
-use super::sphere::SphereExtent;
-use crate::scene::Sphere;
+use super::quadric::TransformedSphere;
 
 /// The directions in which a full sphere is seen from outside, in the sphere's space.
 pub struct Cone {
@@ -22,9 +21,8 @@ pub struct Cone {
 
 impl Cone {
     /// The cone of a sphere as seen from `reference`; `None` for partial spheres, and from inside.
-    pub fn new(sphere: &Sphere, reference: Vec3) -> Option<Self> {
-        let extent = SphereExtent::new(sphere);
-        let to_shape = sphere.to_object.inverse();
+    pub fn new(sphere: &TransformedSphere, reference: Vec3) -> Option<Self> {
+        let TransformedSphere { extent, to_shape, .. } = *sphere;
         let from = to_shape.transform_point3(reference.as_dvec3());
         let distance = from.length();
         let outside = extent.is_full() && distance > extent.radius && extent.radius > 0.0;

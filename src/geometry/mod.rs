@@ -4,7 +4,7 @@
 //! structure: a hierarchy of instances above a hierarchy of each object's triangles, spheres and
 //! disks. [`Accel::intersect`] takes a [`Ray`] and gives the nearest [`Hit`];
 //! [`Accel::interaction`] turns that into a [`SurfaceInteraction`] with an error bound.
-//! [`sample_shape`] and [`pdf_shape`] sample emissive shapes.
+//! [`ShapeSampler`] samples emissive shapes.
 //!
 //! The room does not shade. Of a material it reads the alpha texture only.
 
@@ -24,12 +24,13 @@ mod local_interaction;
 mod mesh;
 mod object;
 mod quadric;
+mod quadric_sampler;
 mod ray;
 mod ray_query;
 mod rounding;
-mod sampling;
 mod search;
 mod shape_sample;
+mod shape_sampler;
 mod sphere;
 mod stack;
 mod surface_interaction;
@@ -46,10 +47,10 @@ pub use accel::Accel;
 pub use area::area;
 pub use hit::Hit;
 pub use lanes::{HitLanes, InteractionLanes, RayLanes};
-pub use local_interaction::face_forward;
+pub use local_interaction::{Detail, face_forward};
 pub use ray::Ray;
 pub use rounding::offset_origin;
-pub use sampling::{pdf_shape, sample_shape};
 pub use shape_sample::ShapeSample;
+pub use shape_sampler::ShapeSampler;
 pub use surface_interaction::SurfaceInteraction;
 pub use triangle_sampler::TriangleSampler;

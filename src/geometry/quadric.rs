@@ -14,9 +14,9 @@ use crate::scene::Shape;
 pub struct Quadric {
     /// Index into [`crate::scene::Scene::primitives`].
     pub primitive: u32,
-    to_object: DAffine3,
+    pub(super) to_object: DAffine3,
     to_shape: DAffine3,
-    extent: Extent,
+    pub(super) extent: Extent,
 }
 
 /// A full or partial sphere with its transform to the object's space, and the inverse.
@@ -28,7 +28,7 @@ pub struct TransformedSphere {
 }
 
 #[derive(Clone, Copy, Debug)]
-enum Extent {
+pub(super) enum Extent {
     Sphere(SphereExtent),
     Disk(DiskExtent),
 }
@@ -88,7 +88,21 @@ impl Quadric {
     /// The surface closest to the point `near`, both in the object's space.
     #[inline]
     pub fn interaction(&self, near: DVec3, flip: bool, detail: Detail) -> LocalInteraction {
-        let point = self.shape_interaction(near, detail).transformed(&self.to_object, &self.to_shape);
+        self.in_object(self.shape_interaction(near, detail), flip)
+    }
+
+    /// The surface, in the object's space, at a point on it in the shape's space.
+    pub(super) fn interaction_at(&self, p: DVec3, flip: bool, detail: Detail) -> LocalInteraction {
+        let local = match &self.extent {
+            Extent::Sphere(sphere) => sphere.interaction(p, detail),
+            Extent::Disk(disk) => disk.interaction(p, detail),
+        };
+        self.in_object(local, flip)
+    }
+
+    #[inline]
+    fn in_object(&self, local: LocalInteraction, flip: bool) -> LocalInteraction {
+        let point = local.transformed(&self.to_object, &self.to_shape);
         if flip { point.flipped() } else { point }
     }
 

@@ -2,7 +2,7 @@
 
 use glam::{Vec2, Vec3};
 use prpf::adaptive::Sampling;
-use prpf::geometry::{Accel, Ray, pdf_shape, sample_shape};
+use prpf::geometry::{Accel, Detail, Ray, ShapeSampler};
 use prpf::scene::Scene;
 use prpf::stats::Part;
 use rand::{RngExt, SeedableRng};
@@ -127,12 +127,13 @@ fn light_samplers(samples: usize) -> Vec<Case> {
     let case = |(name, shape): (&str, &str)| {
         let scene = scene(&format!("WorldBegin {lamp} {shape}"));
         let accel = Accel::build(&scene);
+        let light = ShapeSampler::new(&scene.primitives[0], 0, 0, Detail::Minimal).expect("a finite shape");
         let mut rng = Pcg32::seed_from_u64(9);
         // The last cell counts failed samples.
         let mut counts = vec![0.0; SphereCells::COUNT + 1];
         for _ in 0..samples {
             let u = Vec2::new(rng.random(), rng.random());
-            let sample = sample_shape(&scene, 0, 0, Vec3::ZERO, u);
+            let sample = light.sample(Vec3::ZERO, u);
             counts[sample
                 .map_or(SphereCells::COUNT, |sample| SphereCells::index(sample.position.normalize()))] += 1.0;
         }
@@ -143,7 +144,7 @@ fn light_samplers(samples: usize) -> Vec<Case> {
             let mut sum = 0.0;
             while let Some(hit) = accel.intersect(&ray) {
                 let point = accel.interaction(&ray, &hit);
-                sum += pdf_shape(&scene, 0, 0, Vec3::ZERO, &point);
+                sum += light.pdf(Vec3::ZERO, &point);
                 if name == BY_CONE {
                     break;
                 }

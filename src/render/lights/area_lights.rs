@@ -13,7 +13,7 @@ use super::emission_bounds::average;
 use super::light_bounds::LightBounds;
 use super::light_sample::LightSample;
 use super::uniform_triangle_light::UniformTriangleLight;
-use crate::geometry::{SurfaceInteraction, TriangleSampler, area, pdf_shape, sample_shape};
+use crate::geometry::{Detail, ShapeSampler, SurfaceInteraction, TriangleSampler, area};
 use crate::scene::texture::TexturePoint;
 use crate::scene::{AreaLight, FloatTextureId, Scene, Shape, TriangleMesh};
 
@@ -35,8 +35,8 @@ struct ElementLight {
     /// Index into [`AreaLights::emitters`].
     emitter: u32,
     elements: Range<u32>,
-    /// For elements of meshes.
-    triangle: Option<TriangleSampler>,
+    /// `None` for a shape that is not finite.
+    shape: Option<ShapeSampler>,
 }
 
 /// An emissive primitive.
@@ -86,7 +86,11 @@ impl<'s> AreaLights<'s> {
                     let merges = (primitive.alpha.is_none() || is_hidden) && emission.image.is_none();
                     lights.add_triangles(emitter, mesh, primitive.flip_normal, merges);
                 }
-                Shape::Sphere(_) | Shape::Disk(_) => lights.add(emitter, 0..1, None),
+                Shape::Sphere(_) | Shape::Disk(_) => {
+                    let is_textured = primitive.alpha.is_some() || emission.image.is_some();
+                    let detail = if is_textured { Detail::All } else { Detail::Minimal };
+                    lights.add(emitter, 0..1, ShapeSampler::new(primitive, i, 0, detail));
+                }
             }
         }
         lights
@@ -102,14 +106,14 @@ impl<'s> AreaLights<'s> {
                 .flatten();
             let end = if parallelogram.is_some() { next + 1 } else { next };
             let sampler = parallelogram.unwrap_or_else(|| TriangleSampler::new(mesh, element, flip_normal));
-            self.add(emitter, element..end, Some(sampler));
+            self.add(emitter, element..end, Some(ShapeSampler::Triangle(sampler)));
             element = end;
         }
     }
 
-    fn add(&mut self, emitter: u32, elements: Range<u32>, triangle: Option<TriangleSampler>) {
+    fn add(&mut self, emitter: u32, elements: Range<u32>, shape: Option<ShapeSampler>) {
         self.light_of_element.extend(elements.clone().map(|_| self.lights.len() as u32));
-        self.lights.push(ElementLight { emitter, elements, triangle });
+        self.lights.push(ElementLight { emitter, elements, shape });
     }
 
     /// Whether a ray can hit any of the lights.
@@ -124,7 +128,7 @@ impl<'s> AreaLights<'s> {
                 light.elements.clone().map(|element| self.light_bounds(light.emitter, element));
             let first = elements.next().expect("a light has an element");
             elements.fold(first, |a, b| {
-                let centre = light.triangle.as_ref().map_or(a.centre, TriangleSampler::centroid);
+                let centre = light.triangle().map_or(a.centre, TriangleSampler::centroid);
                 a.union(&b, centre)
             })
         })
@@ -151,10 +155,7 @@ impl<'s> AreaLights<'s> {
     pub fn sample(&self, light: usize, reference: Vec3, u: Vec2) -> Option<LightSample> {
         let light = &self.lights[light];
         let emitter = &self.emitters[light.emitter as usize];
-        let point = match &light.triangle {
-            Some(triangle) => triangle.sample(reference, u)?,
-            None => sample_shape(self.scene, emitter.primitive, light.elements.start, reference, u)?,
-        };
+        let point = light.shape.as_ref()?.sample(reference, u)?;
         let wi = (point.position - reference).try_normalize()?;
         let radiance = emitter.radiance(self.scene, point.normal.dot(-wi), point.uv)?;
         // Rays hit a partly transparent surface with the probability of its opacity; this is the mean.
@@ -177,7 +178,7 @@ impl<'s> AreaLights<'s> {
         let light = &self.lights[light];
         let emitter = &self.emitters[light.emitter as usize];
         let is_uniform = emitter.alpha.is_none() && emitter.emission.image.is_none();
-        let shape = light.triangle.as_ref().filter(|shape| is_uniform && shape.has_constant_normal())?;
+        let shape = light.triangle().filter(|shape| is_uniform && shape.has_constant_normal())?;
         Some(UniformTriangleLight {
             shape,
             radiance: emitter.emission.radiance,
@@ -204,16 +205,18 @@ impl<'s> AreaLights<'s> {
     pub fn pdf(&self, reference: Vec3, point: &SurfaceInteraction) -> Option<(usize, f32)> {
         let emitter = self.emitter(point)?;
         let light = self.light_of_element[emitter.first + point.element as usize] as usize;
-        let pdf = match &self.lights[light].triangle {
-            Some(triangle) => triangle.pdf(reference, point.position),
-            None => pdf_shape(self.scene, point.primitive, point.element, reference, point),
-        };
-        Some((light, pdf))
+        Some((light, self.lights[light].shape.as_ref()?.pdf(reference, point)))
     }
 
     #[inline]
     fn emitter(&self, point: &SurfaceInteraction) -> Option<&Emitter> {
         self.emitters.get(self.emitter_of_primitive[point.primitive as usize] as usize)
+    }
+}
+
+impl ElementLight {
+    fn triangle(&self) -> Option<&TriangleSampler> {
+        self.shape.as_ref().and_then(ShapeSampler::triangle)
     }
 }
 

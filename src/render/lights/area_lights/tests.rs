@@ -106,7 +106,8 @@ fn samples_of_a_parallelogram_follow_their_density() {
     );
     let scene = scene.unwrap();
     let lights = AreaLights::new(&scene);
-    let [ElementLight { triangle: Some(sampler), .. }] = &lights.lights[..] else { panic!("one light") };
+    let [light] = &lights.lights[..] else { panic!("one light") };
+    let sampler = light.triangle().expect("a parallelogram");
     let edges = [b - a, d - a];
     let area = edges[0].cross(edges[1]);
     let normal = area.normalize();

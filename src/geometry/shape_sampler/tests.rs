@@ -2,10 +2,11 @@ use std::f32::consts::{PI, TAU};
 
 use glam::{DAffine3, DVec3, Vec2, Vec3};
 
-use super::{pdf_shape, sample_shape};
+use super::ShapeSampler;
+use crate::geometry::local_interaction::Detail;
 use crate::geometry::test_scenes::{Rng, full_sphere, ray, static_scene, triangle_mesh};
 use crate::geometry::{Accel, SurfaceInteraction, area};
-use crate::scene::{Disk, Shape, Sphere};
+use crate::scene::{Disk, Scene, Shape, Sphere};
 
 const REFERENCE: Vec3 = Vec3::new(0.3, -0.2, 0.1);
 
@@ -34,6 +35,11 @@ fn shapes() -> Vec<(&'static str, Shape)> {
     ]
 }
 
+fn sampler(scene: &Scene, primitive: u32) -> ShapeSampler {
+    ShapeSampler::new(&scene.primitives[primitive as usize], primitive, 0, Detail::All)
+        .expect("a finite shape")
+}
+
 fn visible(accel: &Accel, direction: Vec3) -> Option<SurfaceInteraction> {
     let ray = ray(REFERENCE, direction);
     accel.intersect(&ray).map(|hit| accel.interaction(&ray, &hit))
@@ -43,15 +49,15 @@ fn visible(accel: &Accel, direction: Vec3) -> Option<SurfaceInteraction> {
 fn a_sample_lies_where_its_ray_hits_with_the_same_density() {
     for (name, shape) in shapes() {
         let scene = static_scene(vec![shape]);
-        let accel = Accel::build(&scene);
+        let (accel, sampler) = (Accel::build(&scene), sampler(&scene, 0));
         let mut rng = Rng::new(5);
         let mut met = 0;
         for _ in 0..500 {
             let u = Vec2::new(rng.next(), rng.next());
-            let sample = sample_shape(&scene, 0, 0, REFERENCE, u).expect("the shape is visible");
+            let sample = sampler.sample(REFERENCE, u).expect("the shape is visible");
             // A ray to the border of a shape may miss it.
             let Some(hit) = visible(&accel, sample.position - REFERENCE) else { continue };
-            let expected = pdf_shape(&scene, 0, 0, REFERENCE, &hit);
+            let expected = sampler.pdf(REFERENCE, &hit);
             assert!((sample.pdf / expected - 1.0).abs() < 1e-2, "{name}: {} {expected}", sample.pdf);
             assert!(sample.position.distance(hit.position) < 1e-2, "{name}");
             assert!(sample.normal.dot(hit.geometric_normal) > 0.99, "{name}");
@@ -66,13 +72,13 @@ fn a_sample_lies_where_its_ray_hits_with_the_same_density() {
 fn densities_integrate_to_one_over_all_directions() {
     for (name, shape) in shapes() {
         let scene = static_scene(vec![shape]);
-        let accel = Accel::build(&scene);
+        let (accel, sampler) = (Accel::build(&scene), sampler(&scene, 0));
         let mut rng = Rng::new(6);
         let (mut sum, mut squares) = (0.0f64, 0.0f64);
         let count = 100_000;
         for _ in 0..count {
-            let value = visible(&accel, rng.direction())
-                .map_or(0.0, |hit| 4.0 * PI * pdf_shape(&scene, 0, 0, REFERENCE, &hit));
+            let value =
+                visible(&accel, rng.direction()).map_or(0.0, |hit| 4.0 * PI * sampler.pdf(REFERENCE, &hit));
             sum += value as f64;
             squares += (value as f64).powi(2);
         }
@@ -88,7 +94,7 @@ fn densities_integrate_to_one_over_all_directions() {
 fn mean_of_the_reciprocal_density_is_the_solid_angle() {
     for (name, shape) in shapes() {
         let scene = static_scene(vec![shape]);
-        let accel = Accel::build(&scene);
+        let (accel, sampler) = (Accel::build(&scene), sampler(&scene, 0));
         let mut rng = Rng::new(7);
         let count = 50_000;
         let seen = (0..count).filter(|_| visible(&accel, rng.direction()).is_some()).count();
@@ -96,7 +102,7 @@ fn mean_of_the_reciprocal_density_is_the_solid_angle() {
         let mean = (0..count)
             .filter_map(|_| {
                 let u = Vec2::new(rng.next(), rng.next());
-                sample_shape(&scene, 0, 0, REFERENCE, u)
+                sampler.sample(REFERENCE, u)
             })
             .map(|sample| (sample.pdf as f64).recip())
             .sum::<f64>()
@@ -137,7 +143,7 @@ fn shapes_without_area_give_no_sample() {
     ];
     let scene = static_scene(shapes);
     for primitive in 0..4 {
-        assert!(sample_shape(&scene, primitive, 0, REFERENCE, Vec2::splat(0.3)).is_none());
+        assert!(sampler(&scene, primitive).sample(REFERENCE, Vec2::splat(0.3)).is_none());
         let area = area(&scene, primitive, 0);
         assert!(area == 0.0, "{area}");
     }
