@@ -14,6 +14,10 @@ pub(super) trait Bxdf {
     fn eval(&self, wo: Vec3, wi: Vec3) -> Vec3;
     /// Density per solid angle of samples that are not specular.
     fn pdf(&self, wo: Vec3, wi: Vec3) -> f32;
+    /// [`Self::eval`] and [`Self::pdf`], for models whose parts both need.
+    fn eval_and_pdf(&self, wo: Vec3, wi: Vec3) -> (Vec3, f32) {
+        (self.eval(wo, wi), self.pdf(wo, wi))
+    }
     /// Samples a direction: `u_lobe` chooses the lobe and `u` the direction, all in [0, 1). `None` if the sample
     /// is below the surface or nothing scatters.
     fn sample(&self, wo: Vec3, u_lobe: f32, u: Vec2) -> Option<BsdfSample>;

@@ -12,7 +12,7 @@ use super::bsdf_sample::BsdfSample;
 use super::directions::reflect;
 use super::fresnel;
 use super::ggx::{Ggx, MicrofacetReflection};
-use super::interface_table::{InterfaceTable, MAX_ETA};
+use super::interface_table::{InterfaceRow, InterfaceTable, MAX_ETA};
 
 /// A dielectric layer in air, on both sides of the base.
 #[derive(Clone, Copy, Debug)]
@@ -20,6 +20,8 @@ pub(super) struct Coat {
     /// Index of refraction, at least 1.
     pub eta: f32,
     pub ggx: Ggx,
+    /// Where its reflectance is tabulated.
+    row: InterfaceRow,
 }
 
 /// Directional albedo of a rough interface's reflection.
@@ -52,16 +54,13 @@ pub(super) fn mean_over_reflections(
 impl Coat {
     /// `eta` is clamped to [1, 3].
     pub fn new(eta: f32, ggx: Ggx) -> Self {
-        Self { eta: eta.clamp(1.0, MAX_ETA), ggx }
+        let eta = eta.clamp(1.0, MAX_ETA);
+        Self { eta, ggx, row: InterfaceRow::new(ggx.mean_alpha(), eta) }
     }
 
     /// Fraction of light at this angle that the coat itself reflects.
     pub fn reflectance(&self, cos: f32) -> f32 {
-        if self.ggx.is_smooth() {
-            fresnel::dielectric(cos, self.eta)
-        } else {
-            REFLECTANCE.at(cos, self.ggx.mean_alpha(), self.eta)
-        }
+        if self.ggx.is_smooth() { fresnel::dielectric(cos, self.eta) } else { REFLECTANCE.at(cos, self.row) }
     }
 
     /// Fraction of light at this angle that reaches the base: 1 minus [`Self::reflectance`]. By reciprocity, also
@@ -75,7 +74,7 @@ impl Coat {
         1.0 - if self.ggx.is_smooth() {
             fresnel::dielectric_mean(self.eta)
         } else {
-            REFLECTANCE.mean(self.ggx.mean_alpha(), self.eta)
+            REFLECTANCE.mean(self.row)
         }
     }
 
@@ -83,6 +82,15 @@ impl Coat {
     /// inside is 1/η² of that from outside.
     pub fn internal_reflectance(&self) -> f32 {
         1.0 - self.mean_transmittance() / (self.eta * self.eta)
+    }
+
+    /// [`Self::eval`] and [`Self::pdf`].
+    pub fn eval_and_pdf(&self, wo: Vec3, wi: Vec3) -> (f32, f32) {
+        if self.ggx.is_smooth() {
+            return (0.0, 0.0);
+        }
+        let (value, cos, pdf) = self.ggx.reflection_eval_and_pdf(wo, wi);
+        (value * fresnel::dielectric(cos, self.eta), pdf)
     }
 
     /// f |cos wi| of the coat's reflection; 0 if it is smooth. Both directions are in the same hemisphere.

@@ -29,7 +29,7 @@ use super::directions::{
 };
 use super::fresnel;
 use super::ggx::Ggx;
-use super::interface_table::InterfaceTable;
+use super::interface_table::{InterfaceRow, InterfaceTable};
 
 #[derive(Clone, Copy, Debug)]
 pub(super) struct CoatedConductor {
@@ -38,6 +38,8 @@ pub(super) struct CoatedConductor {
     base: Conductor,
     /// Colour of the trapped light that leaves the coat.
     trapped_colour: Vec3,
+    /// Where its fraction is tabulated.
+    trapped_row: InterfaceRow,
 }
 
 /// Fraction of light from outside that is trapped under a smooth coat over a white conductor.
@@ -93,12 +95,13 @@ impl CoatedConductor {
         let reflectance = fresnel::conductor(MEAN_DIFFUSE_COS, eta, k);
         let internal = coat.internal_reflectance();
         let trapped_colour = reflectance * reflectance * (1.0 - internal) / (1.0 - reflectance * internal);
-        Self { coat, base: Conductor { eta, k, ggx }, trapped_colour }
+        let trapped_row = InterfaceRow::new(ggx.mean_alpha(), coat.eta);
+        Self { coat, base: Conductor { eta, k, ggx }, trapped_colour, trapped_row }
     }
 
     /// Fraction of light at this angle that is trapped, under a white conductor.
     fn trapped_fraction(&self, cos: f32) -> f32 {
-        TRAPPED.at(cos, self.base.ggx.mean_alpha(), self.coat.eta)
+        TRAPPED.at(cos, self.trapped_row)
     }
 
     /// Fresnel reflectance of the conductor for light from `wo` outside.
@@ -150,7 +153,7 @@ impl CoatedConductor {
 
     /// f |cos wi| of the trapped light.
     fn trapped_eval(&self, wo: Vec3, wi: Vec3) -> Vec3 {
-        let mean = TRAPPED.mean(self.base.ggx.mean_alpha(), self.coat.eta);
+        let mean = TRAPPED.mean(self.trapped_row);
         let product = self.trapped_fraction(wo.z.abs()) * self.trapped_fraction(wi.z.abs());
         if product > 0.0 {
             self.trapped_colour * (product / mean * FRAC_1_PI * wi.z.abs())

@@ -38,10 +38,9 @@ impl CoatedDiffuse {
         Self { coat, base: series / (coat.eta * coat.eta), base_albedo: series * (1.0 - internal) }
     }
 
-    /// Probability of sampling the coat's lobe: its fraction of the albedo's brightest channel. `None` if nothing
-    /// scatters.
-    fn coat_probability(&self, wo: Vec3) -> Option<f32> {
-        let coat = self.coat.reflectance(wo.z.abs());
+    /// Probability of sampling the coat's lobe, given its reflectance for light from `wo`: its fraction of the albedo's
+    /// brightest channel. `None` if nothing scatters.
+    fn coat_probability(&self, coat: f32) -> Option<f32> {
         let total = coat + (1.0 - coat) * self.base_albedo.max_element();
         (total > 0.0).then(|| coat / total)
     }
@@ -49,25 +48,27 @@ impl CoatedDiffuse {
 
 impl Bxdf for CoatedDiffuse {
     fn eval(&self, wo: Vec3, wi: Vec3) -> Vec3 {
-        if !same_hemisphere(wo, wi) {
-            return Vec3::ZERO;
-        }
-        let (cos_o, cos_i) = (wo.z.abs(), wi.z.abs());
-        let through = self.coat.transmittance(cos_o) * self.coat.transmittance(cos_i);
-        self.base * (through * FRAC_1_PI * cos_i) + self.coat.eval(wo, wi)
+        self.eval_and_pdf(wo, wi).0
     }
 
     fn pdf(&self, wo: Vec3, wi: Vec3) -> f32 {
-        match self.coat_probability(wo) {
-            Some(p) if same_hemisphere(wo, wi) => {
-                p * self.coat.pdf(wo, wi) + (1.0 - p) * cosine_hemisphere_pdf(wi)
-            }
-            _ => 0.0,
+        self.eval_and_pdf(wo, wi).1
+    }
+
+    fn eval_and_pdf(&self, wo: Vec3, wi: Vec3) -> (Vec3, f32) {
+        if !same_hemisphere(wo, wi) {
+            return (Vec3::ZERO, 0.0);
         }
+        let [coat_o, coat_i] = [wo, wi].map(|w| self.coat.reflectance(w.z.abs()));
+        let (coat_value, coat_pdf) = self.coat.eval_and_pdf(wo, wi);
+        let through = (1.0 - coat_o) * (1.0 - coat_i);
+        let value = self.base * (through * FRAC_1_PI * wi.z.abs()) + coat_value;
+        let pdf = self.coat_probability(coat_o);
+        (value, pdf.map_or(0.0, |p| p * coat_pdf + (1.0 - p) * cosine_hemisphere_pdf(wi)))
     }
 
     fn sample(&self, wo: Vec3, u_lobe: f32, u: Vec2) -> Option<BsdfSample> {
-        let p = self.coat_probability(wo)?;
+        let p = self.coat_probability(self.coat.reflectance(wo.z.abs()))?;
         let wi = if u_lobe >= p {
             to_hemisphere_of(sample_cosine_hemisphere(u), wo)
         } else if self.coat.ggx.is_smooth() {
@@ -75,8 +76,8 @@ impl Bxdf for CoatedDiffuse {
         } else {
             self.coat.ggx.sample_reflection(wo, u)?.wi
         };
-        let pdf = self.pdf(wo, wi);
-        (pdf > 0.0).then(|| BsdfSample::glossy(wi, self.eval(wo, wi) / pdf, pdf))
+        let (value, pdf) = self.eval_and_pdf(wo, wi);
+        (pdf > 0.0).then(|| BsdfSample::glossy(wi, value / pdf, pdf))
     }
 
     fn is_specular(&self) -> bool {

@@ -134,6 +134,15 @@ impl Ggx {
         (self.distribution_and_masking(wo, wi, m) / 4.0, wo.dot(m))
     }
 
+    /// [`Self::reflection_eval`] and [`Self::reflection_pdf`]: value, cosine and density.
+    #[inline(always)]
+    pub fn reflection_eval_and_pdf(self, wo: Vec3, wi: Vec3) -> (f32, f32, f32) {
+        let m = (wo + wi).normalize_or(Vec3::Z);
+        let density = self.density(m);
+        let value = density * self.masking_over_cosines(wo, wi) * wi.z.abs() / 4.0;
+        (value, wo.dot(m), density / (2.0 * (wo.z.abs() + self.stretched_length(wo))))
+    }
+
     /// Density per solid angle of [`Self::sample_reflection`]. Both directions are in the same hemisphere.
     #[inline(always)]
     pub fn reflection_pdf(self, wo: Vec3, wi: Vec3) -> f32 {

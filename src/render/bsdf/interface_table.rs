@@ -20,6 +20,31 @@ pub(super) struct InterfaceTable {
     means: Vec<f32>,
 }
 
+/// A place between the rows of a table, for one roughness and index of refraction.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct InterfaceRow {
+    /// Index of the row below in alpha and eta.
+    first: usize,
+    /// Fractions of the way to the next alpha and to the next eta.
+    to_alpha: f32,
+    to_eta: f32,
+}
+
+impl InterfaceRow {
+    pub fn new(alpha: f32, eta: f32) -> Self {
+        let (a, to_alpha) = locate(alpha.max(0.0).sqrt(), ALPHAS);
+        let (e, to_eta) = locate(((eta - 1.0) / (MAX_ETA - 1.0)).max(0.0).sqrt(), ETAS);
+        Self { first: e * ALPHAS + a, to_alpha, to_eta }
+    }
+
+    /// Interpolates the values of the four rows around.
+    #[inline]
+    fn interpolate(self, value: impl Fn(usize) -> f32) -> f32 {
+        let along_alpha = |row: usize| lerp(value(row), value(row + 1), self.to_alpha);
+        lerp(along_alpha(self.first), along_alpha(self.first + ALPHAS), self.to_eta)
+    }
+}
+
 /// Index of the node below a coordinate in [0, 1], and the fraction of the way to the next.
 fn locate(coordinate: f32, nodes: usize) -> (usize, f32) {
     let x = clamp_or_zero(coordinate, 1.0) * (nodes - 1) as f32;
@@ -53,25 +78,16 @@ impl InterfaceTable {
     }
 
     /// The interpolated value.
-    pub fn at(&self, cos: f32, alpha: f32, eta: f32) -> f32 {
+    #[inline]
+    pub fn at(&self, cos: f32, row: InterfaceRow) -> f32 {
         let (c, t) = locate(cos.max(0.0).sqrt(), COSINES);
-        interpolate_rows(alpha, eta, |row| {
-            lerp(self.values[row * COSINES + c], self.values[row * COSINES + c + 1], t)
-        })
+        row.interpolate(|row| lerp(self.values[row * COSINES + c], self.values[row * COSINES + c + 1], t))
     }
 
     /// The average over cosine-weighted directions.
-    pub fn mean(&self, alpha: f32, eta: f32) -> f32 {
-        interpolate_rows(alpha, eta, |row| self.means[row])
+    pub fn mean(&self, row: InterfaceRow) -> f32 {
+        row.interpolate(|row| self.means[row])
     }
-}
-
-/// Interpolates `value` bilinearly between the four rows around (alpha, eta).
-fn interpolate_rows(alpha: f32, eta: f32, value: impl Fn(usize) -> f32) -> f32 {
-    let (a, ta) = locate(alpha.max(0.0).sqrt(), ALPHAS);
-    let (e, te) = locate(((eta - 1.0) / (MAX_ETA - 1.0)).max(0.0).sqrt(), ETAS);
-    let along_alpha = |e: usize| lerp(value(e * ALPHAS + a), value(e * ALPHAS + a + 1), ta);
-    lerp(along_alpha(e), along_alpha(e + 1), te)
 }
 
 /// ∫ f 2 cos dcos over an interpolated row.
@@ -97,16 +113,17 @@ mod tests {
             InterfaceTable::new(|cos, alpha, eta| cos.sqrt() + 2.0 * alpha.sqrt() + (eta - 1.0).sqrt());
         for (cos, alpha, eta) in [(0.3, 0.41, 1.5), (1.0, 1.0, 3.0), (0.05, 0.2, 2.2)] {
             let exact = f32::sqrt(cos) + 2.0 * f32::sqrt(alpha) + f32::sqrt(eta - 1.0);
-            assert!((table.at(cos, alpha, eta) - exact).abs() < 1e-5);
+            assert!((table.at(cos, InterfaceRow::new(alpha, eta)) - exact).abs() < 1e-5);
         }
         // ∫ √cos 2 cos dcos = 4/5
-        assert!((table.mean(0.25, 1.0) - 1.8).abs() < 1e-3);
+        assert!((table.mean(InterfaceRow::new(0.25, 1.0)) - 1.8).abs() < 1e-3);
     }
 
     #[test]
     fn arguments_are_clamped_to_the_range_of_the_table() {
         let table = InterfaceTable::new(|cos, _, eta| cos + eta);
-        assert_eq!(table.at(2.0, 0.5, 9.0), 4.0);
-        assert_eq!(table.at(f32::NAN, f32::NAN, 1.0), table.at(0.0, 0.0, 1.0));
+        let at = |cos, alpha, eta| table.at(cos, InterfaceRow::new(alpha, eta));
+        assert_eq!(at(2.0, 0.5, 9.0), 4.0);
+        assert_eq!(at(f32::NAN, f32::NAN, 1.0), at(0.0, 0.0, 1.0));
     }
 }

@@ -113,7 +113,7 @@ impl<'s> Bsdf<'s> {
         if on_horizon(wo) || on_horizon(wi) {
             (Vec3::ZERO, 0.0)
         } else {
-            with_bxdf!(&self.bxdf, bxdf => (bxdf.eval(wo, wi), bxdf.pdf(wo, wi)))
+            with_bxdf!(&self.bxdf, bxdf => bxdf.eval_and_pdf(wo, wi))
         }
     }
 
