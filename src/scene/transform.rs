@@ -27,10 +27,42 @@ pub struct AnimatedTransform {
 struct Motion {
     end: DAffine3,
     translation: [DVec3; 2],
-    rotation: [DQuat; 2],
+    rotation: Turn,
     stretch: [DMat3; 2],
     /// Applied first, see [`AnimatedTransform::after_translation`].
     before: DVec3,
+}
+
+/// A uniform rotation along the shorter arc between two orientations (Shoemake 1985, "Animating rotation with quaternion
+/// curves"), with what does not depend on time computed once.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Turn {
+    start: DQuat,
+    /// Unit, and orthogonal to `start` in the plane of the arc; 0 where there is no arc.
+    towards: DQuat,
+    /// Angle of the arc between the quaternions, which is half of the rotation's; in [0, π/2].
+    angle: f64,
+}
+
+impl Turn {
+    fn new(start: DQuat, end: DQuat) -> Self {
+        let end = if start.dot(end) < 0.0 { -end } else { end };
+        let cos = start.dot(end);
+        let rest = end - start * cos;
+        let sin = rest.length();
+        let towards = if sin > 0.0 { rest / sin } else { DQuat::from_xyzw(0.0, 0.0, 0.0, 0.0) };
+        Self { start, towards, angle: sin.atan2(cos) }
+    }
+
+    /// The orientation at a fraction of the way.
+    #[inline]
+    fn at(&self, t: f64) -> DQuat {
+        if self.angle == 0.0 {
+            return self.start;
+        }
+        let (sin, cos) = (t * self.angle).sin_cos();
+        (self.start * cos + self.towards * sin).normalize()
+    }
 }
 
 impl AnimatedTransform {
@@ -42,7 +74,7 @@ impl AnimatedTransform {
             Box::new(Motion {
                 end,
                 translation: [start.translation, end.translation],
-                rotation: [start_rotation, end_rotation],
+                rotation: Turn::new(start_rotation, end_rotation),
                 stretch: [start_stretch, end_stretch],
                 before: DVec3::ZERO,
             })
@@ -74,7 +106,8 @@ impl AnimatedTransform {
         if let Some(motion) = &mut self.motion {
             motion.end = rigid * motion.end;
             motion.translation = motion.translation.map(|t| rigid.transform_point3(t));
-            motion.rotation = motion.rotation.map(|rotation| turn * rotation);
+            let Turn { start, towards, angle } = motion.rotation;
+            motion.rotation = Turn { start: turn * start, towards: turn * towards, angle };
         }
         self
     }
@@ -106,7 +139,7 @@ impl AnimatedTransform {
         }
         let t = (f64::from(time) - f64::from(self.start_time))
             / (f64::from(self.end_time) - f64::from(self.start_time));
-        let rotation = motion.rotation[0].slerp(motion.rotation[1], t);
+        let rotation = motion.rotation.at(t);
         let stretch = motion.stretch[0] * (1.0 - t) + motion.stretch[1] * t;
         let matrix3 = DMat3::from_quat(rotation) * stretch;
         let translation = motion.translation[0].lerp(motion.translation[1], t);
@@ -124,11 +157,8 @@ impl AnimatedTransform {
         let norm = |m: DMat3| m.to_cols_array().iter().map(|x| x * x).sum::<f64>().sqrt();
         let [start, end] = motion.stretch;
         let reach = radius + motion.before.length();
-        let angle = {
-            let cosine = motion.rotation[0].dot(motion.rotation[1]).abs().min(1.0);
-            2.0 * cosine.acos()
-        };
-        // Slerp is not exactly uniform for small angles; twice the bound covers the difference
+        let angle = 2.0 * motion.rotation.angle;
+        // Twice the bound covers rounding
         2.0 * angle * (angle * norm(start).max(norm(end)) + 2.0 * norm(end - start)) * reach
     }
 }
