@@ -38,6 +38,16 @@ pub enum Precision {
     Float,
 }
 
+impl Precision {
+    /// Bytes of a value.
+    fn bytes(self) -> usize {
+        match self {
+            Self::Half => 2,
+            Self::Float => 4,
+        }
+    }
+}
+
 /// A channel to be written.
 #[derive(Clone, Debug)]
 pub struct Channel<'a> {

@@ -16,7 +16,8 @@ use half::f16;
 use rayon::prelude::*;
 
 use super::attribute::{self, text};
-use super::{Attribute, Channel, Precision, Windows, zip};
+use super::zip::Encoder;
+use super::{Attribute, Channel, Precision, Windows};
 use crate::files::replace_file;
 use crate::image::{ImageError, Problem};
 
@@ -49,7 +50,10 @@ pub fn encode(
 ) -> Result<Vec<u8>, Problem> {
     let channels = sorted(windows, channels)?;
     let header = header(windows, &channels, attributes)?;
-    let mut file = Cursor::new(Vec::new());
+    // Room for a file that does not compress, so that it is never moved; the system provides what is written.
+    let bytes_per_pixel: usize = channels.iter().map(|channel| channel.precision.bytes()).sum();
+    let most = windows.width() * windows.height() * bytes_per_pixel;
+    let mut file = Cursor::new(Vec::with_capacity(most));
     // `Option` collects to the `SmallVec` of one header.
     let headers = Some(header).into_iter().collect();
     exr::block::write(&mut file, headers, true, |meta, writer| {
@@ -60,13 +64,13 @@ pub fn encode(
         // applies.
         let chunks: Vec<_> = blocks
             .into_par_iter()
-            .map(|(index, block)| {
+            .map_init(Encoder::default, |encoder, (index, block)| {
                 let lines = UncompressedBlock::from_lines(&header.channels, block, |line| {
                     fill_line(line, &channels, windows.width());
                 });
                 let compressed = CompressedScanLineBlock {
                     y_coordinate: (top + block.pixel_position.y()) as i32,
-                    compressed_pixels_le: zip::compress(lines.data),
+                    compressed_pixels_le: encoder.compress(lines.data),
                 };
                 (index, Chunk { layer_index: 0, compressed_block: CompressedBlock::ScanLine(compressed) })
             })
