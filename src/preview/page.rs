@@ -23,6 +23,7 @@ const FILES: &[(&str, &str, &[u8])] = files![
     "/panel.js": "text/javascript; charset=utf-8" = "panel.js",
     "/pointer_input.js": "text/javascript; charset=utf-8" = "pointer_input.js",
     "/scenes.js": "text/javascript; charset=utf-8" = "scenes.js",
+    "/sheet.js": "text/javascript; charset=utf-8" = "sheet.js",
     "/viewport.js": "text/javascript; charset=utf-8" = "viewport.js",
     "/views.js": "text/javascript; charset=utf-8" = "views.js",
     "/icon.svg": "image/svg+xml" = "icon.svg",

@@ -138,10 +138,16 @@ impl Page {
     }
 
     fn type_key(&mut self, key: &str, modifiers: u32) {
-        let text = if key.chars().count() == 1 { key } else { "" };
+        let text = match key {
+            "Enter" => "\r",
+            key if key.chars().count() == 1 => key,
+            _ => "",
+        };
+        // What the browser itself does with a key goes by the code.
+        let codes =
+            [("Tab", 9), ("Enter", 13), ("Escape", 27), ("Home", 36), ("ArrowUp", 38), ("ArrowDown", 40)];
+        let code = codes.iter().find(|(name, _)| *name == key).map_or(0, |(_, code)| *code);
         for kind in ["keyDown", "keyUp"] {
-            // Dialogs of the browser itself go by the code.
-            let code = if key == "Escape" { 27 } else { 0 };
             let event = json!({
                 "type": kind, "key": key, "text": text, "modifiers": modifiers, "windowsVirtualKeyCode": code
             });

@@ -5,6 +5,7 @@ mod comparison;
 mod connection;
 mod history;
 mod image;
+mod keyboard;
 mod scenes;
 mod steering;
 

@@ -1,6 +1,7 @@
 // The camera's controls: lens, lines of a scene file, bookmarks.
 
 import { fillField, numberField } from "./number_field.js";
+import { Sheet } from "./sheet.js";
 
 const $ = (id) => document.getElementById(id);
 const PINHOLE_FOCUS = 1e6; // focal distance of a camera that has none
@@ -8,8 +9,8 @@ const PINHOLE_FOCUS = 1e6; // focal distance of a camera that has none
 export class CameraPanel {
   // `send(type, content)` sends a message; `notify(text, isProblem)` tells the user something.
   constructor(send, notify) {
-    Object.assign(this, { send, notify, list: "" });
-    for (const [id, name] of [["aperture", "The aperture"], ["focus", "The focus"]]) {
+    Object.assign(this, { send, notify, list: "", lines: new Sheet($("lines"), $("show-lines")) });
+    for (const [id, name] of [["aperture", "Aperture"], ["focus", "Focus"]]) {
       numberField($(id), $("camera-explanation"), { name, change: (value) => send("camera", { [id]: value }) });
     }
     $("reset-camera").onclick = () => this.reset();
@@ -23,9 +24,7 @@ export class CameraPanel {
   addBookmark() { this.send("add-bookmark"); }
 
   toggleLines() {
-    $("lines").hidden = !$("lines").hidden;
-    $("show-lines").setAttribute("aria-expanded", String(!$("lines").hidden));
-    if (!$("lines").hidden) $("lines").querySelector("pre").focus();
+    if (this.lines.toggle()) $("lines").querySelector("pre").focus();
   }
 
   // Copies the lines; where the browser does not allow that, selects them.

@@ -8,6 +8,7 @@ import { showValues } from "./inspector.js";
 import { Panel } from "./panel.js";
 import { PointerInput } from "./pointer_input.js";
 import { Scenes } from "./scenes.js";
+import { Sheet } from "./sheet.js";
 import { Viewport } from "./viewport.js";
 import { FILTERED, VIEW_NAMES } from "./views.js";
 
@@ -98,14 +99,16 @@ const pointer = new PointerInput($("viewport"), viewport, {
     state.pixel = viewport.contains(pixel) ? pixel : null;
     inspect();
   },
-  pin: (pixel) => {
-    // A second click on the same pixel unpins it.
-    state.isPinned = !(state.isPinned && state.pixel?.join() === pixel.join());
-    state.pixel = pixel;
-    inspect();
-    placeOverlays();
-  },
+  pin: (pixel) => pin(pixel, true),
+  // A second click on the same pixel unpins it.
+  click: (pixel) => pin(pixel, !(state.isPinned && state.pixel?.join() === pixel.join())),
 });
+
+function pin(pixel, isPinned) {
+  Object.assign(state, { pixel, isPinned });
+  inspect();
+  placeOverlays();
+}
 
 const discarding = new Discarding($("question"));
 
@@ -239,6 +242,12 @@ function selectTool(tool) {
   pointer.selectTool(tool);
 }
 
+// Selects a tool by its key: the arrow keys use it on the image.
+function takeTool(tool) {
+  selectTool(tool);
+  $("viewport").focus();
+}
+
 const actualSize = () => viewport.zoomBy(1 / viewport.zoom);
 const togglePause = () => state.status && state.status.phase !== "finished" && send("pause", { paused: state.status.phase !== "paused" });
 const restart = () => send("restart", {});
@@ -251,16 +260,13 @@ const save = () => {
   send("save", {});
 };
 const clearRegion = () => send("priority-region", { region: null });
-const toggleHelp = () => {
-  $("help").hidden = !$("help").hidden;
-  $("keys").setAttribute("aria-expanded", String(!$("help").hidden));
-};
+const help = new Sheet($("help"), $("keys"));
+const toggleHelp = () => help.toggle();
 
 // Closes what is open, else lets go of the pinned pixel or the region: first of that which the tool makes.
 function letGo() {
-  if (!$("help").hidden) return toggleHelp();
-  if (scenes.isOpen()) return scenes.toggle();
-  if (!$("lines").hidden) return panel.camera.toggleLines();
+  const open = [help, scenes.sheet, panel.camera.lines].find((sheet) => sheet.isOpen());
+  if (open) return open.toggle();
   const isRegionNext = state.status?.region && (pointer.tool === "region" || !state.isPinned);
   if (isRegionNext) return clearRegion();
   state.isPinned = false;
@@ -294,7 +300,7 @@ const KEYS = {
   ",": () => setWipe(state.wipe - 0.05), ".": () => setWipe(state.wipe + 0.05),
   e: () => setExposure(viewport.exposure + 1 / 3), E: () => setExposure(viewport.exposure - 1 / 3),
   0: () => viewport.fit(), z: actualSize, "+": () => viewport.zoomBy(1.25), "-": () => viewport.zoomBy(0.8),
-  q: () => selectTool("inspect"), c: () => selectTool("camera"), f: () => selectTool("focus"), r: () => selectTool("region"),
+  q: () => takeTool("inspect"), c: () => takeTool("camera"), f: () => takeTool("focus"), r: () => takeTool("region"),
   " ": togglePause, s: save, R: restart, u: undo, U: redo,
   Home: () => panel.camera.reset(), b: () => panel.camera.addBookmark(), l: () => panel.camera.toggleLines(),
   o: () => scenes.toggle(),
@@ -304,8 +310,11 @@ const KEYS = {
 const FIELD_KEYS = new Set([" ", "Enter", "Home", "End", "PageUp", "PageDown", "ArrowLeft", "ArrowRight", "ArrowUp", "ArrowDown"]);
 
 document.addEventListener("keydown", (event) => {
-  const field = event.target.closest("input:not([type=radio]), button, [role=slider]");
+  const field = event.target.closest("input:not([type=radio]), button, select, [role=slider]");
   if ($("question").open) return;
+  // Where nothing has the focus, the image has the keys.
+  if (event.target === document.body) pointer.key(event);
+  if (event.defaultPrevented) return;
   if ((event.ctrlKey || event.metaKey) && !event.altKey && event.key.toLowerCase() === "z" && !field?.inputMode) {
     event.preventDefault();
     return event.shiftKey ? redo() : undo();

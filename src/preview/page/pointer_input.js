@@ -3,6 +3,7 @@
 const ORBIT_PER_PIXEL = 0.006; // radians
 const ORBIT_STEP = 0.05; // radians
 const PAN_STEP = 0.03; // image heights
+const LARGE_STEP = 10; // pixels
 const DOLLY_PER_WHEEL = 0.0015;
 const DOLLY_STEP = 0.1;
 const LARGEST_DOLLY = 4; // of one message
@@ -11,10 +12,10 @@ const NO_REGION = [[0, 0], [0, 0]];
 
 const clampToUnit = (v) => Math.min(1, Math.max(0, v));
 
-// `act`: callbacks { camera(move), focus(pixel), region(rectangle, isDone), hover(pixel), pin(pixel) }.
+// `act`: callbacks { camera(move), focus(pixel), region(rectangle, isDone), hover(pixel), pin(pixel), click(pixel) }.
 export class PointerInput {
   constructor(canvas, viewport, act) {
-    Object.assign(this, { canvas, viewport, act, tool: "inspect", pointers: new Map(), cursor: null });
+    Object.assign(this, { canvas, viewport, act, tool: "inspect", pointers: new Map(), cursor: null, corner: null });
     canvas.addEventListener("pointerdown", (e) => this.down(e));
     canvas.addEventListener("pointermove", (e) => this.move(e));
     canvas.addEventListener("pointerup", (e) => this.up(e));
@@ -29,6 +30,7 @@ export class PointerInput {
   selectTool(tool) {
     this.tool = tool;
     this.canvas.dataset.tool = tool;
+    this.dropCorner();
   }
 
   // Returns the position of an event on the canvas, in CSS pixels.
@@ -74,7 +76,8 @@ export class PointerInput {
       if (pointer.marksRegion) this.act.region(this.rectangle(pointer.start, at), true);
     } else if (this.viewport.contains(pixel)) {
       if (this.tool === "focus") this.act.focus(pixel);
-      this.pin(pixel);
+      this.cursor = pixel;
+      this.act.click(pixel);
     }
   }
 
@@ -148,31 +151,52 @@ export class PointerInput {
       .sort((a, b) => a - b));
   }
 
-  // Pins the inspector to a pixel, which is also the cursor of the arrow keys.
+  // Returns the rectangle that has two pixels in its corners, as fractions of the image.
+  rectangleOfPixels(from, to) {
+    return [0, 1].map((k) => [Math.min(from[k], to[k]), Math.max(from[k], to[k]) + 1].map((v) => v / this.viewport.size[k]));
+  }
+
+  clampToImage(pixel) {
+    return pixel.map((v, k) => Math.min(this.viewport.size[k] - 1, Math.max(0, v)));
+  }
+
+  // Pins the inspector to a pixel, which is also the cursor of the arrow keys and a corner of a region begun with Enter.
   pin(pixel) {
-    this.cursor = pixel.map((v, k) => Math.min(this.viewport.size[k] - 1, Math.max(0, v)));
+    this.cursor = this.clampToImage(pixel);
     this.act.pin(this.cursor);
+    if (this.corner) this.act.region(this.rectangleOfPixels(this.corner, this.cursor), false);
+  }
+
+  // Gives up a region begun with Enter.
+  dropCorner() {
+    if (this.corner) this.act.region(NO_REGION, true);
+    this.corner = null;
   }
 
   key(event) {
+    if (event.ctrlKey || event.metaKey || event.altKey) return;
     const arrows = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
     const arrow = arrows[event.key];
-    const cursor = () => this.cursor ?? this.viewport.size.map((v) => v >> 1);
+    const cursor = this.clampToImage(this.cursor ?? this.viewport.size.map((v) => v >> 1));
     if (arrow && this.tool === "camera") {
       if (event.shiftKey) this.pan(arrow.map((v) => v * PAN_STEP));
       else this.moves.orbit = this.moves.orbit.map((v, k) => v + arrow[k] * ORBIT_STEP);
       this.sendMoves();
     } else if (arrow) {
-      this.pin(cursor().map((v, k) => v + arrow[k] * (event.shiftKey ? 10 : 1)));
+      this.pin(cursor.map((v, k) => v + arrow[k] * (event.shiftKey ? LARGE_STEP : 1)));
     } else if (event.key === "PageUp" || event.key === "PageDown") {
       this.moves.dolly += event.key === "PageUp" ? DOLLY_STEP : -DOLLY_STEP;
       this.sendMoves();
     } else if (event.key === "Enter" && this.tool === "focus") {
-      this.act.focus(cursor());
+      this.act.focus(cursor);
+    } else if (event.key === "Enter" && this.tool === "region" && !this.corner) {
+      this.corner = cursor;
+      this.pin(cursor);
     } else if (event.key === "Enter" && this.tool === "region") {
-      const around = cursor().map((v, k) => [v - this.viewport.size[k] / 8, v + this.viewport.size[k] / 8]);
-      const rectangle = around.map((range, k) => range.map((v) => clampToUnit(v / this.viewport.size[k])));
-      this.act.region(rectangle, true);
+      this.act.region(this.rectangleOfPixels(this.corner, cursor), true);
+      this.corner = null;
+    } else if (event.key === "Escape" && this.corner) {
+      this.dropCorner();
     } else {
       return;
     }

@@ -1,22 +1,19 @@
 // The list of scenes that can be opened in place of the current one.
 
+import { Sheet } from "./sheet.js";
+
 const $ = (id) => document.getElementById(id);
 
 export class Scenes {
   // `open(index)` opens a scene.
   constructor(open) {
     this.open = open;
+    this.sheet = new Sheet($("scenes"), $("show-scenes"));
     $("show-scenes").onclick = () => this.toggle();
   }
 
-  isOpen() {
-    return !$("scenes").hidden;
-  }
-
   async toggle() {
-    $("scenes").hidden = !$("scenes").hidden;
-    $("show-scenes").setAttribute("aria-expanded", String(this.isOpen()));
-    if (!this.isOpen()) return;
+    if (!this.sheet.toggle()) return;
     const answer = await fetch(`/scenes${location.search}`).catch(() => null);
     this.list(answer?.ok ? await answer.json() : []);
   }
@@ -36,7 +33,8 @@ export class Scenes {
       item.append(button);
       return item;
     }));
-    $("scene-list").querySelector("button")?.focus();
+    const buttons = [...$("scene-list").querySelectorAll("button")];
+    (buttons.find((button) => button.title === this.current) ?? buttons[0])?.focus();
   }
 
   show({ scene }) {
