@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use super::enlargement::{enlarged, interpolated};
+use super::enlargement::{enlarged, smoothed};
 use super::hub::Hub;
 use super::preview_frame::{FrameInfo, PreviewFrame};
 use super::status::ViewInfo;
@@ -104,8 +104,8 @@ impl Publisher {
         self.publish_enlarged(View::Raw, &enlarged(image, side, size), side, progress);
     }
 
-    /// Publishes a filtered coarse image: a pixel for every square of `side` pixels; between them it is
-    /// interpolated.
+    /// Publishes a filtered coarse image: a pixel for every square of `side` pixels, enlarged by a
+    /// spline.
     pub fn publish_coarse_filtered(
         &self,
         image: &Planes,
@@ -114,7 +114,7 @@ impl Publisher {
         progress: Option<&Progress>,
     ) {
         let progress = progress.map_or((0.0, 0.0), |p| (p.spp as f32, p.elapsed as f32));
-        self.publish_enlarged(View::Filtered, &interpolated(image, side, size), side, progress);
+        self.publish_enlarged(View::Filtered, &smoothed(image, side, size), side, progress);
     }
 
     fn publish_enlarged(&self, view: View, image: &Planes, side: usize, (spp, seconds): (f32, f32)) {
