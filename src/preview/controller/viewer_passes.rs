@@ -131,6 +131,7 @@ impl Controller<'_> {
             Event::Idle => self.receive(store),
         }
         self.reporter.publish(store);
+        self.report(store, false);
         !self.pending.ends_pass()
     }
 
