@@ -8,6 +8,7 @@ use super::Controller;
 use crate::memory::{available_bytes, format_bytes};
 use crate::preview::command::Command;
 use crate::preview::pixel_values::describe_pixel;
+use crate::preview::publisher::is_covered;
 use crate::preview::settings_change::SettingsChange;
 use crate::preview::status::Phase;
 use crate::progressive::{Host, Settings, memory_needed};
@@ -50,6 +51,10 @@ impl Controller<'_> {
             Command::SetRegion(region) => {
                 self.pending.region |= region != self.region;
                 self.region = region;
+                if region.is_some() && !is_covered(store) {
+                    let text = "the region is rendered first once every pixel has samples";
+                    self.reporter.notice(text.to_owned(), false);
+                }
             }
             Command::Restart => self.pending.restart = true,
             Command::OpenScene(index) => self.pending.scene = self.hub.scenes().get(index).cloned(),
