@@ -48,6 +48,33 @@ fn a_finished_render_that_another_denoiser_replaces_can_be_had_back() {
     assert_eq!(page.value("document.getElementById('redo').disabled"), true);
 }
 
+/// The image of a finished render comes back with it: no pass is made again.
+#[test]
+fn undo_of_a_finished_render_makes_no_filter_pass() {
+    let Some(program) = chromium() else { return };
+    let (mut page, _render, _folder) = finished_page(program);
+    let filter_seconds =
+        "(({ seconds, filter_fraction }) => seconds * filter_fraction)(window.prpf.state.status.statistics)";
+    let before = page.value(filter_seconds).as_f64().expect("a number");
+    assert!(before > 0.0);
+    page.wait("window.prpf.viewport.frames.has('filtered')");
+    page.value("window.before = [...window.prpf.viewport.frames.get('filtered').halves]; 0");
+
+    page.key("c");
+    let (from, to) = (on_image(&mut page, [0.0, 0.0]), on_image(&mut page, [0.2, 0.1]));
+    page.drag(&[from, to]);
+    page.wait(&format!("!document.getElementById('undo').disabled && {PHASE} === 'finished'"));
+    let moved = page.value(GENERATION);
+    page.key("u");
+    page.wait(&format!("{GENERATION} > {moved} && {PHASE} === 'finished'"));
+    let after = page.value(filter_seconds).as_f64().expect("a number");
+    assert!((after / before - 1.0).abs() < 1e-9, "{before} s became {after} s");
+    page.wait(&format!(
+        "(({{ generation, halves }}) => generation > {moved} && halves.every((half, i) => half === window.before[i])) \
+         (window.prpf.viewport.frames.get('filtered'))"
+    ));
+}
+
 #[test]
 fn a_moved_camera_goes_back_with_its_samples() {
     let Some(program) = chromium() else { return };
