@@ -3,14 +3,6 @@
 use super::*;
 use crate::browser::chromium;
 
-/// Enters a number in a field.
-fn enter(page: &mut Page, field: &str, text: &str) {
-    page.value(&format!(
-        "(() => {{ const field = document.getElementById('{field}'); field.focus(); field.value = '{text}'; \
-         field.dispatchEvent(new Event('change')); field.blur(); return 0; }})()"
-    ));
-}
-
 const APERTURE: &str = "window.prpf.state.status.camera.aperture";
 const FOCUS: &str = "window.prpf.state.status.camera.focus";
 

@@ -99,6 +99,11 @@ fn budgets_and_camera_are_in_reach_without_scrolling() {
         page.wait(&format!("innerWidth === {}", size[0]));
         let is_whole = "(() => { const a = document.querySelector('aside'); return a.scrollHeight <= a.clientHeight; })()";
         assert_eq!(page.value(is_whole), true, "{size:?}");
+        // With numbers to be corrected as well
+        for field in ["spp", "aperture"] {
+            enter(&mut page, field, "-1");
+            assert_eq!(page.value(is_whole), true, "{size:?} with an explanation at {field}");
+        }
     }
     save_screenshot(&mut page, "panel.png");
 }

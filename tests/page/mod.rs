@@ -42,6 +42,14 @@ pub fn brightness(page: &mut Page) -> f64 {
     page.value(sum).as_f64().expect("a number")
 }
 
+/// Enters a number in a field.
+pub fn enter(page: &mut Page, field: &str, text: &str) {
+    page.value(&format!(
+        "(() => {{ const field = document.getElementById('{field}'); field.focus(); field.value = '{text}'; \
+         field.dispatchEvent(new Event('change')); field.blur(); return 0; }})()"
+    ));
+}
+
 pub const SAMPLES: &str = "window.prpf.state.status.statistics.samples";
 pub const PHASE: &str = "window.prpf.state.status.phase";
 
