@@ -24,6 +24,7 @@ const state = {
   pixel: null, values: null, isPinned: false, // the inspected pixel
   region: null, // the rectangle being dragged
   notice: null, // number of the newest notice
+  saving: null, // the line that says that an image is being saved
 };
 
 const connection = new Connection({
@@ -38,6 +39,7 @@ const connection = new Connection({
     $("phase").textContent = $("phase").title = reason;
     $("phase").className = "lost";
     $("save").disabled = $("pause").disabled = $("restart").disabled = true;
+    state.saving?.remove();
   },
   frame: (frame) => {
     if (frame.view) viewport.setFrame(frame.view, frame);
@@ -48,6 +50,7 @@ const connection = new Connection({
   loading: ({ scene }) => {
     Object.assign(state, { status: null, isPinned: false, pixel: null, values: null });
     viewport.clearRender();
+    state.saving?.remove();
     $("scene").textContent = scene.split("/").pop();
     $("phase").textContent = "loading";
     $("phase").className = "";
@@ -66,7 +69,9 @@ const connection = new Connection({
     // Notices from before the page was opened are not shown.
     const newest = status.notices.at(-1)?.number ?? 0;
     if (state.notice !== null) {
-      status.notices.filter(({ number }) => number > state.notice).forEach((n) => notify(n.text, n.is_problem));
+      const latest = status.notices.filter(({ number }) => number > state.notice);
+      if (latest.some(({ text }) => /^(not )?saved/.test(text))) state.saving?.remove();
+      latest.forEach((n) => notify(n.text, n.is_problem));
     }
     state.notice = newest;
     updateViews();
@@ -125,12 +130,19 @@ function sendNow(type, content) {
   if (state.status) panel.restore();
 }
 
+// Shows a line for some seconds.
 function notify(text, isProblem) {
+  const line = addLine(text, isProblem);
+  setTimeout(() => line.remove(), NOTICE_MILLISECONDS);
+}
+
+// Shows a line until it is removed; returns it.
+function addLine(text, isProblem) {
   const line = document.createElement("p");
   line.textContent = text;
   line.classList.toggle("problem", isProblem);
   $("notices").append(line);
-  setTimeout(() => line.remove(), NOTICE_MILLISECONDS);
+  return line;
 }
 
 function selectView(view) {
@@ -256,7 +268,10 @@ const redo = () => $("redo").disabled || send("redo", {});
 const save = () => {
   // An image needs samples of every pixel.
   const isThere = state.status?.statistics.min > 0;
-  if (connection.isOpen()) notify(isThere ? "saving …" : "saving as soon as every pixel has samples …", false);
+  if (connection.isOpen() && state.status) {
+    state.saving?.remove();
+    state.saving = addLine(isThere ? "saving …" : "saving when every pixel has samples …", false);
+  }
   send("save", {});
 };
 const clearRegion = () => send("priority-region", { region: null });
