@@ -370,7 +370,7 @@ impl<'a> Controller<'a> {
             self.save_checkpoint(render_loop);
             let saved = self.configuration.host.wait_for_checkpoint();
             let is_problem = saved.is_err();
-            let what = saved.err().unwrap_or("the state file keeps the view so far".to_owned());
+            let what = saved.err().unwrap_or("the state file keeps the render so far".to_owned());
             self.reporter.notice(format!("{what}; the new render is not saved to it"), is_problem);
         }
     }

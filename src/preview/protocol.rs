@@ -82,7 +82,7 @@ impl Message {
     fn check(&self) -> Result<(), String> {
         match self {
             Message::Views { views } if views.len() > View::ALL.len() => {
-                Err("more views than there are".to_owned())
+                Err("`views` has more entries than there are views".to_owned())
             }
             Message::Settings(change) => change.check(),
             Message::Camera(step) => step.check(),

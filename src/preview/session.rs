@@ -167,7 +167,7 @@ impl Session {
             }
             Ok(message) => match self.hub.send(message.into_command(&self.reply)) {
                 true => Next::Wait,
-                false => refuse("too many commands are waiting"),
+                false => refuse("too many commands are waiting; try again in a second"),
             },
             Err(problem) => refuse(&problem),
         }

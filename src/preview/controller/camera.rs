@@ -56,7 +56,7 @@ impl Controller<'_> {
         let inside = pixel.filter(|[x, y]| *x < width && *y < height);
         let seen = inside.and_then(|[x, y]| renderer.seen_at(x, y));
         if step.focus_at.is_some() && seen.is_none() {
-            self.reporter.notice("nothing there to focus on".to_owned(), true);
+            self.reporter.notice("cannot focus there: no surface is seen at this pixel".to_owned(), true);
         }
 
         // Move, and tell why nothing changes

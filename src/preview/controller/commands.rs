@@ -103,7 +103,7 @@ impl Controller<'_> {
         };
         match available_bytes().filter(|&available| needed > available) {
             Some(available) => Err(format!(
-                "{name} needs about {} of memory for this many samples, and {} are available",
+                "{name} needs about {} of memory for this many samples, but {} are available: enter fewer samples",
                 format_bytes(needed),
                 format_bytes(available)
             )),

@@ -22,7 +22,7 @@ impl Controller<'_> {
         }
         let Some(session) = self.configuration.session.take() else { return };
         if session.hash != self.configuration.scene.hash {
-            let text = "the scene's files have changed: its renders so far are dropped";
+            let text = "the scene's files have changed: its earlier renders were discarded";
             return self.reporter.notice(text.to_owned(), true);
         }
         (self.bookmarks, self.history) = (session.bookmarks, session.history);

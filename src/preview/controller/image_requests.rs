@@ -34,7 +34,7 @@ impl Controller<'_> {
                 // A generation with the statistics that this denoiser needs is about to begin.
                 self.pending.request_save(&request.settings);
             } else if !suffices(&request.settings) {
-                let text = "not saved: another denoiser was chosen before this one had its statistics";
+                let text = "not saved: another denoiser was chosen before there were statistics for this one";
                 self.reporter.notice(text.to_owned(), true);
             } else if !self.requests.iter().any(is_same) {
                 self.requests.push_back(request);
@@ -52,7 +52,11 @@ impl Controller<'_> {
             if let Some(shown) = self.reporter.shown().filter(matches).cloned() {
                 self.write_image(&request, Some(&shown));
             } else if self.background.len() == MOST_IN_BACKGROUND {
-                self.reporter.notice("not saved: earlier images are still being made".to_owned(), true);
+                self.reporter.notice(
+                    "not saved: earlier images are still being filtered; save again when they are there"
+                        .to_owned(),
+                    true,
+                );
             } else {
                 let pass = self.pass_threads.start(self.viewer_pass(&request.store, &request.settings));
                 let commands = self.hub.commands().clone();
@@ -71,7 +75,7 @@ impl Controller<'_> {
     /// Writes a requested image; without a `result` its pass has failed.
     pub(super) fn write_image(&mut self, request: &ImageRequest, result: Option<&FilterResult>) {
         let ImageRequest { store, settings, camera } = request;
-        let written = result.ok_or("the filter ended early".to_owned()).and_then(|result| {
+        let written = result.ok_or("the filter pass ended early".to_owned()).and_then(|result| {
             let image = SavedImage { store, result, settings, camera };
             self.configuration.host.write_image(&image)
         });

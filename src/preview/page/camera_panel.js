@@ -32,10 +32,10 @@ export class CameraPanel {
     const lines = $("lines").querySelector("pre");
     try {
       await navigator.clipboard.writeText(lines.textContent);
-      this.notify("copied", false);
+      this.notify("lines copied", false);
     } catch {
       getSelection().selectAllChildren(lines);
-      this.notify("selected: copy with Ctrl+C", false);
+      this.notify("lines selected: copy them with Ctrl+C", false);
     }
   }
 

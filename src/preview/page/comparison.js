@@ -58,11 +58,12 @@ export class Comparison {
     this.update();
     if (!this.isOn() || !against.startsWith("save:") || viewport.frames.has(against)) return;
     const answer = await fetch(`/saves/${against.slice("save:".length)}${location.search}`).catch(() => null);
-    const frame = answer?.ok ? decodeFrame(await answer.arrayBuffer()) : null;
-    if (!frame) return this.notify(`cannot read the saved image${answer ? `: ${await answer.text()}` : ""}`, true);
+    if (!answer) return this.notify("cannot read the saved image: no answer from prpf", true);
+    const frame = answer.ok ? decodeFrame(await answer.arrayBuffer()) : null;
+    if (!frame) return this.notify(`cannot read the saved image: ${answer.ok ? "it is no frame" : await answer.text()}`, true);
     const [width, height] = viewport.size;
     if (frame.width !== width || frame.height !== height) {
-      return this.notify(`the saved image has ${frame.width}×${frame.height} pixels, this one ${width}×${height}`, true);
+      return this.notify(`cannot compare: the saved image has ${frame.width}×${frame.height} pixels, the render ${width}×${height}`, true);
     }
     viewport.setFrame(against, frame);
     this.update();

@@ -8,7 +8,7 @@ const LONGEST_SILENCE = 8000; // milliseconds
 const REASONS = {
   204: "connection lost, reconnecting",
   403: "this address is no longer valid: open the one that prpf has printed last",
-  503: "as many others are watching as may: waiting for a place",
+  503: "prpf already serves the most viewers that it can: waiting for a place",
 };
 
 export class Connection {

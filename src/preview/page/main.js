@@ -126,7 +126,7 @@ function sendNow(type, content) {
   // A new generation begins with unfiltered images.
   if (["camera", "restart", "undo", "redo"].includes(type)) { state.movedGeneration = state.status?.generation ?? 0; requestViews(); }
   if (state.status && connection.send(type, content)) return;
-  notify(connection.isOpen() ? "the scene is being loaded: this was not sent" : "not connected: this was not sent", true);
+  notify(connection.isOpen() ? "the scene is being loaded: the command was not sent" : "not connected to prpf: the command was not sent", true);
   if (state.status) panel.restore();
 }
 
@@ -347,7 +347,7 @@ document.addEventListener("keydown", (event) => {
   event.preventDefault();
 });
 
-if (!viewport.gl) notify("This browser does not support WebGL 2: the image cannot be shown; statistics and controls work.", true);
+if (!viewport.gl) notify("this browser does not support WebGL 2: statistics and controls work, but no image is shown", true);
 selectTool("inspect");
 // For tests and the browser's console: read only.
 window.prpf = { viewport, state };

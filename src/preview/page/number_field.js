@@ -15,7 +15,7 @@ export function numberField(field, explanation, { name, isWhole = false, change 
   field.addEventListener("change", () => {
     const value = Number(field.value.trim().replace(",", "."));
     const isInRange = value >= 0 && value <= LARGEST && !(isWhole && !Number.isInteger(value));
-    explain(isInRange ? "" : `${name} is a ${isWhole ? "whole " : ""}number from 0 to 10⁹: ${field.value} was not taken`);
+    explain(isInRange ? "" : `${name}: ${field.value} was not accepted; enter a ${isWhole ? "whole " : ""}number from 0 to 10⁹`);
     if (isInRange) change(value);
   });
   // Escape takes the render's own number back.

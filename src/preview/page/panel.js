@@ -24,7 +24,7 @@ function cost({ denoiser, begins_anew, memory_bytes }, settings) {
   if (denoiser === settings.denoiser) return "";
   if (memory_bytes === null) return "Keeps every sample: enter a number of samples first.";
   if (!begins_anew) return "Uses the samples so far.";
-  return `Begins the render anew, in about ${Number((memory_bytes / 1e9).toPrecision(2))} GB.`;
+  return `Begins the render anew, in about ${Number((memory_bytes / 1e9).toPrecision(2))} GB of memory.`;
 }
 
 export class Panel {
@@ -66,7 +66,7 @@ export class Panel {
     for (const [way, keys] of [["undo", "U"], ["redo", "Shift+U"]]) {
       const render = status.history[way];
       $(way).disabled = !render;
-      $(way).title = render ? `${way === "undo" ? "Back" : "Forth"} to ${render} (${keys})` : `No render to go ${way === "undo" ? "back" : "forth"} to`;
+      $(way).title = render ? `${way === "undo" ? "Back" : "Forward"} to ${render} (${keys})` : `Nothing to ${way}`;
     }
     $("clear-region").hidden = !status.region;
     this.showViews(status.views);
@@ -183,7 +183,7 @@ export class Panel {
     const isOnTheWay = target_seconds !== null && error > settings.budget.target_error;
     const [what, seconds] = isOnTheWay ? ["Reaching the target error takes ", target_seconds] : ["Halving the error takes ", halving_seconds];
     if (seconds === 0) {
-      text.textContent = isOnTheWay ? "The next filtered image may reach the target error." : "The next filtered image may have half of this error.";
+      text.textContent = isOnTheWay ? "The next image may reach the target error." : "The next image may have half of this error.";
       return;
     }
     const time = Object.assign(document.createElement("b"), { textContent: duration(seconds) });

@@ -29,8 +29,9 @@ impl SceneBuilder {
                 };
                 let path = self.resolve_content(name);
                 let named = |message: String| error(format!("mesh \"{}\": {message}", path.display()));
-                let mesh = ply::read(&path)
-                    .map_err(|message| named(format!("{message}; expected a valid PLY file")))?;
+                let mesh = ply::read(&path).map_err(|message| {
+                    named(format!("{message}; expected a valid PLY file that fits in memory"))
+                })?;
                 self.add_mesh(params, &mesh, named)?;
             }
             "bilinearmesh" => {
