@@ -7,6 +7,7 @@ use super::mode::Mode;
 use super::options::RenderOptions;
 use super::state_options::StateOptions;
 use crate::filter::UNFILTERED;
+use crate::filter::learned::weights_id;
 use crate::progressive::Settings;
 use crate::state::ImageMetadata;
 
@@ -70,6 +71,7 @@ pub(super) fn agree(
         ("program", program()),
         ("scene", format!("{} ({:.12})", metadata.source, metadata.hash)),
         ("view", text(serde_json::to_string(metadata))),
+        ("weights of the denoiser learned", weights_id().to_owned()),
         ("settings", text(serde_json::to_string(&settings))),
         ("shard", options.state.shard.to_string()),
     ];

@@ -1,20 +1,23 @@
 //! An image that several processes filter together: the sums that filters need of all of it, and their results as one.
 
 use super::link::Link;
-use crate::filter::{FilterResult, WholeImage};
+use crate::filter::{FilterResult, PlaneRows, WholeImage};
 use crate::image::Planes;
 use crate::stats::Rectangle;
 
 /// The image of which this process has a part and a margin.
 pub struct SharedImage<'a> {
     pub link: &'a Link,
-    /// The part, within the store that is filtered.
-    pub part: Rectangle,
+    /// The part of each process.
+    pub parts: &'a [Rectangle],
+    /// The same with their margins.
+    pub grown: &'a [Rectangle],
 }
 
 impl WholeImage for SharedImage<'_> {
     fn part(&self) -> Rectangle {
-        self.part
+        let rank = self.link.rank();
+        self.parts[rank].within(&self.grown[rank])
     }
 
     fn sum(&self, numbers: &mut [i64]) {
@@ -23,6 +26,24 @@ impl WholeImage for SharedImage<'_> {
 
     fn max(&self, number: f32) -> f32 {
         self.link.max(number)
+    }
+
+    fn complete_margin(&self, planes: &mut dyn PlaneRows, side: usize) {
+        let rank = self.link.rank();
+        let others = || (0..self.link.size()).filter(|&other| other != rank);
+        let shared = |from: usize, to: usize| {
+            let pixels = self.parts[from].intersection(&self.grown[to])?.within(&self.grown[rank]);
+            let scaled = |[start, end]: [usize; 2]| [start / side, end.div_ceil(side)];
+            Some(Rectangle { x: scaled(pixels.x), y: scaled(pixels.y) })
+        };
+        let message = |to: usize| Some((to, to_bytes(planes, &shared(rank, to)?)));
+        let messages: Vec<_> = others().filter_map(message).collect();
+        self.link.send_all(&messages, || {
+            for (from, part) in others().filter_map(|from| Some((from, shared(from, rank)?))) {
+                let bytes = self.link.receive(from, size_of::<f32>() * planes.count() * part.pixels());
+                read_bytes(planes, &part, &bytes);
+            }
+        });
     }
 }
 
@@ -34,13 +55,7 @@ pub fn gather_results(
     image: &Rectangle,
     (mut result, place): (FilterResult, Rectangle),
 ) -> Option<FilterResult> {
-    let mut own = Vec::new();
-    for planes in planes_of(&mut result) {
-        for plane in 0..planes.count() {
-            let rows = place.select(planes.plane(plane), planes.width());
-            rows.for_each(|row| own.extend_from_slice(bytemuck::cast_slice(row)));
-        }
-    }
+    let own: Vec<u8> = planes_of(&mut result).flat_map(|planes| to_bytes(planes, &place)).collect();
     if link.rank() > 0 {
         link.send_all(&[(0, own)], || ());
         return None;
@@ -51,21 +66,36 @@ pub fn gather_results(
         *planes = Planes::new(image.width(), image.height(), planes.count());
     }
     let count: usize = planes_of(&mut result).map(|planes| planes.count()).sum();
+    let mut own = Some(own);
     for (from, part) in parts.iter().enumerate() {
-        let bytes = if from == 0 {
-            std::mem::take(&mut own)
-        } else {
-            link.receive(from, size_of::<f32>() * count * part.pixels())
-        };
-        let mut rows = bytes.chunks_exact(size_of::<f32>() * part.width());
-        for plane in planes_of(&mut result).flat_map(Planes::planes_mut) {
-            let places = plane.chunks_exact_mut(image.width()).skip(part.y[0]).take(part.height());
-            for (to, from) in places.zip(&mut rows) {
-                bytemuck::cast_slice_mut(&mut to[part.x[0]..part.x[1]]).copy_from_slice(from);
-            }
+        let of_plane = size_of::<f32>() * part.pixels();
+        let bytes = own.take().unwrap_or_else(|| link.receive(from, count * of_plane));
+        let mut rest = &bytes[..];
+        for planes in planes_of(&mut result) {
+            let (bytes, others) = rest.split_at(planes.count() * of_plane);
+            read_bytes(planes, part, bytes);
+            rest = others;
         }
     }
     Some(result)
+}
+
+/// Returns the values of a rectangle, plane by plane and row by row.
+fn to_bytes(planes: &dyn PlaneRows, part: &Rectangle) -> Vec<u8> {
+    let rows = (0..planes.count()).flat_map(|plane| (part.y[0]..part.y[1]).map(move |y| (plane, y)));
+    let mut bytes = Vec::with_capacity(size_of::<f32>() * planes.count() * part.pixels());
+    for (plane, y) in rows {
+        bytes.extend_from_slice(bytemuck::cast_slice(&planes.row(plane, y)[part.x[0]..part.x[1]]));
+    }
+    bytes
+}
+
+/// Sets the values of a rectangle to those of [`to_bytes`].
+fn read_bytes(planes: &mut dyn PlaneRows, part: &Rectangle, bytes: &[u8]) {
+    let rows = (0..planes.count()).flat_map(|plane| (part.y[0]..part.y[1]).map(move |y| (plane, y)));
+    for ((plane, y), bytes) in rows.zip(bytes.chunks_exact(size_of::<f32>() * part.width())) {
+        bytemuck::cast_slice_mut(&mut planes.row_mut(plane, y)[part.x[0]..part.x[1]]).copy_from_slice(bytes);
+    }
 }
 
 /// Returns all planes of a result. Filters of parts do not interpolate.

@@ -7,7 +7,7 @@ use super::command::{Answer, Command, decode_counts};
 use super::exchange::{StoreKind, exchange};
 use super::link::Link;
 use super::shared_image::{SharedImage, gather_results};
-use crate::filter::{Denoiser, FilterResult, PartFilter, find};
+use crate::filter::{Denoiser, FilterResult, PartFilter, WholeImage, find};
 use crate::memory::peak_bytes;
 use crate::progressive::{ProcessRecord, SampleTotals};
 use crate::render::{RejectedSample, Renderer};
@@ -98,10 +98,10 @@ impl<'s> OwnPart<'s> {
 
         // Filter, and send the result without the margin
         let started = Instant::now();
-        let part = self.place().within(&place);
-        let result = denoiser.filter_part(&store, &SharedImage { link, part });
+        let whole = SharedImage { link, parts: &self.parts, grown: &grown };
+        let result = denoiser.filter_part(&store, &whole);
         self.filter_seconds += started.elapsed().as_secs_f64();
-        gather_results(link, &self.parts, &image, (result, part))
+        gather_results(link, &self.parts, &image, (result, whole.part()))
     }
 
     /// Returns what this process has done.

@@ -36,7 +36,7 @@ pub use prpf::{Bandwidth, PrpfSettings, mutual_information};
 pub use result::{FilterResult, Interpolation, Reliability};
 pub use rpf::RpfSettings;
 pub use selection::{SelectionError, by_name, can_filter};
-pub use whole_image::{AllPixels, WholeImage};
+pub use whole_image::{AllPixels, PlaneRows, WholeImage};
 
 use crate::image::Planes;
 use crate::stats::{Part, Store};

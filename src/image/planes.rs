@@ -52,6 +52,12 @@ impl Planes {
         &self.plane(plane)[y * self.width..][..self.width]
     }
 
+    /// One row of one plane.
+    pub fn row_mut(&mut self, plane: usize, y: usize) -> &mut [f32] {
+        let width = self.width;
+        &mut self.plane_mut(plane)[y * width..][..width]
+    }
+
     /// All planes, one after the other.
     pub fn data(&self) -> &[f32] {
         &self.data

@@ -26,6 +26,11 @@ pub fn gaussian(width: usize, height: usize, plane: &[f32], sigma: f32) -> Vec<f
     blurred
 }
 
+/// Returns the distance in pixels from which values contribute to a blurred one.
+pub fn reach(sigma: f32) -> usize {
+    (3.0 * sigma).ceil() as usize
+}
+
 /// Returns the variance of a blurred value relative to the blurred variance, 1/(4πσ²), for independent values.
 pub fn variance_factor(sigma: f32) -> f32 {
     1.0 / (4.0 * std::f32::consts::PI * sigma * sigma)
@@ -87,7 +92,7 @@ struct Kernel {
 
 impl Kernel {
     fn new(sigma: f32) -> Self {
-        let radius = (3.0 * sigma).ceil() as isize;
+        let radius = reach(sigma) as isize;
         let weight = |tap: isize| (-0.5 * (tap as f32 / sigma).powi(2)).exp();
         Self { radius, weights: (-radius..=radius).map(weight).collect() }
     }

@@ -53,6 +53,9 @@ impl FireflySettings {
     }
 }
 
+/// Radius of the window of a pixel's bound, in pixels.
+pub const RADIUS: usize = 2;
+
 /// Colours with clamped fireflies.
 #[derive(Clone, Debug)]
 pub struct FireflyClamp {
@@ -138,7 +141,6 @@ fn bound(
     settings: &FireflySettings,
 ) -> Option<f32> {
     // Collect the luminances of the window
-    const RADIUS: usize = 2;
     let own = luminances[y * width + x];
     let mut window = [0.0; (2 * RADIUS + 1).pow(2)];
     let mut n = 0;

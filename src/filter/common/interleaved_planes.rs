@@ -114,7 +114,7 @@ impl InterleavedPlanes {
         &self.row_with_margins(plane, y)[self.margin..][..self.width]
     }
 
-    #[cfg(test)]
+    /// Returns one row of one plane without margins.
     pub fn row_mut(&mut self, plane: usize, y: usize) -> &mut [f32] {
         &mut self.data[(y * self.count + plane) * self.stride + self.margin..][..self.width]
     }

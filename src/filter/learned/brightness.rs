@@ -17,6 +17,11 @@ const USUAL_LOSS: f32 = 0.05;
 /// Standard deviation of the blur that the sums are, in pixels.
 const SIGMA: f32 = 16.0;
 
+/// Returns the distance in pixels from which pixels can change a factor.
+pub fn reach() -> usize {
+    blur::reach(SIGMA)
+}
+
 /// Returns the factors that give the pixels of the filtered image the brightness of the `noisy` one.
 pub fn factors(filtered: &Noisy, noisy: &Noisy, counts: &HalfCounts) -> Vec<f32> {
     let (width, height, pixels) = (noisy.mean.width(), noisy.mean.height(), noisy.mean.pixels());

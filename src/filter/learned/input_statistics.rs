@@ -6,6 +6,7 @@ use super::convolution::MARGIN;
 use crate::filter::common::fireflies::{FireflyClamp, luminance};
 use crate::filter::common::half_counts::HalfCounts;
 use crate::filter::common::interleaved_planes::InterleavedPlanes;
+use crate::filter::whole_image::{self, WholeImage};
 use crate::image::Planes;
 use crate::stats::{Block, Part, Store};
 
@@ -14,7 +15,7 @@ pub const INPUTS: usize = 25;
 
 /// Width and height that the network works on are multiples of this: it halves the resolution three times after the
 /// input's.
-const ALIGNMENT: usize = 16;
+pub const ALIGNMENT: usize = 16;
 
 /// Smallest and largest albedo that colours are divided by.
 pub const ALBEDO_RANGE: [f32; 2] = [0.02, 64.0];
@@ -57,7 +58,12 @@ pub struct FeatureMoments {
 impl InputStatistics {
     /// Reads the statistics of a store, its colours with clamped fireflies. Blocks that its layout lacks have the values of
     /// a white surface that does not vary.
-    pub fn from_store(store: &Store, counts: &HalfCounts, clamped: &FireflyClamp) -> Self {
+    pub fn from_store(
+        store: &Store,
+        counts: &HalfCounts,
+        clamped: &FireflyClamp,
+        whole: &dyn WholeImage,
+    ) -> Self {
         // Read blocks of dimensions, with values for those that are missing
         let layout = store.layout();
         let constant = |value: f32, planes| {
@@ -90,10 +96,9 @@ impl InputStatistics {
         let colour = filled_mean(counts, clamped.halves.clone());
 
         // Read the features
-        let mut position_deviation = feature(Block::Position1, 0.0).deviation;
-        to_units_of_the_mean(&mut position_deviation);
+        let position = plane_of(&colour, feature(Block::Position1, 0.0).deviation);
         Self {
-            scale: 1.0 / brightness(&per_pixel(&colour, luminance)),
+            scale: 1.0 / brightness(&plane_of(&colour, per_pixel(&colour, luminance)), whole),
             colour,
             deviation,
             difference,
@@ -101,7 +106,7 @@ impl InputStatistics {
             albedo: feature(Block::Albedo, 1.0),
             normal: feature(Block::Normal1, 0.0),
             second_normal: mean(Block::Normal2, 0.0, 3),
-            position_deviation,
+            position_deviation: in_units_of_the_mean(position, whole),
             hit: mean(Block::Hit, 1.0, 1),
             count: store.count_plane().plane(0).to_vec(),
         }
@@ -189,25 +194,25 @@ fn per_pixel(planes: &Planes, of: impl Fn([f32; 3]) -> f32 + Sync) -> Vec<f32> {
     (0..planes.pixels()).into_par_iter().map(|i| of([r[i], g[i], b[i]])).collect()
 }
 
-/// The unit of radiance: the mean luminance, where high ones are clamped. Pixels without light do not count for the median.
-fn brightness(luminances: &[f32]) -> f32 {
-    let mut lit: Vec<f32> = luminances.iter().copied().filter(|&v| v > 0.0).collect();
-    if lit.is_empty() {
-        return 1.0;
-    }
-    // With an even number, the mean of the two in the middle
-    let is_even = lit.len().is_multiple_of(2);
-    let middle = lit.len() / 2;
-    let (below, &mut upper, _) = lit.select_nth_unstable_by(middle, f32::total_cmp);
-    let lower = below.iter().copied().reduce(f32::max).filter(|_| is_even).unwrap_or(upper);
-    let max = MAX_LUMINANCE * (0.5 * lower + 0.5 * upper);
-    let sum: f64 = luminances.iter().map(|&v| f64::from(v.min(max))).sum();
-    ((sum / luminances.len() as f64) as f32).max(f32::MIN_POSITIVE)
+/// Returns one plane of the size of others.
+fn plane_of(size: &Planes, values: Vec<f32>) -> Planes {
+    let mut plane = Planes::new(size.width(), size.height(), 1);
+    plane.data_mut().copy_from_slice(&values);
+    plane
 }
 
-fn to_units_of_the_mean(values: &mut [f32]) {
-    let mean = values.iter().map(|&v| f64::from(v)).sum::<f64>() / values.len().max(1) as f64;
+/// The unit of radiance: the mean luminance, where high ones are clamped. Pixels without light do not count for the median.
+fn brightness(luminances: &Planes, whole: &dyn WholeImage) -> f32 {
+    let Some(median) = whole_image::median_of_positive(whole, luminances) else { return 1.0 };
+    let max = MAX_LUMINANCE * median;
+    (whole_image::mean(whole, luminances, |v| v.min(max)) as f32).max(f32::MIN_POSITIVE)
+}
+
+fn in_units_of_the_mean(values: Planes, whole: &dyn WholeImage) -> Vec<f32> {
+    let mean = whole_image::mean(whole, &values, |v| v);
+    let mut values = values.into_data();
     if mean > 0.0 {
         values.iter_mut().for_each(|v| *v = (f64::from(*v) / mean) as f32);
     }
+    values
 }

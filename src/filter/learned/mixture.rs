@@ -7,6 +7,7 @@ use super::input_statistics::ALBEDO_RANGE;
 use super::network::MIXTURE;
 use crate::filter::common::half_counts::HalfCounts;
 use crate::filter::common::interleaved_planes::InterleavedPlanes;
+use crate::filter::whole_image::WholeImage;
 use crate::image::Planes;
 
 /// An image, and the difference of its halves scaled so that its variance is the image's: with the fractions p of the
@@ -58,6 +59,12 @@ impl Noisy {
             }
             image
         })
+    }
+
+    /// Takes the values of the margin from the parts there.
+    pub fn complete_margin(&mut self, whole: &dyn WholeImage) {
+        whole.complete_margin(&mut self.mean, 1);
+        whole.complete_margin(&mut self.noise, 1);
     }
 
     /// Adds another image, multiplied by a factor.

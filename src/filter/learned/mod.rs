@@ -24,19 +24,21 @@ mod safeguard;
 mod weight_file;
 mod weights;
 
-use super::common::error_maps::ErrorMaps;
+use super::common::blur;
+use super::common::error_maps::{ERROR_SIGMA, ErrorMaps};
 use super::common::fireflies::{self, FireflySettings};
 use super::common::half_counts::HalfCounts;
 use super::common::interleaved_planes::InterleavedPlanes;
-use super::denoiser::{Cost, Denoiser, LayerFilter, Reads, SampleVectors};
+use super::denoiser::{Cost, Denoiser, LayerFilter, PartFilter, Reads, SampleVectors};
 use super::denoiser_name::DenoiserName;
 use super::nlm;
 use super::none::unfiltered;
 use super::result::{FilterResult, Reliability};
+use super::whole_image::{AllPixels, WholeImage};
 use crate::image::Planes;
 use crate::stats::{Block, Part, Store};
 use affinity::MARGIN;
-use input_statistics::InputStatistics;
+use input_statistics::{ALIGNMENT, InputStatistics};
 use layers::ColourSteps;
 use mixture::{Candidates, Noisy};
 use network::Prediction;
@@ -114,8 +116,29 @@ impl Denoiser for Learned {
         self.filter_with_layers(store, seed, &[]).0
     }
 
+    fn parts(&self) -> Option<&dyn PartFilter> {
+        Some(self)
+    }
+
     fn layers(&self) -> Option<&dyn LayerFilter> {
         Some(self)
+    }
+}
+
+impl PartFilter for Learned {
+    fn margin(&self) -> usize {
+        // Margins are completed between the steps, which all read values with clamped fireflies
+        let scale_and_error = brightness::reach() + blur::reach(ERROR_SIGMA);
+        let steps = [self.reach(), network::REACH, safeguard::reach(), scale_and_error];
+        let widest = steps.into_iter().fold(0, usize::max) + fireflies::RADIUS;
+        let nlm = if self.is_mixed { nlm::STANDARD.margin() } else { 0 };
+        widest.max(nlm).next_multiple_of(ALIGNMENT)
+    }
+
+    fn filter_part(&self, store: &Store, whole: &dyn WholeImage) -> FilterResult {
+        let nlm = self.is_mixed.then(|| nlm::STANDARD.filter_part(store, whole));
+        let (result, _) = filter(store, nlm, std::iter::empty(), whole);
+        FilterResult { made_by: self.name(), ..result }
     }
 }
 
@@ -132,7 +155,8 @@ impl LayerFilter for Learned {
             None => (None, vec![None; layers.len()]),
         };
         let layers = layers.iter().cloned().zip(of_layers);
-        let (result, layers) = filter(store, nlm, layers);
+        let whole = AllPixels::new(store.width(), store.height());
+        let (result, layers) = filter(store, nlm, layers, &whole);
         (FilterResult { made_by: self.name(), ..result }, layers)
     }
 }
@@ -147,24 +171,33 @@ fn filter(
     store: &Store,
     nlm: Option<FilterResult>,
     layers: impl Iterator<Item = ([Planes; 2], Option<Planes>)>,
+    whole: &dyn WholeImage,
 ) -> (FilterResult, Vec<Planes>) {
     let (width, height) = (store.width(), store.height());
     let counts = HalfCounts::from_store(store);
     let [a, b] = [0, 1].map(|half| store.means(Part::Half(half), store.layout().colour()));
     let clamped = fireflies::clamp(&counts.mean([&a, &b]), [&a, &b], counts.integers(), &FIREFLIES);
-    let statistics = InputStatistics::from_store(store, &counts, &clamped);
+    let statistics = InputStatistics::from_store(store, &counts, &clamped, whole);
+    let nlm = nlm.map(|mut result| {
+        let [a, b] = &mut result.halves;
+        [&mut result.image, a, b].into_iter().for_each(|planes| whole.complete_margin(planes, 1));
+        result
+    });
     let candidates = candidates(store, &counts, &statistics, clamped.halves, nlm);
 
     // Filter the image
     let inputs = statistics.inputs(candidates.nlm.as_ref().map(|image| &image.mean));
-    let predicted = weights().network.predict(&inputs, width, height);
+    let mut predicted = weights().network.predict(&inputs, width, height);
+    predicted.complete_margin(whole);
     let hit = InterleavedPlanes::extended(&statistics.hit, MARGIN);
     let mut mixed = mix(&candidates, &predicted, &hit);
+    mixed.complete_margin(whole);
     let unfiltered_image = candidates.unfiltered();
     let nlm = candidates.nlm();
     let second = nlm.as_ref().unwrap_or(&unfiltered_image);
-    let fraction = safeguard::fraction_of_learned(&mixed, second, &unfiltered_image, &counts);
+    let fraction = safeguard::fraction_of_learned(&mixed, second, &unfiltered_image, &counts, whole);
     safeguard::blend(&mut mixed, second, &fraction);
+    mixed.complete_margin(whole);
     let factors = brightness::factors(&mixed, &unfiltered_image, &counts);
     mixed.scale(&factors);
 

@@ -8,12 +8,18 @@ use super::convolution::{Convolution, MARGIN};
 use super::input_statistics::INPUTS;
 use super::weight_file::{WeightFile, WeightFileError};
 use crate::filter::common::interleaved_planes::{InterleavedPlanes, extend};
+use crate::filter::whole_image::WholeImage;
 
 /// Predicted planes of the mixture.
 pub const MIXTURE: usize = 6;
 
 /// Predicted planes: those of the levels' kernels, then those of the mixture.
 const OUTPUTS: usize = DILATIONS.len() * PLANES_PER_LEVEL + MIXTURE;
+
+/// Distance in pixels from which inputs can change a prediction: from a border of 16×16 pixels, which are one of the coarsest
+/// level, a pixel beyond it on the levels of 2, 4, 8 and 16 pixels on the way up, and two on those of 8 and 4 and one on that
+/// of 2 on the way down, each rounded to whole pixels of its level.
+pub const REACH: usize = 58;
 
 /// The layers, from fine to coarse and back.
 pub struct Network {
@@ -80,6 +86,11 @@ pub struct Prediction<'a> {
 }
 
 impl Prediction<'_> {
+    /// Takes the values of the margin from the parts there.
+    pub fn complete_margin(&mut self, whole: &dyn WholeImage) {
+        whole.complete_margin(&mut self.last, 2);
+    }
+
     /// Computes the planes of a level's kernels, see `affinity`. Margins have the values of the nearest pixel.
     pub fn kernels(&self, level: usize, out: &mut InterleavedPlanes) {
         self.leave(&self.network.leave[level], out);

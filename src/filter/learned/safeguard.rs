@@ -11,6 +11,7 @@ use rayon::prelude::*;
 use super::mixture::Noisy;
 use crate::filter::common::blur;
 use crate::filter::common::half_counts::HalfCounts;
+use crate::filter::whole_image::{self, WholeImage};
 
 /// Standard deviation of the prior of λ.
 const DOUBT: f32 = 0.25;
@@ -24,6 +25,11 @@ const VARIANCE_SIGMA: f32 = 8.0;
 /// Floor of the squared brightness in relative errors, in units of the squared mean of the image.
 const RELATIVE_FLOOR: f64 = 0.01;
 
+/// Returns the distance in pixels from which pixels can change λ.
+pub fn reach() -> usize {
+    blur::reach(SIGMA) + blur::reach(VARIANCE_SIGMA)
+}
+
 /// Blends the learned image with a second estimate. `fraction` is that of [`fraction_of_learned`].
 pub fn blend(learned: &mut Noisy, second: &Noisy, fraction: &[f32]) {
     for (learned, second) in [(&mut learned.mean, &second.mean), (&mut learned.noise, &second.noise)] {
@@ -35,10 +41,15 @@ pub fn blend(learned: &mut Noisy, second: &Noisy, fraction: &[f32]) {
 }
 
 /// Computes λ for each pixel. `noisy` is the unfiltered image.
-pub fn fraction_of_learned(learned: &Noisy, second: &Noisy, noisy: &Noisy, counts: &HalfCounts) -> Vec<f32> {
+pub fn fraction_of_learned(
+    learned: &Noisy,
+    second: &Noisy,
+    noisy: &Noisy,
+    counts: &HalfCounts,
+    whole: &dyn WholeImage,
+) -> Vec<f32> {
     let (width, height, pixels) = (noisy.mean.width(), noisy.mean.height(), noisy.mean.pixels());
-    let level = learned.mean.data().iter().map(|&v| f64::from(v.abs())).sum::<f64>();
-    let level = level / learned.mean.data().len().max(1) as f64;
+    let level = whole_image::mean(whole, &learned.mean, f32::abs);
     let floor = ((RELATIVE_FLOOR * level * level) as f32).max(f32::MIN_POSITIVE);
 
     // A pixel's variance is at least the usual one: few samples that all miss the light agree, and are not certain
@@ -97,6 +108,7 @@ mod tests {
     use rand_pcg::Pcg32;
 
     use super::*;
+    use crate::filter::whole_image::AllPixels;
     use crate::image::Planes;
 
     const SIDE: usize = 48;
@@ -119,7 +131,8 @@ mod tests {
         let flat = || Noisy { mean: image(&mut |_| 1.25), noise: image(&mut |_| 0.0) };
         let striped = || Noisy { mean: image(&mut |i| stripe(i)), noise: image(&mut |_| 0.0) };
         let (learned, second) = if second_has_stripes { (flat(), striped()) } else { (striped(), flat()) };
-        fraction_of_learned(&learned, &second, &noisy, &counts)[SIDE * SIDE / 2 + SIDE / 2]
+        let whole = AllPixels::new(SIDE, SIDE);
+        fraction_of_learned(&learned, &second, &noisy, &counts, &whole)[SIDE * SIDE / 2 + SIDE / 2]
     }
 
     #[test]
@@ -147,7 +160,8 @@ mod tests {
         let learned = clean(image(&|_, _| 1.0));
         let second = clean(image(&|x, y| if is_missed(x, y) { 0.0 } else { 1.0 }));
         let counts = HalfCounts::new(SIDE, [vec![2; SIDE * SIDE], vec![2; SIDE * SIDE]]);
-        let fraction = fraction_of_learned(&learned, &second, &noisy, &counts)[24 * SIDE + 24];
+        let whole = AllPixels::new(SIDE, SIDE);
+        let fraction = fraction_of_learned(&learned, &second, &noisy, &counts, &whole)[24 * SIDE + 24];
         assert!(fraction > 0.5, "{fraction}");
     }
 
@@ -159,6 +173,8 @@ mod tests {
             Noisy { noise: Planes::new(3, 1, 3), mean }
         };
         let counts = HalfCounts::new(3, [vec![1; 3], vec![0; 3]]);
-        assert_eq!(fraction_of_learned(&constant(1.0), &constant(2.0), &constant(2.0), &counts), [1.0; 3]);
+        let [learned, second] = [1.0, 2.0].map(constant);
+        let whole = AllPixels::new(3, 1);
+        assert_eq!(fraction_of_learned(&learned, &second, &second, &counts, &whole), [1.0; 3]);
     }
 }

@@ -1,7 +1,7 @@
 //! Constants of cross-filtered non-local means, with two presets.
 
 use crate::filter::common::fireflies::FireflySettings;
-use crate::filter::common::{error_maps, variance_correction};
+use crate::filter::common::{blur, error_maps, variance_correction};
 
 /// Constants of the filter. k is the bandwidth of a patch distance, in standard deviations.
 #[derive(Clone, Copy, Debug, serde::Serialize)]
@@ -88,21 +88,21 @@ impl NlmSettings {
     /// Returns the distance in pixels from which a pixel's samples can change the result at another one, apart from what the
     /// filter knows of the whole image.
     pub fn margin(&self) -> usize {
-        let blur = |sigma: f32| (3.0 * sigma).ceil() as usize;
         /// Half sides of the patches of the weighted mean and of the fit.
         const PATCHES: (usize, usize) = (3, 1);
         /// Radius of the window of the fireflies' bound, and of the pooled variances.
         const BOUND_AND_POOL: usize = 2 + 1;
         // The noisy values with their variances, and the features, by which the colour is divided
-        let noisy = BOUND_AND_POOL + blur(variance_correction::SIGMA);
+        let noisy = BOUND_AND_POOL + blur::reach(variance_correction::SIGMA);
         let features = noisy + self.feature_radius + PATCHES.0;
         // The estimates and their blend
         let means = (features + self.radius).max(noisy + self.emission_radius) + PATCHES.0;
         let fits = features + self.fit_radius + PATCHES.1;
-        let blended = if self.fit_radius > 0 { means.max(fits) + blur(self.blend_sigma) } else { means };
+        let blended =
+            if self.fit_radius > 0 { means.max(fits) + blur::reach(self.blend_sigma) } else { means };
         // The excess of fireflies is divided by the albedo where they are, and blurred; so is the error
-        let excess = features + blur(self.firefly_sigma);
-        blended.max(excess) + blur(error_maps::ERROR_SIGMA)
+        let excess = features + blur::reach(self.firefly_sigma);
+        blended.max(excess) + blur::reach(error_maps::ERROR_SIGMA)
     }
 
     /// Returns the settings with every k for this number of samples per pixel.

@@ -6,8 +6,6 @@ use crate::stats::{LARGEST_VALUE, Layout, Part};
 use rand::RngExt;
 use rand_pcg::Pcg32;
 
-mod parts;
-
 /// A wall whose radiance is `truth(x, y)` plus uniform noise of the same mean.
 fn noisy_wall(width: usize, height: usize, spp: u32, truth: impl Fn(usize, usize) -> f32 + Sync) -> Store {
     let layout = Layout::with_blocks(|_| true);
