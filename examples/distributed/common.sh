@@ -2,8 +2,10 @@
 # the script where there is no mpirun.
 PATH=$(realpath "${CARGO_TARGET_DIR:-../../target}")/release:$PATH
 export PATH
-if ! command -v mpirun > /dev/null; then
-    echo 'skipped: renders by several processes, for which mpirun is needed (openmpi-bin)'
+# Of Open MPI without its blocks of text, or another launcher: that of MPICH is PRPF_MPIRUN='mpiexec.hydra'.
+read -ra launcher <<< "${PRPF_MPIRUN:-mpirun -q}"
+if ! command -v "${launcher[0]}" > /dev/null; then
+    echo "skipped: renders by several processes, for which ${launcher[0]} is needed (openmpi-bin)"
     exit
 fi
 # More processes than cores, and the user of a container.
@@ -16,13 +18,21 @@ scene=../../scenes/pool/pool.pbrt
 render() {
     local processes=$1 name=$folder/$2
     shift 2
-    local launcher=(mpirun -q -n "$processes")
-    ((processes == 1)) && launcher=()
-    local command=("${launcher[@]}" prpf render "$scene" --resolution 112x80 --threads 1 --quiet)
+    local command=(prpf render "$scene" --resolution 112x80 --threads 1 --quiet)
+    ((processes == 1)) || command=("${launcher[@]}" -n "$processes" "${command[@]}")
     command+=(-o "$name.exr" --state "$name.state" "$@")
     # In the background, signals are to reach the launcher and not a shell.
     ((BASH_SUBSHELL == 0)) || exec "${command[@]}"
     "${command[@]}"
+}
+
+# Kills the process of this number, from 1, of those that a launcher has started, and prints its identity; nothing if there is
+# none.
+kill_process() {
+    local children process
+    children=$(pgrep -d , -P "$1" || true)
+    process=$(pgrep -P "$1${children:+,$children}" prpf | sort -n | sed -n "${2}p" || true)
+    [[ -z $process ]] || { kill -KILL "$process" 2> /dev/null && echo "$process"; } || true
 }
 
 # Compares states, apart from their headers, in which times are, and images.

@@ -6,6 +6,7 @@ use super::failure::Failure;
 use super::mode::Mode;
 use super::options::RenderOptions;
 use super::state_options::StateOptions;
+use super::terminal::print_error;
 use crate::filter::UNFILTERED;
 use crate::filter::learned::weights_id;
 use crate::progressive::Settings;
@@ -18,7 +19,7 @@ pub(super) use alone::{Processes, is_follower};
 
 /// Joins the other processes; `None` if there are none.
 pub(super) fn start() -> Result<Option<Processes>, Failure> {
-    Processes::start().map_err(|error| Failure::Run(anyhow::Error::msg(error)))
+    Processes::start(print_error).map_err(|error| Failure::Run(anyhow::Error::msg(error)))
 }
 
 /// Checks that several processes can render as the options ask for.
@@ -115,7 +116,7 @@ mod alone {
     }
 
     impl Processes {
-        pub fn start() -> Result<Option<Self>, String> {
+        pub fn start(_: fn(&str)) -> Result<Option<Self>, String> {
             Ok(None)
         }
 

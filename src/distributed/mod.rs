@@ -13,6 +13,7 @@
 //! | `coordinator` | the render loop's [`crate::progressive::ProcessGroup`], in the first process |
 //! | `shared_image` | what filters of parts ask of the whole image, and their results as one |
 //! | `worker` | what the other processes do |
+//! | `watch` | notices that a process on this machine was killed |
 //! | `processes` | [`Processes`]: start, agreement on the inputs, end |
 
 #[cfg(feature = "mpi")]
@@ -28,6 +29,7 @@ mod partition;
 mod processes;
 #[cfg(feature = "mpi")]
 mod shared_image;
+mod watch;
 #[cfg(feature = "mpi")]
 mod worker;
 

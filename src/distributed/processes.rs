@@ -3,7 +3,9 @@
 //! Every process reads the inputs by itself. Before the render begins they agree: all have read the same, or all end with
 //! the error of the first one that failed, which one process prints.
 
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
 
 use mpi::Threading;
 use mpi::environment::Universe;
@@ -12,18 +14,21 @@ use serde::{Deserialize, Serialize};
 use super::coordinator::Coordinator;
 use super::link::Link;
 use super::partition::TileCosts;
+use super::watch::{Neighbour, watch, watched_by};
 use super::{command::Command, worker};
 use crate::progressive::ProcessGroup;
 use crate::render::Renderer;
 
 /// Exit status of a job whose processes cannot go on.
 const FAILED: i32 = 1;
+/// Time that a launcher has to end the job after one of its processes.
+const PATIENCE: Duration = Duration::from_secs(5);
 
 /// This process among those that render one image together.
 pub struct Processes {
     link: Link,
     has_agreed: AtomicBool,
-    has_ended: AtomicBool,
+    has_ended: Arc<AtomicBool>,
     // Ends MPI when it is dropped.
     _universe: Universe,
 }
@@ -45,11 +50,12 @@ pub fn is_follower() -> bool {
 }
 
 impl Processes {
-    /// Joins the other processes. `None` if the program was started alone.
+    /// Joins the other processes. `None` if the program was started alone. `print` prints the line about a process on this
+    /// machine that was killed.
     ///
     /// # Errors
     /// One line: an MPI library that several threads may not use.
-    pub fn start() -> Result<Option<Self>, String> {
+    pub fn start(print: fn(&str)) -> Result<Option<Self>, String> {
         // A program that no launcher has started needs nothing of MPI.
         if !["OMPI_COMM_WORLD_SIZE", "PMIX_RANK", "PMI_RANK"]
             .iter()
@@ -67,8 +73,16 @@ impl Processes {
         if link.size() == 1 {
             return Ok(None);
         }
-        let [has_agreed, has_ended] = [AtomicBool::new(false), AtomicBool::new(false)];
-        Ok(Some(Self { link, has_agreed, has_ended, _universe: universe }))
+        let has_ended = Arc::new(AtomicBool::new(false));
+        watch(neighbours(&link), has_ended.clone(), move |Neighbour { rank, host, .. }| {
+            print(&format!(
+                "prpf: process {rank} on {host} has ended before the render, which can go on from a file of --state"
+            ));
+            // No launcher has ended the job
+            std::thread::sleep(PATIENCE);
+            std::process::exit(FAILED);
+        });
+        Ok(Some(Self { link, has_agreed: AtomicBool::new(false), has_ended, _universe: universe }))
     }
 
     /// Returns whether this is the first process, which decides and prints.
@@ -88,8 +102,7 @@ impl Processes {
     /// A process has failed, or has other inputs; the same line in all processes.
     pub fn agree(&self, values: Vec<(String, String)>, error: Option<String>) -> Result<(), String> {
         self.has_agreed.store(true, Ordering::Relaxed);
-        let host = mpi::environment::processor_name().unwrap_or_default();
-        let own = Inputs { values, error, host };
+        let own = Inputs { values, error, host: host() };
         if !self.is_first() {
             self.link.tell(0, &own);
             return self.link.hear::<Option<String>>(0).map_or(Ok(()), Err);
@@ -138,10 +151,10 @@ impl Processes {
 
     /// Ends, in the first process all others as well.
     pub fn end(&self) {
+        self.has_ended.store(true, Ordering::Relaxed);
         if self.is_first() && self.has_agreed() {
             (1..self.count()).for_each(|rank| self.link.tell(rank, &Command::End));
         }
-        self.has_ended.store(true, Ordering::Relaxed);
     }
 }
 
@@ -153,6 +166,24 @@ impl Drop for Processes {
             mpi::topology::SimpleCommunicator::world().abort(FAILED);
         }
     }
+}
+
+/// Returns the name of this machine.
+pub(super) fn host() -> String {
+    mpi::environment::processor_name().unwrap_or_default()
+}
+
+/// Returns whom this process watches.
+fn neighbours(link: &Link) -> Vec<Neighbour> {
+    let own = Neighbour::own(link.rank(), host());
+    if link.rank() > 0 {
+        link.tell(0, &own);
+        return link.hear(0);
+    }
+    let all: Vec<Neighbour> =
+        std::iter::once(own).chain((1..link.size()).map(|rank| link.hear(rank))).collect();
+    (1..link.size()).for_each(|rank| link.tell(rank, &watched_by(rank, &all)));
+    watched_by(0, &all)
 }
 
 /// Returns the first error of a process, or the first difference from the inputs of the first process.

@@ -6,6 +6,7 @@ use std::time::Instant;
 use super::command::{Answer, Command, decode_counts};
 use super::exchange::{StoreKind, exchange};
 use super::link::Link;
+use super::processes::host;
 use super::shared_image::{SharedImage, gather_results};
 use crate::filter::{Denoiser, FilterResult, PartFilter, WholeImage, find};
 use crate::memory::peak_bytes;
@@ -107,7 +108,7 @@ impl<'s> OwnPart<'s> {
     /// Returns what this process has done.
     pub fn record(&self, link: &Link) -> ProcessRecord {
         ProcessRecord {
-            host: mpi::environment::processor_name().unwrap_or_default(),
+            host: host(),
             threads: rayon::current_num_threads(),
             pixels: self.store.pixels(),
             render: self.render_seconds,
