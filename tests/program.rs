@@ -54,6 +54,24 @@ fn outputs_name_the_weights_that_are_used() {
 }
 
 #[test]
+fn processes_that_do_not_see_each_other_get_one_line() {
+    let folder = folder_with(SCENE);
+    let run = |rank: &str, shard: &[&str]| {
+        let render = ["render", "scene.pbrt", "--spp", "4", "-o", "a.exr"];
+        let mut command = command(folder.path(), &[&render, shard].concat());
+        command.envs([("OMPI_COMM_WORLD_SIZE", "2"), ("OMPI_COMM_WORLD_RANK", rank)]);
+        command.output().expect("the program starts")
+    };
+    let [first, second] = ["0", "1"].map(|rank| run(rank, &[]));
+    assert_eq!((first.status.code(), second.status.code()), (Some(2), Some(2)));
+    assert!(stderr(&first).starts_with("prpf: found 2 processes of a program built without"), "{first:?}");
+    assert_eq!((stderr(&first).lines().count(), stderr(&second)), (1, String::new()));
+    assert!(!folder.path().join("a.exr").exists());
+    let shard = run("1", &["--shard", "2/2"]);
+    assert!(shard.status.success(), "{}", stderr(&shard));
+}
+
+#[test]
 fn render_writes_image_and_report_and_says_where() {
     let folder = folder_with(SCENE);
     let output = prpf(

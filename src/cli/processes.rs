@@ -10,6 +10,7 @@ use super::terminal::print_error;
 use crate::filter::UNFILTERED;
 use crate::filter::learned::weights_id;
 use crate::progressive::Settings;
+use crate::render::Shard;
 use crate::state::ImageMetadata;
 
 #[cfg(feature = "mpi")]
@@ -20,6 +21,28 @@ pub(super) use alone::{Processes, is_follower};
 /// Joins the other processes; `None` if there are none.
 pub(super) fn start() -> Result<Option<Processes>, Failure> {
     Processes::start(print_error).map_err(|error| Failure::Run(anyhow::Error::msg(error)))
+}
+
+/// Returns an error if a launcher has started several processes that do not see each other, which would all render the same,
+/// and whether this is the first of them. Shards are not the same.
+pub(super) fn launched_apart(options: &RenderOptions) -> Option<(anyhow::Error, bool)> {
+    let number = |name| std::env::var(name).ok()?.parse::<usize>().ok();
+    // Slurm may have started programs without MPI for anything else
+    let is_slurm = number("SLURM_PROCID").is_some();
+    let launchers = [
+        ("OMPI_COMM_WORLD_SIZE", "OMPI_COMM_WORLD_RANK", true),
+        ("PMI_SIZE", "PMI_RANK", !is_slurm),
+        ("SLURM_STEP_NUM_TASKS", "SLURM_PROCID", cfg!(feature = "mpi")),
+    ];
+    let mut known = launchers.into_iter().filter(|launcher| launcher.2);
+    let (count, rank) = known.find_map(|(size, rank, _)| Some((number(size)?, number(rank)?)))?;
+    let reason = if cfg!(feature = "mpi") {
+        "that the MPI library sees as one; accepted is the launcher of the library that the program was built with, or `srun` with the right `--mpi`"
+    } else {
+        "of a program built without the feature `mpi`; accepted is one, or one with the feature"
+    };
+    let error = anyhow::anyhow!("found {count} processes {reason}");
+    (count > 1 && options.state.shard == Shard::WHOLE).then_some((error, rank == 0))
 }
 
 /// Checks that several processes can render as the options ask for.

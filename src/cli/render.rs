@@ -34,7 +34,13 @@ use crate::state::{ImageMetadata, SampleFile};
 use crate::stats::BlockSet;
 
 pub(super) fn run(options: &RenderOptions, mode: Mode, start: Instant) -> Result<u8, Failure> {
-    let Some(processes) = processes::start()? else { return run_process(options, mode, None, start) };
+    let Some(processes) = processes::start()? else {
+        return match processes::launched_apart(options) {
+            Some((error, true)) => Err(Failure::Input(error)),
+            Some((_, false)) => Ok(2),
+            None => run_process(options, mode, None, start),
+        };
+    };
     let result = if processes.is_first() {
         run_process(options, mode, Some(&processes), start)
     } else {
