@@ -67,9 +67,14 @@ impl Page {
             page.call("Target.attachToTarget", json!({ "targetId": target["targetId"], "flatten": true }));
         page.session = attached["sessionId"].as_str().expect("a session").to_owned();
         page.resize([width, height]);
-        page.call("Page.enable", json!({}));
-        page.call("Page.navigate", json!({ "url": address }));
+        page.go_to(address);
         page
+    }
+
+    /// Opens another address.
+    pub fn go_to(&mut self, address: &str) {
+        self.call("Page.enable", json!({}));
+        self.call("Page.navigate", json!({ "url": address }));
     }
 
     pub fn resize(&mut self, [width, height]: [u32; 2]) {
@@ -188,6 +193,36 @@ impl Page {
         touch("touchEnd", &[]);
     }
 
+    /// Touches a point and lets go.
+    pub fn tap_at(&mut self, [x, y]: [f64; 2]) {
+        self.call(
+            "Input.dispatchTouchEvent",
+            json!({ "type": "touchStart", "touchPoints": [{ "x": x, "y": y }] }),
+        );
+        self.call("Input.dispatchTouchEvent", json!({ "type": "touchEnd", "touchPoints": [] }));
+    }
+
+    /// Scrolls to an element and touches its middle.
+    pub fn tap(&mut self, selector: &str) {
+        let middle = self.middle(selector);
+        self.tap_at(middle);
+    }
+
+    /// Puts a finger at the first point, moves it over the others and lifts it.
+    pub fn swipe(&mut self, points: &[[f64; 2]]) {
+        for (i, [x, y]) in points.iter().enumerate() {
+            let kind = if i == 0 { "touchStart" } else { "touchMove" };
+            let event = json!({ "type": kind, "touchPoints": [{ "x": x, "y": y }] });
+            self.call("Input.dispatchTouchEvent", event);
+        }
+        self.call("Input.dispatchTouchEvent", json!({ "type": "touchEnd", "touchPoints": [] }));
+    }
+
+    /// Lets the page see a screen that is touched.
+    pub fn emulate_touch(&mut self) {
+        self.call("Emulation.setTouchEmulationEnabled", json!({ "enabled": true, "maxTouchPoints": 2 }));
+    }
+
     /// Turns the wheel over a point.
     pub fn wheel(&mut self, [x, y]: [f64; 2], down: f64) {
         let event = json!({ "type": "mouseWheel", "x": x, "y": y, "deltaX": 0, "deltaY": down });
@@ -200,12 +235,17 @@ impl Page {
 
     /// Clicks the middle of an element.
     pub fn click(&mut self, selector: &str) {
+        let middle = self.middle(selector);
+        self.drag(&[middle]);
+    }
+
+    /// Scrolls to an element; returns its middle.
+    fn middle(&mut self, selector: &str) -> [f64; 2] {
         let middle = self.value(&format!(
             "(() => {{ const e = document.querySelector({selector:?}); e.scrollIntoView({{ block: 'center' }}); \
              const b = e.getBoundingClientRect(); return [b.x + b.width / 2, b.y + b.height / 2]; }})()"
         ));
-        let at = |k: usize| middle[k].as_f64().expect("an element that is there");
-        self.drag(&[[at(0), at(1)]]);
+        [0, 1].map(|k| middle[k].as_f64().expect("an element that is there"))
     }
 
     /// Writes what is seen to a PNG.

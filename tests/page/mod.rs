@@ -6,6 +6,7 @@ mod connection;
 mod history;
 mod image;
 mod keyboard;
+mod phone;
 mod scenes;
 mod steering;
 
