@@ -79,8 +79,37 @@ impl Planes {
         self.data.chunks_mut(pixels)
     }
 
+    /// Replaces the pixels from `to` on by those of an image with as many planes, from `from` on: `size` columns and rows.
+    ///
+    /// # Panics
+    /// If they are not within the images.
+    pub fn paste(&mut self, image: &Self, from: [usize; 2], to: [usize; 2], size: [usize; 2]) {
+        let width = self.width;
+        for plane in 0..self.count {
+            for y in 0..size[1] {
+                let row = &image.row(plane, from[1] + y)[from[0]..][..size[0]];
+                self.plane_mut(plane)[(to[1] + y) * width + to[0]..][..size[0]].copy_from_slice(row);
+            }
+        }
+    }
+
     /// The value of a pixel.
     pub fn at(&self, plane: usize, x: usize, y: usize) -> f32 {
         self.plane(plane)[y * self.width + x]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pasted_pixels_come_from_their_place() {
+        let mut image = Planes::new(4, 3, 2);
+        let mut other = Planes::new(3, 3, 2);
+        other.data_mut().iter_mut().enumerate().for_each(|(i, v)| *v = 1.0 + i as f32);
+        image.paste(&other, [1, 0], [2, 1], [2, 2]);
+        assert_eq!(image.plane(0), [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 2.0, 3.0, 0.0, 0.0, 5.0, 6.0]);
+        assert_eq!(image.row(1, 2), [0.0, 0.0, 14.0, 15.0]);
     }
 }

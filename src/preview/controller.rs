@@ -11,6 +11,7 @@ mod coarse_passes;
 mod commands;
 mod generations;
 mod image_requests;
+mod region_passes;
 mod viewer_passes;
 
 use std::collections::VecDeque;
@@ -20,6 +21,7 @@ use std::time::{Duration, Instant};
 
 use crossbeam::channel::RecvTimeoutError;
 
+use self::region_passes::RegionPasses;
 use super::background_pass::{BackgroundPass, PassThreads};
 use super::command::{Command, Rectangle};
 use super::configuration::{Configuration, PreviewHost, recorded_blocks};
@@ -30,7 +32,7 @@ use super::hub::Hub;
 use super::image_request::ImageRequest;
 use super::orbit_camera::OrbitCamera;
 use super::pending::Pending;
-use super::publisher::is_covered;
+use super::publisher;
 use super::reporter::{Reporter, Subject};
 use super::saved_images::SavedFile;
 use super::status::Phase;
@@ -69,6 +71,7 @@ pub struct Controller<'a> {
     pending: Pending,
     is_paused: bool,
     region: Option<Rectangle>,
+    region_passes: RegionPasses,
     /// Whether checkpoints are kept: those of the scene's own view until a new generation begins.
     keeps_checkpoints: bool,
     viewer_pass_seconds: f64,
@@ -128,6 +131,7 @@ impl<'a> Controller<'a> {
             pending: Pending::default(),
             is_paused: false,
             region: None,
+            region_passes: RegionPasses::default(),
             keeps_checkpoints: true,
             viewer_pass_seconds: 0.0,
             requests: VecDeque::new(),
@@ -190,7 +194,6 @@ impl<'a> Controller<'a> {
             None => self.new_loop(&renderer, start),
         };
         let mut render_loop = render_loop.with_reference(reference.as_deref());
-        render_loop.set_region(self.pixel_region(renderer.resolution()));
 
         loop {
             // Render, or wait at a pause
@@ -244,8 +247,7 @@ impl<'a> Controller<'a> {
                 return GenerationEnd::Replaced;
             }
             render_loop.change(&self.configuration.settings);
-            render_loop.set_region(self.pixel_region(renderer.resolution()));
-            (self.pending.settings, self.pending.region) = (false, false);
+            self.pending.settings = false;
             self.reporter.enter(Phase::Rendering);
         }
     }
@@ -259,6 +261,7 @@ impl<'a> Controller<'a> {
             return None;
         }
         loop {
+            render_loop.set_region(self.active_region(render_loop.store()));
             let conditions = self.conditions();
             match render_loop.next_action(&conditions) {
                 Action::Filter(denoiser) => {
@@ -324,7 +327,12 @@ impl<'a> Controller<'a> {
 
     /// Returns whether the render is paused. After a movement an image is still rendered once, or there would be none.
     fn is_resting(&self, store: &Store) -> bool {
-        self.is_paused && !self.is_interrupted() && is_covered(store)
+        self.is_paused && !self.is_interrupted() && self.is_covered(store)
+    }
+
+    /// Returns whether every pixel has samples that it ever gets.
+    fn is_covered(&self, store: &Store) -> bool {
+        publisher::is_covered(store, self.configuration.settings.sample_map.is_some())
     }
 
     /// Waits at a pause until it is over, or after the end, for a command that changes the samples. No budget counts that

@@ -3,7 +3,18 @@
 use std::collections::VecDeque;
 
 use crate::filter::{DenoiserName, FilterResult};
+use crate::image::Planes;
 use crate::progressive::{EstimateSummary, Point, Progress};
+
+/// A filtered image of squares of pixels.
+pub struct CoarseImage {
+    /// In full size.
+    pub image: Planes,
+    /// Side of the squares in pixels.
+    pub side: usize,
+    /// Samples behind it, per pixel.
+    pub spp: f64,
+}
 
 /// The record of a generation.
 #[derive(Default)]
@@ -11,8 +22,8 @@ pub struct GenerationRecord {
     /// The newest filter result, and its number of samples.
     pub shown: Option<FilterResult>,
     pub shown_samples: u64,
-    /// Number of samples of the newest coarse image that stands in for it.
-    pub coarse_samples: u64,
+    /// The newest coarse image, which stands in for it.
+    pub coarse: Option<CoarseImage>,
     pub progress: Option<Progress>,
     /// Elapsed seconds and samples of the latest steps.
     pub recent: VecDeque<(f64, u64)>,
@@ -37,6 +48,6 @@ impl GenerationRecord {
         self.estimate = None;
         self.curve.clear();
         self.shown = None;
-        self.coarse_samples = 0;
+        self.coarse = None;
     }
 }

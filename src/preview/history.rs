@@ -1,7 +1,7 @@
 //! The renders that commands have replaced, for undo and redo, as far as memory allows.
 //!
 //! A command that discards the samples puts the render so far here, and the page can have it back: the samples, the camera
-//! and the settings. Where there are too many, those go first that took the least time.
+//! and the settings. Where there are too many, the oldest go first.
 
 use super::generation_record::GenerationRecord;
 use super::orbit_camera::OrbitCamera;
@@ -10,9 +10,9 @@ use crate::progressive::{Checkpoint, Settings};
 use crate::stats::Store;
 
 /// Most renders that are kept.
-const MOST_KEPT: usize = 8;
-/// Largest fraction of the memory that they may take.
-const MEMORY_FRACTION: f64 = 0.25;
+pub const MOST_KEPT: usize = 8;
+/// Largest fraction that they may take of the memory that would be free without them.
+const MEMORY_FRACTION: f64 = 0.125;
 /// Bytes per pixel of a render beside its store: images and maps of its passes.
 const BYTES_BESIDE: usize = 120;
 /// Shortest time of a render that is kept, in seconds; a movement of the camera passes through many shorter ones.
@@ -47,7 +47,7 @@ pub struct History {
 
 impl KeptRender {
     /// Returns whether it is worth keeping.
-    fn is_worth_it(&self) -> bool {
+    pub fn is_worth_it(&self) -> bool {
         self.is_finished || self.seconds() >= SHORTEST
     }
 
@@ -57,7 +57,7 @@ impl KeptRender {
     }
 
     /// Describes it in a few words.
-    fn description(&self) -> String {
+    pub fn description(&self) -> String {
         let store = &self.checkpoint.store;
         let spp = store.samples() as f64 / store.pixels().max(1) as f64;
         format!("{spp:.1} samples per pixel by {}", self.settings.denoiser.name())
@@ -83,8 +83,13 @@ impl History {
         })
     }
 
+    /// Returns the bytes that kept renders may take; `None` if the system does not tell what is free.
+    pub fn byte_limit(&self) -> Option<f64> {
+        available_bytes().map(|available| MEMORY_FRACTION * (available + self.bytes()))
+    }
+
     /// Keeps a render that another one replaces, if it is worth it and there is room. Returns the renders that are not kept
-    /// any longer.
+    /// any longer, the oldest first.
     pub fn keep(&mut self, render: KeptRender) -> Vec<KeptRender> {
         // What was undone stays reachable: it moves before the render.
         let undone = std::mem::take(&mut self.undone);
@@ -93,29 +98,17 @@ impl History {
             return vec![render];
         }
         self.done.push(render);
-        self.make_room()
+        self.make_room(self.byte_limit())
     }
 
-    /// Removes renders until there is room, and returns them.
-    fn make_room(&mut self) -> Vec<KeptRender> {
-        let mut removed = Vec::new();
-        let limit = available_bytes().map(|available| MEMORY_FRACTION * (available + self.bytes()));
-        let is_full = |history: &Self| {
-            history.done.len() + history.undone.len() > MOST_KEPT
-                || limit.is_some_and(|limit| history.bytes() > limit)
+    /// Removes renders until the others take no more than `limit` bytes, and returns them.
+    fn make_room(&mut self, limit: Option<f64>) -> Vec<KeptRender> {
+        let is_full = |kept: &[KeptRender]| {
+            let bytes = kept.iter().map(|kept| bytes(&kept.checkpoint.store)).sum::<f64>();
+            kept.len() > MOST_KEPT || limit.is_some_and(|limit| bytes > limit)
         };
-        while is_full(self) {
-            let least = |list: &[KeptRender]| {
-                let seconds = list.iter().map(KeptRender::seconds).enumerate();
-                seconds.min_by(|a, b| a.1.total_cmp(&b.1))
-            };
-            match (least(&self.done), least(&self.undone)) {
-                (Some((i, a)), b) if b.is_none_or(|(_, b)| a <= b) => removed.push(self.done.remove(i)),
-                (_, Some((i, _))) => removed.push(self.undone.remove(i)),
-                _ => break,
-            }
-        }
-        removed
+        let removed = (0..self.done.len()).find(|&i| !is_full(&self.done[i..])).unwrap_or(self.done.len());
+        self.done.drain(..removed).collect()
     }
 
     /// Returns whether there is a render that way.
@@ -143,5 +136,59 @@ impl History {
     pub fn description(&self, step: HistoryStep) -> Option<String> {
         let list = if step == HistoryStep::Undo { &self.done } else { &self.undone };
         list.last().map(KeptRender::description)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::stats::Layout;
+
+    /// A finished render whose image is `width` pixels wide.
+    fn finished(width: usize) -> KeptRender {
+        let store = Store::new(width, 16, Layout::with_blocks(|_| false), 0, 0);
+        KeptRender {
+            camera: None,
+            settings: Settings::default(),
+            checkpoint: Checkpoint::new(store),
+            record: GenerationRecord::default(),
+            keeps_checkpoints: false,
+            is_finished: true,
+        }
+    }
+
+    fn widths(kept: &[KeptRender]) -> Vec<usize> {
+        kept.iter().map(|kept| kept.checkpoint.store.width()).collect()
+    }
+
+    #[test]
+    fn the_oldest_renders_go_first() {
+        let mut history = History::default();
+        for width in 1..=MOST_KEPT {
+            assert!(history.keep(finished(width)).is_empty());
+        }
+        assert_eq!(widths(&history.keep(finished(MOST_KEPT + 1))), [1], "more than are kept");
+        let limit = history.done[5..].iter().map(|kept| bytes(&kept.checkpoint.store)).sum();
+        assert_eq!(widths(&history.make_room(Some(limit))), [2, 3, 4, 5, 6], "more bytes than may be taken");
+        assert_eq!(widths(&history.done), [7, 8, 9]);
+        assert_eq!(widths(&history.make_room(Some(0.0))), [7, 8, 9]);
+    }
+
+    #[test]
+    fn what_was_undone_is_older_than_what_replaces_it() {
+        let mut history = History::default();
+        history.keep(finished(1));
+        history.keep(finished(2));
+        let current = history.exchange(HistoryStep::Undo, finished(3));
+        assert!(history.keep(current).is_empty());
+        assert_eq!(widths(&history.done), [3, 1, 2]);
+    }
+
+    #[test]
+    fn short_renders_are_not_kept() {
+        let mut history = History::default();
+        let short = KeptRender { is_finished: false, ..finished(1) };
+        assert_eq!(history.keep(short).len(), 1);
+        assert!(!history.leads(HistoryStep::Undo));
     }
 }

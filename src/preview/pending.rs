@@ -14,8 +14,8 @@ pub struct Pending {
     /// Another scene to open.
     pub scene: Option<PathBuf>,
     pub history: Option<HistoryStep>,
+    /// Whether the next samples are others by changed settings.
     pub settings: bool,
-    pub region: bool,
     /// Images to be saved of the generation to come, each filtered by these settings.
     pub saves: Vec<Settings>,
     pub quit: bool,
@@ -31,7 +31,7 @@ impl Pending {
 
     /// Returns whether the loop has to be left.
     pub fn any(&self) -> bool {
-        self.ends_pass() || self.changes_samples()
+        self.ends_pass() || self.settings
     }
 
     /// Returns whether the samples so far are discarded.
@@ -42,11 +42,6 @@ impl Pending {
     /// Returns whether a filter pass is no longer needed.
     pub fn ends_pass(&self) -> bool {
         self.starts_generation() || self.quit || self.scene.is_some()
-    }
-
-    /// Returns whether the next samples are others than without these commands.
-    pub fn changes_samples(&self) -> bool {
-        self.settings || self.region
     }
 
     /// A new generation fulfils all commands but saves.

@@ -3,14 +3,15 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use super::enlargement::{enlarged, smoothed};
+use super::enlargement::enlarged;
+use super::generation_record::CoarseImage;
 use super::hub::Hub;
 use super::preview_frame::{FrameInfo, PreviewFrame};
 use super::status::ViewInfo;
 use super::view::{View, ViewSource};
 use crate::image::Planes;
 use crate::progressive::{Progress, Settings};
-use crate::stats::{Layout, Part, Store};
+use crate::stats::{Layout, Part, Rectangle, Store};
 
 /// Shortest time between two frames.
 const SHORTEST_INTERVAL: Duration = Duration::from_millis(100);
@@ -18,14 +19,15 @@ const SHORTEST_INTERVAL: Duration = Duration::from_millis(100);
 const LONGEST_INTERVAL: Duration = Duration::from_millis(200);
 /// Fraction of the time that encoding frames should take.
 const TIME_FRACTION: f64 = 0.04;
-/// Mean samples per pixel from which on every pixel has some: samples come in pairs.
-pub const COVERED_SPP: f64 = 2.0;
+/// Samples of a pixel whose turn has come: samples come in pairs.
+pub const PAIR: f64 = 2.0;
 /// First steps of a generation, whose coarse images are all shown.
 const EAGER_STEPS: u64 = 4;
 
-/// Returns whether every pixel has samples.
-pub fn is_covered(store: &Store) -> bool {
-    store.samples_taken() as f64 >= COVERED_SPP * store.pixels() as f64
+/// Returns whether every pixel has samples, a pair of them on average. By a map some never get any.
+pub fn is_covered(store: &Store, has_map: bool) -> bool {
+    store.samples_taken() as f64 >= PAIR * store.pixels() as f64
+        && (has_map || store.empty_pixels(&Rectangle::of_image(store.width(), store.height())) == 0)
 }
 
 /// Publishes frames of one render; see the module.
@@ -33,6 +35,8 @@ pub struct Publisher {
     hub: Arc<Hub>,
     generation: u32,
     views: Vec<ViewInfo>,
+    /// Whether a map places the samples.
+    has_map: bool,
     /// Number of steps and of filter passes of this generation.
     steps: u64,
     passes: u64,
@@ -49,6 +53,7 @@ impl Publisher {
             hub,
             generation: 0,
             views: Vec::new(),
+            has_map: false,
             steps: 0,
             passes: 0,
             published: [None; View::ALL.len()],
@@ -62,6 +67,7 @@ impl Publisher {
         self.generation = self.hub.next_generation();
         (self.steps, self.passes) = (0, 0);
         self.published = Default::default();
+        self.has_map = settings.sample_map.is_some();
         let info = |view: View| ViewInfo { view, scale: view.scale(settings) };
         self.views =
             View::ALL.into_iter().filter(|view| view.exists(layout, has_reference)).map(info).collect();
@@ -104,17 +110,10 @@ impl Publisher {
         self.publish_enlarged(View::Raw, &enlarged(image, side, size), side, progress);
     }
 
-    /// Publishes a filtered coarse image: a pixel for every square of `side` pixels, enlarged by a
-    /// spline.
-    pub fn publish_coarse_filtered(
-        &self,
-        image: &Planes,
-        side: usize,
-        size: (usize, usize),
-        progress: Option<&Progress>,
-    ) {
+    /// Publishes a filtered coarse image.
+    pub fn publish_coarse_filtered(&self, coarse: &CoarseImage, progress: Option<&Progress>) {
         let progress = progress.map_or((0.0, 0.0), |p| (p.spp as f32, p.elapsed as f32));
-        self.publish_enlarged(View::Filtered, &smoothed(image, side, size), side, progress);
+        self.publish_enlarged(View::Filtered, &coarse.image, coarse.side, progress);
     }
 
     fn publish_enlarged(&self, view: View, image: &Planes, side: usize, (spp, seconds): (f32, f32)) {
@@ -150,7 +149,7 @@ impl Publisher {
         // Encode and publish them
         let started = Instant::now();
         let spp = progress.map_or(0.0, |p| p.spp);
-        let counts = (spp < COVERED_SPP).then(|| source.store.counts(Part::Whole));
+        let counts = (!is_covered(source.store, self.has_map)).then(|| source.store.counts(Part::Whole));
         for (view, version) in wanted {
             let Some(planes) = view.planes(source) else { continue };
             self.published[view.index()] = Some(version);

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use super::command::Rectangle;
 use super::comparison::Comparison;
-use super::generation_record::GenerationRecord;
+use super::generation_record::{CoarseImage, GenerationRecord};
 use super::hub::Hub;
 use super::publisher::Publisher;
 use super::status::{
@@ -90,7 +90,7 @@ impl Reporter {
             self.publisher.filtered();
         }
         // A coarse image was shown to earlier viewers.
-        std::mem::replace(&mut self.record, GenerationRecord { coarse_samples: 0, ..record })
+        std::mem::replace(&mut self.record, GenerationRecord { coarse: None, ..record })
     }
 
     /// Follows other settings.
@@ -154,9 +154,14 @@ impl Reporter {
         View::ALL.into_iter().any(|view| selects(view) && self.hub.wants(view))
     }
 
-    /// Returns the number of samples behind the newest coarse image that stands in for a filtered one.
-    pub fn coarse_samples(&self) -> u64 {
-        self.record.coarse_samples
+    /// Returns the newest coarse image that stands in for a filtered one.
+    pub fn coarse(&self) -> Option<&CoarseImage> {
+        self.record.coarse.as_ref()
+    }
+
+    /// Returns whether there is a filtered image, if only a coarse one.
+    pub fn has_image(&self) -> bool {
+        self.record.shown.is_some() || self.record.coarse.is_some()
     }
 
     /// Returns whether a viewer shows one of the views that `selects` selects, ready for a frame or not.
@@ -272,20 +277,27 @@ impl Reporter {
         self.publisher.publish_coarse(image, side, size);
     }
 
-    /// Takes the image of a pass over `samples` samples that took `seconds` seconds, in place of a filtered one of `size`
-    /// pixels: it has a pixel for every square of `side` pixels. `None` if the pass was given up.
-    pub fn filtered_coarsely(
-        &mut self,
-        image: Option<&Planes>,
-        side: usize,
-        samples: u64,
-        size: (usize, usize),
-        seconds: f64,
-    ) {
+    /// Takes a coarse image, in place of a filtered one, of a pass that took `seconds` seconds; `None` if it was given up.
+    pub fn filtered_coarsely(&mut self, coarse: Option<CoarseImage>, seconds: f64) {
         self.record.filter_seconds += seconds;
-        if let Some(image) = image {
-            self.record.coarse_samples = samples;
-            self.publisher.publish_coarse_filtered(image, side, size, self.record.progress.as_ref());
+        if let Some(coarse) = coarse {
+            self.publisher.publish_coarse_filtered(&coarse, self.record.progress.as_ref());
+            self.record.coarse = Some(coarse);
+        }
+    }
+
+    /// Takes the image of some pixels, of a pass that took `seconds` seconds: `paste` writes it into the filtered image, or into
+    /// the coarse one that stands in for it.
+    pub fn filtered_part(&mut self, paste: impl FnOnce(&mut Planes), seconds: f64, store: &Store) {
+        self.record.filter_seconds += seconds;
+        let record = &mut self.record;
+        if let Some(shown) = &mut record.shown {
+            paste(&mut shown.image);
+            self.publisher.filtered();
+            self.publish(store);
+        } else if let Some(coarse) = &mut record.coarse {
+            paste(&mut coarse.image);
+            self.publisher.publish_coarse_filtered(coarse, record.progress.as_ref());
         }
     }
 

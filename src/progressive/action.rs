@@ -122,8 +122,9 @@ fn interim_pass(now: &Situation, is_last: bool) -> Option<&'static dyn Denoiser>
     }
     let interim = interim_denoiser(now);
     let interim_total = now.measurements.interim_total;
-    if now.has_region && now.has_interim && interim_total > INTERIM_FRACTION * now.elapsed {
-        // The batches of a region are small: several share one interim pass.
+    let is_often = now.has_interim && interim_total > INTERIM_FRACTION * now.elapsed;
+    if now.has_region && (now.is_sparse() || is_often) {
+        // The batches of a region are small: several share one interim pass, of which the first waits for all pixels.
         return None;
     }
     let Some(left) = now.schedule().seconds_left(now.elapsed) else {

@@ -5,10 +5,16 @@
 use super::checkpoint::{Checkpoint, InterimPass};
 use super::filter_pass::Filtered;
 use super::region::Region;
+use super::schedule::LEAST_IMAGE;
 use super::settings::Settings;
+use super::steps;
 use crate::adaptive::{self, Maps, Sampling};
 use crate::filter;
 use crate::stats::{Part, Store};
+
+/// Samples that the pixels outside a region get for each of the region's, as long as some of them have none: the whole image
+/// is filtered, saved and sampled adaptively only once it has no gaps.
+const OUTSIDE_REGION: f64 = 1.0 / 3.0;
 
 /// Spreads `total` samples over the pixels of a checkpoint's store. Returns the samples of each pixel.
 pub(super) fn allocate_batch(
@@ -33,15 +39,34 @@ pub(super) fn allocate_batch(
         (None, _) => adaptive::uniform(total, have, max_spp, key),
     };
 
-    // A region comes first only when every pixel has a sample.
-    let is_covered = || taken.iter().all(|&n| n > 0);
-    let batch = region
-        .filter(|_| is_covered())
-        .and_then(|region| region.batch(&taken, store.width(), total, settings));
-    match batch {
-        Some(batch) => batch.allocate(&taken, priority.as_deref(), spread),
-        None => spread(priority.as_deref(), &taken, store.width(), total),
+    let Some(batch) = region.and_then(|region| region.batch(&taken, store.width(), total, settings)) else {
+        return spread(priority.as_deref(), &taken, store.width(), total);
+    };
+    if taken.iter().all(|&n| n == 0) {
+        // The region waits for a coarse image of the whole.
+        let first = (LEAST_IMAGE * taken.len() as f64).ceil() as u64;
+        let mut counts = vec![0; taken.len()];
+        begin_pixels(&mut counts, &taken, store.width(), first.min(total), max_spp);
+        return counts;
     }
+    let mut counts = batch.allocate(&taken, priority.as_deref(), spread);
+    let outside = ((OUTSIDE_REGION * batch.samples() as f64) as u64).min(total - batch.samples());
+    begin_pixels(&mut counts, &taken, store.width(), outside, max_spp);
+    counts
+}
+
+/// Gives `total` samples to pixels that have none and get none: pairs, in the order in which the steps of a batch reach pixels.
+fn begin_pixels(counts: &mut [u32], taken: &[u32], width: usize, total: u64, max_spp: u32) {
+    let each = max_spp.min(2);
+    let is_empty = |&i: &usize| taken[i] == 0 && counts[i] == 0;
+    let mut empty: Vec<usize> = (0..counts.len()).filter(is_empty).collect();
+    // At least one, or the first batch of a tiny image would have no sample.
+    let pixels = (total.div_ceil(u64::from(each.max(1))) as usize).min(empty.len());
+    if pixels < empty.len() {
+        let turn = |i: usize| steps::turn(i % width, i / width);
+        empty.select_nth_unstable_by(pixels, |&a, &b| turn(b).total_cmp(&turn(a)).then(a.cmp(&b)));
+    }
+    empty[..pixels].iter().for_each(|&i| counts[i] = each);
 }
 
 /// Returns the samples that each pixel of a checkpoint's store gets of the next `total` samples, by the maps of a pass over all

@@ -5,7 +5,7 @@
 
 use crate::filter::{Denoiser, FilterResult};
 use crate::render::RejectedSample;
-use crate::stats::{StatisticsExtent, Store};
+use crate::stats::{Rectangle, StatisticsExtent, Store};
 
 /// Processes that render one image together.
 pub trait ProcessGroup: Send {
@@ -43,18 +43,23 @@ pub struct Rendered {
     pub first_rejected: Option<RejectedSample>,
 }
 
-/// Numbers of samples of all pixels.
+/// Numbers of samples of all pixels, and of pixels without samples.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct SampleTotals {
     /// Rejected ones included.
     pub taken: u64,
     pub valid: u64,
+    pub empty_pixels: u64,
 }
 
 impl SampleTotals {
     /// Counts the samples of a store.
     pub fn new(store: &Store) -> Self {
-        Self { taken: store.samples_taken(), valid: store.samples() }
+        Self {
+            taken: store.samples_taken(),
+            valid: store.samples(),
+            empty_pixels: store.empty_pixels(&Rectangle::of_image(store.width(), store.height())) as u64,
+        }
     }
 }
 
@@ -62,6 +67,7 @@ impl std::ops::AddAssign for SampleTotals {
     fn add_assign(&mut self, other: Self) {
         self.taken += other.taken;
         self.valid += other.valid;
+        self.empty_pixels += other.empty_pixels;
     }
 }
 

@@ -39,6 +39,11 @@ impl Region {
 }
 
 impl RegionBatch {
+    /// Returns the samples of the batch.
+    pub fn samples(&self) -> u64 {
+        self.samples
+    }
+
     /// Returns the samples of each pixel of the whole image, of which only the region gets some, as `spread` spreads them
     /// over (priorities, counts, width, total).
     pub fn allocate(

@@ -132,11 +132,13 @@ impl<'a> RenderLoop<'a> {
     }
 
     /// Gives a region all samples until each of its pixels has the budget's on average, or until the region is taken
-    /// back.
+    /// back; most of them as long as other pixels have none.
     pub fn set_region(&mut self, region: Option<Region>) {
         if region != self.region {
-            self.give_up_batch();
             self.region = region;
+            self.give_up_batch();
+            // The region does not wait for an interim pass.
+            self.checkpoint.position = Position::Plan;
         }
     }
 
@@ -286,6 +288,7 @@ impl<'a> RenderLoop<'a> {
             sampling: self.checkpoint.sampling(&self.settings),
             pixels: store.pixels() as u64,
             samples: self.samples.taken,
+            empty_pixels: self.samples.empty_pixels,
             mark: match position {
                 Position::Plan => Mark::Plan,
                 Position::Render(batch) => Mark::Render { done: batch.done, samples: batch.samples() },

@@ -36,7 +36,7 @@ const STEP_SPP: u64 = 4;
 const FIRST_STEP: f64 = 1.0 / 16.0;
 /// Samples per pixel of the first image: a pair in every second block of 4×4 pixels, no coarser than what a viewer saw of a moving
 /// camera before it.
-const LEAST_IMAGE: f64 = 1.0 / 16.0;
+pub(super) const LEAST_IMAGE: f64 = 1.0 / 16.0;
 /// Samples per pixel of the shortest step after it: what a step costs beside its samples stays small.
 const LEAST_STEP: f64 = 1.0 / 32.0;
 
@@ -77,7 +77,9 @@ impl Schedule<'_> {
             let pilot = self.pilot();
             return Ok(Plan { samples: pilot.min(left), is_last: pilot >= left });
         }
+        // A first batch that was given up is planned as large again.
         let batch = samples
+            .max(self.pilot())
             .min(LARGEST_BATCH_SPP * self.pixels)
             .min(self.samples_to_target(samples, error))
             .min(left);

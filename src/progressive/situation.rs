@@ -58,6 +58,8 @@ pub struct Situation<'a> {
     pub pixels: u64,
     /// Samples so far, rejected ones included.
     pub samples: u64,
+    /// Pixels without samples.
+    pub empty_pixels: u64,
     pub mark: Mark,
     /// Whether there has been an interim pass.
     pub has_interim: bool,
@@ -85,9 +87,9 @@ impl Situation<'_> {
         self.assumed_schedule(self.fallback().unwrap_or(self.settings.denoiser))
     }
 
-    /// Returns whether some pixels have no sample yet.
+    /// Returns whether some pixels have no sample yet. By a map, some never get any.
     pub(super) fn is_sparse(&self) -> bool {
-        self.samples < self.pixels
+        self.samples < self.pixels || self.empty_pixels > 0 && self.settings.sample_map.is_none()
     }
 
     /// Returns the denoiser of the last pass: a faster one where time is short, a coarser one where samples are few.

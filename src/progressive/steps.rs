@@ -45,7 +45,7 @@ pub(super) fn between(counts: &[u32], store: &Store, grain: Grain, from: f64, to
 }
 
 /// When a pixel's turn comes: uniform in [0, 1), the larger the earlier.
-fn turn(x: usize, y: usize) -> f64 {
+pub(super) fn turn(x: usize, y: usize) -> f64 {
     // Bits of x ⊕ y and y, interleaved, the lowest first.
     let (a, b) = ((x ^ y) % SIDE, y % SIDE);
     let matrix = (0..3).fold(0, |matrix, bit| matrix << 2 | (a >> bit & 1) << 1 | (b >> bit & 1));

@@ -98,6 +98,16 @@ impl Store {
         rows.for_each(|(row, bytes)| row.take(&selection, bytes));
     }
 
+    /// Returns a store of copies of a rectangle of pixels, with reservoirs of this seed.
+    ///
+    /// # Panics
+    /// If the rectangle is not within the store.
+    pub fn select_rectangle(&self, rectangle: &Rectangle, seed: u64) -> Self {
+        let mut part = Self::of_part(rectangle, self.layout().clone(), self.capacity(), seed);
+        part.copy_rectangle(&rectangle.within(rectangle), self, rectangle, StatisticsExtent::All);
+        part
+    }
+
     /// Replaces statistics of a rectangle of pixels by those of a rectangle of another store, `place`.
     ///
     /// # Panics

@@ -136,6 +136,13 @@ impl Store {
         self.rows.iter().flat_map(|row| &row.next_index[..self.width]).copied().collect()
     }
 
+    /// Number of pixels of a rectangle of which no sample was taken.
+    pub fn empty_pixels(&self, part: &Rectangle) -> usize {
+        let Rectangle { x: [x0, x1], y: [y0, y1] } = *part;
+        let empty = |row: &Row| row.next_index[x0..x1].iter().filter(|&&n| n == 0).count();
+        self.rows[y0..y1].par_iter().map(empty).sum()
+    }
+
     fn sum(&self, row_sum: impl Fn(&Row) -> u64 + Send + Sync) -> u64 {
         self.rows.par_iter().map(row_sum).sum()
     }

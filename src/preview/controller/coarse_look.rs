@@ -6,6 +6,8 @@ use super::Controller;
 use crate::filter::UNFILTERED;
 use crate::preview::background_pass::Event;
 use crate::preview::command::Command;
+use crate::preview::enlargement::smoothed;
+use crate::preview::generation_record::CoarseImage;
 use crate::preview::view::View;
 use crate::render::Renderer;
 
@@ -72,7 +74,8 @@ impl Controller<'_> {
     fn look_filtered(&mut self, renderer: &Renderer, side: usize) {
         let started = Instant::now();
         let store = renderer.coarse_store(side, SAMPLES);
-        let samples = store.samples_taken();
+        let (width, height) = renderer.resolution();
+        let spp = store.samples_taken() as f64 / (width * height).max(1) as f64;
         let (pass, commands) = (self.draft_pass(store), self.hub.commands().clone());
         let filtered = self.pass_threads.clone().run(pass, &commands, &mut |event| {
             if let Event::Command(command) = event {
@@ -80,9 +83,12 @@ impl Controller<'_> {
             }
             !self.is_called_away()
         });
-        let image = filtered.as_ref().map(|filtered| &filtered.result.image);
-        let seconds = started.elapsed().as_secs_f64();
-        self.reporter.filtered_coarsely(image, side, samples, renderer.resolution(), seconds);
+        let coarse = filtered.map(|filtered| CoarseImage {
+            image: smoothed(&filtered.result.image, side, (width, height)),
+            side,
+            spp,
+        });
+        self.reporter.filtered_coarsely(coarse, started.elapsed().as_secs_f64());
     }
 
     /// Collects movements of the camera, until it rests or there is another command that matters.

@@ -5,10 +5,12 @@ use std::time::Instant;
 
 use super::Controller;
 use crate::filter::{Denoiser, SampleVectors, UNFILTERED, find, nlm};
-use crate::preview::publisher::{COVERED_SPP, is_covered};
+use crate::preview::enlargement::smoothed;
+use crate::preview::generation_record::CoarseImage;
+use crate::preview::publisher::PAIR;
 use crate::preview::view::View;
 use crate::progressive::{FailureMap, FilterPass, Settings};
-use crate::stats::Store;
+use crate::stats::{Rectangle, Store};
 
 /// Sides of the squares, in pixels: the finest that has enough samples is taken.
 const SIDES: [usize; 3] = [2, 4, 8];
@@ -27,11 +29,22 @@ impl Controller<'_> {
         // A viewer that still draws another frame gets it next.
         let is_selected = self.reporter.is_selected(|view| view == View::Filtered);
         let lacks_image = self.reporter.shown().is_none() && is_selected;
-        if !filters || !lacks_image || is_covered(store) || self.pass_threads.is_busy() {
+        if !filters || !lacks_image || self.is_covered(store) || self.pass_threads.is_busy() {
             return None;
         }
-        let spp = |samples: u64| samples as f64 / store.pixels().max(1) as f64;
-        side_for(spp(store.samples_taken()), spp(self.reporter.coarse_samples()), progress.elapsed)
+        let latest = self.reporter.coarse().map_or(0.0, |coarse| coarse.spp);
+        side_for(self.spp_outside_region(store), latest, progress.elapsed)
+    }
+
+    /// Returns the samples per pixel outside the priority region, of a store of which not every pixel has samples.
+    fn spp_outside_region(&self, store: &Store) -> f64 {
+        let image = Rectangle::of_image(store.width(), store.height());
+        let (mut pixels, mut empty) = (image.pixels(), store.empty_pixels(&image));
+        if let Some(region) = self.pixel_region(store).filter(|region| *region != image) {
+            pixels -= region.pixels();
+            empty -= store.empty_pixels(&region);
+        }
+        PAIR * (1.0 - empty as f64 / pixels.max(1) as f64)
     }
 
     /// Filters the pooled samples of squares for the viewers.
@@ -42,9 +55,12 @@ impl Controller<'_> {
         let (commands, threads) = (self.hub.commands().clone(), self.pass_threads.clone());
         let filtered = threads.run(pass, &commands, &mut |event| self.goes_on_filtering(event, store));
         let fitting = filtered.filter(|_| self.has_method_of(&settings));
-        let image = fitting.as_ref().map(|filtered| &filtered.result.image);
-        let (samples, size) = (store.samples_taken(), (store.width(), store.height()));
-        self.reporter.filtered_coarsely(image, side, samples, size, started.elapsed().as_secs_f64());
+        let coarse = fitting.map(|filtered| {
+            let mut image = smoothed(&filtered.result.image, side, (store.width(), store.height()));
+            self.keep_region(&mut image, store);
+            CoarseImage { image, side, spp: self.spp_outside_region(store) }
+        });
+        self.reporter.filtered_coarsely(coarse, started.elapsed().as_secs_f64());
     }
 
     /// Returns a fast pass over a store without reservoirs.
@@ -70,7 +86,7 @@ fn draft_without_vectors(denoiser: &'static dyn Denoiser) -> &'static dyn Denois
 /// Returns the side of the squares that have enough of `spp` samples per pixel, where the latest image was made of `latest`;
 /// `None` if there are none, or if another image is not worth it. `elapsed`: seconds that the samples took.
 fn side_for(spp: f64, latest: f64, elapsed: f64) -> Option<usize> {
-    let is_soon = elapsed * (COVERED_SPP / spp - 1.0) < SOON;
+    let is_soon = elapsed * (PAIR / spp - 1.0) < SOON;
     let is_enough = |side: &usize| spp * (side * side) as f64 >= SQUARE_SAMPLES;
     SIDES.into_iter().find(is_enough).filter(|_| spp >= GROWTH * latest && !is_soon)
 }

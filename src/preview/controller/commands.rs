@@ -5,10 +5,10 @@ use std::sync::Arc;
 use crossbeam::channel::TryRecvError;
 
 use super::Controller;
+use super::region_passes::RegionPasses;
 use crate::memory::{available_bytes, format_bytes};
 use crate::preview::command::Command;
 use crate::preview::pixel_values::describe_pixel;
-use crate::preview::publisher::is_covered;
 use crate::preview::settings_change::SettingsChange;
 use crate::preview::status::Phase;
 use crate::progressive::{Host, Settings, memory_needed};
@@ -49,12 +49,9 @@ impl Controller<'_> {
             Command::AddBookmark => self.add_bookmark(),
             Command::RemoveBookmark(index) => self.remove_bookmark(index),
             Command::SetRegion(region) => {
-                self.pending.region |= region != self.region;
                 self.region = region;
-                if region.is_some() && !is_covered(store) {
-                    let text = "the region is rendered first once every pixel has samples";
-                    self.reporter.notice(text.to_owned(), false);
-                }
+                self.region_passes = RegionPasses::default();
+                self.reporter.hasten();
             }
             Command::Restart => self.pending.restart = true,
             Command::OpenScene(index) => self.pending.scene = self.hub.scenes().get(index).cloned(),

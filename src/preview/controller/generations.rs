@@ -4,13 +4,15 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use super::Controller;
+use super::region_passes::RegionPasses;
 use crate::image::Planes;
+use crate::memory::format_bytes;
 use crate::preview::generation_record::GenerationRecord;
-use crate::preview::history::{HistoryStep, KeptRender};
+use crate::preview::history::{HistoryStep, KeptRender, MOST_KEPT};
 use crate::preview::orbit_camera::OrbitCamera;
 use crate::preview::scene_session::SceneSession;
 use crate::preview::status::{DenoiserInfo, HistoryStatus, Phase};
-use crate::progressive::{Checkpoint, Region, RenderLoop, Settings, memory_needed};
+use crate::progressive::{Checkpoint, RenderLoop, Settings, memory_needed};
 use crate::render::Renderer;
 use crate::stats::Store;
 
@@ -54,14 +56,7 @@ impl Controller<'_> {
         self.pending.clear_for_generation();
         self.reporter.begin(renderer.layout(), &self.configuration.settings, record, reference);
         self.viewer_pass_seconds = 0.0;
-    }
-
-    /// Returns the region in pixels.
-    pub(super) fn pixel_region(&self, (width, height): (usize, usize)) -> Option<Region> {
-        let pixels = |[a, b]: [f32; 2], size: usize| {
-            [(a * size as f32).floor() as usize, ((b * size as f32).ceil() as usize).min(size)]
-        };
-        self.region.map(|[x, y]| Region { x: pixels(x, width), y: pixels(y, height) })
+        self.region_passes = RegionPasses::default();
     }
 
     /// Keeps a render that a command replaces, with its camera and settings.
@@ -72,9 +67,26 @@ impl Controller<'_> {
     ) {
         let render = self.kept_render(render_loop, camera, settings);
         self.keeps_checkpoints = false;
+        let dropped = self.history.keep(render);
+        self.notice_discarded(&dropped);
         // No pass of theirs may still read their stores.
-        let dropped = self.history.keep(render).into_iter();
-        self.spare = dropped.filter_map(|render| Arc::into_inner(render.checkpoint.store)).next();
+        self.spare = dropped.into_iter().filter_map(|render| Arc::into_inner(render.checkpoint.store)).next();
+    }
+
+    /// Tells which renders worth keeping cannot be had back any more.
+    fn notice_discarded(&mut self, dropped: &[KeptRender]) {
+        let lost: Vec<_> =
+            dropped.iter().filter(|render| render.is_worth_it()).map(KeptRender::description).collect();
+        if lost.is_empty() {
+            return;
+        }
+        let limit = self.history.byte_limit().map(|limit| format!(", in {} of memory", format_bytes(limit)));
+        let text = format!(
+            "cannot be had back any more: {}. At most {MOST_KEPT} renders are kept{}",
+            lost.join(", "),
+            limit.unwrap_or_default()
+        );
+        self.reporter.notice(text, false);
     }
 
     /// Starts the loop of a new render: with the spare store, if that fits.

@@ -6,7 +6,6 @@ use super::Controller;
 use crate::filter::{FilterResult, suited_to};
 use crate::preview::configuration::SavedImage;
 use crate::preview::image_request::ImageRequest;
-use crate::preview::publisher::is_covered;
 use crate::preview::saved_images::SavedFile;
 use crate::preview::status::Phase;
 use crate::progressive::Settings;
@@ -19,7 +18,8 @@ impl Controller<'_> {
     /// Turns pending saves into requests. A save captures the current image or, after a command that discards the samples,
     /// the first image of the new generation. Duplicate requests are merged.
     pub(super) fn request_pending_saves(&mut self, store: &Arc<Store>) {
-        let is_there = is_covered(store) || self.reporter.phase() == Phase::Finished || self.pending.quit;
+        let is_there =
+            self.is_covered(store) || self.reporter.phase() == Phase::Finished || self.pending.quit;
         if self.pending.starts_generation() || !is_there {
             return;
         }

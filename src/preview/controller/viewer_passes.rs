@@ -7,7 +7,6 @@ use super::Controller;
 use super::coarse_passes::draft_of;
 use crate::filter::{FilterResult, UNFILTERED, suited_to};
 use crate::preview::background_pass::Event;
-use crate::preview::publisher::is_covered;
 use crate::preview::status::Phase;
 use crate::preview::view::View;
 use crate::progressive::{Conditions, ErrorEstimate, FailureMap, FilterPass, Filtered, RenderLoop, Settings};
@@ -31,14 +30,16 @@ impl Controller<'_> {
             let has_grown = samples > VIEWER_PASS_GROWTH * self.reporter.shown_samples() as f64;
             let fraction = VIEWER_PASS_FRACTIONS[usize::from(!self.has_interim_passes_of_method())];
             let is_affordable = self.viewer_pass_seconds < fraction * progress.elapsed;
-            shown.is_none() || is_affordable && (has_grown || self.region.is_some())
+            shown.is_none() || is_affordable && has_grown
         };
-        (lacks_image || lacks_map) && is_covered(store) && !self.pass_threads.is_busy()
+        (lacks_image || lacks_map) && self.is_covered(store) && !self.pass_threads.is_busy()
     }
 
-    /// Filters for the viewers if they need it: coarsely before every pixel has samples.
+    /// Filters for the viewers if they need it: the region first; coarsely before every pixel has samples.
     pub(super) fn filter_if_due(&mut self, store: &Arc<Store>) {
-        if self.should_filter(store) {
+        if let Some(region) = self.region_to_filter(store) {
+            self.filter_region(store, &region);
+        } else if self.should_filter(store) {
             self.filter_for_viewers(store);
         } else if let Some(side) = self.coarse_side(store) {
             self.filter_coarsely(store, side);
@@ -54,7 +55,7 @@ impl Controller<'_> {
     /// image that viewers have, even of a fraction of its samples.
     pub(super) fn shows_interim_passes(&self) -> bool {
         let method = self.configuration.settings.denoiser.name().method;
-        let has_coarse = self.reporter.coarse_samples() > 0;
+        let has_coarse = self.reporter.coarse().is_some();
         let has_own = self.reporter.shown().map_or(has_coarse, |shown| shown.made_by.method == method);
         self.has_interim_passes_of_method() || !has_own || !self.reporter.is_selected(View::is_filtered)
     }
@@ -120,6 +121,9 @@ impl Controller<'_> {
         self.reporter.enter(before);
         self.reporter.hasten();
         let fitting = filtered.as_ref().filter(|_| is_shown && self.has_method_of(settings));
+        if fitting.is_some() {
+            self.region_passes.include(self.region_samples(store));
+        }
         self.reporter.filtered(fitting, started.elapsed().as_secs_f64(), store);
         filtered
     }

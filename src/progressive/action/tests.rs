@@ -22,6 +22,7 @@ fn situation<'a>(settings: &'a Settings, measurements: &'a Measurements, mark: M
         sampling: settings.sampling,
         pixels: PIXELS,
         samples: 8 * PIXELS,
+        empty_pixels: 0,
         mark,
         has_interim: true,
         error: None,
@@ -230,13 +231,14 @@ fn under_a_time_budget_interim_passes_take_a_tenth_of_the_time() {
 #[test]
 fn a_regions_small_batches_share_interim_passes() {
     let settings = settings(Some(64), None);
-    let action = |interim_total| {
+    let action = |interim_total, empty_pixels| {
         let measurements = Measurements { interim_total, ..Measurements::default() };
         let now = situation(&settings, &measurements, Mark::Filter);
-        next_action(&Situation { has_region: true, elapsed: 10.0, ..now })
+        next_action(&Situation { has_region: true, elapsed: 10.0, empty_pixels, ..now })
     };
-    assert!(matches!(action(0.5), Action::Filter(_)));
-    assert!(matches!(action(1.5), Action::Allocate(_)));
+    assert!(matches!(action(0.5, 0), Action::Filter(_)));
+    assert!(matches!(action(1.5, 0), Action::Allocate(_)));
+    assert!(matches!(action(0.0, 1), Action::Allocate(_)), "some pixels are empty");
 }
 
 #[test]

@@ -2,7 +2,7 @@ use super::*;
 use crate::filter::nlm;
 use crate::progressive::filter_pass::{FailureMap, FilterPass};
 use crate::progressive::record::PassRecord;
-use crate::stats::{Block, Layout};
+use crate::stats::{Block, Layout, Rectangle};
 use std::sync::Arc;
 
 const WIDTH: usize = 32;
@@ -71,4 +71,48 @@ fn samples_are_placed_uniformly_where_little_is_expected_of_priorities() {
     assert_eq!(per_pixel(&checkpoint), Some(8));
     let ratio = expected_ratio(&checkpoint.store, checkpoint.interim.as_ref().unwrap(), &settings);
     assert!((0.3..0.8).contains(&ratio), "half of the image is noisy: {ratio}");
+}
+
+/// A region is rendered before other pixels have samples, which get a fraction of the samples until all have some.
+#[test]
+fn a_region_begins_at_once_and_the_others_go_on() {
+    let mut store = Store::new(WIDTH, WIDTH, Layout::with_blocks(|_| false), 0, 0);
+    let settings = Settings { sampling: Sampling::Uniform, ..Settings::default() };
+    let region = Region { x: [4, 12], y: [8, 16] };
+    let is_inside = |i: usize| (4..12).contains(&(i % WIDTH)) && (8..16).contains(&(i / WIDTH));
+    let sample = vec![0.5; store.layout().len()];
+    let mut batches = 0;
+    let image = Rectangle::of_image(WIDTH, WIDTH);
+    while store.empty_pixels(&image) > 0 {
+        let checkpoint = Checkpoint::new(store.clone());
+        let counts = allocate_batch(&checkpoint, Some(region), &settings, 8 * (WIDTH * WIDTH) as u64);
+        let sum = |inside: bool| -> u32 {
+            let side = counts.iter().enumerate().filter(|(i, _)| is_inside(*i) == inside);
+            side.map(|(_, n)| n).sum()
+        };
+        let [inside, outside] = [true, false].map(sum);
+        if batches == 0 {
+            // Two pixels of each block of 8×8 are a coarse image of the whole.
+            assert_eq!(inside + outside, (WIDTH * WIDTH / 16) as u32);
+            for block in 0..WIDTH * WIDTH / 64 {
+                let (x0, y0) = (block % (WIDTH / 8) * 8, block / (WIDTH / 8) * 8);
+                let n: u32 = (0..64).map(|i| counts[(y0 + i / 8) * WIDTH + x0 + i % 8]).sum();
+                assert_eq!(n, 4);
+            }
+        } else {
+            assert!(inside >= 4 * 64, "{inside}");
+            let most = (inside / 3).next_multiple_of(2);
+            assert!(
+                outside <= most
+                    && (outside + 2 > inside / 3 || store.empty_pixels(&image) <= outside as usize)
+            );
+            let is_new = |(i, n): (usize, &u32)| *n == 0 || store.next_indices()[i] == 0 && *n == 2;
+            assert!(counts.iter().enumerate().filter(|(i, _)| !is_inside(*i)).all(is_new));
+        }
+        for (i, n) in counts.iter().enumerate() {
+            (0..*n).for_each(|_| store.push(i % WIDTH, i / WIDTH, &sample));
+        }
+        batches += 1;
+    }
+    assert!((4..20).contains(&batches), "{batches}");
 }
