@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use super::scene_results::SceneResults;
+use super::scene_results::{SceneResults, groups};
 use crate::configuration::CONFIGURATIONS;
 use crate::estimate_check::EstimateCheck;
 use crate::report::{Report, median, number, range};
@@ -36,45 +36,109 @@ fn agreement(checks: &[EstimateCheck], at: u32) -> Option<Agreement> {
     })
 }
 
-fn counts(all: &[SceneResults]) -> BTreeSet<u32> {
-    all.iter().flat_map(|m| m.curves.checks.iter().flatten()).map(|check| check.spp).collect()
+/// Agreement of the estimates with the true error over several scenes and sample counts.
+struct Summary {
+    images: usize,
+    /// Fraction of the images whose true error is within the interval.
+    within: f64,
+    /// Half-widths of the intervals over the estimates: median.
+    half_width: f64,
+    /// Estimate over truth by scene, configuration and sample count.
+    ratios: Vec<f64>,
+    /// Likewise.
+    rank_correlations: Vec<f64>,
 }
 
-fn agreements(all: &[SceneResults]) -> Vec<Agreement> {
-    let counts = counts(all);
-    let by_count = |checks| counts.iter().filter_map(move |&at| agreement(checks, at));
-    all.iter().flat_map(|m| &m.curves.checks).flat_map(|checks| by_count(checks)).collect()
+impl Summary {
+    /// `None` without estimates.
+    fn new(scenes: &[&SceneResults], filtered: bool) -> Option<Self> {
+        let configurations = |m: &&SceneResults| {
+            let pairs = CONFIGURATIONS.iter().zip(m.curves.checks.clone());
+            pairs
+                .filter(|(configuration, _)| configuration.filtered == filtered)
+                .map(|(_, checks)| checks)
+                .collect::<Vec<_>>()
+        };
+        let checks: Vec<Vec<EstimateCheck>> = scenes.iter().flat_map(configurations).collect();
+        let counts: BTreeSet<u32> = checks.iter().flatten().map(|check| check.spp).collect();
+        let by_count = |checks| counts.iter().filter_map(move |&at| agreement(checks, at));
+        let found: Vec<Agreement> = checks.iter().flat_map(|checks| by_count(checks)).collect();
+        let images = checks.iter().flatten().count();
+        let within = checks.iter().flatten().filter(|check| is_within_interval(check)).count();
+        let half_widths =
+            checks.iter().flatten().map(|check| 0.5 * (check.high - check.low) / check.estimate);
+        (images > 0).then(|| Self {
+            images,
+            within: within as f64 / images as f64,
+            half_width: median(half_widths),
+            ratios: found.iter().map(|a| a.ratio).collect(),
+            rank_correlations: found.iter().map(|a| a.rank_correlation).collect(),
+        })
+    }
+}
+
+/// Summaries of filtered and unfiltered images of our scenes and of public ones, with what they are of.
+fn summaries(all: &[SceneResults]) -> Vec<(String, Summary)> {
+    let of_group = |(name, scenes): (&str, Vec<&SceneResults>)| {
+        [(true, "filtered"), (false, "unfiltered")].map(|(filtered, images)| {
+            let of = format!("{images}, {name} ({})", scenes.len());
+            Summary::new(&scenes, filtered).map(|summary| (of, summary))
+        })
+    };
+    groups(all).into_iter().flat_map(of_group).flatten().collect()
 }
 
 /// The finding, in a sentence.
 pub fn finding(all: &[SceneResults]) -> String {
-    let found = agreements(all);
-    let ratios = || found.iter().map(|a| a.ratio);
-    let checks = || all.iter().flat_map(|m| m.curves.checks.iter().flatten());
-    let within = checks().filter(|check| is_within_interval(check)).count() as f64 / checks().count() as f64;
-    format!(
-        "The program's estimate of an image's relMSE is {} times the true one (median; {} by scene, configuration and \
-         sample count). In {:.0} % of the {} images the true error is within the 95 % interval, whose half-width is {} of \
-         the estimate (median). Over tiles of \
-         16×16 pixels the rank correlation of estimate and true error is {} (median; {}).",
-        number(median(ratios()), 2),
-        range(ratios(), 2),
-        100.0 * within,
-        checks().count(),
-        number(median(checks().map(|check| 0.5 * (check.high - check.low) / check.estimate)), 2),
-        number(median(found.iter().map(|a| a.rank_correlation)), 2),
-        range(found.iter().map(|a| a.rank_correlation), 2),
-    )
+    let of_images = |(of, summary): (String, Summary)| {
+        format!(
+            "{of}: {} in the median ({}), the true error within the 95 % interval in {:.0} % of {} images, half its width {} of the estimate",
+            number(median(summary.ratios.iter().copied()), 2),
+            range(summary.ratios.iter().copied(), 2),
+            100.0 * summary.within,
+            summary.images,
+            number(summary.half_width, 2),
+        )
+    };
+    let parts: Vec<String> = summaries(all).into_iter().map(of_images).collect();
+    format!("The program's estimate of an image's relMSE over the true one: {}.", parts.join("; "))
 }
 
 /// Writes the section.
 pub fn write(report: &mut Report, all: &[SceneResults]) {
     report.section("Do the error estimates agree with the true error?");
+    let row = |(of, summary): (String, Summary)| {
+        vec![
+            of,
+            summary.images.to_string(),
+            format!(
+                "{} ({})",
+                number(median(summary.ratios.iter().copied()), 2),
+                range(summary.ratios.iter().copied(), 2)
+            ),
+            format!("{:.0} %", 100.0 * summary.within),
+            number(summary.half_width, 2),
+            number(median(summary.rank_correlations.iter().copied()), 2),
+        ]
+    };
+    let rows: Vec<_> = summaries(all).into_iter().map(row).collect();
+    report.table(
+        &[
+            "images",
+            "number",
+            "estimate over truth, median and range",
+            "truth within the interval",
+            "half its width over the estimate, median",
+            "rank correlation of tiles, median",
+        ],
+        &rows,
+    );
     report.paragraph(
         "Ratio of the program's estimate for the final image to that image's true relMSE (both means over the seeds) / \
          Spearman's rank correlation of the two over tiles of 16×16 pixels / images whose true error is within the interval.",
     );
-    let counts = counts(all);
+    let checks = all.iter().flat_map(|m| m.curves.checks.iter().flatten());
+    let counts: BTreeSet<u32> = checks.map(|check| check.spp).collect();
     let mut rows = Vec::new();
     for m in all {
         for (configuration, checks) in CONFIGURATIONS.iter().zip(&m.curves.checks).skip(1) {

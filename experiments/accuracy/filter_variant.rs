@@ -1,7 +1,7 @@
 //! Lists filters with changed settings, each with a name that states the changes.
 
 use prpf::filter::prpf::RESERVOIR;
-use prpf::filter::{self, FilterResult, NlmSettings, PrpfSettings, nlm};
+use prpf::filter::{self, Denoiser, FilterResult, NlmSettings, PrpfSettings, learned, nlm};
 use prpf::stats::Store;
 use serde::Deserialize;
 
@@ -31,12 +31,17 @@ pub struct PrpfChanges {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Method {
     Unfiltered,
+    Learned,
+    LearnedDraft,
     Nlm,
     Prpf,
 }
 
 /// Names of the filters with the program's own settings.
-pub const PRESETS: [&str; 3] = ["nlm, draft", "nlm", "prpf"];
+pub const PRESETS: [&str; 5] = ["learned", "learned, draft", NLM, "nlm, draft", "prpf"];
+
+/// The one that others are compared with.
+pub const NLM: &str = "nlm";
 
 /// A filter with its settings.
 #[derive(Clone, Debug)]
@@ -62,11 +67,13 @@ impl FilterVariant {
 
     /// The unfiltered image, the presets, and the presets with changes.
     pub fn list(nlm_changes: &[NlmChanges], prpf_changes: &[PrpfChanges]) -> Vec<Self> {
-        let [draft, nlm, prpf] = PRESETS;
+        let [learned, learned_draft, nlm, draft, prpf] = PRESETS;
         let mut variants = vec![
             Self::new("unfiltered", Method::Unfiltered),
-            Self { nlm: NlmSettings::draft(), ..Self::new(draft, Method::Nlm) },
+            Self::new(learned, Method::Learned),
+            Self::new(learned_draft, Method::LearnedDraft),
             Self::new(nlm, Method::Nlm),
+            Self { nlm: NlmSettings::draft(), ..Self::new(draft, Method::Nlm) },
             Self::new(prpf, Method::Prpf),
         ];
         variants.extend(nlm_changes.iter().map(|changes| changes.apply(Self::new(nlm, Method::Nlm))));
@@ -78,6 +85,8 @@ impl FilterVariant {
     pub fn filter(&self, store: &Store, seed: u64) -> FilterResult {
         match self.method {
             Method::Unfiltered => filter::unfiltered(store),
+            Method::Learned => learned::STANDARD.filter(store, seed),
+            Method::LearnedDraft => learned::DRAFT.filter(store, seed),
             Method::Nlm => nlm::filter(store, &self.nlm),
             Method::Prpf => filter::prpf::filter(store, &self.prpf, seed),
         }
@@ -125,11 +134,10 @@ mod tests {
         let prpf = PrpfChanges { reservoir: Some(4), ..PrpfChanges::default() };
         let variants = FilterVariant::list(&[nlm], &[prpf]);
         let names: Vec<&str> = variants.iter().map(|variant| variant.name.as_str()).collect();
-        let expected =
-            ["unfiltered", "nlm, draft", "nlm", "prpf", "nlm, radius 3, fit 0", "prpf, reservoir 4"];
-        assert_eq!(names, expected);
-        assert_eq!((variants[4].nlm.radius, variants[4].nlm.fit_radius), (3, 0));
-        assert_eq!(variants[5].reservoir, 4);
-        assert_eq!(variants[3].reservoir, RESERVOIR);
+        assert_eq!((names[0], &names[1..6]), ("unfiltered", PRESETS.as_slice()));
+        assert_eq!(names[6..], ["nlm, radius 3, fit 0", "prpf, reservoir 4"]);
+        assert_eq!((variants[6].nlm.radius, variants[6].nlm.fit_radius), (3, 0));
+        assert_eq!(variants[7].reservoir, 4);
+        assert_eq!(variants[5].reservoir, RESERVOIR);
     }
 }

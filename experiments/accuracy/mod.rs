@@ -34,8 +34,9 @@ pub fn run(session: &mut Session) -> anyhow::Result<()> {
         let interim_passes = interim_passes::measure(session, &test_scene, &accel, &settings.interim_passes)?;
         let CurveSettings { spp, seeds } = &settings.curves;
         let curves = curves::measure(session, &test_scene, &accel, (spp, *seeds))?;
-        let (scene, reference_relmse) = (test_scene.name, test_scene.reference.relmse);
-        all.push(SceneResults { scene, reference_relmse, curves, filters, interim_passes });
+        let TestScene { name: scene, is_public, reference, .. } = test_scene;
+        let reference_relmse = reference.relmse;
+        all.push(SceneResults { scene, is_public, reference_relmse, curves, filters, interim_passes });
     }
     report::write(session, &settings, &all)
 }

@@ -3,7 +3,7 @@
 //! A variant is on the front if no other is both faster and better.
 
 use super::filter_costs::Cost;
-use super::filter_variant::{FilterVariant, Method, PRESETS};
+use super::filter_variant::{FilterVariant, Method, NLM, PRESETS};
 use super::scene_results::SceneResults;
 use super::settings::Settings;
 use crate::plot::{Panel, Plot, Series};
@@ -24,7 +24,7 @@ pub struct ParetoFront {
 impl ParetoFront {
     pub fn new(settings: &Settings, all: &[SceneResults]) -> Self {
         let variants = settings.filters.variants();
-        let nlm = variants.iter().position(|variant| variant.name == PRESETS[1]).unwrap_or(0);
+        let nlm = variants.iter().position(|variant| variant.name == NLM).unwrap_or(0);
         let over_scenes = |value: &dyn Fn(&SceneResults) -> f64| {
             geometric_mean(&all.iter().map(value).collect::<Vec<_>>()).mean
         };
@@ -45,20 +45,20 @@ impl ParetoFront {
 
     /// The finding, in a sentence.
     pub fn finding(&self) -> String {
-        let presets = PRESETS.map(|name| self.preset(name));
-        let [draft, nlm, prpf] = presets.map(|(cost, _)| cost);
-        let [draft_place, nlm_place, prpf_place] =
-            presets.map(|(_, on_front)| if on_front { "on" } else { "off" });
+        let place = |on_front| if on_front { "on" } else { "off" };
+        let (nlm, nlm_is_on_front) = self.preset(NLM);
+        let others = PRESETS.into_iter().filter(|&name| name != NLM).map(|name| {
+            let (cost, on_front) = self.preset(name);
+            let [time, error] = [cost.seconds / nlm.seconds, cost.error].map(|ratio| number(ratio, 2));
+            format!("`{name}` {time} of that time for {error} of the error ({} it)", place(on_front))
+        });
         format!(
-            "Of the filters, at {} samples per pixel, `nlm` takes {} s per million pixels and is {nlm_place} the front of \
-             error against time; its preset `draft` takes {} of that time for {} of its error ({draft_place} the front), \
-             `prpf` {} of the time for {} of the error ({prpf_place} the front).",
+            "Of the filters, at {} samples per pixel, `{NLM}` takes {} s per million pixels and is {} the front of error \
+             against time; {}.",
             self.spp,
             number(nlm.seconds, 2),
-            number(draft.seconds / nlm.seconds, 2),
-            number(draft.error, 3),
-            number(prpf.seconds / nlm.seconds, 2),
-            number(prpf.error, 3),
+            place(nlm_is_on_front),
+            others.collect::<Vec<_>>().join(", "),
         )
     }
 
@@ -69,8 +69,8 @@ impl ParetoFront {
             "One store of {} samples per pixel, uniformly sampled, filtered with each setting: seconds per million pixels \
              (with all cores of this machine) and ratio of relMSE to that of `nlm`, geometric means over the scenes. A \
              setting is on the front if no other is both faster and better. Settings that are not named are those of \
-             `{}` or `{}`; `fit` is the radius of the linear fit, 0 without one.",
-            self.spp, PRESETS[1], PRESETS[2],
+             `nlm` or `prpf`; `fit` is the radius of the linear fit, 0 without one.",
+            self.spp,
         ));
         self.plot().write(&session.out.join("filters.svg"))?;
         report.picture(
@@ -102,19 +102,24 @@ impl ParetoFront {
     fn plot(&self) -> Plot<'static> {
         let changed = |method| self.points(&|i| self.variants[i].method == method && !self.is_preset(i));
         let preset = |name: &str| Series::points(name, self.points(&|i| self.variants[i].name == name));
-        let [draft, nlm, prpf] = PRESETS.map(preset);
+        let [learned, learned_draft, nlm, draft, prpf] = PRESETS.map(preset);
         let panel = |title: &str, series| Panel { title: format!("{title}, {} spp", self.spp), series };
         let nlm_series = vec![
             Series::new("front", self.points(&|i| self.on_front[i])),
             Series::points("settings of nlm", changed(Method::Nlm)),
             draft,
             nlm.clone(),
+            learned,
+            learned_draft,
         ];
         let prpf_series = vec![Series::points("settings of prpf", changed(Method::Prpf)), nlm, prpf];
         Plot {
             x: "seconds per million pixels",
             y: "ratio of relMSE to that of nlm",
-            panels: vec![panel("Settings of nlm", nlm_series), panel("Settings of prpf", prpf_series)],
+            panels: vec![
+                panel("Settings of nlm, and learned", nlm_series),
+                panel("Settings of prpf", prpf_series),
+            ],
             slope: false,
             columns: 2,
         }

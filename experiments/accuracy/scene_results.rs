@@ -6,6 +6,8 @@ use crate::curves::{Curves, Point};
 /// The measurements on a scene.
 pub struct SceneResults {
     pub scene: String,
+    /// Whether no constant was chosen on the scene.
+    pub is_public: bool,
     /// Expected relMSE of the reference.
     pub reference_relmse: f64,
     pub curves: Curves,
@@ -13,4 +15,11 @@ pub struct SceneResults {
     pub filters: Vec<Cost>,
     /// By index of `interim_passes.every`.
     pub interim_passes: Vec<Vec<Point>>,
+}
+
+/// Our scenes and the public ones, each if there are some.
+pub fn groups(all: &[SceneResults]) -> Vec<(&'static str, Vec<&SceneResults>)> {
+    let group = |is_public: bool| all.iter().filter(|m| m.is_public == is_public).collect::<Vec<_>>();
+    let groups = [("our scenes", group(false)), ("public scenes", group(true))];
+    groups.into_iter().filter(|(_, scenes)| !scenes.is_empty()).collect()
 }
