@@ -1,18 +1,21 @@
-//! Measures all methods on a crop of a scene.
+//! Measures methods on a crop of a scene.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use prpf::filter::prpf as pixelwise;
+use prpf::geometry::Accel;
 use prpf::image::Planes;
 use prpf::image::metrics::Pair;
 use prpf::render::Renderer;
+use prpf::scene::Scene;
 use prpf::stats::Store;
 
-use super::crop::Crop;
-use super::interpretations::{interpretations, published, published_rpf};
+use super::crop::{Bounds, Crop, area, middle, relative};
+use super::interpretations::{compared_rpf, interpretations, letter_rpf, published};
 use super::method::Method;
 use super::scene_results::{
-    EQUAL_TIME, INTERPRETATION, NLM, OUTSIDE, PRPF, REFERENCE, RPF, SceneResults, UNFILTERED, UPSAMPLING,
+    EQUAL_TIME, INTERPRETATION, LETTER, NLM, OUTSIDE, PRPF, REFERENCE, RPF, SceneResults, UNFILTERED,
+    UPSAMPLING, at, brightness_of_side, mse_of_side,
 };
 use super::settings::{SceneSettings, Settings};
 use super::weight_maps;
@@ -29,100 +32,174 @@ pub const PICTURES: &str = "pictures";
 pub struct CropMeasurement<'a> {
     pub settings: &'a Settings,
     pub scene_settings: &'a SceneSettings,
-    /// Renders the crop with its margin.
-    pub renderer: &'a Renderer<'a>,
+    /// The scene, whose film is the crop with its margin.
+    pub scene: &'a Scene,
+    pub accel: &'a Accel<'a>,
     pub crop: Crop,
-    /// Number of pixels of the whole image.
-    pub film_pixels: usize,
-    /// The reference of the crop without its margin.
+    /// The pixels of the reference, on the film: the crop, or more around it.
+    pub whole: Bounds,
     pub reference: &'a Reference,
     /// Folder of the pictures.
-    pub pictures: PathBuf,
+    pub pictures: &'a Path,
+    /// The samples of the latest run, which the next run may share.
+    pub samples: Option<Samples>,
+}
+
+/// Samples of a crop with its margin.
+pub struct Samples {
+    spp: u32,
+    capacity: usize,
+    seed: u64,
+    store: Store,
+    /// Seconds of rendering.
+    seconds: f64,
 }
 
 impl CropMeasurement<'_> {
     /// The key of a run, with the settings that all runs depend on.
-    fn key(&self, run: &str) -> Key {
-        let Settings { seed, margin, reference_spp, .. } = *self.settings;
+    fn key(&self, run: &str, spp: u32, seed: u64) -> Key {
+        let Settings { margin, reference_spp, .. } = *self.settings;
         let settings = format!(
-            "{run} sigma8={} crop={:?} margin={margin} reference={reference_spp}",
-            self.scene_settings.sigma8_squared, self.crop.inner
+            "run={} spp={spp} sigma8={} crop={:?} of={:?} margin={margin} reference={reference_spp}",
+            run.replace(' ', "-"),
+            self.scene_settings.sigma8_squared,
+            self.crop.inner,
+            self.whole
         );
         Key::new(&self.scene_settings.name, seed, settings)
     }
 
-    /// Takes all measurements of the crop.
+    /// Runs all methods but RPF, and measures everything else that does not need it.
     ///
     /// # Errors
     /// Files that cannot be written.
-    pub fn measure(&self, session: &mut Session, results: &mut SceneResults) -> anyhow::Result<()> {
+    pub fn measure_all_but_rpf(
+        &mut self,
+        session: &mut Session,
+        results: &mut SceneResults,
+    ) -> anyhow::Result<()> {
         // Record the reference's error
-        let Settings { base_spp, .. } = *self.settings;
         let Reference { mse, relmse, spp, .. } = *self.reference;
+        let (pixels, film) = (area(self.crop.inner), self.scene.film.width * self.scene.film.height);
         let reference_values = [
             ("mse", mse),
             ("relmse", relmse),
-            ("spp", f64::from(spp)),
-            ("pixels of the crop", self.crop.pixels() as f64),
-            ("pixels of the image", self.film_pixels as f64),
+            ("pixels of the crop", pixels as f64),
+            ("pixels of the image", film as f64),
         ];
-        let recorded = session.ledger.measure(self.key(REFERENCE), &[], || Ok(values(reference_values)))?;
-        results.runs.insert(REFERENCE.to_owned(), recorded);
+        let key = self.key(REFERENCE, spp, 0);
+        results.add(REFERENCE, session.ledger.measure(key, &[], || Ok(values(reference_values)))?);
 
-        // Run every method at every sample count, RPF as far as its time allows
-        let max_rpf_spp = self.scene_settings.max_rpf_spp.min(self.settings.max_rpf_spp);
-        results.rpf_spp = self.settings.spp.iter().copied().filter(|&spp| spp <= max_rpf_spp).collect();
+        // Run the methods at every sample count
         let sigma8_squared = self.scene_settings.sigma8_squared;
         for &spp in &self.settings.spp {
-            let mut methods = vec![
-                (UNFILTERED, Method::Unfiltered),
-                (PRPF, Method::Prpf(published(sigma8_squared))),
-                (NLM, Method::Nlm),
-            ];
-            if spp <= max_rpf_spp {
-                methods.push((RPF, Method::Rpf(published_rpf(sigma8_squared))));
-            }
-            for (name, method) in &methods {
-                let run = format!("{name} {spp}");
-                let picture = (*name == RPF && spp == base_spp).then_some(RPF);
-                let values = self.run(session, &run, method, spp, picture)?;
-                results.runs.insert(run, values);
+            for seed in 0..self.settings.seeds {
+                for (name, method) in cheap_methods(sigma8_squared) {
+                    let run = at(name, spp);
+                    let values = self.run(session, (&run, &method), (spp, seed), None)?;
+                    results.add(run, values);
+                }
             }
         }
 
         // Run everything that is measured at the base sample count
-        self.equal_time(session, results)?;
-        for (name, method) in interpretations(sigma8_squared) {
-            let run = format!("{INTERPRETATION} {name}");
-            let values = self.run(session, &run, &method, base_spp, None)?;
-            results.runs.insert(run, values);
+        let seeds = self.settings.interpretation_seeds;
+        self.interpretations(session, results, seeds, |method| !matches!(method, Method::Rpf(_)))?;
+        for seed in 0..seeds {
+            self.upsampling(seed, session, results)?;
         }
-        self.upsampling(session, results)?;
         self.outside(session, results)
     }
 
-    /// Runs a method at a sample count. Writes the image as a picture if a name is given.
-    fn run(
-        &self,
+    /// Runs RPF at the sample counts whose square has this side; at the base count also its other interpretations,
+    /// and every other method in its time.
+    ///
+    /// # Errors
+    /// Files that cannot be written.
+    pub fn measure_rpf(
+        &mut self,
+        side: usize,
         session: &mut Session,
-        run: &str,
-        method: &Method,
-        spp: u32,
+        results: &mut SceneResults,
+    ) -> anyhow::Result<()> {
+        let Settings { base_spp, rpf_interpretation_seeds: seeds, .. } = *self.settings;
+        let sigma8_squared = self.scene_settings.sigma8_squared;
+        let all = results.rpf_runs.clone();
+        for runs in all.iter().filter(|runs| runs.side == side) {
+            let spp = runs.spp;
+            for seed in 0..runs.seeds {
+                let picture = (spp == base_spp && seed == 0).then_some(RPF);
+                let method = Method::Rpf(compared_rpf(sigma8_squared));
+                let values = self.run(session, (&at(RPF, spp), &method), (spp, seed), picture)?;
+                results.add(at(RPF, spp), values);
+            }
+
+            // Run it to the letter at the second count too, to tell whether its error falls
+            if Some(spp) == all.get(1).map(|runs| runs.spp) {
+                for seed in 0..seeds {
+                    let (run, method) = (at(LETTER, spp), Method::Rpf(letter_rpf(sigma8_squared)));
+                    let values = self.run(session, (&run, &method), (spp, seed), None)?;
+                    results.add(run, values);
+                }
+            }
+        }
+        if all.iter().any(|runs| runs.side == side && runs.spp == base_spp) {
+            let reference = self.compared(&self.reference.image, self.crop.inner);
+            let name = &self.scene_settings.name;
+            let path = self.pictures.join(format!("{name}-reference.png"));
+            picture::write(&path, &reference, self.scene_settings.exposure)?;
+            self.interpretations(session, results, seeds, |method| matches!(method, Method::Rpf(_)))?;
+            self.equal_time(session, results)?;
+        }
+        Ok(())
+    }
+
+    /// Runs those interpretations of the papers that are `wanted`.
+    fn interpretations(
+        &mut self,
+        session: &mut Session,
+        results: &mut SceneResults,
+        seeds: u64,
+        wanted: impl Fn(&Method) -> bool,
+    ) -> anyhow::Result<()> {
+        let base_spp = self.settings.base_spp;
+        for seed in 0..seeds {
+            for (name, method) in interpretations(self.scene_settings.sigma8_squared) {
+                if wanted(&method) {
+                    let run = format!("{INTERPRETATION} {name}");
+                    let values = self.run(session, (&run, &method), (base_spp, seed), None)?;
+                    results.add(run, values);
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Runs a method with a seed at a sample count. Writes the image as a picture if a name is given.
+    fn run(
+        &mut self,
+        session: &mut Session,
+        (run, method): (&str, &Method),
+        (spp, seed): (u32, u64),
         picture: Option<&str>,
     ) -> anyhow::Result<Values> {
-        session.show_status(format!("{}: {run}, {spp} spp", self.scene_settings.name));
+        session.show_status(format!("{}: {run}, {spp} spp, seed {seed}", self.scene_settings.name));
         let path = |name| self.pictures.join(format!("{}-{name}.png", self.scene_settings.name));
         let files: Vec<PathBuf> = picture.map(path).into_iter().collect();
-        let key = self.key(&format!("run={} spp={spp}", run.replace(' ', "-")));
+        let key = self.key(run, spp, seed);
         session.ledger.measure(key, &files, || {
-            let (store, render) = self.samples(spp, method.capacity(spp));
-            let (image, mut values) = method.run(&store, self.settings.seed, self.settings.repeats);
+            let samples = self.samples(spp, method.capacity(spp), seed);
+            let render_seconds = samples.seconds;
+            let (image, mut values) = method.run(&samples.store, seed);
+            let megapixels = 1e-6 * self.crop.pixels() as f64;
+            values.insert("render seconds".to_owned(), render_seconds);
+            for (quantity, value) in &mut values {
+                if quantity.ends_with("seconds") {
+                    *value /= megapixels;
+                }
+            }
             let image = picture::crop(&image, self.crop.inner_in_outer());
-            let pair = Pair::new(&image, &self.reference.image)?;
-            values.insert("render seconds".to_owned(), render);
-            values.insert("mse".to_owned(), pair.mse());
-            values.insert("relmse".to_owned(), pair.relmse());
-            values.insert("flip".to_owned(), pair.flip().mean);
+            values.extend(self.errors(&image)?);
             values.insert("spp".to_owned(), f64::from(spp));
             for file in &files {
                 picture::write(file, &image, self.scene_settings.exposure)?;
@@ -131,15 +208,47 @@ impl CropMeasurement<'_> {
         })
     }
 
-    /// Renders a store; also returns the elapsed seconds.
-    fn samples(&self, spp: u32, capacity: usize) -> (Store, f64) {
-        let mut store = sampling::store(self.renderer, capacity, self.settings.seed);
-        let seconds = sampling::add(self.renderer, &mut store, spp);
-        (store, seconds)
+    /// Compares the crop of an image with the reference, as a whole and on the squares of RPF.
+    fn errors(&self, image: &Planes) -> anyhow::Result<Values> {
+        let reference = self.compared(&self.reference.image, self.crop.inner);
+        let pair = Pair::new(image, &reference)?;
+        let mut errors = values([("mse", pair.mse()), ("relmse", pair.relmse()), ("flip", pair.flip().mean)]);
+        let [x0, x1, y0, y1] = self.crop.inner;
+        for runs in self.settings.rpf_runs(self.scene_settings) {
+            let side = runs.side;
+            if side > (x1 - x0).min(y1 - y0) {
+                continue;
+            }
+            let square = middle(self.whole, (side, side));
+            let image = picture::crop(image, relative(square, self.crop.inner));
+            let reference = self.compared(&self.reference.image, square);
+            let pair = Pair::new(&image, &reference)?;
+            errors.insert(mse_of_side(side), pair.mse());
+            errors.insert(brightness_of_side(side), pair.mean_ratio());
+        }
+        Ok(errors)
+    }
+
+    /// Cuts pixels of the film out of an image of all that the reference has.
+    fn compared(&self, image: &Planes, pixels: Bounds) -> Planes {
+        picture::crop(image, relative(pixels, self.whole))
+    }
+
+    /// The samples of the crop with its margin; renders them unless the latest run has them.
+    fn samples(&mut self, spp: u32, capacity: usize, seed: u64) -> &Samples {
+        let is_latest =
+            |latest: &Samples| (latest.spp, latest.capacity, latest.seed) == (spp, capacity, seed);
+        let latest = self.samples.take().filter(is_latest);
+        self.samples.insert(latest.unwrap_or_else(|| {
+            let renderer = Renderer::new(self.scene, self.accel, seed);
+            let mut store = sampling::store(&renderer, capacity, seed);
+            let seconds = sampling::add(&renderer, &mut store, spp);
+            Samples { spp, capacity, seed, store, seconds }
+        }))
     }
 
     /// Runs every other method in the time, sampling included, that RPF takes at the base sample count.
-    fn equal_time(&self, session: &mut Session, results: &mut SceneResults) -> anyhow::Result<()> {
+    fn equal_time(&mut self, session: &mut Session, results: &mut SceneResults) -> anyhow::Result<()> {
         let base = self.settings.base_spp;
         let total = |method: &str, spp: u32| {
             results.at(method, spp, "render seconds") + results.at(method, spp, "seconds")
@@ -148,84 +257,98 @@ impl CropMeasurement<'_> {
         if !time.is_finite() {
             return Ok(());
         }
-        // Find the affordable sample counts. The largest count gives the best estimate of a sample's time.
+        // Find the affordable sample counts. The largest count gives the best estimate of a sample's time
         let largest = self.settings.spp.iter().copied().max().unwrap_or(base);
-        let mut equal = Vec::new();
-        for (name, method) in [
-            (PRPF, Method::Prpf(published(self.scene_settings.sigma8_squared))),
-            (NLM, Method::Nlm),
-            (UNFILTERED, Method::Unfiltered),
-        ] {
+        let affordable_spp = |name: &str| {
             let per_sample = results.at(name, largest, "render seconds") / f64::from(largest);
             let filter = results.at(name, largest, "seconds");
-            equal.push((
-                name,
-                method,
-                affordable(time - filter, per_sample, self.settings.max_equal_time_spp),
-            ));
-        }
+            affordable(time - filter, per_sample, self.settings.max_equal_time_spp)
+        };
+        let methods = cheap_methods(self.scene_settings.sigma8_squared)
+            .map(|(name, method)| (name, method, affordable_spp(name)));
 
         // Run the methods
-        for (name, method, spp) in equal {
-            let run = format!("{EQUAL_TIME} {name}");
-            let values = self.run(session, &run, &method, spp, Some(name))?;
-            results.runs.insert(run, values);
+        for seed in 0..self.scene_settings.equal_time_seeds {
+            for (name, method, spp) in &methods {
+                let run = format!("{EQUAL_TIME} {name}");
+                let picture = (seed == 0).then_some(*name);
+                let values = self.run(session, (&run, method), (*spp, seed), picture)?;
+                results.add(run, values);
+            }
         }
         Ok(())
     }
 
     /// Measures P-RPF with and without upsampling of weights: times of the weights and of the filter, and errors.
-    fn upsampling(&self, session: &mut Session, results: &mut SceneResults) -> anyhow::Result<()> {
-        let (spp, seed) = (self.settings.base_spp, self.settings.seed);
+    /// The weights and their pictures are those of the first seed.
+    fn upsampling(
+        &mut self,
+        seed: u64,
+        session: &mut Session,
+        results: &mut SceneResults,
+    ) -> anyhow::Result<()> {
+        let spp = self.settings.base_spp;
         let name = &self.scene_settings.name;
         session.show_status(format!("{name}: upsampling"));
-        let maps = self.scene_settings.weight_maps.then(|| weight_maps::files(&self.pictures, name));
+        let is_first = seed == 0;
+        let maps =
+            (is_first && self.scene_settings.weight_maps).then(|| weight_maps::files(self.pictures, name));
         let files: Vec<PathBuf> = maps.clone().into_iter().flatten().collect();
-        let key = self.key(&format!("{UPSAMPLING} spp={spp}"));
+        let key = self.key(UPSAMPLING, spp, seed);
+        let (inner, reference) = (self.crop.inner_in_outer(), &self.reference.image);
+        let sigma8_squared = self.scene_settings.sigma8_squared;
         let values = session.ledger.measure(key, &files, || {
-            let (store, _) = self.samples(spp, spp as usize);
-            let with = published(self.scene_settings.sigma8_squared);
+            let store = &self.samples(spp, spp as usize, seed).store;
+            let with = published(sigma8_squared);
             let without = pixelwise::PrpfSettings { upsampling: false, ..with.clone() };
             let mut result = Values::new();
             for (name, settings) in [("with", &with), ("without", &without)] {
-                let (image, values) = Method::Prpf(settings.clone()).run(&store, seed, 1);
-                let image = picture::crop(&image, self.crop.inner_in_outer());
-                result.insert(format!("mse {name}"), Pair::new(&image, &self.reference.image)?.mse());
+                let (image, values) = Method::Prpf(settings.clone()).run(store, seed);
+                let image = picture::crop(&image, inner);
+                result.insert(format!("mse {name}"), Pair::new(&image, reference)?.mse());
                 result.insert(format!("seconds {name}"), values["seconds"]);
                 result.insert(format!("weight seconds {name}"), values["weight seconds"]);
                 result.extend(
                     values.get("interpolated").map(|&fraction| ("interpolated".to_owned(), fraction)),
                 );
             }
-            let (names, interpolated) = pixelwise::feature_weights(&store, &with, seed);
-            let (_, direct) = pixelwise::feature_weights(&store, &without, seed);
-            let threshold = with.interpolation_threshold;
-            result.insert("weights mse".to_owned(), weights_mse(&interpolated, &direct, threshold));
-            if let Some(files) = &maps {
-                let rpf = published_rpf(self.scene_settings.sigma8_squared);
-                weight_maps::write(files, &names, [&interpolated[0], &direct[0]], &store, &rpf, seed)?;
+            result.insert("added mse".to_owned(), result["mse with"] - result["mse without"]);
+            if is_first {
+                let (names, interpolated) = pixelwise::feature_weights(store, &with, seed);
+                let (_, direct) = pixelwise::feature_weights(store, &without, seed);
+                let threshold = with.interpolation_threshold;
+                result.insert("weights mse".to_owned(), weights_mse(&interpolated, &direct, threshold));
+                if let Some(files) = &maps {
+                    let rpf = compared_rpf(sigma8_squared);
+                    weight_maps::write(files, &names, [&interpolated[0], &direct[0]], store, &rpf, seed)?;
+                }
             }
             Ok(result)
         })?;
-        results.runs.insert(UPSAMPLING.to_owned(), values);
+        results.add(UPSAMPLING, values);
         Ok(())
     }
 
     /// Measures, for each window, the fraction of samples beyond the similarity threshold in a selection by pixels.
-    fn outside(&self, session: &mut Session, results: &mut SceneResults) -> anyhow::Result<()> {
+    fn outside(&mut self, session: &mut Session, results: &mut SceneResults) -> anyhow::Result<()> {
         let spp = self.settings.base_spp;
-        let key = self.key(&format!("{OUTSIDE} spp={spp}"));
+        let key = self.key(OUTSIDE, spp, 0);
+        let settings = published(self.scene_settings.sigma8_squared);
         let values = session.ledger.measure(key, &[], || {
-            let (store, _) = self.samples(spp, spp as usize);
-            let settings = published(self.scene_settings.sigma8_squared);
+            let store = &self.samples(spp, spp as usize, 0).store;
             let fractions = settings.windows.iter().map(|&window| {
-                (format!("window {window}"), pixelwise::dissimilar_fraction(&store, &settings, window))
+                (format!("window {window}"), pixelwise::dissimilar_fraction(store, &settings, window))
             });
             Ok(fractions.collect())
         })?;
-        results.runs.insert(OUTSIDE.to_owned(), values);
+        results.add(OUTSIDE, values);
         Ok(())
     }
+}
+
+/// All methods but RPF, with their names.
+fn cheap_methods(sigma8_squared: f32) -> [(&'static str, Method); 3] {
+    [(UNFILTERED, Method::Unfiltered), (PRPF, Method::Prpf(published(sigma8_squared))), (NLM, Method::Nlm)]
 }
 
 /// The number of samples per pixel that fit into some seconds: even, because of the halves, and at least 2.

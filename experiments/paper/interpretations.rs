@@ -1,6 +1,5 @@
 //! Lists other interpretations of what the papers leave open, and alternative settings of both methods.
 
-use prpf::filter::rpf::RpfFireflySettings;
 use prpf::filter::{Bandwidth, FireflySettings, PrpfSettings, RpfSettings};
 
 use super::method::Method;
@@ -10,14 +9,21 @@ pub fn published(sigma8_squared: f32) -> PrpfSettings {
     PrpfSettings { bandwidth: Bandwidth::RpfSigma { sigma8_squared }, ..PrpfSettings::paper() }
 }
 
-/// The settings of RPF as published.
-pub fn published_rpf(sigma8_squared: f32) -> RpfSettings {
+/// The settings of RPF that P-RPF is compared with.
+pub fn compared_rpf(sigma8_squared: f32) -> RpfSettings {
+    RpfSettings { sigma8_squared, ..RpfSettings::energy_kept() }
+}
+
+/// The settings of RPF to the letter of its report.
+pub fn letter_rpf(sigma8_squared: f32) -> RpfSettings {
     RpfSettings { sigma8_squared, ..RpfSettings::report() }
 }
 
 /// Names of interpretations that explain claims.
 pub const ALL_PIXELS: &str = "P-RPF, statistics of all pixels of a window";
+pub const LITERAL: &str = "P-RPF, Eq. 4 to the letter";
 pub const RELEASE: &str = "RPF, the authors' code of 2015";
+pub const LETTER_OF_REPORT: &str = "RPF, to the letter of its report: the energy of fireflies lost";
 
 /// All interpretations of both methods: a name, and the method.
 pub fn interpretations(sigma8_squared: f32) -> Vec<(&'static str, Method)> {
@@ -30,7 +36,7 @@ pub fn interpretations(sigma8_squared: f32) -> Vec<(&'static str, Method)> {
     let prpf = |settings| Method::Prpf(settings);
     let mut interpretations = vec![
         ("P-RPF, the other σ₈² (0.002 or 0.02)", prpf(published(other))),
-        ("P-RPF, Eq. 4 to the letter", prpf(PrpfSettings { bandwidth: Bandwidth::Literal, ..base.clone() })),
+        (LITERAL, prpf(PrpfSettings { bandwidth: Bandwidth::Literal, ..base.clone() })),
         (
             "P-RPF, Eq. 4 by the variance of the pixel's mean",
             prpf(PrpfSettings { bandwidth: mean_variance, ..base.clone() }),
@@ -52,17 +58,9 @@ pub fn interpretations(sigma8_squared: f32) -> Vec<(&'static str, Method)> {
     ];
 
     // Interpretations of RPF
-    let base = published_rpf(sigma8_squared);
-    let fireflies = base.fireflies;
     interpretations.extend([
-        ("RPF, the other σ₈² (0.002 or 0.02)", Method::Rpf(published_rpf(other))),
-        (
-            "RPF, keeping the energy of fireflies",
-            Method::Rpf(RpfSettings {
-                fireflies: RpfFireflySettings { keep_energy: true, ..fireflies },
-                ..base.clone()
-            }),
-        ),
+        ("RPF, the other σ₈² (0.002 or 0.02)", Method::Rpf(compared_rpf(other))),
+        (LETTER_OF_REPORT, Method::Rpf(letter_rpf(sigma8_squared))),
         (RELEASE, Method::Rpf(RpfSettings::release())),
         (
             "RPF, the code of Lehtinen et al. 2012",

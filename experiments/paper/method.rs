@@ -6,7 +6,6 @@ use prpf::stats::Store;
 
 use super::stage_timer::{STAGES, StageTimer};
 use crate::ledger::Values;
-use crate::report::median;
 use crate::sampling::timed;
 
 /// A method that makes an image from samples.
@@ -22,29 +21,17 @@ pub enum Method {
 }
 
 impl Method {
-    /// Reservoir capacity that the method needs for `spp` samples per pixel.
+    /// Reservoir capacity for `spp` samples per pixel: RPF's, or one that suffices for all other methods.
     pub fn capacity(&self, spp: u32) -> usize {
-        match self {
-            Method::Unfiltered | Method::Nlm => 0,
-            Method::Prpf(_) => pixelwise::RESERVOIR,
-            Method::Rpf(_) => spp as usize,
-        }
+        if matches!(self, Method::Rpf(_)) { spp as usize } else { pixelwise::RESERVOIR }
     }
 
-    /// Filters a store. Returns the image, the median seconds of `repeats` runs (RPF runs once), the fraction of
-    /// interpolated pixels and, for methods with the paper's stages, the fractions of their time.
-    pub fn run(&self, store: &Store, seed: u64, repeats: usize) -> (Planes, Values) {
-        let mut seconds = Vec::new();
+    /// Filters a store. Returns the image, the seconds, the fraction of interpolated pixels and, for methods with the
+    /// paper's stages, the fractions of their time.
+    pub fn run(&self, store: &Store, seed: u64) -> (Planes, Values) {
         let timer = StageTimer::default();
-        let mut filtered = None;
-        let repeats = if matches!(self, Method::Rpf(_)) { 1 } else { repeats.max(1) };
-        for _ in 0..repeats {
-            let (result, time) = timed(|| self.filter(store, seed, &timer));
-            seconds.push(time);
-            filtered = Some(result);
-        }
-        let FilterResult { image, interpolation, .. } = filtered.expect("at least one run");
-        let mut values = Values::from([("seconds".to_owned(), median(seconds))]);
+        let (FilterResult { image, interpolation, .. }, seconds) = timed(|| self.filter(store, seed, &timer));
+        let mut values = Values::from([("seconds".to_owned(), seconds)]);
         if let Some(interpolation) = interpolation {
             values.insert("interpolated".to_owned(), f64::from(interpolation.success));
         }
@@ -52,7 +39,7 @@ impl Method {
             for (name, fraction) in STAGES.iter().zip(timer.fractions()) {
                 values.insert((*name).to_owned(), fraction);
             }
-            values.insert("weight seconds".to_owned(), timer.weight_seconds() / repeats as f64);
+            values.insert("weight seconds".to_owned(), timer.weight_seconds());
         }
         (image, values)
     }

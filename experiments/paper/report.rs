@@ -6,7 +6,8 @@ use super::claims::{claims, finding};
 use super::crop_measurement::PICTURES;
 use super::interpretations::interpretations;
 use super::scene_results::{
-    EQUAL_TIME, INTERPRETATION, NLM, PRPF, REFERENCE, RPF, SceneResults, UNFILTERED, UPSAMPLING, WHOLE,
+    EQUAL_TIME, INTERPRETATION, NLM, PRPF, REFERENCE, RPF, SceneResults, UNFILTERED, UPSAMPLING, WHOLE, at,
+    mse_of_side,
 };
 use super::settings::Settings;
 use super::stage_timer::STAGES;
@@ -14,6 +15,7 @@ use super::weight_maps::{COMPUTATIONS, GROUPS};
 use crate::plot::{Panel, Plot, Series};
 use crate::report::{Report, number, range};
 use crate::session::Session;
+use crate::statistics::Interval;
 
 /// The methods, with their names in plots and tables.
 const METHODS: [(&str, &str); 4] = [(UNFILTERED, "unfiltered"), (RPF, "RPF"), (PRPF, "P-RPF"), (NLM, "nlm")];
@@ -40,19 +42,21 @@ pub fn write(
     });
     report.table(&head, &rows.collect::<Vec<Vec<String>>>());
     report.paragraph(&conditions(settings, scenes, missing));
+    runs_of_rpf(settings, scenes, &mut report);
     plots(session, settings, scenes, &mut report)?;
     equal_time(settings, scenes, &mut report);
     weights(settings, scenes, &mut report);
     other_interpretations(settings, scenes, &mut report);
     tables(settings, scenes, &mut report);
-    report.write(session, &format!("{} (references: two other seeds)", settings.seed))
+    let seeds = settings.seeds.max(1);
+    report.write(session, &format!("from 0, {seeds} unless said otherwise (references: two others)"))
 }
 
 /// Describes the conditions of the measurements.
 fn conditions(settings: &Settings, scenes: &[SceneResults], missing: &[String]) -> String {
     let reference_mse: Vec<f64> = scenes
         .iter()
-        .map(|scene| scene.get(REFERENCE, "mse") / scene.at(RPF, settings.base_spp, "mse"))
+        .map(|scene| scene.get(REFERENCE, "mse") / scene.at(PRPF, settings.base_spp, "mse"))
         .collect();
     let left_out = if missing.is_empty() {
         String::new()
@@ -63,34 +67,68 @@ fn conditions(settings: &Settings, scenes: &[SceneResults], missing: &[String]) 
     let minutes = |spp: u32| {
         range(
             scenes.iter().map(|scene| {
-                let crops =
-                    scene.get(REFERENCE, "pixels of the image") / scene.get(REFERENCE, "pixels of the crop");
-                scene.at(RPF, spp, "seconds") * crops / 60.0
+                1e-6 * scene.get(REFERENCE, "pixels of the image") * scene.at(RPF, spp, "seconds") / 60.0
             }),
             2,
         )
     };
+    let pixels = range(scenes.iter().map(|scene| scene.get(REFERENCE, "pixels of the crop")), 5);
 
     // Compare the margin with the largest window
     let margin_suffices = PrpfSettings::paper().windows.iter().all(|window| window / 2 <= settings.margin);
-    let max_spp =
-        scenes.iter().flat_map(|scene| scene.rpf_spp.iter().copied()).max().unwrap_or(settings.base_spp);
+    let max_spp = scenes.iter().filter_map(SceneResults::max_rpf_spp).max().unwrap_or(settings.base_spp);
     format!(
-        "RPF would take {} minutes for these images at {} samples per pixel and {} at {max_spp}. Both methods therefore run \
-         on the same crop of each scene with a margin of {} pixels ({} as the largest window reaches); errors are those of \
-         the crop without its margin, unless whole images are mentioned. Times are those of the filter alone, except at \
-         equal time, where they include sampling. Ranges are over scenes; a claim that names a figure holds from nine \
-         tenths of it. References are sampled uniformly with {} samples per pixel and other seeds, and unfiltered; their \
-         expected MSE is {} of RPF's at {} samples per pixel.{left_out}",
+        "RPF would take {} minutes for these images at {} samples per pixel and {} at {max_spp}. All methods therefore run \
+         on a crop of each scene with a margin of {} pixels ({} as the largest window reaches); errors are those without \
+         the margin, unless whole images are mentioned. The crop has {pixels} pixels and is run with {} seeds (seed 0 alone \
+         for samples beyond the threshold, weights and whole images). RPF runs on a square in its middle, of the side and \
+         with as many seeds as the table of runs says; a comparison with RPF is over the pixels and seeds that RPF has, \
+         and one of sample counts over the pixels that all counts share. `rpf` here keeps the energy of fireflies, which \
+         its report loses. A ratio of errors is the geometric mean of the ratios seed by seed; brackets hold its 95 % \
+         interval by Student's t, over seeds. A claim about a difference of errors holds or fails where the whole \
+         interval does and is undecided elsewhere. Ranges are over scenes; a claim that names a figure holds from nine \
+         tenths of it. Times are those of the filter alone, except at equal time, where they include sampling, in \
+         seconds per megapixel that is filtered. References are sampled uniformly with {} samples per pixel and other \
+         seeds, and unfiltered; their expected MSE, which is part of every error here, is {} of P-RPF's at {} samples \
+         per pixel.{left_out}",
         minutes(settings.base_spp),
         settings.base_spp,
         minutes(max_spp),
         settings.margin,
         if margin_suffices { "as far" } else { "not as far" },
+        settings.seeds,
         settings.reference_spp,
         percent_range(&reference_mse),
         settings.base_spp,
     )
+}
+
+/// Tabulates how many seeds and pixels each figure of RPF has.
+fn runs_of_rpf(settings: &Settings, scenes: &[SceneResults], report: &mut Report) {
+    report.paragraph(&format!(
+        "Runs of RPF: seeds × pixels that are compared. Other interpretations of RPF have {} of the seeds, those of P-RPF \
+         {}; the column at equal time gives the seeds of the other methods there, on RPF's pixels at {} samples.",
+        settings.rpf_interpretation_seeds, settings.interpretation_seeds, settings.base_spp
+    ));
+    let mut head = vec!["scene".to_owned(), "σ₈²".to_owned()];
+    head.extend(settings.spp.iter().map(|spp| format!("{spp} spp")));
+    head.push("equal time".to_owned());
+    let rows: Vec<Vec<String>> = scenes
+        .iter()
+        .map(|scene| {
+            let entry = |&spp: &u32| match scene.rpf_runs.iter().find(|runs| runs.spp == spp) {
+                Some(runs) => format!("{} × {}²", scene.seeds(&at(RPF, spp)), runs.side),
+                None => "–".to_owned(),
+            };
+            let scene_settings = settings.scenes.iter().find(|settings| settings.name == scene.name);
+            let sigma = scene_settings.map_or(f64::NAN, |settings| f64::from(settings.sigma8_squared));
+            let mut row = vec![scene.name.clone(), number(sigma, 1)];
+            row.extend(settings.spp.iter().map(entry));
+            row.push(scene.seeds(&format!("{EQUAL_TIME} {PRPF}")).to_string());
+            row
+        })
+        .collect();
+    report.table(&head.iter().map(String::as_str).collect::<Vec<_>>(), &rows);
 }
 
 fn percent_range(fractions: &[f64]) -> String {
@@ -104,10 +142,10 @@ fn plots(
     scenes: &[SceneResults],
     report: &mut Report,
 ) -> anyhow::Result<()> {
-    let panels = |methods: &[&str], quantity: &str| -> Vec<Panel> {
+    let panels = |methods: &[&str], quantity: &dyn Fn(&SceneResults) -> String| -> Vec<Panel> {
         let series = |scene: &SceneResults| {
             let line = |&(method, name): &(&str, &str)| {
-                let point = |&spp: &u32| (f64::from(spp), scene.at(method, spp, quantity));
+                let point = |&spp: &u32| (f64::from(spp), scene.at(method, spp, &quantity(scene)));
                 let shown = settings.spp.iter().filter(|_| methods.contains(&method));
                 Series::new(name, shown.map(point))
             };
@@ -117,14 +155,15 @@ fn plots(
     };
     let x = "samples per pixel";
     report.picture("time.svg", "Filter time against samples per pixel (the paper's Fig. 3).");
-    let times = panels(&[RPF, PRPF, NLM], "seconds");
-    Plot { x, y: "seconds in the filter", panels: times, slope: false, columns: COLUMNS }
+    let times = panels(&[RPF, PRPF, NLM], &|_| "seconds".to_owned());
+    Plot { x, y: "seconds per megapixel", panels: times, slope: false, columns: COLUMNS }
         .write(&session.out.join("time.svg"))?;
     report.picture(
         "mse.svg",
-        "MSE against samples per pixel (the paper's Fig. 9); grey: slope −1, plain Monte Carlo.",
+        "MSE against samples per pixel (the paper's Fig. 9), on the pixels that all counts of RPF share; grey: slope −1, plain \
+         Monte Carlo.",
     );
-    let errors = panels(&[UNFILTERED, RPF, PRPF, NLM], "mse");
+    let errors = panels(&[UNFILTERED, RPF, PRPF, NLM], &|scene| mse_of_side(scene.shared_rpf_side()));
     Plot { x, y: "MSE", panels: errors, slope: true, columns: COLUMNS }.write(&session.out.join("mse.svg"))
 }
 
@@ -133,7 +172,7 @@ fn equal_time(settings: &Settings, scenes: &[SceneResults], report: &mut Report)
     report.section("Equal time");
     report.paragraph(&format!(
         "Each method in the time, sampling included, that RPF takes with {} samples per pixel, and with at most {} \
-         samples per pixel: samples per pixel, relMSE, FLIP.",
+         samples per pixel: samples per pixel, relMSE and FLIP (means over seeds). Pictures are of seed 0.",
         settings.base_spp, settings.max_equal_time_spp
     ));
     let shown = [UNFILTERED, RPF, PRPF, NLM];
@@ -206,8 +245,9 @@ fn weights(settings: &Settings, scenes: &[SceneResults], report: &mut Report) {
 fn other_interpretations(settings: &Settings, scenes: &[SceneResults], report: &mut Report) {
     report.section("Other interpretations of the papers");
     report.paragraph(&format!(
-        "Other interpretations of what the papers leave open: ratio of MSE to that of the method as published, at {} \
-         samples per pixel. Below 1 the other interpretation is better.",
+        "Other interpretations of what the papers leave open, Eq. 4 of P-RPF to the letter among them: ratio of MSE to that of \
+         the method in this report, at {} samples per pixel, with its interval where several seeds were run. Below 1 the \
+         other interpretation is better.",
         settings.base_spp
     ));
     let mut head = vec!["interpretation"];
@@ -218,10 +258,11 @@ fn other_interpretations(settings: &Settings, scenes: &[SceneResults], report: &
             .map(|(name, _)| {
                 let base = if name.starts_with("P-RPF") { PRPF } else { RPF };
                 let ratio = |scene: &SceneResults| {
-                    scene.get(&format!("{INTERPRETATION} {name}"), "mse")
-                        / scene.at(base, settings.base_spp, "mse")
+                    scene.ratio(&format!("{INTERPRETATION} {name}"), &at(base, settings.base_spp), "mse")
                 };
-                std::iter::once(name.to_owned()).chain(scenes.iter().map(|s| number(ratio(s), 3))).collect()
+                std::iter::once(name.to_owned())
+                    .chain(scenes.iter().map(|s| with_interval(ratio(s))))
+                    .collect()
             })
             .collect();
     report.table(&head, &rows);
@@ -241,6 +282,10 @@ fn tables(settings: &Settings, scenes: &[SceneResults], report: &mut Report) {
 }
 
 fn time_and_error(settings: &Settings, scenes: &[SceneResults], report: &mut Report) {
+    report.paragraph(
+        "Times are in seconds per megapixel. MSEs of all methods are means over RPF's seeds and pixels, where it has any at \
+         that count, with half their 95 % interval.",
+    );
     let mut rows = Vec::new();
     for scene in scenes {
         for &spp in &settings.spp {
@@ -249,9 +294,14 @@ fn time_and_error(settings: &Settings, scenes: &[SceneResults], report: &mut Rep
                 row.push(number(scene.at(method, spp, "seconds"), 3));
             }
             row.push(number(scene.speed_up(spp), 3));
+            let runs = scene.rpf_runs.iter().find(|runs| runs.spp == spp);
+            let quantity = runs.map_or("mse".to_owned(), |runs| mse_of_side(runs.side));
+            let seeds = runs.map_or(scene.seeds(&at(PRPF, spp)), |_| scene.seeds(&at(RPF, spp)));
+            row.push(seeds.to_string());
             for (method, _) in &METHODS {
-                row.push(number(scene.at(method, spp, "mse"), 3));
+                row.push(plus_minus(scene.first_seeds(&at(method, spp), &quantity, seeds)));
             }
+            row.push(with_interval(scene.mse_over_rpf(&at(PRPF, spp), spp)));
             rows.push(row);
         }
     }
@@ -262,12 +312,31 @@ fn time_and_error(settings: &Settings, scenes: &[SceneResults], report: &mut Rep
         "P-RPF, s",
         "`nlm`, s",
         "RPF ∕ P-RPF",
+        "seeds",
         "MSE unfiltered",
         "RPF",
         "P-RPF",
         "`nlm`",
+        "P-RPF ∕ RPF",
     ];
     report.table(&head, &rows);
+}
+
+/// Formats a mean and half its interval: `0.012 ± 0.001`.
+fn plus_minus(interval: Interval) -> String {
+    let half = 0.5 * (interval.high - interval.low);
+    let mean = number(interval.mean, 3);
+    if half.is_finite() { format!("{mean} ± {}", number(half, 2)) } else { mean }
+}
+
+/// Formats a ratio and its interval: `0.91 (0.85 to 0.97)`.
+fn with_interval(interval: Interval) -> String {
+    let mean = number(interval.mean, 3);
+    if interval.low.is_finite() {
+        format!("{mean} ({} to {})", number(interval.low, 3), number(interval.high, 3))
+    } else {
+        mean
+    }
 }
 
 fn upsampling(scenes: &[SceneResults], report: &mut Report) {
@@ -286,7 +355,7 @@ fn upsampling(scenes: &[SceneResults], report: &mut Report) {
             number(gain("weight seconds"), 2),
             number(gain("seconds"), 2),
             number(scene.get(UPSAMPLING, "weights mse"), 2),
-            number(scene.get(UPSAMPLING, "mse with") - scene.get(UPSAMPLING, "mse without"), 2),
+            plus_minus(scene.interval(UPSAMPLING, "added mse")),
         ]
     };
     let head = [
@@ -301,4 +370,17 @@ fn upsampling(scenes: &[SceneResults], report: &mut Report) {
         "added MSE of the image",
     ];
     report.table(&head, &scenes.iter().map(row).collect::<Vec<_>>());
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn intervals_are_shown_where_they_are_known() {
+        let known = Interval { mean: 0.5, low: 0.4, high: 0.6 };
+        let single = Interval { mean: 0.5, low: f64::NAN, high: f64::NAN };
+        assert_eq!([plus_minus(known), plus_minus(single)], ["0.500 ± 0.10", "0.500"]);
+        assert_eq!([with_interval(known), with_interval(single)], ["0.500 (0.400 to 0.600)", "0.500"]);
+    }
 }

@@ -1,8 +1,10 @@
-//! Holds the values measured on a scene, by run and quantity.
+//! Holds the values measured on a scene, by run, seed and quantity.
 
 use std::collections::BTreeMap;
 
+use super::settings::RpfRuns;
 use crate::ledger::Values;
+use crate::statistics::{Interval, geometric_mean, mean};
 
 /// The measurements on a scene.
 #[derive(Clone, Debug)]
@@ -10,20 +12,75 @@ pub struct SceneResults {
     pub name: String,
     /// Whether it is one of the paper's scenes, or a stand-in for one.
     pub from_paper: bool,
-    /// Samples per pixel of the runs of RPF.
-    pub rpf_spp: Vec<u32>,
-    pub runs: BTreeMap<String, Values>,
+    /// The runs of RPF, in ascending order of sample counts.
+    pub rpf_runs: Vec<RpfRuns>,
+    /// Values of each run, seed by seed from 0.
+    pub runs: BTreeMap<String, Vec<Values>>,
 }
 
 impl SceneResults {
-    /// A value; NaN if it was not measured.
-    pub fn get(&self, run: &str, quantity: &str) -> f64 {
-        self.runs.get(run).and_then(|values| values.get(quantity)).copied().unwrap_or(f64::NAN)
+    /// Adds a run with the next seed.
+    pub fn add(&mut self, run: impl Into<String>, values: Values) {
+        self.runs.entry(run.into()).or_default().push(values);
     }
 
-    /// A value of a method at a sample count.
+    /// A quantity of a run, seed by seed.
+    fn by_seed(&self, run: &str, quantity: &str) -> Vec<f64> {
+        let seeds = self.runs.get(run).into_iter().flatten();
+        seeds.map(|values| values.get(quantity).copied().unwrap_or(f64::NAN)).collect()
+    }
+
+    /// The mean of a quantity over the seeds; NaN if it was not measured.
+    pub fn get(&self, run: &str, quantity: &str) -> f64 {
+        self.interval(run, quantity).mean
+    }
+
+    /// The mean of a quantity over the seeds, and its interval.
+    pub fn interval(&self, run: &str, quantity: &str) -> Interval {
+        mean(&self.by_seed(run, quantity))
+    }
+
+    /// Does the same over the first seeds alone.
+    pub fn first_seeds(&self, run: &str, quantity: &str, seeds: usize) -> Interval {
+        let values = self.by_seed(run, quantity);
+        mean(&values[..seeds.min(values.len())])
+    }
+
+    /// The mean of a quantity of a method at a sample count.
     pub fn at(&self, method: &str, spp: u32, quantity: &str) -> f64 {
-        self.get(&format!("{method} {spp}"), quantity)
+        self.get(&at(method, spp), quantity)
+    }
+
+    /// Number of seeds of a run.
+    pub fn seeds(&self, run: &str) -> usize {
+        self.runs.get(run).map_or(0, Vec::len)
+    }
+
+    /// The geometric mean, over the seeds that two runs share, of the ratio of a quantity, and its interval.
+    pub fn ratio(&self, run: &str, base: &str, quantity: &str) -> Interval {
+        let pairs = self.by_seed(run, quantity).into_iter().zip(self.by_seed(base, quantity));
+        geometric_mean(&pairs.map(|(value, base)| value / base).collect::<Vec<_>>())
+    }
+
+    /// Ratio of a run's MSE to that of RPF at a sample count, on RPF's pixels.
+    pub fn mse_over_rpf(&self, run: &str, spp: u32) -> Interval {
+        self.ratio(run, &at(RPF, spp), &self.rpf_mse(spp))
+    }
+
+    /// The name of the MSE on the pixels of RPF at a sample count.
+    pub fn rpf_mse(&self, spp: u32) -> String {
+        let runs = self.rpf_runs.iter().find(|runs| runs.spp == spp);
+        mse_of_side(runs.map_or(0, |runs| runs.side))
+    }
+
+    /// The largest sample count of RPF.
+    pub fn max_rpf_spp(&self) -> Option<u32> {
+        self.rpf_runs.last().map(|runs| runs.spp)
+    }
+
+    /// Side of the square that all sample counts of RPF share.
+    pub fn shared_rpf_side(&self) -> usize {
+        self.rpf_runs.iter().map(|runs| runs.side).min().unwrap_or(0)
     }
 
     /// Ratio of the filter times of RPF and P-RPF.
@@ -32,7 +89,22 @@ impl SceneResults {
     }
 }
 
-/// Names of methods. A run is named `METHOD SPP`.
+/// The name of the run of a method at a sample count.
+pub fn at(method: &str, spp: u32) -> String {
+    format!("{method} {spp}")
+}
+
+/// The name of the MSE on a square in the middle of the crop.
+pub fn mse_of_side(side: usize) -> String {
+    format!("mse {side}")
+}
+
+/// The name of the mean over the reference's mean on a square in the middle of the crop.
+pub fn brightness_of_side(side: usize) -> String {
+    format!("brightness {side}")
+}
+
+/// Names of methods. A run is named `METHOD SPP`. Times are in seconds per megapixel.
 pub const UNFILTERED: &str = "unfiltered";
 pub const PRPF: &str = "prpf";
 pub const NLM: &str = "nlm";
@@ -49,3 +121,31 @@ pub const WHOLE: &str = "whole";
 pub const EQUAL_TIME: &str = "equal time";
 /// Another interpretation of a paper: `interpretation NAME`.
 pub const INTERPRETATION: &str = "interpretation";
+/// RPF to the letter of its report at more samples than the base count: `letter SPP`.
+pub const LETTER: &str = "letter";
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::ledger::values;
+
+    #[test]
+    fn ratios_are_those_of_the_seeds_that_both_runs_have() {
+        let mut scene = SceneResults {
+            name: "pool".into(),
+            from_paper: false,
+            rpf_runs: vec![RpfRuns { spp: 8, seeds: 2, side: 64 }],
+            runs: Default::default(),
+        };
+        for mse in [1.0, 4.0] {
+            scene.add("rpf 8", values([("mse 64", mse)]));
+        }
+        for mse in [2.0, 2.0, 1000.0] {
+            scene.add("prpf 8", values([("mse 64", mse), ("mse", 1.0)]));
+        }
+        let ratio = scene.mse_over_rpf("prpf 8", 8);
+        assert!((ratio.mean - 1.0).abs() < 1e-12 && ratio.low < 0.5, "{ratio:?}");
+        assert_eq!((scene.seeds("prpf 8"), scene.get("rpf 8", "mse 64")), (3, 2.5));
+        assert!(scene.get("prpf 16", "mse").is_nan() && scene.mse_over_rpf("prpf 16", 16).mean.is_nan());
+    }
+}

@@ -3,6 +3,7 @@
 use crate::paper::scene_results::SceneResults;
 use crate::paper::stage_timer::STAGES;
 use crate::report::number;
+use crate::statistics::Interval;
 
 /// A claim with its result.
 pub struct Claim {
@@ -15,6 +16,8 @@ pub struct Claim {
     pub nlm: String,
     /// Number of scenes on which the claim holds.
     pub holds: usize,
+    /// Number of scenes on which the seeds do not decide whether it holds.
+    pub undecided: usize,
     /// Number of scenes on which it was tested.
     pub tested: usize,
     /// Explains why the claim fails on the other scenes, or remarks on why it holds.
@@ -24,11 +27,15 @@ pub struct Claim {
 impl Claim {
     /// The entry of the column `holds`.
     pub fn verdict(&self) -> String {
-        match (self.holds, self.tested) {
-            (_, 0) => "not measured".to_owned(),
-            (holds, tested) if holds == tested => "holds".to_owned(),
-            (0, _) => "no".to_owned(),
+        let verdict = match (self.holds, self.tested) {
+            (_, 0) => return "not measured".to_owned(),
+            (holds, tested) if holds == tested => return "holds".to_owned(),
+            (0, _) if self.undecided == 0 => return "no".to_owned(),
             (holds, tested) => format!("on {holds} of {tested}"),
+        };
+        match self.undecided {
+            0 => verdict,
+            undecided => format!("{verdict}, undecided on {undecided}"),
         }
     }
 }
@@ -43,13 +50,26 @@ pub enum Scope {
 /// Writes an explanation from the measurements on some scenes.
 pub type Explain<'a> = &'a dyn Fn(&[&SceneResults]) -> String;
 
+/// Whether a claim on a quantity of at most `limit` holds: undecided if the limit lies in the quantity's interval, or
+/// if a single seed leaves that unknown.
+pub fn is_at_most(interval: Interval, limit: f64) -> Option<bool> {
+    if interval.high <= limit {
+        Some(true)
+    } else if interval.low > limit {
+        Some(false)
+    } else {
+        None
+    }
+}
+
 /// A claim that one value of each scene decides.
 pub struct ClaimTest<'a> {
     pub claim: &'static str,
     pub paper: &'static str,
     pub scope: Scope,
     pub value: &'a dyn Fn(&SceneResults) -> f64,
-    pub holds: &'a dyn Fn(&SceneResults) -> bool,
+    /// Whether the claim holds; `None` if the seeds do not decide it.
+    pub holds: &'a dyn Fn(&SceneResults) -> Option<bool>,
     pub format: &'a dyn Fn(f64) -> String,
     /// The same value for `nlm`.
     pub nlm: Option<&'a dyn Fn(&SceneResults) -> f64>,
@@ -69,8 +89,10 @@ impl ClaimTest<'_> {
         };
         let known: Vec<&SceneResults> =
             scenes.iter().filter(is_in_scope).filter(|scene| (self.value)(scene).is_finite()).collect();
-        let failing: Vec<&SceneResults> =
-            known.iter().copied().filter(|scene| !(self.holds)(scene)).collect();
+        let with = |verdict: Option<bool>| -> Vec<&SceneResults> {
+            known.iter().copied().filter(|scene| (self.holds)(scene) == verdict).collect()
+        };
+        let failing = with(Some(false));
 
         // Format the figures
         let figures = |from_paper: bool| {
@@ -93,7 +115,8 @@ impl ClaimTest<'_> {
             paper: self.paper,
             ours: [figures(true), figures(false)],
             nlm,
-            holds: known.len() - failing.len(),
+            holds: with(Some(true)).len(),
+            undecided: with(None).len(),
             tested: known.len(),
             explanation: match self.remark {
                 _ if !failing.is_empty() => format!("{prefix}{}", (self.explain)(&failing)),
@@ -147,4 +170,47 @@ pub fn format_percent(value: f64) -> String {
 /// Formats a number with two digits.
 pub fn format_number(value: f64) -> String {
     number(value, 2)
+}
+
+/// Formats the ratio of a scene with its interval: `2.5× (2.1 to 3.0)`.
+pub fn format_interval(interval: Interval) -> String {
+    if interval.low.is_finite() {
+        let [low, high] = [interval.low, interval.high].map(|value| number(value, 2));
+        format!("{} ({low} to {high})", format_times(interval.mean))
+    } else {
+        format_times(interval.mean)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_interval_that_holds_the_limit_decides_nothing() {
+        let interval = |low, high| Interval { mean: 1.0, low, high };
+        assert_eq!(is_at_most(interval(0.8, 1.0), 1.1), Some(true));
+        assert_eq!(is_at_most(interval(1.2, 1.5), 1.1), Some(false));
+        assert_eq!(is_at_most(interval(1.0, 1.2), 1.1), None);
+        assert_eq!(is_at_most(interval(f64::NAN, f64::NAN), 1.1), None);
+        assert_eq!(format_interval(interval(0.8, 1.26)), "1.0× (0.80 to 1.3)");
+    }
+
+    #[test]
+    fn a_verdict_counts_the_scenes_that_are_not_decided() {
+        let claim = |holds, undecided, tested| Claim {
+            claim: "",
+            paper: "",
+            ours: Default::default(),
+            nlm: String::new(),
+            holds,
+            undecided,
+            tested,
+            explanation: String::new(),
+        };
+        assert_eq!(claim(3, 0, 3).verdict(), "holds");
+        assert_eq!(claim(0, 0, 3).verdict(), "no");
+        assert_eq!(claim(1, 0, 3).verdict(), "on 1 of 3");
+        assert_eq!(claim(0, 2, 3).verdict(), "on 0 of 3, undecided on 2");
+    }
 }

@@ -6,11 +6,13 @@ mod quality;
 mod speed;
 mod upsampling;
 
-use super::scene_results::{PRPF, RPF, SceneResults};
+use super::scene_results::{PRPF, SceneResults, at};
 use super::settings::Settings;
 use crate::report::{median, number, range};
+use crate::statistics::geometric_mean;
 
 pub use claim::Claim;
+use claim::format_interval;
 
 /// Tests all claims on the scenes of a run.
 pub fn claims(scenes: &[SceneResults], settings: &Settings) -> Vec<Claim> {
@@ -28,21 +30,28 @@ pub fn finding(claims: &[Claim], scenes: &[SceneResults], settings: &Settings) -
     let hold = count(&|claim| claim.tested > 0 && claim.holds == claim.tested);
     let fail = count(&|claim| claim.tested > 0 && claim.holds == 0);
     let speed_ups = |spp: u32| range(scenes.iter().map(|scene| scene.speed_up(spp)), 2);
-    let ratios = settings.spp.iter().flat_map(|&spp| {
-        scenes.iter().map(move |scene| scene.at(PRPF, spp, "mse") / scene.at(RPF, spp, "mse"))
-    });
+    let ratios = settings
+        .spp
+        .iter()
+        .flat_map(|&spp| scenes.iter().map(move |scene| scene.mse_over_rpf(&at(PRPF, spp), spp).mean));
     let ratios: Vec<f64> = ratios.filter(|ratio| ratio.is_finite()).collect();
-    let max_spp =
-        scenes.iter().flat_map(|scene| scene.rpf_spp.iter().copied()).max().unwrap_or(settings.base_spp);
+    let at_base: Vec<f64> = scenes
+        .iter()
+        .map(|scene| scene.mse_over_rpf(&at(PRPF, settings.base_spp), settings.base_spp).mean)
+        .collect();
+    let max_spp = scenes.iter().filter_map(SceneResults::max_rpf_spp).max().unwrap_or(settings.base_spp);
     format!(
         "**Of {measured} claims {hold} hold on every scene, {} on some, {fail} on none.** P-RPF filters {} times faster than \
-         RPF at {} samples per pixel and {} times at {max_spp}; its MSE is {} times RPF's at equal samples (median {}).",
+         RPF at {} samples per pixel and {} times at {max_spp}; its MSE is {} times RPF's at equal samples (median {}), at {} \
+         samples {} in the geometric mean of the scenes.",
         measured - hold - fail,
         speed_ups(settings.base_spp),
         settings.base_spp,
         speed_ups(max_spp),
         range(ratios.iter().copied(), 2),
         number(median(ratios), 2),
+        settings.base_spp,
+        format_interval(geometric_mean(&at_base)),
     )
 }
 
@@ -50,13 +59,26 @@ pub fn finding(claims: &[Claim], scenes: &[SceneResults], settings: &Settings) -
 mod tests {
     use super::*;
     use crate::ledger::values;
+    use crate::paper::scene_results::RPF;
+    use crate::paper::settings::RpfRuns;
 
-    fn scene(name: &str, from_paper: bool, rpf: [f64; 2], prpf: [f64; 2]) -> SceneResults {
-        let mut scene =
-            SceneResults { name: name.into(), from_paper, rpf_spp: vec![8, 64], runs: Default::default() };
-        for (method, [few, many]) in [(RPF, rpf), (PRPF, prpf)] {
-            for (spp, seconds) in [(8, few), (64, many)] {
-                scene.runs.insert(format!("{method} {spp}"), values([("seconds", seconds), ("mse", 1.0)]));
+    /// A scene with two seeds. `mse` are RPF's and P-RPF's at the larger count, of each seed; those at the smaller are 1.
+    fn scene(
+        name: &str,
+        from_paper: bool,
+        rpf: [f64; 2],
+        prpf: [f64; 2],
+        mse: [[f64; 2]; 2],
+    ) -> SceneResults {
+        let rpf_runs = [8, 64].map(|spp| RpfRuns { spp, seeds: 2, side: 40 }).to_vec();
+        let mut scene = SceneResults { name: name.into(), from_paper, rpf_runs, runs: Default::default() };
+        for (method, [few, many], mse) in [(RPF, rpf, mse[0]), (PRPF, prpf, mse[1])] {
+            for (spp, seconds, mse) in [(8, few, [1.0; 2]), (64, many, mse)] {
+                for mse in mse {
+                    let quantities =
+                        [("seconds", seconds), ("mse", mse), ("mse 40", mse), ("brightness 40", 0.9)];
+                    scene.add(at(method, spp), values(quantities));
+                }
             }
         }
         scene
@@ -68,8 +90,8 @@ mod tests {
 
     #[test]
     fn a_claim_explains_the_scenes_on_which_it_fails() {
-        let fast = scene("dof-dragons", true, [5.0, 320.0], [1.0, 1.0]);
-        let slow = scene("ajar", false, [5.0, 20.0], [1.0, 2.0]);
+        let fast = scene("dof-dragons", true, [5.0, 320.0], [1.0, 1.0], [[1.0, 1.0]; 2]);
+        let slow = scene("ajar", false, [5.0, 20.0], [1.0, 2.0], [[1.0, 1.0]; 2]);
         let all = claims(&[fast, slow], &settings());
         let by_name = |start: &str| all.iter().find(|claim| claim.claim.starts_with(start)).unwrap();
         let growth = by_name("RPF's filter time grows");
@@ -82,12 +104,27 @@ mod tests {
         );
         assert_eq!(by_name("P-RPF filters faster than RPF at 8").verdict(), "holds");
         assert_eq!(by_name("Pixels whose weights").verdict(), "not measured");
-        assert_eq!(by_name("P-RPF's MSE").explanation, "");
+        assert_eq!(by_name("P-RPF's MSE is at most").explanation, "");
+    }
+
+    #[test]
+    fn claims_on_errors_are_decided_by_their_intervals() {
+        let scenes = [
+            scene("pool", false, [1.0, 8.0], [1.0, 1.0], [[0.5, 0.51], [0.2, 0.21]]),
+            scene("statues", false, [1.0, 8.0], [1.0, 1.0], [[2.0, 2.02], [0.9, 0.1]]),
+        ];
+        let all = claims(&scenes, &settings());
+        let by_name = |start: &str| all.iter().find(|claim| claim.claim.starts_with(start)).unwrap();
+        let rpf = by_name("RPF's MSE falls");
+        assert_eq!(rpf.verdict(), "on 1 of 2");
+        let expected = "statues: statues 2.0× (1.9 to 2.1); the mean of its images is 90 % of";
+        assert!(rpf.explanation.starts_with(expected), "{}", rpf.explanation);
+        assert_eq!(by_name("P-RPF's MSE falls").verdict(), "on 1 of 2, undecided on 1");
     }
 
     #[test]
     fn the_finding_counts_the_claims() {
-        let scenes = [scene("pool", false, [5.0, 320.0], [1.0, 1.0])];
+        let scenes = [scene("pool", false, [5.0, 320.0], [1.0, 1.0], [[1.0, 1.0]; 2])];
         let all = claims(&scenes, &settings());
         let finding = finding(&all, &scenes, &settings());
         assert!(finding.contains("5.0 times faster") && finding.contains("320 times at 64"), "{finding}");

@@ -1,12 +1,21 @@
-//! Claims on the error of both methods, at equal samples and at equal time.
+//! Claims on the error of both methods: as samples grow, at equal samples and at equal time.
 
-use super::claim::{Claim, ClaimTest, Scope, format_range, format_times};
-use crate::paper::scene_results::{EQUAL_TIME, INTERPRETATION, NLM, PRPF, RPF, SceneResults, UNFILTERED};
+use super::claim::{
+    Claim, ClaimTest, Scope, format_interval, format_percent, format_range, format_times, is_at_most,
+};
+use crate::paper::interpretations::LETTER_OF_REPORT;
+use crate::paper::scene_results::{
+    EQUAL_TIME, INTERPRETATION, LETTER, NLM, PRPF, RPF, SceneResults, UNFILTERED, at, brightness_of_side,
+    mse_of_side,
+};
 use crate::paper::settings::Settings;
+use crate::statistics::Interval;
 
 /// All claims on quality.
 pub fn claims(scenes: &[SceneResults], settings: &Settings) -> Vec<Claim> {
     vec![
+        rpf_falls(scenes, settings),
+        prpf_falls(scenes, settings),
         at_equal_samples(scenes, settings),
         at_equal_time(
             ("Equal time, dof-dragons: MSE lower than RPF's at 8 samples", "3×"),
@@ -23,48 +32,148 @@ pub fn claims(scenes: &[SceneResults], settings: &Settings) -> Vec<Claim> {
     ]
 }
 
+/// Lists the interval of each scene by name.
+fn list_intervals(scenes: &[&SceneResults], interval: &dyn Fn(&SceneResults) -> Interval) -> String {
+    let entries = scenes.iter().map(|scene| format!("{} {}", scene.name, format_interval(interval(scene))));
+    entries.collect::<Vec<_>>().join(", ")
+}
+
+fn rpf_falls(scenes: &[SceneResults], settings: &Settings) -> Claim {
+    let base = settings.base_spp;
+    let largest = |scene: &SceneResults| scene.max_rpf_spp().unwrap_or(base);
+    let ratio = |scene: &SceneResults| {
+        scene.ratio(&at(RPF, largest(scene)), &at(RPF, base), &mse_of_side(scene.shared_rpf_side()))
+    };
+    let brightness =
+        |scene: &SceneResults, spp: u32| scene.at(RPF, spp, &brightness_of_side(scene.shared_rpf_side()));
+    let brightnesses = |scenes: &[&SceneResults]| {
+        let range = |value: &dyn Fn(&SceneResults) -> f64| format_range(scenes, value, &format_percent);
+        format!(
+            "the mean of its images is {} of the reference's at {base} samples and {} at the largest count",
+            range(&|scene| brightness(scene, base)),
+            range(&|scene| brightness(scene, largest(scene)))
+        )
+    };
+    ClaimTest {
+        claim: "RPF's MSE falls with samples (largest count over smallest, same pixels)",
+        paper: "falls",
+        scope: Scope::All,
+        value: &|scene| ratio(scene).mean,
+        holds: &|scene| is_at_most(ratio(scene), 1.0),
+        format: &format_times,
+        nlm: Some(&|scene| scene.ratio(&at(NLM, largest(scene)), &at(NLM, base), "mse").mean),
+        explain: &|failing| {
+            format!(
+                "{}; {}; {}",
+                list_intervals(failing, &ratio),
+                brightnesses(failing),
+                to_the_letter(failing, settings)
+            )
+        },
+        remark: Some(&|known| to_the_letter(known, settings)),
+    }
+    .evaluate(scenes)
+}
+
+/// States what RPF to the letter of its report does between its first two sample counts.
+fn to_the_letter(scenes: &[&SceneResults], settings: &Settings) -> String {
+    let base_run = format!("{INTERPRETATION} {LETTER_OF_REPORT}");
+    let second = |scene: &SceneResults| scene.rpf_runs.get(1).map_or(0, |runs| runs.spp);
+    let ratio = |scene: &SceneResults| {
+        let quantity = scene.rpf_mse(second(scene));
+        scene.get(&at(LETTER, second(scene)), &quantity) / scene.get(&base_run, &quantity)
+    };
+    let brightness = |scene: &SceneResults, run: &str| {
+        let side = scene.rpf_runs.get(1).map_or(0, |runs| runs.side);
+        scene.get(run, &brightness_of_side(side))
+    };
+    let known: Vec<&SceneResults> = scenes.iter().copied().filter(|scene| ratio(scene).is_finite()).collect();
+    let rising = known.iter().filter(|scene| ratio(scene) > 1.0).count();
+    format!(
+        "to the letter of its report, which loses the energy of fireflies, its MSE at the second count is {} that at \
+         {}, rises on {rising} of {} scenes, and the mean is {} of the reference's, then {}",
+        format_range(&known, ratio, &format_times),
+        settings.base_spp,
+        known.len(),
+        format_range(&known, |scene| brightness(scene, &base_run), &format_percent),
+        format_range(&known, |scene| brightness(scene, &at(LETTER, second(scene))), &format_percent)
+    )
+}
+
+fn prpf_falls(scenes: &[SceneResults], settings: &Settings) -> Claim {
+    let base = settings.base_spp;
+    let largest = settings.spp.iter().copied().max().unwrap_or(base);
+    let ratio =
+        |scene: &SceneResults, method: &str| scene.ratio(&at(method, largest), &at(method, base), "mse");
+    ClaimTest {
+        claim: "P-RPF's MSE falls with samples (likewise)",
+        paper: "falls",
+        scope: Scope::All,
+        value: &|scene| ratio(scene, PRPF).mean,
+        holds: &|scene| is_at_most(ratio(scene, PRPF), 1.0),
+        format: &format_times,
+        nlm: Some(&|scene| ratio(scene, NLM).mean),
+        explain: &|failing| {
+            format!(
+                "{}; unfiltered {}",
+                list_intervals(failing, &|scene| ratio(scene, PRPF)),
+                format_range(failing, |scene| ratio(scene, UNFILTERED).mean, &format_times)
+            )
+        },
+        remark: None,
+    }
+    .evaluate(scenes)
+}
+
 /// The interpretation of P-RPF with the smallest MSE: its name and its MSE.
-fn best_interpretation(scene: &SceneResults) -> Option<(&str, f64)> {
-    let interpretations = scene.runs.iter().filter_map(|(run, values)| {
+fn best_interpretation<'a>(scene: &'a SceneResults, quantity: &str) -> Option<(&'a str, f64)> {
+    let interpretations = scene.runs.keys().filter_map(|run| {
         let name = run.strip_prefix(INTERPRETATION)?.trim_start().strip_prefix("P-RPF, ")?;
-        Some((name, *values.get("mse")?))
+        Some((name, scene.get(run, quantity)))
     });
-    interpretations.min_by(|a, b| a.1.total_cmp(&b.1))
+    interpretations.filter(|(_, mse)| mse.is_finite()).min_by(|a, b| a.1.total_cmp(&b.1))
 }
 
 fn at_equal_samples(scenes: &[SceneResults], settings: &Settings) -> Claim {
     let base = settings.base_spp;
-    let ratio = |scene: &SceneResults, method: &str, spp: u32| {
-        scene.at(method, spp, "mse") / scene.at(RPF, spp, "mse")
-    };
-    let worst_ratio = |scene: &SceneResults, method: &str| {
-        scene.rpf_spp.iter().map(|&spp| ratio(scene, method, spp)).fold(f64::NAN, f64::max)
+    let worst = |scene: &SceneResults, method: &str| {
+        let ratios = scene.rpf_runs.iter().map(|runs| scene.mse_over_rpf(&at(method, runs.spp), runs.spp));
+        let unknown = Interval { mean: f64::NAN, low: f64::NAN, high: f64::NAN };
+        ratios
+            .filter(|ratio| ratio.mean.is_finite())
+            .max_by(|a, b| a.mean.total_cmp(&b.mean))
+            .unwrap_or(unknown)
     };
     let compare_interpretations = |failing: &[&SceneResults]| {
-        let best_ratio = |scene: &SceneResults| {
-            best_interpretation(scene).map_or(f64::NAN, |(_, mse)| mse / scene.at(RPF, base, "mse"))
+        let best = |scene: &SceneResults| {
+            best_interpretation(scene, &scene.rpf_mse(base))
+                .map_or(f64::NAN, |(_, mse)| mse / scene.at(RPF, base, &scene.rpf_mse(base)))
         };
-        let mut names: Vec<&str> =
-            failing.iter().filter_map(|scene| best_interpretation(scene)).map(|(name, _)| name).collect();
+        let mut names: Vec<&str> = failing
+            .iter()
+            .filter_map(|scene| best_interpretation(scene, &scene.rpf_mse(base)))
+            .map(|(name, _)| name)
+            .collect();
         names.sort_unstable();
         names.dedup();
-        let holds = failing.iter().all(|scene| best_ratio(scene) <= 1.1);
+        let holds = failing.iter().all(|scene| best(scene) <= 1.1);
         format!(
-            "{}: {} at {base} samples, {} with the best other interpretation ({})",
+            "{}; {}: {} at {base} samples, {} with the best other interpretation ({})",
+            list_intervals(failing, &|scene| worst(scene, PRPF)),
             if holds { "the interpretation is the cause" } else { "no interpretation holds everywhere" },
-            format_range(failing, |scene| ratio(scene, PRPF, base), &format_times),
-            format_range(failing, best_ratio, &format_times),
+            format_range(failing, |scene| scene.mse_over_rpf(&at(PRPF, base), base).mean, &format_times),
+            format_range(failing, best, &format_times),
             names.join("; ")
         )
     };
     ClaimTest {
-        claim: "P-RPF's MSE is within 10 % of RPF's at equal samples (worst count)",
+        claim: "P-RPF's MSE is at most 10 % above RPF's at equal samples (worst count)",
         paper: "0.9× to 1.1×",
         scope: Scope::All,
-        value: &|scene| worst_ratio(scene, PRPF),
-        holds: &|scene| worst_ratio(scene, PRPF) <= 1.1,
+        value: &|scene| worst(scene, PRPF).mean,
+        holds: &|scene| is_at_most(worst(scene, PRPF), 1.1),
         format: &format_times,
-        nlm: Some(&|scene| worst_ratio(scene, NLM)),
+        nlm: Some(&|scene| worst(scene, NLM).mean),
         explain: &compare_interpretations,
         remark: None,
     }
@@ -79,33 +188,38 @@ fn at_equal_time(
     settings: &Settings,
 ) -> Claim {
     let base = settings.base_spp;
-    let ratio = |scene: &SceneResults, method: &str| {
-        scene.at(RPF, base, "mse") / scene.get(&format!("{EQUAL_TIME} {method}"), "mse")
-    };
+    let run = |method: &str| format!("{EQUAL_TIME} {method}");
+    // RPF's MSE over that of the method
+    let ratio =
+        |scene: &SceneResults, method: &str| scene.ratio(&at(RPF, base), &run(method), &scene.rpf_mse(base));
     let explain = |failing: &[&SceneResults]| {
-        let run = format!("{EQUAL_TIME} {PRPF}");
-        let samples = format_range(failing, |scene| scene.get(&run, "spp"), &|spp| spp.to_string());
+        let samples = format_range(failing, |scene| scene.get(&run(PRPF), "spp"), &|spp| spp.to_string());
         let remaining = |method: &'static str| {
-            let fraction = move |scene: &SceneResults| {
-                scene.get(&format!("{EQUAL_TIME} {method}"), "mse") / scene.at(method, base, "mse")
+            let fraction = |scene: &SceneResults| {
+                scene.ratio(&run(method), &at(method, base), &scene.rpf_mse(base)).mean
             };
             format_range(failing, fraction, &format_times)
         };
         format!(
-            "P-RPF has the time for {samples} samples, which change its MSE to {} of that at {base}; unfiltered, as many \
-             change it to {}",
+            "{}; P-RPF has the time for {samples} samples, which change its MSE to {} of that at {base}; unfiltered, as \
+             many change it to {}",
+            list_intervals(failing, &|scene| ratio(scene, PRPF)),
             remaining(PRPF),
             remaining(UNFILTERED)
         )
+    };
+    let is_lower = |scene: &SceneResults| {
+        let Interval { mean, low, high } = ratio(scene, PRPF);
+        is_at_most(Interval { mean: -mean, low: -high, high: -low }, -0.9 * expected)
     };
     ClaimTest {
         claim,
         paper,
         scope: Scope::One(name),
-        value: &|scene| ratio(scene, PRPF),
-        holds: &|scene| ratio(scene, PRPF) >= 0.9 * expected,
+        value: &|scene| ratio(scene, PRPF).mean,
+        holds: &is_lower,
         format: &format_times,
-        nlm: Some(&|scene| ratio(scene, NLM)),
+        nlm: Some(&|scene| ratio(scene, NLM).mean),
         explain: &explain,
         remark: None,
     }

@@ -27,7 +27,7 @@ fn prpf_stages(failing: &[&SceneResults], settings: &Settings) -> String {
 
 fn rpf_growth(scenes: &[SceneResults], settings: &Settings) -> Claim {
     let base = settings.base_spp;
-    let max_spp = |scene: &SceneResults| scene.rpf_spp.iter().copied().max().unwrap_or(base);
+    let max_spp = |scene: &SceneResults| scene.max_rpf_spp().unwrap_or(base);
     let time_ratio = |scene: &SceneResults| growth(scene, RPF, max_spp(scene), base);
     let sample_ratio = |scene: &SceneResults| f64::from(max_spp(scene)) / f64::from(base);
     ClaimTest {
@@ -35,7 +35,7 @@ fn rpf_growth(scenes: &[SceneResults], settings: &Settings) -> Claim {
         paper: "in proportion, or more",
         scope: Scope::All,
         value: &time_ratio,
-        holds: &|scene| time_ratio(scene) >= 0.8 * sample_ratio(scene),
+        holds: &|scene| Some(time_ratio(scene) >= 0.8 * sample_ratio(scene)),
         format: &format_times,
         nlm: None,
         explain: &|failing| {
@@ -56,7 +56,7 @@ fn prpf_growth(scenes: &[SceneResults], settings: &Settings) -> Claim {
         paper: "nearly flat",
         scope: Scope::All,
         value: &|scene| growth(scene, PRPF, max_spp, base),
-        holds: &|scene| growth(scene, PRPF, max_spp, base) <= 1.25,
+        holds: &|scene| Some(growth(scene, PRPF, max_spp, base) <= 1.25),
         format: &format_times,
         nlm: Some(&|scene| growth(scene, NLM, max_spp, base)),
         explain: &|failing| prpf_stages(failing, settings),
@@ -84,7 +84,7 @@ fn speed_ups(scenes: &[SceneResults], settings: &Settings) -> Vec<Claim> {
             scope: Scope::All,
             value: &|scene| scene.speed_up(spp),
             // As the paper rounds.
-            holds: &|scene| scene.speed_up(spp) >= 0.9 * expected,
+            holds: &|scene| Some(scene.speed_up(spp) >= 0.9 * expected),
             format: &format_times,
             nlm: Some(&|scene| scene.at(RPF, spp, "seconds") / scene.at(NLM, spp, "seconds")),
             explain: &|failing| prpf_stages(failing, settings),
@@ -115,7 +115,7 @@ fn prpf_at_32_against_rpf_at_8(scenes: &[SceneResults], settings: &Settings) -> 
         paper: "1× or less",
         scope: Scope::All,
         value: &|scene| ratio(scene, PRPF),
-        holds: &|scene| ratio(scene, PRPF) <= 1.0,
+        holds: &|scene| Some(ratio(scene, PRPF) <= 1.0),
         format: &format_times,
         nlm: Some(&|scene| ratio(scene, NLM)),
         explain: &|failing| prpf_stages(failing, settings),

@@ -63,7 +63,7 @@ type Filter = Box<dyn Fn(&Store) -> FilterResult>;
 
 /// Arbitrary values in images of any shape, up to the largest that a store accepts and beyond.
 fn arbitrary_values(count: u64) -> Vec<Case> {
-    let settings = RpfSettings::report();
+    let settings = RpfSettings::energy_kept();
     let mut filters: Vec<(&str, Filter)> =
         vec![("rpf", Box::new(move |store| rpf::filter(store, &settings, 1)))];
     for (denoiser, name) in FILTERS {

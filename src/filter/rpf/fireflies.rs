@@ -62,7 +62,7 @@ mod tests {
     #[test]
     fn energy_is_kept_if_set() {
         let mut samples = pixel([0.0, 0.0, 2.0, 10.0]);
-        clamp(&mut samples, &RpfSettings::lehtinen().fireflies);
+        clamp(&mut samples, &RpfSettings::energy_kept().fireflies);
         assert_eq!(reds(samples), [1.75, 1.75, 3.75, 4.75]);
     }
 

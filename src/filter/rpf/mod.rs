@@ -23,7 +23,8 @@
 //! that of P-RPF: the report's 0.1 is in units of the scene. With too few samples to estimate dependence,
 //! weights are P-RPF's default. If sample counts differ, the bandwidth depends on that of P and the size of N
 //! on the mean of the image. Standard deviations of a pixel's samples are unbiased. Samples far above or
-//! below the mean are fireflies and replaced in all channels. Nothing is clamped before the first pass, so
+//! below the mean are fireflies and replaced in all channels; what that takes from a pixel is given back to all its
+//! samples ([`RpfSettings::energy_kept`]). Nothing is clamped before the first pass, so
 //! that one sample of rare light shows as a spot of the window's size, as in the published method.
 
 mod candidate_sampler;
@@ -59,7 +60,7 @@ use weights::Weights;
 /// Bytes beside the store for each sample: its colour, before a pass and after it.
 const BYTES_PER_SAMPLE: usize = 2 * size_of::<Value>();
 
-/// RPF as its technical report has it.
+/// RPF as its technical report has it, but that the step against fireflies keeps the energy.
 pub struct Rpf;
 
 /// See [`Rpf`].
@@ -88,7 +89,7 @@ impl Denoiser for Rpf {
     }
 
     fn reach(&self) -> usize {
-        RpfSettings::report().passes.iter().map(|pass| pass.window / 2).sum()
+        RpfSettings::energy_kept().passes.iter().map(|pass| pass.window / 2).sum()
     }
 
     fn stand_in(&self) -> &'static dyn Denoiser {
@@ -96,7 +97,7 @@ impl Denoiser for Rpf {
     }
 
     fn filter(&self, store: &Store, seed: u64) -> FilterResult {
-        filter(store, &RpfSettings::report(), seed)
+        filter(store, &RpfSettings::energy_kept(), seed)
     }
 }
 

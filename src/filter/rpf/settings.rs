@@ -53,7 +53,16 @@ pub struct RpfFireflySettings {
 }
 
 impl RpfSettings {
-    /// As published: the paper and its technical report.
+    /// The method that `rpf` stands for: the technical report, whose step against fireflies keeps the energy.
+    ///
+    /// The report's own step loses it ([`RpfSettings::report`]): a loss that samples do not reduce, so that the error
+    /// does not fall as its authors show. Lehtinen et al. (2012) return the loss to the pixel in their code.
+    pub fn energy_kept() -> Self {
+        let report = Self::report();
+        Self { fireflies: RpfFireflySettings { keep_energy: true, ..report.fireflies }, ..report }
+    }
+
+    /// The technical report to the letter.
     pub fn report() -> Self {
         Self {
             passes: [55, 35, 17, 7].map(|window| RpfPass { window, fraction: 0.5 }).to_vec(),
@@ -97,11 +106,6 @@ impl RpfSettings {
     /// As in the code of Lehtinen et al. 2012 (*Reconstructing the indirect light field*), which calls the
     /// report's factor of 2 an error and keeps the energy of fireflies.
     pub fn lehtinen() -> Self {
-        let report = Self::report();
-        Self {
-            colour_damping: [1.0, 0.1],
-            fireflies: RpfFireflySettings { keep_energy: true, ..report.fireflies },
-            ..report
-        }
+        Self { colour_damping: [1.0, 0.1], ..Self::energy_kept() }
     }
 }

@@ -11,9 +11,9 @@ fn everything() -> Layout {
     Layout::with_blocks(|_| true)
 }
 
-/// The published method with windows for small images.
+/// The method with windows for small images.
 fn small() -> RpfSettings {
-    let mut settings = RpfSettings::report();
+    let mut settings = RpfSettings::energy_kept();
     settings.passes = [15, 7].map(|window| RpfPass { window, fraction: 0.5 }).to_vec();
     settings
 }
@@ -42,7 +42,9 @@ fn variance(values: &[f32]) -> f32 {
 #[test]
 fn a_constant_image_is_reproduced_exactly() {
     let layout = everything();
-    for settings in [RpfSettings::report(), RpfSettings::release(), RpfSettings::lehtinen()] {
+    for settings in
+        [RpfSettings::energy_kept(), RpfSettings::report(), RpfSettings::release(), RpfSettings::lehtinen()]
+    {
         for colour in [[0.0; 3], [0.3, 0.123, 7.7]] {
             let store =
                 store(12, 9, layout.clone(), |_, _| 4, |x, y, _, rng| wall(&layout, x, y, colour, rng));
@@ -59,7 +61,12 @@ fn a_constant_image_is_reproduced_exactly() {
 fn images_of_every_size_and_count_are_filtered_with_all_settings() {
     for (width, height) in [(1, 1), (1, 20), (9, 1), (2, 2), (6, 11)] {
         for count in [1, 2, 3, 8] {
-            for settings in [RpfSettings::report(), RpfSettings::release(), RpfSettings::lehtinen()] {
+            for settings in [
+                RpfSettings::energy_kept(),
+                RpfSettings::report(),
+                RpfSettings::release(),
+                RpfSettings::lehtinen(),
+            ] {
                 let filtered = filter(&noisy_wall(width, height, 1.0, |_, _| count), &settings, 1);
                 assert_eq!((filtered.image.width(), filtered.image.height()), (width, height));
                 assert_finite(&filtered);
@@ -113,6 +120,14 @@ fn noise_is_removed_and_edges_are_kept() {
         let [inner, outer] = [filtered.at(0, 11, y), filtered.at(0, 12, y)];
         assert!((inner - 0.8).abs() < 0.08 && (outer - 0.2).abs() < 0.04, "{inner} | {outer}");
     }
+}
+
+#[test]
+fn the_denoiser_keeps_the_energy_of_fireflies() {
+    let store = noisy_wall(10, 8, 1.0, |_, _| 4);
+    let image = RPF.filter(&store, 1).image;
+    assert_eq!(image, filter(&store, &RpfSettings::energy_kept(), 1).image);
+    assert_ne!(image, filter(&store, &RpfSettings::report(), 1).image);
 }
 
 #[test]
