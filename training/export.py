@@ -48,8 +48,6 @@ def main():
     statistics = random_statistics(1)
     compared = {name: plane[0] for name, plane in statistics._asdict().items() if name != "has_nlm"}
     compared["mixed"] = np.asarray(model.denoise(parameters, statistics)[0])[0]
-    alone = statistics._replace(has_nlm=np.zeros_like(statistics.has_nlm))
-    compared["alone"] = np.asarray(model.denoise(parameters, alone)[0])[0]
     save_file(compared, arguments.folder / "parity.safetensors")
 
 

@@ -115,7 +115,7 @@ impl InputStatistics {
     /// Returns the inputs of the network: planes at half the resolution, of the even and the odd rows' even and odd pixels.
     /// The image is extended to a size that the network can halve. `nlm` is the image of that denoiser without
     /// directly visible emission, in the unit of the colour: 3 planes.
-    pub fn inputs(&self, nlm: Option<&Planes>) -> InterleavedPlanes {
+    pub fn inputs(&self, nlm: &Planes) -> InterleavedPlanes {
         let (width, height) = (self.colour.width(), self.colour.height());
         let [half_width, half_height] = [width, height].map(|size| size.next_multiple_of(ALIGNMENT) / 2);
         let mut inputs = InterleavedPlanes::new(half_width, half_height, 4 * INPUTS, MARGIN, 0.0);
@@ -136,7 +136,7 @@ impl InputStatistics {
     }
 
     /// Returns a pixel's inputs, numbers near 1.
-    fn at(&self, i: usize, nlm: Option<&Planes>) -> [f32; INPUTS] {
+    fn at(&self, i: usize, nlm: &Planes) -> [f32; INPUTS] {
         // Compute radiance relative to albedo and brightness, in logarithms
         let rgb = |planes: &Planes| [0, 1, 2].map(|c| planes.plane(c)[i]);
         let log = |v: f32| (1.0 + v).min(f32::MAX).ln();
@@ -148,7 +148,7 @@ impl InputStatistics {
         let level = self.scale * luminance(rgb(&self.colour));
         let relative = |v: f32| log(10.0 / (level + 0.01) * (self.scale * v));
         let count = self.count[i].max(1.0);
-        let [[c0, c1, c2], [m0, m1, m2]] = [demodulated(&self.colour), nlm.map_or([0.0; 3], demodulated)];
+        let [[c0, c1, c2], [m0, m1, m2]] = [demodulated(&self.colour), demodulated(nlm)];
         let ([n0, n1, n2], [s0, s1, s2]) = (rgb(&self.normal.mean), rgb(&self.second_normal));
 
         // List the inputs in the order of the training program
@@ -177,7 +177,8 @@ impl InputStatistics {
             m0,
             m1,
             m2,
-            if nlm.is_some() { 1.0 } else { 0.0 },
+            // Whether there is an image of `nlm`: in training it sometimes was missing
+            1.0,
         ]
     }
 }

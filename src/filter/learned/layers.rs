@@ -25,8 +25,8 @@ pub struct ColourSteps<'a> {
 }
 
 impl ColourSteps<'_> {
-    /// Filters a layer. `nlm` is its image by that denoiser, if it is one of the candidates.
-    pub fn filter(&self, mut layer: [Planes; 2], nlm: Option<Planes>) -> Planes {
+    /// Filters a layer. `nlm` is its image by that denoiser.
+    pub fn filter(&self, mut layer: [Planes; 2], nlm: Planes) -> Planes {
         clamp_layer(&mut layer, self.fireflies);
         self.counts.fill_missing(&mut layer);
         let mean = self.counts.mean([&layer[0], &layer[1]]);
@@ -34,10 +34,10 @@ impl ColourSteps<'_> {
             colour: Noisy::new(mean, layer, self.counts),
             emission: None,
             albedo: self.albedo.clone(),
-            nlm: nlm.map(Noisy::exact),
+            nlm: Noisy::exact(nlm),
         };
         let mut mixed = mix(&candidates, self.predicted, self.hit);
-        safeguard::blend(&mut mixed, candidates.nlm.as_ref().unwrap_or(&candidates.colour), self.fraction);
+        safeguard::blend(&mut mixed, &candidates.nlm, self.fraction);
         mixed.scale(self.factors);
         mixed.mean
     }

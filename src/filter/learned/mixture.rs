@@ -89,7 +89,7 @@ pub struct Candidates {
     /// Albedo of surfaces: 3 planes.
     pub albedo: Planes,
     /// Image of `nlm`, without emission.
-    pub nlm: Option<Noisy>,
+    pub nlm: Noisy,
 }
 
 /// MixtureWeights of the mixture at a pixel.
@@ -107,13 +107,12 @@ struct MixtureWeights {
 }
 
 impl MixtureWeights {
-    fn new(predicted: [f32; MIXTURE], has_nlm: bool) -> Self {
+    fn new(predicted: [f32; MIXTURE]) -> Self {
         /// Greatest magnitude of a logarithmic weight.
         const MAX_LOG: f32 = 8.0;
         let [demodulated, plain, own, nlm, albedo, emission] = predicted;
         let weight = |v: f32| (MAX_LOG * (v / MAX_LOG).tanh()).exp();
         let [demodulated, plain, own, nlm] = [demodulated, plain, own, nlm].map(weight);
-        let nlm = if has_nlm { nlm } else { 0.0 };
         let sum = demodulated + plain + own + nlm;
         let sigmoid = |v: f32| 1.0 / (1.0 + (-v).exp());
         let [demodulated, plain, nlm] = [demodulated, plain, nlm].map(|weight| weight / sum);
@@ -128,8 +127,8 @@ impl Candidates {
     }
 
     /// Returns the image of `nlm` with its emission.
-    pub fn nlm(&self) -> Option<Noisy> {
-        self.nlm.as_ref().map(|image| self.with_emission(image))
+    pub fn nlm(&self) -> Noisy {
+        self.with_emission(&self.nlm)
     }
 
     fn with_emission(&self, image: &Noisy) -> Noisy {
@@ -174,12 +173,11 @@ impl Candidates {
     /// Mixes the candidates with the filtered planes of [`Self::values`], and adds the emission.
     pub fn mix(&self, predicted: &InterleavedPlanes, filtered: &InterleavedPlanes) -> Noisy {
         let (width, height) = (predicted.width(), predicted.height());
-        let has_nlm = self.nlm.is_some();
         let weights: Vec<MixtureWeights> = (0..width * height)
             .into_par_iter()
             .map(|i| {
                 let predicted = std::array::from_fn(|k| predicted.at(k, i % width, i / width));
-                MixtureWeights::new(predicted, has_nlm)
+                MixtureWeights::new(predicted)
             })
             .collect();
         let [mean, noise] = [0, 1].map(|part| {
@@ -210,7 +208,7 @@ impl Candidates {
         let own_row = |image: &'a Noisy| &image.parts()[part].plane(channel)[pixels.clone()];
         let colour = own_row(&self.colour);
         let albedo = &self.albedo.plane(channel)[pixels.clone()];
-        let (nlm, emission) = (self.nlm.as_ref().map(own_row), self.emission.as_ref().map(own_row));
+        let (nlm, emission) = (own_row(&self.nlm), self.emission.as_ref().map(own_row));
         let filtered_row = |plane: usize| filtered.row(plane + channel, y);
         let (demodulated, plain, soft_albedo) =
             (filtered_row(first), filtered_row(first + 3), filtered_row(last));
@@ -220,10 +218,10 @@ impl Candidates {
         for (x, (out, weights)) in out.iter_mut().zip(weights).enumerate() {
             let (own, albedo) = (colour[x], divisor(albedo[x]));
             let textured = demodulated[x] * (albedo + weights.albedo * (soft_albedo[x] - albedo));
-            *out = own + weights.demodulated * (textured - own) + weights.plain * (plain[x] - own);
-            if let Some(nlm) = nlm {
-                *out += weights.nlm * (nlm[x] - own);
-            }
+            *out = own
+                + weights.demodulated * (textured - own)
+                + weights.plain * (plain[x] - own)
+                + weights.nlm * (nlm[x] - own);
             if let (Some(emission), Some(soft)) = (emission, soft_emission) {
                 *out += emission[x] + weights.emission * (soft[x] - emission[x]);
             }

@@ -4,11 +4,11 @@
 //! The weights depend on the statistics only, so that the filter is linear in the samples' values. It was trained on
 //! random scenes (`training/`).
 //!
-//! 1. The image of `nlm` is made (preset `standard` only), and of fireflies what exceeds the median many times is clamped.
+//! 1. The image of `nlm` is made, and of fireflies what exceeds the median many times is clamped.
 //! 2. The network predicts kernels and weights of the mixture from the statistics.
 //! 3. Colour, with and without the albedo, and directly visible emission are filtered, level by level.
 //! 4. The results, the unfiltered image and that of `nlm` are mixed.
-//! 5. Where the samples contradict the result, it is blended with the image of `nlm`; in preset `draft` with the unfiltered one.
+//! 5. Where the samples contradict the result, it is blended with the image of `nlm`.
 //! 6. Light that was lost over a wide surrounding is given back.
 //! 7. Layers that sum to the colour are filtered with the same weights.
 //! 8. Variance, residual and error follow from the halves, which are filtered with the same weights.
@@ -31,7 +31,7 @@ use super::common::half_counts::HalfCounts;
 use super::common::interleaved_planes::InterleavedPlanes;
 use super::denoiser::{Cost, Denoiser, LayerFilter, PartFilter, Reads, SampleVectors};
 use super::denoiser_name::DenoiserName;
-use super::nlm;
+use super::nlm::{self, Nlm};
 use super::none::unfiltered;
 use super::result::{FilterResult, Reliability};
 use super::whole_image::{AllPixels, WholeImage};
@@ -51,8 +51,8 @@ pub struct Learned {
     preset: &'static str,
     summary: &'static str,
     cost: Cost,
-    /// Whether the image of `nlm` is one of the candidates.
-    is_mixed: bool,
+    /// Makes the image that is one of the candidates.
+    nlm: &'static Nlm,
 }
 
 /// The preset for the final image.
@@ -60,15 +60,15 @@ pub static STANDARD: Learned = Learned {
     preset: "standard",
     summary: "Kernels that a small network predicts, mixed with nlm",
     cost: Cost { core_seconds: 9e-6, bytes: 1600, pass_time: 5.2, is_per_sample: false },
-    is_mixed: true,
+    nlm: &nlm::STANDARD,
 };
 
 /// The faster preset.
 pub static DRAFT: Learned = Learned {
     preset: "draft",
-    summary: "The same without nlm: faster",
-    cost: Cost { core_seconds: 5e-6, bytes: 1200, pass_time: 1.9, is_per_sample: false },
-    is_mixed: false,
+    summary: "The same, mixed with the preset draft of nlm: faster",
+    cost: Cost { core_seconds: 6.5e-6, bytes: 1600, pass_time: 2.9, is_per_sample: false },
+    nlm: &nlm::DRAFT,
 };
 
 impl Denoiser for Learned {
@@ -131,12 +131,11 @@ impl PartFilter for Learned {
         let scale_and_error = brightness::reach() + blur::reach(ERROR_SIGMA);
         let steps = [self.reach(), network::REACH, safeguard::reach(), scale_and_error];
         let widest = steps.into_iter().fold(0, usize::max) + fireflies::RADIUS;
-        let nlm = if self.is_mixed { nlm::STANDARD.margin() } else { 0 };
-        widest.max(nlm).next_multiple_of(ALIGNMENT)
+        widest.max(self.nlm.margin()).next_multiple_of(ALIGNMENT)
     }
 
     fn filter_part(&self, store: &Store, whole: &dyn WholeImage) -> FilterResult {
-        let nlm = self.is_mixed.then(|| nlm::STANDARD.filter_part(store, whole));
+        let nlm = self.nlm.filter_part(store, whole);
         let (result, _) = filter(store, nlm, std::iter::empty(), whole);
         FilterResult { made_by: self.name(), ..result }
     }
@@ -149,11 +148,7 @@ impl LayerFilter for Learned {
         seed: u64,
         layers: &[[Planes; 2]],
     ) -> (FilterResult, Vec<Planes>) {
-        let nlm = self.is_mixed.then(|| nlm::STANDARD.filter_with_layers(store, seed, layers));
-        let (nlm, of_layers) = match nlm {
-            Some((image, layers)) => (Some(image), layers.into_iter().map(Some).collect()),
-            None => (None, vec![None; layers.len()]),
-        };
+        let (nlm, of_layers) = self.nlm.filter_with_layers(store, seed, layers);
         let layers = layers.iter().cloned().zip(of_layers);
         let whole = AllPixels::new(store.width(), store.height());
         let (result, layers) = filter(store, nlm, layers, &whole);
@@ -169,8 +164,8 @@ const FIREFLIES: FireflySettings =
 /// layer.
 fn filter(
     store: &Store,
-    nlm: Option<FilterResult>,
-    layers: impl Iterator<Item = ([Planes; 2], Option<Planes>)>,
+    mut nlm: FilterResult,
+    layers: impl Iterator<Item = ([Planes; 2], Planes)>,
     whole: &dyn WholeImage,
 ) -> (FilterResult, Vec<Planes>) {
     let (width, height) = (store.width(), store.height());
@@ -178,15 +173,12 @@ fn filter(
     let [a, b] = [0, 1].map(|half| store.means(Part::Half(half), store.layout().colour()));
     let clamped = fireflies::clamp(&counts.mean([&a, &b]), [&a, &b], counts.integers(), &FIREFLIES);
     let statistics = InputStatistics::from_store(store, &counts, &clamped, whole);
-    let nlm = nlm.map(|mut result| {
-        let [a, b] = &mut result.halves;
-        [&mut result.image, a, b].into_iter().for_each(|planes| whole.complete_margin(planes, 1));
-        result
-    });
+    let [a, b] = &mut nlm.halves;
+    [&mut nlm.image, a, b].into_iter().for_each(|planes| whole.complete_margin(planes, 1));
     let candidates = candidates(store, &counts, &statistics, clamped.halves, nlm);
 
     // Filter the image
-    let inputs = statistics.inputs(candidates.nlm.as_ref().map(|image| &image.mean));
+    let inputs = statistics.inputs(&candidates.nlm.mean);
     let mut predicted = weights().network.predict(&inputs, width, height);
     predicted.complete_margin(whole);
     let hit = InterleavedPlanes::extended(&statistics.hit, MARGIN);
@@ -194,9 +186,8 @@ fn filter(
     mixed.complete_margin(whole);
     let unfiltered_image = candidates.unfiltered();
     let nlm = candidates.nlm();
-    let second = nlm.as_ref().unwrap_or(&unfiltered_image);
-    let fraction = safeguard::fraction_of_learned(&mixed, second, &unfiltered_image, &counts, whole);
-    safeguard::blend(&mut mixed, second, &fraction);
+    let fraction = safeguard::fraction_of_learned(&mixed, &nlm, &unfiltered_image, &counts, whole);
+    safeguard::blend(&mut mixed, &nlm, &fraction);
     mixed.complete_margin(whole);
     let factors = brightness::factors(&mixed, &unfiltered_image, &counts);
     mixed.scale(&factors);
@@ -245,20 +236,17 @@ fn candidates(
     counts: &HalfCounts,
     statistics: &InputStatistics,
     clamped: [Planes; 2],
-    nlm: Option<FilterResult>,
+    nlm: FilterResult,
 ) -> Candidates {
     let layout = store.layout();
     let halves =
         |dims: std::ops::Range<usize>| [0, 1].map(|half| store.means(Part::Half(half), dims.clone()));
     let noisy = |mean: &Planes, halves| Noisy::new(mean.clone(), halves, counts);
     let emission = layout.block(Block::Emission).map(|dims| noisy(&statistics.emission, halves(dims)));
-    let nlm = nlm.map(|result| {
-        let mut image = Noisy::new(result.image, result.halves, counts);
-        if let Some(emission) = &emission {
-            image.add_scaled(-1.0, emission);
-        }
-        image
-    });
+    let mut nlm = Noisy::new(nlm.image, nlm.halves, counts);
+    if let Some(emission) = &emission {
+        nlm.add_scaled(-1.0, emission);
+    }
     let colour = noisy(&statistics.colour, clamped);
     Candidates { colour, emission, albedo: statistics.albedo.mean.clone(), nlm }
 }
@@ -303,27 +291,22 @@ mod tests {
             count: plane("count"),
         };
         let noisy = |mean: &Planes| Noisy { mean: mean.clone(), noise: mean.clone() };
-        for name in ["mixed", "alone"] {
-            let nlm = (name == "mixed").then(|| {
-                let mut image = noisy(&exported("nlm"));
-                image.add_scaled(-1.0, &noisy(&statistics.emission));
-                image
-            });
-            let candidates = Candidates {
-                colour: noisy(&statistics.colour),
-                emission: Some(noisy(&statistics.emission)),
-                albedo: statistics.albedo.mean.clone(),
-                nlm,
-            };
-            let inputs = statistics.inputs(candidates.nlm.as_ref().map(|image| &image.mean));
-            let expected = exported(name);
-            let predicted = weights().network.predict(&inputs, expected.width(), expected.height());
-            let hit = InterleavedPlanes::extended(&statistics.hit, MARGIN);
-            let mixed = mix(&candidates, &predicted, &hit);
-            for image in [&mixed.mean, &mixed.noise] {
-                for (found, expected) in image.data().iter().zip(expected.data()) {
-                    assert!((found - expected).abs() < 1e-3 * (1.0 + expected), "{name}: {found} {expected}");
-                }
+        let mut nlm = noisy(&exported("nlm"));
+        nlm.add_scaled(-1.0, &noisy(&statistics.emission));
+        let candidates = Candidates {
+            colour: noisy(&statistics.colour),
+            emission: Some(noisy(&statistics.emission)),
+            albedo: statistics.albedo.mean.clone(),
+            nlm,
+        };
+        let inputs = statistics.inputs(&candidates.nlm.mean);
+        let expected = exported("mixed");
+        let predicted = weights().network.predict(&inputs, expected.width(), expected.height());
+        let hit = InterleavedPlanes::extended(&statistics.hit, MARGIN);
+        let mixed = mix(&candidates, &predicted, &hit);
+        for image in [&mixed.mean, &mixed.noise] {
+            for (found, expected) in image.data().iter().zip(expected.data()) {
+                assert!((found - expected).abs() < 1e-3 * (1.0 + expected), "{found} {expected}");
             }
         }
     }
