@@ -46,14 +46,17 @@ fn a_full_house_is_told_and_a_place_is_taken_when_there_is_one() {
     page.wait(&format!("window.prpf.state.status && {PHASE} === 'finished'"));
 }
 
+#[cfg(unix)]
 #[test]
 fn the_end_of_a_render_is_told() {
     let Some(program) = chromium() else { return };
     let folder = folder_with_scene();
-    let arguments = ["--preview", "127.0.0.1:0", "--time", "6s", "--spp", "0", "--quiet"];
-    let (_render, address) = start_in(folder.path(), "render", &arguments);
+    let arguments = ["--preview", "127.0.0.1:0", "--time", "1h", "--spp", "0", "--quiet"];
+    let (render, address) = start_in(folder.path(), "render", &arguments);
     let mut page = Page::open(program, &address, [1280, 800]);
     page.wait("window.prpf && window.prpf.state.status");
+    let sent = std::process::Command::new("kill").arg("-INT").arg(render.0.id().to_string()).status();
+    assert!(sent.expect("kill is there").success());
     page.wait(&format!("{TEXT} === 'The render has ended.'"));
     assert!(folder.path().join("named.exr").exists());
 }
