@@ -69,3 +69,10 @@ impl TestScene {
         ]
     }
 }
+
+/// Splits results into those on our scenes and those on public ones, each if there are some.
+pub fn groups<T>(all: &[T], is_public: fn(&T) -> bool) -> Vec<(&'static str, Vec<&T>)> {
+    let group = |public: bool| all.iter().filter(|results| is_public(results) == public).collect::<Vec<_>>();
+    let groups = [("our scenes", group(false)), ("public scenes", group(true))];
+    groups.into_iter().filter(|(_, scenes)| !scenes.is_empty()).collect()
+}

@@ -2,10 +2,11 @@
 
 use std::collections::BTreeSet;
 
-use super::scene_results::{SceneResults, groups};
+use super::scene_results::SceneResults;
 use crate::configuration::CONFIGURATIONS;
 use crate::estimate_check::EstimateCheck;
 use crate::report::{Report, median, number, range};
+use crate::test_scene::groups;
 
 /// Agreement of the estimates with the true error for the images of one scene and sample count.
 #[derive(Clone, Copy)]
@@ -53,11 +54,9 @@ impl Summary {
     /// `None` without estimates.
     fn new(scenes: &[&SceneResults], filtered: bool) -> Option<Self> {
         let configurations = |m: &&SceneResults| {
-            let pairs = CONFIGURATIONS.iter().zip(m.curves.checks.clone());
-            pairs
-                .filter(|(configuration, _)| configuration.filtered == filtered)
-                .map(|(_, checks)| checks)
-                .collect::<Vec<_>>()
+            let pairs = CONFIGURATIONS.iter().zip(&m.curves.checks);
+            let chosen = pairs.filter(|(configuration, _)| configuration.filtered == filtered);
+            chosen.map(|(_, checks)| checks.clone()).collect::<Vec<_>>()
         };
         let checks: Vec<Vec<EstimateCheck>> = scenes.iter().flat_map(configurations).collect();
         let counts: BTreeSet<u32> = checks.iter().flatten().map(|check| check.spp).collect();
@@ -85,7 +84,7 @@ fn summaries(all: &[SceneResults]) -> Vec<(String, Summary)> {
             Summary::new(&scenes, filtered).map(|summary| (of, summary))
         })
     };
-    groups(all).into_iter().flat_map(of_group).flatten().collect()
+    groups(all, |m| m.is_public).into_iter().flat_map(of_group).flatten().collect()
 }
 
 /// The finding, in a sentence.

@@ -16,10 +16,3 @@ pub struct SceneResults {
     /// By index of `interim_passes.every`.
     pub interim_passes: Vec<Vec<Point>>,
 }
-
-/// Our scenes and the public ones, each if there are some.
-pub fn groups(all: &[SceneResults]) -> Vec<(&'static str, Vec<&SceneResults>)> {
-    let group = |is_public: bool| all.iter().filter(|m| m.is_public == is_public).collect::<Vec<_>>();
-    let groups = [("our scenes", group(false)), ("public scenes", group(true))];
-    groups.into_iter().filter(|(_, scenes)| !scenes.is_empty()).collect()
-}

@@ -6,7 +6,7 @@ use prpf::filter::{DENOISERS, Denoiser, FilterResult};
 use prpf::geometry::Accel;
 use prpf::image::Planes;
 
-use super::report::{format_interval, groups};
+use super::report::format_interval;
 use super::sample_maps::{draw, sample_counts};
 use super::scene_results::SceneResults;
 use super::settings::OwnLoopSettings;
@@ -17,7 +17,7 @@ use crate::picture;
 use crate::report::{Report, number};
 use crate::session::Session;
 use crate::statistics::geometric_mean;
-use crate::test_scene::TestScene;
+use crate::test_scene::{TestScene, groups};
 use crate::trial::{Rendered, Trial};
 
 /// The measurements on a scene.
@@ -100,7 +100,7 @@ pub fn report(report: &mut Report, settings: &OwnLoopSettings, all: &[SceneResul
         .iter()
         .map(|m| vec![m.scene.clone(), format_interval(relmse(m)), number(seconds(m), 2)])
         .collect();
-    for (group, scenes) in groups(all) {
+    for (group, scenes) in groups(all, |m| m.is_public) {
         let over_scenes = |ratio: &dyn Fn(&SceneResults) -> f64| {
             geometric_mean(&scenes.iter().map(|m| ratio(m)).collect::<Vec<_>>())
         };

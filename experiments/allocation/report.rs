@@ -10,6 +10,7 @@ use crate::plot::{Panel, Plot, Series};
 use crate::report::{Report, number, range};
 use crate::session::Session;
 use crate::statistics::{Interval, geometric_mean, mean};
+use crate::test_scene::groups;
 
 /// Adaptive sampling is reported as worse above this ratio of errors at equal time.
 const WORSE_RATIO: f64 = 1.05;
@@ -70,7 +71,7 @@ fn other_metrics(report: &mut Report, settings: &Settings, all: &[SceneResults])
     ];
     let mut rows = Vec::new();
     for (name, configurations, metric) in metrics {
-        for (group, scenes) in groups(all) {
+        for (group, scenes) in groups(all, |m| m.is_public) {
             let intervals = settings.spp.iter().map(|&spp| {
                 let ratios =
                     scenes.iter().map(|m| ratio_of(metric, m, spp, configurations, EqualCost::Seconds).mean);
@@ -82,13 +83,6 @@ fn other_metrics(report: &mut Report, settings: &Settings, all: &[SceneResults])
     let spps = settings.spp.iter().map(|spp| format!("{spp} spp"));
     let head: Vec<String> = ["error".to_owned(), "scenes".to_owned()].into_iter().chain(spps).collect();
     report.table(&head.iter().map(String::as_str).collect::<Vec<_>>(), &rows);
-}
-
-/// Our scenes and the public ones, each if there are some.
-pub fn groups(all: &[SceneResults]) -> Vec<(&'static str, Vec<&SceneResults>)> {
-    let group = |is_public: bool| all.iter().filter(|m| m.is_public == is_public).collect::<Vec<_>>();
-    let groups = [("our scenes", group(false)), ("public scenes", group(true))];
-    groups.into_iter().filter(|(_, scenes)| !scenes.is_empty()).collect()
 }
 
 fn curves(session: &Session, report: &mut Report, all: &[SceneResults]) -> anyhow::Result<()> {
@@ -146,7 +140,7 @@ fn over_scenes(all: &[&SceneResults], spp: u32, configurations: [usize; 2], equa
 }
 
 fn finding(all: &[SceneResults], spp: u32) -> String {
-    let gains = groups(all).into_iter().map(|(group, scenes)| {
+    let gains = groups(all, |m| m.is_public).into_iter().map(|(group, scenes)| {
         let gain = |configurations| over_scenes(&scenes, spp, configurations, EqualCost::Seconds);
         format!(
             "on {group} ({}) {} times in filtered images ({} by scene) and {} times in unfiltered ones",
@@ -191,7 +185,7 @@ fn ratio_rows(
     };
     let mut rows: Vec<Vec<String>> =
         all.iter().map(|m| row(&m.scene, &|spp| ratio(m, spp, configurations, equal))).collect();
-    rows.extend(groups(all).iter().map(|(group, scenes)| {
+    rows.extend(groups(all, |m| m.is_public).iter().map(|(group, scenes)| {
         row(&format!("**{group}**"), &|spp| over_scenes(scenes, spp, configurations, equal))
     }));
     rows
