@@ -3,6 +3,7 @@
 pub mod blur;
 pub mod colours;
 pub mod dual_buffer;
+pub mod emitter_outlines;
 pub mod error_maps;
 pub mod exact_sum;
 pub mod fast_exp;

@@ -6,6 +6,7 @@ use super::non_local_means;
 use super::patch_distance::{ColourGuide, DistanceSettings};
 use super::settings::NlmSettings;
 use crate::filter::common::dual_buffer::{DualBuffer, both_halves};
+use crate::filter::common::emitter_outlines::outside_emitters;
 use crate::filter::common::linear_estimate::LinearEstimate;
 use crate::filter::whole_image::{self, WholeImage};
 use crate::image::Planes;
@@ -172,34 +173,16 @@ pub fn filter_emission(
     filtered
 }
 
-/// Removes emission from pixels beside an emitter that none of their samples hit. A few samples may miss it by chance, so
-/// noise explains the difference to the neighbours, and the filter gives the pixel their emission: on a dark wall beside a
-/// bright lamp thousands of times its own radiance. Emission stays where the pixel lies between others whose samples hit
-/// the emitter, on its rim or in its image out of focus: outside a convex outline no pixel does.
+/// Removes emission from pixels outside all emitters.
 fn darken_rims(filtered: &mut [LinearEstimate; 2], emission: &DualBuffer) {
-    /// Distance of the others, in pixels.
-    const REACH: isize = 4;
-    /// Directions of the lines on which they lie.
-    const LINES: [(isize, isize); 4] = [(1, 0), (0, 1), (1, 1), (1, -1)];
-    let (width, height) = (emission.mean[0].width(), emission.mean[0].height());
+    let (width, pixels) = (emission.mean[0].width(), emission.mean[0].pixels());
     let channels = || emission.mean.iter().flat_map(|mean| (0..3).map(move |c| mean.plane(c)));
-    let is_lit: Vec<bool> = (0..width * height).map(|i| channels().any(|plane| plane[i] > 0.0)).collect();
-    let is_lit_at = |x: usize, y: usize, dx: isize, dy: isize| {
-        let x = x.checked_add_signed(dx).filter(|&x| x < width);
-        let y = y.checked_add_signed(dy).filter(|&y| y < height);
-        x.zip(y).is_some_and(|(x, y)| is_lit[y * width + x])
-    };
-    let is_between = |i: usize| {
-        let ends =
-            |dx: isize, dy: isize| (1..=REACH).any(|k| is_lit_at(i % width, i / width, k * dx, k * dy));
-        LINES.into_iter().any(|(dx, dy)| ends(dx, dy) && ends(-dx, -dy))
-    };
+    let met_emitter: Vec<bool> = (0..pixels).map(|i| channels().any(|plane| plane[i] > 0.0)).collect();
+    let is_outside = outside_emitters(width, &met_emitter);
     for half in filtered {
-        for i in 0..width * height {
-            if !is_lit[i] && half.derivative[i] < 1.0 && !is_between(i) {
-                half.value.planes_mut().for_each(|plane| plane[i] = 0.0);
-                half.derivative[i] = 1.0;
-            }
+        for i in (0..pixels).filter(|&i| is_outside[i]) {
+            half.value.planes_mut().for_each(|plane| plane[i] = 0.0);
+            half.derivative[i] = 1.0;
         }
     }
 }
@@ -262,17 +245,6 @@ mod tests {
                 let expected = if is_lit(x, y) { (1.0, 0.5) } else { (0.0, 1.0) };
                 assert_eq!((half.value.at(1, x, y), *derivative), expected, "{x} {y}");
             }
-        }
-    }
-
-    #[test]
-    fn pixels_between_others_that_have_met_the_lamp_keep_their_light() {
-        // A lamp out of focus, which only some pixels have met.
-        let is_lit = |x: usize, y: usize| (x + 2 * y).is_multiple_of(5);
-        let (noisy, mut filtered) = smeared(is_lit);
-        darken_rims(&mut filtered, &noisy);
-        for (x, y) in (4..8).flat_map(|y| (4..8).map(move |x| (x, y))) {
-            assert!(filtered[0].value.at(0, x, y) > 0.0, "{x} {y}");
         }
     }
 }

@@ -138,6 +138,7 @@ fn filter_tiles<const FMA: bool>(
 /// Values of a block of pixels that enter all its pairs.
 struct Centre {
     hit: Lanes,
+    takes_emission: Lanes,
     values: [Lanes; CHANNELS],
 }
 
@@ -161,6 +162,7 @@ fn filter_block<const FMA: bool>(
     // Load the pixels' own values
     let centre = Centre {
         hit: *guide.own_hit.lanes(0, y, x),
+        takes_emission: *guide.takes_emission.lanes(0, y, x),
         values: std::array::from_fn(|c| *values.lanes(c, y, x)),
     };
     let mut sums = Sums { weights: [0.0; LANES], values: [[0.0; LANES]; CHANNELS] };
@@ -265,11 +267,13 @@ fn add_neighbours<const FMA: bool>(
     y: usize,
     at: usize,
 ) {
-    let hits = lanes(&guide.hit.row_with_margins(0, y)[at..]);
+    let [hits, met_emitter] =
+        [&guide.hit, &guide.met_emitter].map(|plane| lanes(&plane.row_with_margins(0, y)[at..]));
     let mut weights = [0.0; LANES];
     for l in 0..LANES {
         let weight = exp_negative_precise::<FMA>(exponents[l]);
-        let is_similar = (centre.hit[l] - hits[l]).abs() <= FeatureGuide::HIT_THRESHOLD;
+        let hits_alike = (centre.hit[l] - hits[l]).abs() <= FeatureGuide::HIT_THRESHOLD;
+        let is_similar = hits_alike & (met_emitter[l] <= centre.takes_emission[l]);
         weights[l] = if is_similar & (exponents[l] <= MAX_EXPONENT) { weight } else { 0.0 };
         sums.weights[l] += weights[l];
     }

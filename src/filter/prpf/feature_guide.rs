@@ -2,12 +2,13 @@
 //! cluster of a pixel, which is the similar pixels of its window (paper, section 4.1).
 //!
 //! Takes a store, the colours to measure with, and the similarity thresholds. Two pixels are similar if the
-//! means of each feature differ by at most the first pixel's threshold and they hit surfaces about equally
-//! often.
+//! means of each feature differ by at most the first pixel's threshold, they hit surfaces about equally
+//! often, and the first does not lie beside an emitter that the second has met.
 
 use rayon::prelude::*;
 
 use super::settings::PrpfSettings;
+use crate::filter::common::emitter_outlines::outside_emitters;
 use crate::filter::common::interleaved_planes::InterleavedPlanes;
 use crate::filter::common::lanes::lanes;
 use crate::filter::common::variance_pooling::pool_planes;
@@ -39,6 +40,10 @@ pub struct FeatureGuide {
     pub hit: InterleavedPlanes,
     /// The same as the pixel itself compares it: ½ without samples, which is similar to any fraction.
     pub own_hit: InterleavedPlanes,
+    /// 1 where a sample met an emitter, 0 elsewhere.
+    pub met_emitter: InterleavedPlanes,
+    /// The largest [`Self::met_emitter`] of similar pixels: 0 outside all emitters, 1 elsewhere.
+    pub takes_emission: InterleavedPlanes,
 }
 
 impl FeatureGuide {
@@ -48,6 +53,9 @@ impl FeatureGuide {
 
     /// [`Self::hit`] of no pixel: farther than the threshold from every fraction.
     pub const NO_PIXEL: f32 = 4.0;
+
+    /// Fraction of the radiance above which directly visible emission counts. Below it the rounding of both means hides it.
+    const LEAST_EMISSION: f32 = 1e-3;
 
     /// Prepares the statistics of a store. `colours` are the means and sample variances of the colours to measure
     /// with, 3 planes each.
@@ -88,6 +96,16 @@ impl FeatureGuide {
             }
         }
 
+        // Find the pixels that keep emission out
+        let met = met_emitter(store);
+        let plane = |is_one: &dyn Fn(usize) -> bool| {
+            let mut plane = Planes::new(width, height, 1);
+            plane.data_mut().iter_mut().enumerate().for_each(|(i, out)| *out = f32::from(is_one(i)));
+            plane
+        };
+        let is_outside = outside_emitters(width, &met);
+        let (met_emitter, takes_emission) = (plane(&|i| met[i]), plane(&|i| !is_outside[i]));
+
         Self {
             dims,
             z: kinds.iter().map(|&(_, kind)| limits(kind, settings).0).collect(),
@@ -99,6 +117,8 @@ impl FeatureGuide {
             mean_count: store.samples() as f32 / counts.len().max(1) as f32,
             hit: InterleavedPlanes::from_planes(&hit, margin, Self::NO_PIXEL),
             own_hit: InterleavedPlanes::from_planes(&own_hit, 0, 0.0),
+            met_emitter: InterleavedPlanes::from_planes(&met_emitter, margin, 0.0),
+            takes_emission: InterleavedPlanes::from_planes(&takes_emission, 0, 0.0),
         }
     }
 
@@ -132,8 +152,15 @@ impl FeatureGuide {
             let d = self.means.at(k, i.0, i.1) - self.means.at(k, j.0, j.1);
             d * d <= self.thresholds.at(k, i.0, i.1)
         };
+        self.meet_alike(i, j) && (0..self.features()).all(is_within)
+    }
+
+    /// Whether the samples of pixel `j` hit surfaces about as often as those of pixel `i`, and met no emitter that `i` lies
+    /// beside.
+    pub fn meet_alike(&self, i: (usize, usize), j: (usize, usize)) -> bool {
         let hits = self.own_hit.at(0, i.0, i.1) - self.hit.at(0, j.0, j.1);
-        hits.abs() <= Self::HIT_THRESHOLD && (0..self.features()).all(is_within)
+        hits.abs() <= Self::HIT_THRESHOLD
+            && self.met_emitter.at(0, j.0, j.1) <= self.takes_emission.at(0, i.0, i.1)
     }
 }
 
@@ -153,7 +180,7 @@ fn collect_similar(
     let (top, bottom) = (y.saturating_sub(radius), (y + radius).min(guide.height() - 1));
     // A pixel that is not similar is written to the place of the next one: a vector more places.
     cluster.resize((right - left + 1) * (bottom - top + 1) + LANES, (0, 0));
-    let hit = guide.own_hit.at(0, x, y);
+    let (hit, takes_emission) = (guide.own_hit.at(0, x, y), guide.takes_emission.at(0, x, y));
     let own: Vec<(f32, f32)> =
         (0..guide.features()).map(|k| (guide.means.at(k, x, y), guide.thresholds.at(k, x, y))).collect();
     let (first, rest) = own.split_at(own.len().min(FIRST_FEATURES));
@@ -162,10 +189,12 @@ fn collect_similar(
         'blocks: for start in (left..=right).step_by(LANES) {
             // Compare a block of pixels with the pixel
             let at = guide.means.margin() + start;
-            let hits = lanes(&guide.hit.row_with_margins(0, yj)[at..]);
+            let [hits, met_emitter] =
+                [&guide.hit, &guide.met_emitter].map(|plane| lanes(&plane.row_with_margins(0, yj)[at..]));
             let mut similar = [0; LANES];
             for l in 0..LANES {
-                similar[l] = u32::from((hit - hits[l]).abs() <= FeatureGuide::HIT_THRESHOLD);
+                let hits_alike = (hit - hits[l]).abs() <= FeatureGuide::HIT_THRESHOLD;
+                similar[l] = u32::from(hits_alike & (met_emitter[l] <= takes_emission));
             }
             let mut planes = guide.means.row_planes(yj, at);
             for features in [first, rest] {
@@ -239,6 +268,19 @@ fn hit_fractions(store: &Store) -> Planes {
     // Another program may have stored other values, which would be similar to `NO_PIXEL`.
     hit.data_mut().iter_mut().for_each(|fraction| *fraction = fraction.clamp(0.0, 1.0));
     hit
+}
+
+/// Whether a sample of a pixel met an emitter, for all pixels.
+fn met_emitter(store: &Store) -> Vec<bool> {
+    let layout = store.layout();
+    let [colour, radiance] = [layout.colour(), layout.radiance()].map(|dims| store.means(Part::Whole, dims));
+    let met = |i: usize| {
+        (0..3).any(|c| {
+            let radiance = radiance.plane(c)[i];
+            radiance - colour.plane(c)[i] > FeatureGuide::LEAST_EMISSION * radiance
+        })
+    };
+    (0..store.pixels()).map(met).collect()
 }
 
 /// The planes of both.

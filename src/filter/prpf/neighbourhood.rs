@@ -86,10 +86,13 @@ fn compute_row(guide: &FeatureGuide, offsets: &[isize], y: usize, similar: &mut 
         similar.clear();
         let mut total = [0.0; LANES];
         let own_hit = *guide.own_hit.lanes(0, y, x);
+        let takes_emission = *guide.takes_emission.lanes(0, y, x);
         for &yj in &rows {
             for xj in columns.clone() {
-                let hits = lanes(&guide.hit.row_with_margins(0, yj)[xj..]);
-                let mut flags = [1.0; LANES];
+                let [hits, met_emitter] =
+                    [&guide.hit, &guide.met_emitter].map(|plane| lanes(&plane.row_with_margins(0, yj)[xj..]));
+                let mut flags: Lanes =
+                    std::array::from_fn(|l| f32::from(u8::from(met_emitter[l] <= takes_emission[l])));
                 clear_dissimilar(&mut flags, &own_hit, hits, &[FeatureGuide::HIT_THRESHOLD.powi(2); LANES]);
                 for ((own, threshold), others) in centre.iter().zip(guide.means.row_planes(yj, xj)) {
                     clear_dissimilar(&mut flags, own, lanes(others), threshold);

@@ -206,6 +206,34 @@ fn surfaces_and_background_do_not_mix() {
 }
 
 #[test]
+fn a_bright_emitter_does_not_light_the_wall_beside_it() {
+    // One of 64 samples of the rim, column 20, meets the emitter; the wall has no noise
+    let (wall_radiance, emitted) = (0.03, 2000.0);
+    let layout = everything();
+    let meets_emitter = |x: usize, index: u32| x > 20 || x == 20 && index % 64 == 5;
+    let store = store(
+        40,
+        20,
+        layout.clone(),
+        |_, _| 64,
+        |x, y, index, rng| {
+            let mut sample = wall(&layout, x, y, [wall_radiance; 3], rng);
+            if meets_emitter(x, index) {
+                layout.write(&mut sample, Block::Radiance, &[emitted; 3]);
+            }
+            sample
+        },
+    );
+    let image = filter(&store, &PrpfSettings::paper(), 1).image;
+    for y in 0..20 {
+        for x in 0..20 {
+            assert_eq!(image.at(0, x, y), wall_radiance, "{x} {y}");
+        }
+        assert!(image.at(0, 20, y) > 1.0 && image.at(0, 30, y) > 0.9 * emitted, "{y}");
+    }
+}
+
+#[test]
 fn a_firefly_leaves_no_halo() {
     let layout = everything();
     let make = |spike: f32| {

@@ -106,8 +106,7 @@ fn interpolation_weight(inputs: &WeightInputs, (x, y): (usize, usize), node: (us
     };
     let exponent = film_factor(inputs.window) * (dx * dx + dy * dy)
         + (0..guide.features() + 3).map(distance).sum::<f32>();
-    let hits = guide.hit.at(0, node.0, node.1) - guide.own_hit.at(0, x, y);
-    if hits.abs() <= FeatureGuide::HIT_THRESHOLD { (-0.5 * exponent).exp() } else { 0.0 }
+    if guide.meet_alike((x, y), node) { (-0.5 * exponent).exp() } else { 0.0 }
 }
 
 /// Returns one over the variance by which the squared differences of a dimension are divided. `z` is the similarity
@@ -202,6 +201,7 @@ fn interpolate_row(
     let dims = guide.features() + 3;
     let mut block = None;
     let (mut xs, mut ys, mut hits) = ([0.0; NODES], [0.0; NODES], [FeatureGuide::NO_PIXEL; NODES]);
+    let mut met_emitter = [0.0; NODES];
     let mut means = vec![[0.0; NODES]; dims];
     let mut node_values = [[0.0; MAX_WEIGHTS]; NODES];
     let mut own = vec![([0.0; LANES], [0.0; LANES]); dims];
@@ -228,7 +228,8 @@ fn interpolate_row(
             for (n, node) in grid.surrounding(here).into_iter().enumerate() {
                 let Some(node) = node else { continue };
                 let (xn, yn) = grid.node(node);
-                (xs[n], ys[n], hits[n]) = (xn as f32, yn as f32, guide.hit.at(0, xn, yn));
+                (xs[n], ys[n]) = (xn as f32, yn as f32);
+                (hits[n], met_emitter[n]) = (guide.hit.at(0, xn, yn), guide.met_emitter.at(0, xn, yn));
                 means.iter_mut().enumerate().for_each(|(k, means)| means[n] = guide.means.at(k, xn, yn));
                 node_values[n][..planes].copy_from_slice(&values[node * planes..][..planes]);
             }
@@ -249,9 +250,10 @@ fn interpolate_row(
 
         // Compute the interpolation weights
         let mut weights = [0.0; NODES];
-        let hit = guide.own_hit.at(0, x, y);
+        let (hit, takes_emission) = (guide.own_hit.at(0, x, y), guide.takes_emission.at(0, x, y));
         for n in 0..NODES {
-            let is_similar = (hits[n] - hit).abs() <= FeatureGuide::HIT_THRESHOLD;
+            let hits_alike = (hits[n] - hit).abs() <= FeatureGuide::HIT_THRESHOLD;
+            let is_similar = hits_alike & (met_emitter[n] <= takes_emission);
             let exponent = 0.5 * exponents[n];
             let weight = exp_negative_precise::<false>(exponent.min(MAX_EXPONENT));
             weights[n] = if is_similar & (exponent <= MAX_EXPONENT) { weight } else { 0.0 };
