@@ -3,7 +3,8 @@
 //! Takes α, β and W_c^r of every pixel and the statistics of its neighbourhood. Returns a plane for each
 //! feature and each colour, in units of one over the squared dimension. [`Bandwidth`] documents the
 //! readings of the equation. RPF's bandwidth is that of the image's mean number of samples: a pixel that got few
-//! because it has little noise must not be blurred for it.
+//! because it has little noise must not be blurred for it. A pixel with more has that of the geometric mean of both
+//! numbers: its own mean is sharp enough to be blurred less.
 
 use rayon::prelude::*;
 
@@ -41,7 +42,8 @@ pub fn inverse_bandwidths(
                 let factor = match bandwidth {
                     Bandwidth::RpfSigma { sigma8_squared } => {
                         let for_one = rpf_inverse_bandwidth(colour_randomness[x], sigma8_squared);
-                        guide.mean_count * for_one / variances[x]
+                        let samples = (guide.mean_count * counts[x].max(guide.mean_count)).sqrt();
+                        samples * for_one / variances[x]
                     }
                     Bandwidth::Literal => 1.0 / (2.0 * own[x].max(ROUNDING * ROUNDING) * variances[x]),
                     Bandwidth::MeanVariance { kappa, rho } => {
@@ -103,7 +105,8 @@ mod tests {
                 // Standard deviations below 10⁻⁶ of the mean, or of 1, are rounding.
                 let is_constant = variance.sqrt() <= 1e-6 * neighbourhood.mean(k, x, y).abs().max(1.0);
                 let samples = match bandwidth {
-                    Bandwidth::RpfSigma { .. } => 6.0,
+                    // 6 in the mean
+                    Bandwidth::RpfSigma { .. } => (6.0 * (2.0 + x as f32).max(6.0)).sqrt(),
                     Bandwidth::Literal => 1.0,
                     Bandwidth::MeanVariance { .. } => (2 + x) as f32,
                 };
