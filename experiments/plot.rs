@@ -145,8 +145,8 @@ impl Plot<'_> {
             .configure_mesh()
             .x_desc(self.x)
             .y_desc(self.y)
-            .x_label_formatter(&|value| tick(*value))
-            .y_label_formatter(&|value| tick(*value))
+            .x_label_formatter(&|value| tick(*value, xs))
+            .y_label_formatter(&|value| tick(*value, ys))
             .light_line_style(WHITE)
             .draw()?;
 
@@ -195,8 +195,18 @@ fn slopes(xs: (f64, f64), ys: (f64, f64)) -> Vec<Vec<(f64, f64)>> {
         .collect()
 }
 
-/// Formats a number at an axis.
-fn tick(value: f64) -> String {
+/// Formats a number at an axis with these ends. On long axes most numbers get no text, since they would overlap.
+fn tick(value: f64, (least, most): (f64, f64)) -> String {
+    let mantissa = value / 10_f64.powf((value.log10() + 1e-9).floor());
+    let is_one_of = |mantissas: &[f64]| mantissas.iter().any(|m| (mantissa - m).abs() < 1e-6);
+    let is_shown = match (most / least).log10() {
+        ..0.95 => true,
+        ..2.5 => is_one_of(&[1.0, 2.0, 5.0]),
+        _ => is_one_of(&[1.0]),
+    };
+    if !is_shown {
+        return String::new();
+    }
     if (0.01..10_000.0).contains(&value) {
         let text = format!("{value:.3}");
         return text.trim_end_matches('0').trim_end_matches('.').to_owned();
@@ -230,7 +240,21 @@ mod tests {
 
     #[test]
     fn ticks_are_short() {
-        assert_eq!([8.0, 0.25, 1e-4, 20_000.0].map(tick), ["8", "0.25", "1e-4", "2e4"]);
+        let text = |value: f64| tick(value, (value, 2.0 * value));
+        assert_eq!([8.0, 0.25, 1e-4, 20_000.0].map(text), ["8", "0.25", "1e-4", "2e4"]);
+    }
+
+    #[test]
+    fn long_axes_have_fewer_numbers() {
+        let numbers = |ends: (f64, f64)| -> Vec<String> {
+            let values =
+                (-3..=0).flat_map(|exponent| (1..10).map(move |m| f64::from(m) * 10_f64.powi(exponent)));
+            let shown = values.filter(|value| (ends.0..=ends.1).contains(value));
+            shown.map(|value| tick(value, ends)).filter(|text| !text.is_empty()).collect()
+        };
+        assert_eq!(numbers((0.45, 3.5)), ["0.5", "0.6", "0.7", "0.8", "0.9", "1", "2", "3"]);
+        assert_eq!(numbers((0.035, 3.5)), ["0.05", "0.1", "0.2", "0.5", "1", "2"]);
+        assert_eq!(numbers((0.0015, 3.5)), ["0.01", "0.1", "1"]);
     }
 
     #[test]
