@@ -273,11 +273,12 @@ fn hit_fractions(store: &Store) -> Planes {
 /// Whether a sample of a pixel met an emitter, for all pixels.
 fn met_emitter(store: &Store) -> Vec<bool> {
     let layout = store.layout();
-    let [colour, radiance] = [layout.colour(), layout.radiance()].map(|dims| store.means(Part::Whole, dims));
+    let Some(radiance) = layout.block(Block::Radiance) else { return vec![false; store.pixels()] };
+    let [colour, radiance] = [layout.colour(), radiance].map(|dims| store.means(Part::Whole, dims));
     let met = |i: usize| {
         (0..3).any(|c| {
             let radiance = radiance.plane(c)[i];
-            radiance - colour.plane(c)[i] > FeatureGuide::LEAST_EMISSION * radiance
+            radiance - colour.plane(c)[i] > FeatureGuide::LEAST_EMISSION * radiance.abs()
         })
     };
     (0..store.pixels()).map(met).collect()

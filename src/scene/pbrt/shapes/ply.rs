@@ -31,7 +31,12 @@ fn read_from(reader: impl BufRead, max_length: u64) -> Result<MeshDescription, S
     let mut reader = PlyReader::from_reader(reader).map_err(|error| error.to_string())?;
     check(reader.header(), max_length)?;
     let mut mesh = MeshDescription::default();
-    while let Some(element) = reader.current_element() {
+    let mut missing = vec!["vertex", "face"];
+    // What follows is not read, however long it is
+    while !missing.is_empty()
+        && let Some(element) = reader.current_element()
+    {
+        missing.retain(|name| *name != element.name);
         let damaged = format!("the header states {} elements of \"{}\"", element.count, element.name);
         let damaged = |error: serde_ply::DeserializeError| format!("{damaged}: {error}");
         match element.name.as_str() {
@@ -63,7 +68,7 @@ fn check(header: &PlyHeader, max_length: u64) -> Result<(), String> {
         }
     }
     for element in &header.elem_defs {
-        // Each element takes at least a byte, unless it has no properties
+        // A row takes at least a byte, unless it has no properties
         if element.properties.is_empty() || element.count as u64 > max_length {
             return Err(format!(
                 "{} elements of \"{}\" with {} properties in a file that holds at most {max_length} bytes",
@@ -75,6 +80,13 @@ fn check(header: &PlyHeader, max_length: u64) -> Result<(), String> {
     }
     let count = |name: &str| header.get_element(name).map_or(0, |element| element.count as u64);
     let (vertices, faces) = (count("vertex"), count("face"));
+    let most_rows = SKIPPED_ROWS.saturating_mul(vertices.saturating_add(faces).saturating_add(1));
+    if let Some(element) = header.elem_defs.iter().find(|element| element.count as u64 > most_rows) {
+        return Err(format!(
+            "{} elements of \"{}\" beside {vertices} vertices and {faces} faces; at most {most_rows} are skipped",
+            element.count, element.name
+        ));
+    }
     check_available(vertices * VERTEX_BYTES + faces * TRIANGLE_BYTES)
         .map_err(|problem| format!("the header states {vertices} vertices and {faces} faces: {problem}"))
 }
@@ -83,6 +95,8 @@ fn check(header: &PlyHeader, max_length: u64) -> Result<(), String> {
 const VERTEX_BYTES: u64 = 3 * (2 * size_of::<DVec3>() + size_of::<DVec2>()) as u64 / 2;
 /// Memory of a triangle: as [`Faces`], and in the mesh.
 const TRIANGLE_BYTES: u64 = 2 * size_of::<[u32; 3]>() as u64;
+/// Most rows of an element that is skipped, for each vertex and face: edges are fewer than both together.
+const SKIPPED_ROWS: u64 = 16;
 /// Most corners of a face.
 const MAX_CORNERS: usize = 1 << 16;
 
@@ -309,6 +323,20 @@ mod tests {
         assert!(read_bytes("a.ply", huge.as_bytes()).unwrap_err().contains("4000000000000"));
         let endless = ASCII.replace("element face", "element void 9\nelement face");
         assert!(read_bytes("a.ply", endless.as_bytes()).unwrap_err().contains("0 properties"));
+    }
+
+    #[test]
+    fn other_elements_of_far_more_rows_are_errors_and_what_follows_the_faces_is_not_read() {
+        let with_notes = |notes: usize| {
+            let text = ASCII
+                .replace("element face", &format!("element note {notes}\nproperty uchar a\nelement face"));
+            text.replace("0 1 0 0 1\n", &format!("0 1 0 0 1\n{}", "7\n".repeat(notes)))
+        };
+        assert_square(&read_bytes("a.ply", with_notes(96).as_bytes()).unwrap());
+        let message = read_bytes("a.ply", with_notes(97).as_bytes()).unwrap_err();
+        assert_eq!(message, "97 elements of \"note\" beside 4 vertices and 1 faces; at most 96 are skipped");
+        let endless = ASCII.replace("end_header", "element note 90\nproperty float a\nend_header");
+        assert_square(&read_bytes("a.ply", endless.as_bytes()).unwrap());
     }
 
     #[test]
