@@ -5,6 +5,7 @@ use rayon::prelude::*;
 
 use super::input_statistics::ALBEDO_RANGE;
 use super::network::MIXTURE;
+use crate::filter::common::emitter_outlines::outside_emitters;
 use crate::filter::common::half_counts::HalfCounts;
 use crate::filter::common::interleaved_planes::InterleavedPlanes;
 use crate::filter::whole_image::WholeImage;
@@ -170,14 +171,26 @@ impl Candidates {
         if self.emission.is_some() { 9 } else { 6 }
     }
 
+    /// Returns for each pixel whether it lies outside all emitters, where it gets none of its neighbours' emission.
+    fn outside_emitters(&self) -> Vec<bool> {
+        let pixels = 0..self.colour.mean.pixels();
+        let met_emitter: Vec<bool> = match &self.emission {
+            Some(emission) => pixels.map(|i| (0..3).any(|c| emission.mean.plane(c)[i] > 0.0)).collect(),
+            None => pixels.map(|_| false).collect(),
+        };
+        outside_emitters(self.colour.mean.width(), &met_emitter)
+    }
+
     /// Mixes the candidates with the filtered planes of [`Self::values`], and adds the emission.
     pub fn mix(&self, predicted: &InterleavedPlanes, filtered: &InterleavedPlanes) -> Noisy {
         let (width, height) = (predicted.width(), predicted.height());
+        let is_outside = self.outside_emitters();
         let weights: Vec<MixtureWeights> = (0..width * height)
             .into_par_iter()
             .map(|i| {
                 let predicted = std::array::from_fn(|k| predicted.at(k, i % width, i / width));
-                MixtureWeights::new(predicted)
+                let weights = MixtureWeights::new(predicted);
+                if is_outside[i] { MixtureWeights { emission: 0.0, ..weights } } else { weights }
             })
             .collect();
         let [mean, noise] = [0, 1].map(|part| {

@@ -335,6 +335,32 @@ mod tests {
         }
     }
 
+    #[test]
+    fn a_bright_emitter_does_not_light_the_wall_beside_it() {
+        // One of 16 samples of the rim, column 20, meets the emitter
+        let (wall_radiance, emitted) = (0.03, 2000.0);
+        let layout = Layout::with_blocks(|block| {
+            matches!(block, Block::Albedo | Block::Normal1 | Block::Radiance | Block::Emission)
+        });
+        let meets_emitter = |x: usize, index: u32| x > 20 || x == 20 && index % 16 == 5;
+        let sample = |x: usize, y: usize, index: u32, rng: &mut rand_pcg::Pcg32| {
+            let mut sample = wall(&layout, x, y, [wall_radiance; 3], rng);
+            if meets_emitter(x, index) {
+                layout.write(&mut sample, Block::Radiance, &[wall_radiance + emitted; 3]);
+                layout.write(&mut sample, Block::Emission, &[emitted; 3]);
+            }
+            sample
+        };
+        let store = store(40, 20, layout.clone(), |_, _| 16, sample);
+        for denoiser in [&STANDARD, &DRAFT] {
+            let image = denoiser.filter(&store, 0).image;
+            for (x, y) in (0..20).flat_map(|y| (0..20).map(move |x| (x, y))) {
+                assert!((0.02..0.04).contains(&image.at(0, x, y)), "{x} {y}: {}", image.at(0, x, y));
+            }
+            assert!(image.at(0, 30, 10) > 0.9 * emitted);
+        }
+    }
+
     /// Root of the mean squared deviation from 1.
     fn deviation(image: &Planes) -> f32 {
         let squares: f32 = image.data().iter().map(|v| (v - 1.0).powi(2)).sum();
