@@ -31,7 +31,7 @@ fn read_from(reader: impl BufRead, max_length: u64) -> Result<MeshDescription, S
     let mut reader = PlyReader::from_reader(reader).map_err(|error| error.to_string())?;
     check(reader.header(), max_length)?;
     let mut mesh = MeshDescription::default();
-    let mut missing = vec!["vertex", "face"];
+    let mut missing = NEEDED.to_vec();
     // What follows is not read, however long it is
     while !missing.is_empty()
         && let Some(element) = reader.current_element()
@@ -62,7 +62,7 @@ fn read_from(reader: impl BufRead, max_length: u64) -> Result<MeshDescription, S
 
 /// Rejects headers with more elements than a file of `max_length` bytes, or the memory, can hold.
 fn check(header: &PlyHeader, max_length: u64) -> Result<(), String> {
-    for name in ["vertex", "face"] {
+    for name in NEEDED {
         if !header.has_element(name) {
             return Err(format!("the file has no element \"{name}\""));
         }
@@ -81,7 +81,9 @@ fn check(header: &PlyHeader, max_length: u64) -> Result<(), String> {
     let count = |name: &str| header.get_element(name).map_or(0, |element| element.count as u64);
     let (vertices, faces) = (count("vertex"), count("face"));
     let most_rows = SKIPPED_ROWS.saturating_mul(vertices.saturating_add(faces).saturating_add(1));
-    if let Some(element) = header.elem_defs.iter().find(|element| element.count as u64 > most_rows) {
+    let last_read = header.elem_defs.iter().rposition(|element| NEEDED.contains(&element.name.as_str()));
+    let mut read = header.elem_defs.iter().take(last_read.unwrap_or(0));
+    if let Some(element) = read.find(|element| element.count as u64 > most_rows) {
         return Err(format!(
             "{} elements of \"{}\" beside {vertices} vertices and {faces} faces; at most {most_rows} are skipped",
             element.count, element.name
@@ -95,6 +97,8 @@ fn check(header: &PlyHeader, max_length: u64) -> Result<(), String> {
 const VERTEX_BYTES: u64 = 3 * (2 * size_of::<DVec3>() + size_of::<DVec2>()) as u64 / 2;
 /// Memory of a triangle: as [`Faces`], and in the mesh.
 const TRIANGLE_BYTES: u64 = 2 * size_of::<[u32; 3]>() as u64;
+/// The elements that a mesh is made of.
+const NEEDED: [&str; 2] = ["vertex", "face"];
 /// Most rows of an element that is skipped, for each vertex and face: edges are fewer than both together.
 const SKIPPED_ROWS: u64 = 16;
 /// Most corners of a face.
@@ -335,7 +339,7 @@ mod tests {
         assert_square(&read_bytes("a.ply", with_notes(96).as_bytes()).unwrap());
         let message = read_bytes("a.ply", with_notes(97).as_bytes()).unwrap_err();
         assert_eq!(message, "97 elements of \"note\" beside 4 vertices and 1 faces; at most 96 are skipped");
-        let endless = ASCII.replace("end_header", "element note 90\nproperty float a\nend_header");
+        let endless = ASCII.replace("end_header", "element note 200\nproperty float a\nend_header");
         assert_square(&read_bytes("a.ply", endless.as_bytes()).unwrap());
     }
 
