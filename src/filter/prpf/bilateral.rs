@@ -8,7 +8,7 @@
 use multiversion::target::match_target;
 use rayon::prelude::*;
 
-use super::feature_guide::FeatureGuide;
+use super::feature_guide::{FeatureGuide, meets_alike};
 use super::inverse_bandwidths::inverse_bandwidths;
 use super::neighbourhood::Neighbourhood;
 use super::settings::{Bandwidth, PrpfSettings};
@@ -272,8 +272,7 @@ fn add_neighbours<const FMA: bool>(
     let mut weights = [0.0; LANES];
     for l in 0..LANES {
         let weight = exp_negative_precise::<FMA>(exponents[l]);
-        let hits_alike = (centre.hit[l] - hits[l]).abs() <= FeatureGuide::HIT_THRESHOLD;
-        let is_similar = hits_alike & (met_emitter[l] <= centre.takes_emission[l]);
+        let is_similar = meets_alike([centre.hit[l], centre.takes_emission[l]], [hits[l], met_emitter[l]]);
         weights[l] = if is_similar & (exponents[l] <= MAX_EXPONENT) { weight } else { 0.0 };
         sums.weights[l] += weights[l];
     }

@@ -49,7 +49,7 @@ pub struct FeatureGuide {
 impl FeatureGuide {
     /// Similarity threshold of hit fractions. Surfaces are never similar to the background; pixels with both are
     /// similar to either.
-    pub const HIT_THRESHOLD: f32 = 0.5;
+    const HIT_THRESHOLD: f32 = 0.5;
 
     /// [`Self::hit`] of no pixel: farther than the threshold from every fraction.
     pub const NO_PIXEL: f32 = 4.0;
@@ -152,16 +152,23 @@ impl FeatureGuide {
             let d = self.means.at(k, i.0, i.1) - self.means.at(k, j.0, j.1);
             d * d <= self.thresholds.at(k, i.0, i.1)
         };
-        self.meet_alike(i, j) && (0..self.features()).all(is_within)
+        self.meets_alike(i, j) && (0..self.features()).all(is_within)
     }
 
     /// Whether the samples of pixel `j` hit surfaces about as often as those of pixel `i`, and met no emitter that `i` lies
     /// beside.
-    pub fn meet_alike(&self, i: (usize, usize), j: (usize, usize)) -> bool {
-        let hits = self.own_hit.at(0, i.0, i.1) - self.hit.at(0, j.0, j.1);
-        hits.abs() <= Self::HIT_THRESHOLD
-            && self.met_emitter.at(0, j.0, j.1) <= self.takes_emission.at(0, i.0, i.1)
+    pub fn meets_alike(&self, i: (usize, usize), j: (usize, usize)) -> bool {
+        let own = [&self.own_hit, &self.takes_emission].map(|plane| plane.at(0, i.0, i.1));
+        let other = [&self.hit, &self.met_emitter].map(|plane| plane.at(0, j.0, j.1));
+        meets_alike(own, other)
     }
+}
+
+/// Implements [`FeatureGuide::meets_alike`]. `own` are [`FeatureGuide::own_hit`] and [`FeatureGuide::takes_emission`] of a
+/// pixel, `other` are [`FeatureGuide::hit`] and [`FeatureGuide::met_emitter`] of another.
+#[inline(always)]
+pub fn meets_alike(own: [f32; 2], other: [f32; 2]) -> bool {
+    ((own[0] - other[0]).abs() <= FeatureGuide::HIT_THRESHOLD) & (other[1] <= own[1])
 }
 
 /// Implements [`FeatureGuide::cluster`].
@@ -180,7 +187,7 @@ fn collect_similar(
     let (top, bottom) = (y.saturating_sub(radius), (y + radius).min(guide.height() - 1));
     // A pixel that is not similar is written to the place of the next one: a vector more places.
     cluster.resize((right - left + 1) * (bottom - top + 1) + LANES, (0, 0));
-    let (hit, takes_emission) = (guide.own_hit.at(0, x, y), guide.takes_emission.at(0, x, y));
+    let own_met = [&guide.own_hit, &guide.takes_emission].map(|plane| plane.at(0, x, y));
     let own: Vec<(f32, f32)> =
         (0..guide.features()).map(|k| (guide.means.at(k, x, y), guide.thresholds.at(k, x, y))).collect();
     let (first, rest) = own.split_at(own.len().min(FIRST_FEATURES));
@@ -193,8 +200,7 @@ fn collect_similar(
                 [&guide.hit, &guide.met_emitter].map(|plane| lanes(&plane.row_with_margins(0, yj)[at..]));
             let mut similar = [0; LANES];
             for l in 0..LANES {
-                let hits_alike = (hit - hits[l]).abs() <= FeatureGuide::HIT_THRESHOLD;
-                similar[l] = u32::from(hits_alike & (met_emitter[l] <= takes_emission));
+                similar[l] = u32::from(meets_alike(own_met, [hits[l], met_emitter[l]]));
             }
             let mut planes = guide.means.row_planes(yj, at);
             for features in [first, rest] {

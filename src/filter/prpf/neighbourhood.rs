@@ -5,7 +5,7 @@
 
 use rayon::prelude::*;
 
-use super::feature_guide::FeatureGuide;
+use super::feature_guide::{FeatureGuide, meets_alike};
 use crate::filter::cancellable_pool::stop_if_cancelled;
 use crate::filter::common::interleaved_planes::InterleavedPlanes;
 use crate::filter::common::lanes::lanes;
@@ -91,9 +91,10 @@ fn compute_row(guide: &FeatureGuide, offsets: &[isize], y: usize, similar: &mut 
             for xj in columns.clone() {
                 let [hits, met_emitter] =
                     [&guide.hit, &guide.met_emitter].map(|plane| lanes(&plane.row_with_margins(0, yj)[xj..]));
-                let mut flags: Lanes =
-                    std::array::from_fn(|l| f32::from(u8::from(met_emitter[l] <= takes_emission[l])));
-                clear_dissimilar(&mut flags, &own_hit, hits, &[FeatureGuide::HIT_THRESHOLD.powi(2); LANES]);
+                let mut flags: Lanes = std::array::from_fn(|l| {
+                    let is_alike = meets_alike([own_hit[l], takes_emission[l]], [hits[l], met_emitter[l]]);
+                    if is_alike { 1.0 } else { 0.0 }
+                });
                 for ((own, threshold), others) in centre.iter().zip(guide.means.row_planes(yj, xj)) {
                     clear_dissimilar(&mut flags, own, lanes(others), threshold);
                 }

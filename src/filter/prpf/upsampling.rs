@@ -3,7 +3,7 @@
 
 use rayon::prelude::*;
 
-use super::feature_guide::FeatureGuide;
+use super::feature_guide::{FeatureGuide, meets_alike};
 use super::grid::{Grid, NODES};
 use super::neighbourhood::Neighbourhood;
 use super::settings::PrpfSettings;
@@ -106,7 +106,7 @@ fn interpolation_weight(inputs: &WeightInputs, (x, y): (usize, usize), node: (us
     };
     let exponent = film_factor(inputs.window) * (dx * dx + dy * dy)
         + (0..guide.features() + 3).map(distance).sum::<f32>();
-    if guide.meet_alike((x, y), node) { (-0.5 * exponent).exp() } else { 0.0 }
+    if guide.meets_alike((x, y), node) { (-0.5 * exponent).exp() } else { 0.0 }
 }
 
 /// Returns one over the variance by which the squared differences of a dimension are divided. `z` is the similarity
@@ -250,10 +250,9 @@ fn interpolate_row(
 
         // Compute the interpolation weights
         let mut weights = [0.0; NODES];
-        let (hit, takes_emission) = (guide.own_hit.at(0, x, y), guide.takes_emission.at(0, x, y));
+        let own_met = [&guide.own_hit, &guide.takes_emission].map(|plane| plane.at(0, x, y));
         for n in 0..NODES {
-            let hits_alike = (hits[n] - hit).abs() <= FeatureGuide::HIT_THRESHOLD;
-            let is_similar = hits_alike & (met_emitter[n] <= takes_emission);
+            let is_similar = meets_alike(own_met, [hits[n], met_emitter[n]]);
             let exponent = 0.5 * exponents[n];
             let weight = exp_negative_precise::<false>(exponent.min(MAX_EXPONENT));
             weights[n] = if is_similar & (exponent <= MAX_EXPONENT) { weight } else { 0.0 };
