@@ -62,16 +62,6 @@ impl Store {
         self.store.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Checks that the deviations of a half of the samples are kept.
-    fn check_deviations(&self, py: Python, half: Option<usize>) -> PyResult<()> {
-        if half.is_some() && !self.statistics(py).layout().has_half_deviations() {
-            return Err(value_error(
-                "half: found a store without deviations of its halves; accepted is one that was rendered with all statistics",
-            ));
-        }
-        Ok(())
-    }
-
     /// Reads a function of the moments of the dimensions that `names` selects.
     fn read(
         &self,
@@ -321,7 +311,6 @@ impl Store {
         names: Option<&Bound<PyAny>>,
         #[pyo3(from_py_with = arguments::whole_or_none)] half: Option<usize>,
     ) -> PyResult<Py<PyAny>> {
-        self.check_deviations(py, half)?;
         self.read(py, names, half, |store, part, dimensions| store.variances(part, dimensions))
     }
 
@@ -333,7 +322,6 @@ impl Store {
         names: Option<&Bound<PyAny>>,
         #[pyo3(from_py_with = arguments::whole_or_none)] half: Option<usize>,
     ) -> PyResult<Py<PyAny>> {
-        self.check_deviations(py, half)?;
         self.read(py, names, half, |store, part, dimensions| {
             let mut planes = store.variances(part, dimensions);
             planes.data_mut().iter_mut().for_each(|value| *value = value.sqrt());

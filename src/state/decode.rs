@@ -31,7 +31,7 @@ pub fn decode(file: &[u8]) -> Result<RenderState, StateErrorKind> {
         serde_json::from_slice(text).map_err(|error| StateErrorKind::Header(error.to_string()))?;
 
     // Compare the sizes with the bytes that are there
-    let layout = Layout::from_names(&header.dimensions, &header.left_out, header.half_deviations)
+    let layout = Layout::from_names(&header.dimensions, &header.left_out)
         .ok_or_else(|| wrong("unknown dimensions"))?;
     let sizes = ArraySizes::new(&header, &layout).ok_or_else(|| wrong("a size beyond all memory"))?;
     // An image without columns takes no bytes, however many rows it has.

@@ -70,8 +70,7 @@ fn statistics<W: Write + Seek>(store: &Store, npz: &mut Npz<W>) -> io::Result<()
     for (suffix, part) in PARTS {
         npz.array(&format!("count{suffix}"), &[height, width], store.counts(part))?;
         let values = [("mean", mean as Value), ("m2", m2)];
-        let has_deviations = part == Part::Whole || store.layout().has_half_deviations();
-        for (name, value) in values.into_iter().take(1 + usize::from(has_deviations)) {
+        for (name, value) in values {
             let all =
                 (0..dims).flat_map(|dim| pixels().map(move |(row, x)| value(row.moments(x, dim, part))));
             npz.array(&format!("{name}{suffix}"), &[dims, height, width], all)?;

@@ -19,7 +19,7 @@ use crate::progressive::TILE;
 use crate::stats::{Layout, Row};
 
 /// Version of the format; states of other versions are refused.
-pub const VERSION: u32 = 5;
+pub const VERSION: u32 = 6;
 
 /// The first bytes of every state file.
 pub(super) const MAGIC: &[u8; 8] = b"prpfstat";

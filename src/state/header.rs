@@ -20,8 +20,6 @@ pub struct Header {
     pub dimensions: Vec<String>,
     /// Names of the dimensions that the scene calls for and the render did not keep.
     pub left_out: Vec<String>,
-    /// Whether it has the deviations of both halves of the samples, beside those of all.
-    pub half_deviations: bool,
     /// Sample vectors per pixel that the reservoir holds at most.
     pub capacity: usize,
     pub position: PositionHeader,
@@ -64,7 +62,6 @@ impl Header {
             streams: state.streams.clone(),
             dimensions: store.layout().dimensions().iter().map(|d| d.name.to_owned()).collect(),
             left_out: store.layout().names_left_out(|_| true).into_iter().map(str::to_owned).collect(),
-            half_deviations: store.layout().has_half_deviations(),
             capacity: store.capacity(),
             position: match position {
                 Position::Plan => PositionHeader::Plan,

@@ -161,30 +161,24 @@ pub struct Layout {
     starts: [Option<usize>; ALL.len()],
     /// Blocks that the scene calls for and the layout does not have.
     left_out: BlockSet,
-    /// See [`Self::has_half_deviations`].
-    half_deviations: bool,
 }
 
 impl Layout {
     /// A layout of the blocks for which `is_enabled` is true; film position and colour are always enabled.
     pub fn with_blocks(is_enabled: impl Fn(Block) -> bool) -> Self {
-        Self::new(|block| block == Block::Film || is_enabled(block), BlockSet::NONE, true)
+        Self::new(|block| block == Block::Film || is_enabled(block), BlockSet::NONE)
     }
 
-    /// The layout that keeps only what filters and outputs read: the blocks in `kept`, and the deviations of all
-    /// samples but not those of the halves. The colour always stays. With [`BlockSet::ALL`] it is this one.
+    /// The layout that keeps only the blocks in `kept`. The colour always stays.
     pub fn restricted_to(&self, kept: BlockSet) -> Self {
-        if kept == BlockSet::ALL {
-            return self.clone();
-        }
         let is_left_out = |&block: &Block| self.block(block).is_some() && !kept.contains(block);
         let left_out = ALL.iter().map(|&(block, _)| block).filter(is_left_out);
         let left_out = left_out.filter(|&block| block != Block::Colour).collect();
         let is_kept = |block| self.block(block).is_some() && kept.contains(block);
-        Self::new(is_kept, self.left_out | left_out, false)
+        Self::new(is_kept, self.left_out | left_out)
     }
 
-    fn new(is_enabled: impl Fn(Block) -> bool, left_out: BlockSet, half_deviations: bool) -> Self {
+    fn new(is_enabled: impl Fn(Block) -> bool, left_out: BlockSet) -> Self {
         let mut dimensions = Vec::new();
         let starts = ALL.map(|(block, dims)| {
             let enabled = block == Block::Colour || is_enabled(block);
@@ -194,7 +188,7 @@ impl Layout {
                 start
             })
         });
-        let layout = Self { dimensions, starts, left_out, half_deviations };
+        let layout = Self { dimensions, starts, left_out };
         debug_assert_eq!(layout.validate(), Ok(()));
         layout
     }
@@ -225,28 +219,20 @@ impl Layout {
 
     /// The layout whose dimensions have the first names, and that leaves out those of the second, both in the order of
     /// a sample; `None` if there is none.
-    pub fn from_names<S: AsRef<str>>(names: &[S], left_out: &[S], half_deviations: bool) -> Option<Self> {
+    pub fn from_names<S: AsRef<str>>(names: &[S], left_out: &[S]) -> Option<Self> {
         let is_in = |block: Block, names: &[S]| {
             ALL[block as usize].1.iter().all(|d| names.iter().any(|name| name.as_ref() == d.name))
         };
         let blocks = ALL.iter().map(|&(block, _)| block);
         let left_out_blocks = blocks.filter(|&block| is_in(block, left_out)).collect();
-        let layout = Self::new(|block| is_in(block, names), left_out_blocks, half_deviations);
+        let layout = Self::new(|block| is_in(block, names), left_out_blocks);
         let same = |a: &[S], b: &[&str]| a.iter().map(AsRef::as_ref).eq(b.iter().copied());
         let found: Vec<_> = layout.names().collect();
         (same(names, &found) && same(left_out, &layout.names_left_out(|_| true))).then_some(layout)
     }
 
-    /// Whether a store keeps the deviations of both halves of the samples, beside those of all.
-    pub fn has_half_deviations(&self) -> bool {
-        self.half_deviations
-    }
-
     /// The enabled blocks, with which [`Self::restricted_to`] gives this layout again.
     pub fn blocks(&self) -> BlockSet {
-        if self.half_deviations {
-            return BlockSet::ALL;
-        }
         ALL.iter().map(|&(block, _)| block).filter(|&block| self.block(block).is_some()).collect()
     }
 

@@ -3,11 +3,12 @@
 //! A sample is a vector whose dimensions a [`Layout`] describes. A [`Store`] takes sample vectors in and
 //! gives, for each pixel and dimension, Welford's mean and sum of squared deviations, of all samples and
 //! of two independent halves; and for each pixel a bounded reservoir of whole sample vectors. A restricted
-//! layout keeps fewer dimensions, and of the halves the means only. It does not depend on a renderer.
+//! layout keeps fewer dimensions. It does not depend on a renderer.
 
 mod block_set;
 mod columns;
 mod half_moments;
+mod half_store;
 mod layout;
 mod moments;
 mod part;

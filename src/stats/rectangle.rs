@@ -67,7 +67,7 @@ impl Store {
         layout: &Layout,
         capacity: usize,
     ) -> usize {
-        Selection::new(0..rectangle.width(), extent, layout, capacity).byte_len(layout) * rectangle.height()
+        Selection::new(0..rectangle.width(), extent, layout, capacity).byte_len() * rectangle.height()
     }
 
     /// Converts statistics of a rectangle of pixels to bytes, row by row.
@@ -76,7 +76,7 @@ impl Store {
     /// If the rectangle is not within the store.
     pub fn rectangle_to_bytes(&self, rectangle: &Rectangle, extent: StatisticsExtent) -> Vec<u8> {
         let selection = self.select(rectangle, extent);
-        let row_bytes = selection.byte_len(self.layout());
+        let row_bytes = selection.byte_len();
         let mut bytes = vec![0; row_bytes * rectangle.height()];
         let [y0, y1] = rectangle.y;
         let rows = bytes.par_chunks_mut(row_bytes.max(1)).zip(&self.rows()[y0..y1]);
@@ -91,7 +91,7 @@ impl Store {
     /// If the rectangle is not within the store, or the number of bytes is not [`Self::rectangle_byte_len`].
     pub fn read_rectangle(&mut self, rectangle: &Rectangle, extent: StatisticsExtent, bytes: &[u8]) {
         let selection = self.select(rectangle, extent);
-        let row_bytes = selection.byte_len(self.layout());
+        let row_bytes = selection.byte_len();
         assert_eq!(bytes.len(), row_bytes * rectangle.height(), "the rectangle's bytes");
         let [y0, y1] = rectangle.y;
         let rows = self.rows_mut()[y0..y1].par_iter_mut().zip(bytes.par_chunks(row_bytes.max(1)));

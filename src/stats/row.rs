@@ -5,13 +5,13 @@ mod merge;
 mod pixel_block;
 
 pub use bytes::RowError;
-pub(super) use bytes::Selection;
+pub(super) use bytes::{MOMENTS_BYTES, Selection};
 pub use pixel_block::{LARGEST_VALUE, PIXEL_BLOCK, PixelBlockValues};
 
 use std::ops::Range;
 
 use super::layout::{Group, Layout};
-use super::moments::Moments;
+use super::moments::{Moments, round_deviations};
 use super::part::Part;
 use super::reservoir;
 use pixel_block::CACHE_LINE;
@@ -32,27 +32,35 @@ pub struct Row {
     pub(super) next_index: Vec<u32>,
     pub(super) rejected: Vec<u32>,
     pub(super) halves: [HalfRow; 2],
-    /// Sums of squared deviations from the mean of the half that a sample is in, `[dimension][pixel]`: one plane for each
-    /// half, or one that adds those of both.
-    pub(super) deviations: Vec<Vec<f64>>,
     /// Sample vectors, `[pixel][slot][dimension]`.
     pub(super) reservoir: Vec<f32>,
     /// Keys of the pixels' reservoirs; empty without reservoirs.
     pub(super) keys: Vec<u64>,
 }
 
-/// Counts and means of one half of the samples.
+/// Moments of one half of the samples.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct HalfRow {
     /// Number of valid samples, `[pixel]`.
     pub(super) count: Vec<u32>,
     /// `[dimension][pixel]`.
     pub(super) mean: Vec<f64>,
+    /// Sums of squared deviations from the mean, `[dimension][pixel]`, rounded at random.
+    pub(super) m2: Vec<f32>,
 }
 
-/// Number of planes of deviations that a row of this layout has.
-pub(super) fn deviation_planes(layout: &Layout) -> usize {
-    if layout.has_half_deviations() { 2 } else { 1 }
+impl HalfRow {
+    /// Moments of element `i` of the planes, which is of pixel `x`.
+    #[inline]
+    fn moments(&self, x: usize, i: usize) -> Moments {
+        Moments { count: self.count[x], mean: self.mean[i], m2: f64::from(self.m2[i]) }
+    }
+
+    /// Replaces mean and deviations of element `i`.
+    #[inline]
+    fn set(&mut self, i: usize, moments: Moments) {
+        (self.mean[i], self.m2[i]) = (moments.mean, round_deviations(moments.m2, moments.mean));
+    }
 }
 
 impl Row {
@@ -61,7 +69,11 @@ impl Row {
         let (width, dims) = (columns.len(), layout.len());
         let blocks = width.next_multiple_of(PIXEL_BLOCK);
         let stride = blocks + CACHE_LINE;
-        let half = || HalfRow { count: vec![0; blocks], mean: vec![0.0; stride * dims] };
+        let half = || HalfRow {
+            count: vec![0; blocks],
+            mean: vec![0.0; stride * dims],
+            m2: vec![0.0; stride * dims],
+        };
         let keyed = if capacity > 0 { columns } else { 0..0 };
         Self {
             width,
@@ -78,7 +90,6 @@ impl Row {
             next_index: vec![0; blocks],
             rejected: vec![0; blocks],
             halves: [half(), half()],
-            deviations: vec![vec![0.0; stride * dims]; deviation_planes(layout)],
             reservoir: vec![0.0; width * capacity * dims],
             keys: keyed.map(|x| reservoir::key(seed, x, y)).collect(),
         }
@@ -91,8 +102,8 @@ impl Row {
         for half in &mut self.halves {
             half.count.fill(0);
             half.mean.fill(0.0);
+            half.m2.fill(0.0);
         }
-        self.deviations.iter_mut().for_each(|plane| plane.fill(0.0));
         self.reservoir.fill(0.0);
     }
 
@@ -142,16 +153,10 @@ impl Row {
             *count += 1;
             weights[half][lane] = 1.0 / f64::from(*count);
         }
-        for (index, (half, weights)) in self.halves.iter_mut().zip(&weights).enumerate() {
+        for (half, weights) in self.halves.iter_mut().zip(&weights) {
             if weights.iter().any(|&weight| weight > 0.0) {
-                let plane = index.min(self.deviations.len() - 1);
-                pixel_block::update(
-                    &mut half.mean[first..],
-                    &mut self.deviations[plane][first..],
-                    self.stride,
-                    values,
-                    weights,
-                );
+                let (means, m2s) = (&mut half.mean[first..], &mut half.m2[first..]);
+                pixel_block::update(means, m2s, self.stride, values, weights);
             }
         }
         rejected
@@ -163,18 +168,14 @@ impl Row {
         let to = at..at + pixels.len();
         self.next_index[to.clone()].copy_from_slice(&from.next_index[pixels.clone()]);
         self.rejected[to.clone()].copy_from_slice(&from.rejected[pixels.clone()]);
-        let copy_planes = |planes: &mut [f64], stride: usize, others: &[f64], other_stride: usize| {
-            let both = planes.chunks_exact_mut(stride).zip(others.chunks_exact(other_stride));
-            both.skip(dims.start)
-                .take(dims.len())
-                .for_each(|(plane, other)| plane[to.clone()].copy_from_slice(&other[pixels.clone()]));
-        };
         for (half, other) in self.halves.iter_mut().zip(&from.halves) {
             half.count[to.clone()].copy_from_slice(&other.count[pixels.clone()]);
-            copy_planes(&mut half.mean, self.stride, &other.mean, from.stride);
-        }
-        for (plane, other) in self.deviations.iter_mut().zip(&from.deviations) {
-            copy_planes(plane, self.stride, other, from.stride);
+            for dim in dims.clone() {
+                let (at, source) = (dim * self.stride + to.start, dim * from.stride + pixels.start);
+                let (to, source) = (at..at + pixels.len(), source..source + pixels.len());
+                half.mean[to.clone()].copy_from_slice(&other.mean[source.clone()]);
+                half.m2[to].copy_from_slice(&other.m2[source]);
+            }
         }
         if reservoir > 0 {
             self.keys[to.clone()].copy_from_slice(&from.keys[pixels.clone()]);
@@ -193,14 +194,23 @@ impl Row {
         values: impl Iterator<Item = (f32, f32)>,
     ) {
         self.next_index[x] += count;
-        let plane = half.min(self.deviations.len() - 1);
         let half = &mut self.halves[half];
         half.count[x] = count;
         for (dim, (mean, variance)) in values.enumerate() {
-            let i = dim * self.stride + x;
-            half.mean[i] = f64::from(mean);
-            self.deviations[plane][i] += f64::from(variance) * f64::from(count.saturating_sub(1));
+            let m2 = f64::from(variance) * f64::from(count.saturating_sub(1));
+            half.set(dim * self.stride + x, Moments { count, mean: f64::from(mean), m2 });
         }
+    }
+
+    /// Gives both halves of a pixel without samples their moments, which `of` returns for each dimension.
+    pub(super) fn set_halves(&mut self, x: usize, of: impl Fn(usize) -> [Moments; 2]) {
+        for dim in 0..self.dims {
+            for (half, moments) in self.halves.iter_mut().zip(of(dim)) {
+                half.count[x] = moments.count;
+                half.set(dim * self.stride + x, moments);
+            }
+        }
+        self.next_index[x] = self.count(x, Part::Whole);
     }
 
     /// Number of valid samples of a pixel.
@@ -217,48 +227,38 @@ impl Row {
         self.rejected[x]
     }
 
-    /// Moments of one dimension of a pixel. The deviations of a half are NaN if only those of all samples are kept.
+    /// Moments of one dimension of a pixel.
     #[inline]
     pub fn moments(&self, x: usize, dim: usize, part: Part) -> Moments {
         let i = dim * self.stride + x;
-        let half = |h: usize, m2: f64| {
-            let half = &self.halves[h];
-            Moments { count: half.count[x], mean: half.mean[i], m2 }
-        };
-        match (&*self.deviations, part) {
-            ([both], Part::Whole) => half(0, both[i]).merge(half(1, 0.0)),
-            (planes, Part::Whole) => half(0, planes[0][i]).merge(half(1, planes[1][i])),
-            ([_], Part::Half(h)) => half(h, f64::NAN),
-            (planes, Part::Half(h)) => half(h, planes[h][i]),
+        let [a, b] = &self.halves;
+        match part {
+            Part::Half(h) => self.halves[h].moments(x, i),
+            Part::Whole => a.moments(x, i).merge(b.moments(x, i)),
         }
     }
 
-    /// Writes a function of the moments of one dimension, in a loop over pixels that becomes vector code. The deviations
-    /// of a half are those of all samples if only these are kept.
+    /// Writes a function of the moments of one dimension, in a loop over pixels that becomes vector code.
     #[inline]
     pub(super) fn read(&self, dim: usize, part: Part, out: &mut [f32], value: impl Fn(Moments) -> f32) {
         let width = out.len();
         let span = dim * self.stride..dim * self.stride + width;
-        let (first, second, factor) = self.deviations_of_halves(span.clone());
-        let [a, b] = [(0, first), (1, second)].map(|(h, m2)| {
-            let half: &HalfRow = &self.halves[h];
-            (&half.count[..width], &half.mean[span.clone()], m2)
-        });
-        let at = |half: (&[u32], &[f64], &[f64]), x: usize, factor: f64| Moments {
+        let [a, b] = self
+            .halves
+            .each_ref()
+            .map(|half| (&half.count[..width], &half.mean[span.clone()], &half.m2[span.clone()]));
+        let at = |half: (&[u32], &[f64], &[f32]), x: usize| Moments {
             count: half.0[x],
             mean: half.1[x],
-            m2: factor * half.2[x],
+            m2: f64::from(half.2[x]),
         };
+        let pixels = out.iter_mut().enumerate();
         match part {
             Part::Half(h) => {
                 let half = [a, b][h];
-                out.iter_mut().enumerate().for_each(|(x, out)| *out = value(at(half, x, 1.0)));
+                pixels.for_each(|(x, out)| *out = value(at(half, x)));
             }
-            Part::Whole => {
-                out.iter_mut()
-                    .enumerate()
-                    .for_each(|(x, out)| *out = value(at(a, x, 1.0).merge(at(b, x, factor))));
-            }
+            Part::Whole => pixels.for_each(|(x, out)| *out = value(at(a, x).merge(at(b, x)))),
         }
     }
 
@@ -276,25 +276,15 @@ impl Row {
         let span = dim * self.stride..dim * self.stride + width;
         let (n_a, n_b) = (&a.count[..width], &b.count[..width]);
         let (m_a, m_b) = (&a.mean[span.clone()], &b.mean[span.clone()]);
-        let (s_a, s_b, factor) = self.deviations_of_halves(span);
+        let (s_a, s_b) = (&a.m2[span.clone()], &b.m2[span]);
         let (mean_a, mean_b, variance) = (&mut mean_a[..width], &mut mean_b[..width], &mut variance[..width]);
         for x in 0..width {
             let (n, k) = (f64::from(n_a[x]), f64::from(n_b[x]));
             let d = m_a[x] - m_b[x];
-            let m2 = s_a[x] + factor * s_b[x] + d * d * (n * k) / (n + k).max(1.0);
+            let m2 = f64::from(s_a[x]) + f64::from(s_b[x]) + d * d * (n * k) / (n + k).max(1.0);
             mean_a[x] = m_a[x] as f32;
             mean_b[x] = m_b[x] as f32;
             variance[x] = (m2 / (n + k - 1.0).max(1.0)) as f32;
-        }
-    }
-
-    /// Some elements of the deviations of both halves, and the factor on those of the second with which both add up to the
-    /// deviations of all samples within their halves.
-    #[inline]
-    fn deviations_of_halves(&self, span: std::ops::Range<usize>) -> (&[f64], &[f64], f64) {
-        match &*self.deviations {
-            [both] => (&both[span.clone()], &both[span], 0.0),
-            planes => (&planes[0][span.clone()], &planes[1][span], 1.0),
         }
     }
 

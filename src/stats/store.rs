@@ -6,7 +6,7 @@ use super::layout::Layout;
 use super::moments::Moments;
 use super::part::Part;
 use super::rectangle::Rectangle;
-use super::row::{Row, deviation_planes};
+use super::row::{MOMENTS_BYTES, Row};
 use crate::image::Planes;
 
 /// Statistics of every pixel of an image, current after every sample.
@@ -42,7 +42,7 @@ impl Store {
 
     /// Memory of a store in bytes per pixel.
     pub fn bytes_per_pixel(layout: &Layout, capacity: usize) -> usize {
-        let moments = layout.len() * (2 + deviation_planes(layout)) * size_of::<f64>();
+        let moments = layout.len() * MOMENTS_BYTES;
         let key = if capacity > 0 { size_of::<u64>() } else { 0 };
         let bookkeeping = 4 * size_of::<u32>() + key;
         moments + bookkeeping + capacity * layout.len() * size_of::<f32>()
@@ -160,11 +160,7 @@ impl Store {
 
     /// Unbiased variances *of the samples* of some dimensions, one plane each; 0 in pixels with fewer
     /// than two samples. Divided by the number of samples, they are the variances of the mean.
-    ///
-    /// # Panics
-    /// For a half, if [`Layout::has_half_deviations`] is false.
     pub fn variances(&self, part: Part, dims: impl IntoIterator<Item = usize>) -> Planes {
-        assert!(part == Part::Whole || self.layout.has_half_deviations(), "the halves' deviations are kept");
         self.extract(part, dims, Moments::variance)
     }
 

@@ -21,10 +21,10 @@ fn names_determine_the_layout() {
     for is_enabled in [|_| true, |b| b == Block::Lens, |b| b == Block::Hit || b == Block::Normal2] {
         let layout = Layout::with_blocks(is_enabled);
         let names: Vec<_> = layout.dimensions().iter().map(|d| d.name).collect();
-        assert_eq!(Layout::from_names(&names, &[], true), Some(layout));
-        assert_eq!(Layout::from_names(&names[1..], &[], true), None);
+        assert_eq!(Layout::from_names(&names, &[]), Some(layout));
+        assert_eq!(Layout::from_names(&names[1..], &[]), None);
     }
-    assert_eq!(Layout::from_names(&["film.x", "film.y", "R", "G", "B", "lens.u"], &[], true), None);
+    assert_eq!(Layout::from_names(&["film.x", "film.y", "R", "G", "B", "lens.u"], &[]), None);
 }
 
 #[test]
@@ -36,8 +36,8 @@ fn a_restricted_layout_knows_what_it_leaves_out() {
     assert_eq!(layout.names().collect::<Vec<_>>(), ["R", "G", "B", "N1.x", "N1.y", "N1.z"]);
     assert!(layout.leaves_out(Block::Lens) && !layout.leaves_out(Block::Time) && layout.film().is_empty());
     let names: Vec<_> = layout.names().collect();
-    assert_eq!(Layout::from_names(&names, &layout.names_left_out(|_| true), false).as_ref(), Some(&layout));
-    assert_eq!(Layout::from_names(&names, &names, false), None, "kept and left out at once");
+    assert_eq!(Layout::from_names(&names, &layout.names_left_out(|_| true)).as_ref(), Some(&layout));
+    assert_eq!(Layout::from_names(&names, &names), None, "kept and left out at once");
     assert_eq!(whole.restricted_to(BlockSet::ALL), whole);
     assert_eq!(layout.enabled_names(), whole.names().collect::<Vec<_>>());
 }

@@ -4,9 +4,8 @@
 use std::ops::Range;
 
 use super::pixel_block::LARGEST_VALUE;
-use super::{HalfRow, Row, deviation_planes};
+use super::{HalfRow, Row};
 use crate::stats::layout::Layout;
-use crate::stats::part::Part;
 use crate::stats::statistics_extent::StatisticsExtent;
 
 /// Factor by which rounding may raise means and deviations above their bounds.
@@ -62,9 +61,12 @@ fn take<'b, T: Number>(values: &mut [T], bytes: &'b [u8]) -> &'b [u8] {
     rest
 }
 
+/// Bytes of the means and deviations of a dimension of a pixel, of both halves.
+pub(in crate::stats) const MOMENTS_BYTES: usize = 2 * (size_of::<f64>() + size_of::<f32>());
+
 /// Number of bytes of a pixel with the moments of some dimensions and some numbers in its reservoir.
-fn pixel_bytes(layout: &Layout, dims: usize, reservoir: usize) -> Option<usize> {
-    let moments = dims.checked_mul((2 + deviation_planes(layout)) * size_of::<f64>())?;
+fn pixel_bytes(dims: usize, reservoir: usize) -> Option<usize> {
+    let moments = dims.checked_mul(MOMENTS_BYTES)?;
     let counts = (2 + 2) * size_of::<u32>();
     moments.checked_add(counts)?.checked_add(reservoir.checked_mul(size_of::<f32>())?)
 }
@@ -89,8 +91,8 @@ impl Selection {
     }
 
     /// Number of bytes of the selection.
-    pub fn byte_len(&self, layout: &Layout) -> usize {
-        let bytes = pixel_bytes(layout, self.dims.len(), self.reservoir);
+    pub fn byte_len(&self) -> usize {
+        let bytes = pixel_bytes(self.dims.len(), self.reservoir);
         self.pixels.len() * bytes.expect("what is in memory has a size")
     }
 
@@ -108,12 +110,11 @@ impl Selection {
 impl Row {
     /// Number of bytes of a row; `None` if it exceeds the address space.
     pub fn byte_len(width: usize, layout: &Layout, capacity: usize) -> Option<usize> {
-        width.checked_mul(pixel_bytes(layout, layout.len(), capacity.checked_mul(layout.len())?)?)
+        width.checked_mul(pixel_bytes(layout.len(), capacity.checked_mul(layout.len())?)?)
     }
 
     /// Writes, for all pixels: the samples taken; the rejected samples; for each half the counts, the
-    /// means by dimension, and the sums of squared deviations by dimension, which the first half has for both if they are
-    /// kept together; the reservoir.
+    /// means by dimension, and the sums of squared deviations by dimension; the reservoir.
     ///
     /// # Panics
     /// If the length of `out` is not [`Self::byte_len`].
@@ -129,12 +130,13 @@ impl Row {
         let pixels = selection.pixels.clone();
         let mut out = put(&self.next_index[pixels.clone()], out);
         out = put(&self.rejected[pixels.clone()], out);
-        for (h, half) in self.halves.iter().enumerate() {
+        for half in &self.halves {
             out = put(&half.count[pixels.clone()], out);
-            for values in std::iter::once(&half.mean).chain(self.deviations.get(h)) {
-                for plane in selection.planes(self.stride) {
-                    out = put(&values[plane], out);
-                }
+            for plane in selection.planes(self.stride) {
+                out = put(&half.mean[plane], out);
+            }
+            for plane in selection.planes(self.stride) {
+                out = put(&half.m2[plane], out);
             }
         }
         out = put(&self.reservoir[selection.vectors()], out);
@@ -149,12 +151,13 @@ impl Row {
         let pixels = selection.pixels.clone();
         let mut bytes = take(&mut self.next_index[pixels.clone()], bytes);
         bytes = take(&mut self.rejected[pixels.clone()], bytes);
-        for (h, half) in self.halves.iter_mut().enumerate() {
+        for half in &mut self.halves {
             bytes = take(&mut half.count[pixels.clone()], bytes);
-            for values in std::iter::once(&mut half.mean).chain(self.deviations.get_mut(h)) {
-                for plane in selection.planes(self.stride) {
-                    bytes = take(&mut values[plane], bytes);
-                }
+            for plane in selection.planes(self.stride) {
+                bytes = take(&mut half.mean[plane], bytes);
+            }
+            for plane in selection.planes(self.stride) {
+                bytes = take(&mut half.m2[plane], bytes);
             }
         }
         bytes = take(&mut self.reservoir[selection.vectors()], bytes);
@@ -200,17 +203,15 @@ impl Row {
                 })
             })
         };
-        let deviations_in_range = |(plane, m2s): (usize, &Vec<f64>)| {
-            let part = if self.deviations.len() == 1 { Part::Whole } else { Part::Half(plane) };
-            m2s.chunks_exact(stride).all(|m2s| {
-                m2s[..self.width]
-                    .iter()
-                    .enumerate()
-                    .all(|(x, m2)| (0.0..=f64::from(self.count(x, part)) * largest * largest).contains(m2))
+        let deviations_in_range = |half: &HalfRow| {
+            half.m2.chunks_exact(stride).all(|m2s| {
+                m2s.iter().zip(&half.count[..self.width]).all(|(&m2, &count)| {
+                    (0.0..=f64::from(count) * largest * largest).contains(&f64::from(m2))
+                })
             })
         };
-        let moments_in_range = self.halves.iter().all(means_in_range)
-            && self.deviations.iter().enumerate().all(deviations_in_range);
+        let moments_in_range =
+            self.halves.iter().all(|half| means_in_range(half) && deviations_in_range(half));
         let is_valid = |sample: &[f32]| {
             let values = sample.iter().zip(&is_radiance);
             values.into_iter().all(|(v, &is_radiance)| v.abs() <= LARGEST_VALUE && !(is_radiance && *v < 0.0))

@@ -3,7 +3,6 @@
 
 use super::Row;
 use crate::hash::hash;
-use crate::stats::moments::Moments;
 use crate::stats::part::Part;
 
 impl Row {
@@ -17,19 +16,10 @@ impl Row {
             self.next_index[x] = self.next_index[x].saturating_add(other.next_index[x]);
             self.rejected[x] = self.rejected[x].saturating_add(other.rejected[x]);
         }
-        for (h, half) in self.halves.iter_mut().enumerate() {
-            let plane = h.min(self.deviations.len() - 1);
-            let (m2s, other_m2s) = (&mut self.deviations[plane], &other.deviations[plane]);
-            // A plane for both halves is added once.
-            let is_added = plane == h;
-            let other = &other.halves[h];
+        for (half, other) in self.halves.iter_mut().zip(&other.halves) {
             for (dim, x) in (0..self.dims).flat_map(|dim| (0..self.width).map(move |x| (dim, x))) {
                 let i = dim * self.stride + x;
-                let a = Moments { count: half.count[x], mean: half.mean[i], m2: m2s[i] };
-                let m2 = if is_added { other_m2s[i] } else { 0.0 };
-                let b = Moments { count: other.count[x], mean: other.mean[i], m2 };
-                let m = a.merge(b);
-                (half.mean[i], m2s[i]) = (m.mean, m.m2);
+                half.set(i, half.moments(x, i).merge(other.moments(x, i)));
             }
             for (a, b) in half.count.iter_mut().zip(&other.count) {
                 *a = a.checked_add(*b).expect("a pixel has at most u32::MAX samples");
@@ -48,19 +38,12 @@ impl Row {
             let to = x / side;
             add(&mut self.next_index[to], other.next_index[x]);
             add(&mut self.rejected[to], other.rejected[x]);
-            for h in 0..self.halves.len() {
-                let plane = h.min(self.deviations.len() - 1);
+            for (half, other_half) in self.halves.iter_mut().zip(&other.halves) {
                 for dim in 0..self.dims {
                     let (i, j) = (dim * self.stride + to, dim * other.stride + x);
-                    let (half, other_half) = (&mut self.halves[h], &other.halves[h]);
-                    let m2s = &mut self.deviations[plane];
-                    // A plane for both halves is added once.
-                    let m2 = if plane == h { other.deviations[plane][j] } else { 0.0 };
-                    let a = Moments { count: half.count[to], mean: half.mean[i], m2: m2s[i] };
-                    let m = a.merge(Moments { count: other_half.count[x], mean: other_half.mean[j], m2 });
-                    (half.mean[i], m2s[i]) = (m.mean, m.m2);
+                    half.set(i, half.moments(to, i).merge(other_half.moments(x, j)));
                 }
-                self.halves[h].count[to] += other.halves[h].count[x];
+                half.count[to] += other_half.count[x];
             }
         }
     }

@@ -49,7 +49,7 @@ fn least(lanes: &[f32; PIXEL_BLOCK]) -> f32 {
 #[apply(multiversioned!)]
 pub fn update(
     means: &mut [f64],
-    m2s: &mut [f64],
+    m2s: &mut [f32],
     stride: usize,
     values: &PixelBlockValues,
     weights: &[f64; PIXEL_BLOCK],
@@ -59,16 +59,18 @@ pub fn update(
         // Dimensions lie pages apart, so the hardware prefetcher does not predict the next block.
         for line in (PIXEL_BLOCK..2 * PIXEL_BLOCK).step_by(CACHE_LINE) {
             prefetch(means, line);
-            prefetch(m2s, line);
         }
+        prefetch(m2s, PIXEL_BLOCK);
         let means: &mut [f64; PIXEL_BLOCK] =
             means.first_chunk_mut().expect("rows are padded to whole blocks");
-        let m2s: &mut [f64; PIXEL_BLOCK] = m2s.first_chunk_mut().expect("rows are padded to whole blocks");
+        let m2s: &mut [f32; PIXEL_BLOCK] = m2s.first_chunk_mut().expect("rows are padded to whole blocks");
         for lane in 0..PIXEL_BLOCK {
             let (mean, weight) = (means[lane], weights[lane]);
             // A pixel without a sample makes a step of length 0, even if its lane holds NaN.
             let value = if weight > 0.0 { f64::from(values[lane]) } else { mean };
-            moments::update(&mut means[lane], &mut m2s[lane], value, weight);
+            let mut m2 = f64::from(m2s[lane]);
+            moments::update(&mut means[lane], &mut m2, value, weight);
+            m2s[lane] = moments::round_deviations(m2, means[lane]);
         }
     }
 }
