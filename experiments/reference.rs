@@ -1,18 +1,19 @@
 //! Renders reference images: uniformly sampled, unfiltered, in two independent halves.
 //!
-//! Takes a scene and a sample count; gives the mean of the halves and its own expected error, which follows from
-//! their difference. Halves are cached as EXR files.
+//! Takes a scene and a sample count; gives the mean of the halves, its own expected error, which follows from their difference,
+//! and the errors of other images. Halves, and the filtered image that errors are relative to, are cached as EXR files.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use anyhow::Context;
+use prpf::filter::{DENOISERS, learned};
 use prpf::geometry::Accel;
 use prpf::image::Planes;
 use prpf::image::exr_file::{self, Channel, Precision, Windows};
-use prpf::image::metrics::Pair;
+use prpf::image::metrics::{Pair, RELMSE_EPSILON};
 use prpf::render::Renderer;
 use prpf::scene::Scene;
-use prpf::stats::Part;
+use prpf::stats::{Part, Store};
 use sha2::{Digest, Sha256};
 
 use crate::sampling;
@@ -32,6 +33,30 @@ pub struct Reference {
     pub mse: f64,
     /// Expected relMSE, likewise.
     pub relmse: f64,
+    /// Means of independent samples: 3 planes each.
+    halves: [Planes; 2],
+    /// The filtered image: 3 planes.
+    filtered: Planes,
+}
+
+impl Reference {
+    /// Returns the relMSE of each pixel of an image x, mean over the channels: (x − A)(x − B) ∕ (F² + 0.01) with the halves A and B
+    /// and the filtered reference F. It is without bias, and single values may be negative: A and B have independent noise, which
+    /// (x − ½(A + B))² would contain. Relative to the reference's own pixels, those that are too dark would weigh most.
+    pub fn pixel_relmse(&self, image: &Planes) -> Vec<f64> {
+        let [a, b] = &self.halves;
+        relative(&self.filtered, |i| {
+            let [x, a, b] = [image, a, b].map(|planes| f64::from(planes.data()[i]));
+            (x - a) * (x - b)
+        })
+    }
+}
+
+/// Returns an error of each value over the squared level, mean over the channels of a pixel.
+fn relative(level: &Planes, error: impl Fn(usize) -> f64) -> Vec<f64> {
+    let pixels = level.pixels();
+    let of_channel = |i: usize| error(i) / (f64::from(level.data()[i]).powi(2) + RELMSE_EPSILON);
+    (0..pixels).map(|i| (0..3).map(|c| of_channel(c * pixels + i)).sum::<f64>() / 3.0).collect()
 }
 
 /// Reads the reference of a scene with `spp` samples per pixel from the folder `cache`, or renders it and passes
@@ -47,44 +72,49 @@ pub fn reference(
     cache: &Path,
     show_status: impl Fn(String),
 ) -> anyhow::Result<Reference> {
-    // Derive file names from everything that the halves depend on
+    // Derive file names from everything that the images depend on
     let film = &scene.film;
     let cache_key = format!(
-        "{} {} {}x{} {:?} {:?} {spp} {SEEDS:?}",
+        "{} {} {}x{} {:?} {:?} {spp} {SEEDS:?} {}",
         env!("CARGO_PKG_VERSION"),
         scene.hash,
         film.width,
         film.height,
         film.pixel_bounds,
-        scene.integrator
+        scene.integrator,
+        learned::weights_id()
     );
     let digest = Sha256::digest(cache_key);
     let digest: String = digest[..6].iter().map(|byte| format!("{byte:02x}")).collect();
-    let paths = [0, 1].map(|half| cache.join(format!("{name}-{digest}-{half}.exr")));
+    let paths = ["a", "b", "filtered"].map(|part| cache.join(format!("{name}-{digest}-{part}.exr")));
 
-    // Read or render the halves
-    let mut halves = Vec::new();
-    for (path, seed) in paths.iter().zip(SEEDS) {
-        if !path.is_file() {
-            let show_progress =
-                |done: u32| show_status(format!("{name}: reference, {done} of {} spp", spp / 2));
-            write(path, &render(scene, spp / 2, seed, show_progress))?;
-        }
-        halves.push(exr_file::read_layer(path, None).with_context(|| path.display().to_string())?);
+    // Read or render the halves, and filter them together
+    if !paths.iter().all(|path| path.is_file()) {
+        let show_progress = |done: u32| show_status(format!("{name}: reference, {done} of {} spp", spp / 2));
+        let [mut a, b] = SEEDS.map(|seed| render(scene, spp / 2, seed, show_progress));
+        let radiance = a.layout().radiance();
+        let halves = [&a, &b].map(|store| store.means(Part::Whole, radiance.clone()));
+        a.merge(&b);
+        let filtered = DENOISERS[0].filter(&a, 0).image;
+        let [a, b] = halves;
+        paths.iter().zip([a, b, filtered]).try_for_each(|(path, image)| write(path, &image))?;
     }
+    let read = |path: &PathBuf| exr_file::read_layer(path, None).with_context(|| path.display().to_string());
+    let [a, b, filtered] = paths.each_ref().map(read);
+    let (halves, filtered) = ([a?, b?], filtered?);
 
     // Average the halves
-    let mut image = halves[0].clone();
-    image.data_mut().iter_mut().zip(halves[1].data()).for_each(|(a, b)| *a = 0.5 * (*a + b));
-    let (mse, relmse) = {
-        // (A − (A+B)∕2)² = ¼ (A − B)².
-        let pair = Pair::new(&halves[0], &image)?;
-        (pair.mse(), pair.relmse())
-    };
-    Ok(Reference { image, spp, mse, relmse })
+    let [a, b] = &halves;
+    let mut image = a.clone();
+    image.data_mut().iter_mut().zip(b.data()).for_each(|(a, b)| *a = 0.5 * (*a + b));
+    // (A − (A+B)∕2)² = ¼ (A − B)².
+    let mse = Pair::new(a, &image)?.mse();
+    let own_error = relative(&filtered, |i| f64::from(a.data()[i] - image.data()[i]).powi(2));
+    let relmse = own_error.iter().sum::<f64>() / own_error.len().max(1) as f64;
+    Ok(Reference { image, spp, mse, relmse, halves, filtered })
 }
 
-fn render(scene: &Scene, spp: u32, seed: u64, show_progress: impl Fn(u32)) -> Planes {
+fn render(scene: &Scene, spp: u32, seed: u64, show_progress: impl Fn(u32)) -> Store {
     let accel = Accel::build(scene);
     let renderer = Renderer::new(scene, &accel, seed);
     let mut store = sampling::store(&renderer, 0, seed);
@@ -92,7 +122,7 @@ fn render(scene: &Scene, spp: u32, seed: u64, show_progress: impl Fn(u32)) -> Pl
         show_progress(done);
         sampling::add(&renderer, &mut store, STEP.min(spp - done));
     }
-    store.means(Part::Whole, store.layout().radiance())
+    store
 }
 
 fn write(path: &Path, image: &Planes) -> anyhow::Result<()> {

@@ -7,7 +7,6 @@ use prpf::image::metrics::Pair;
 use prpf::scene::Scene;
 use serde::Deserialize;
 
-use crate::estimate_check::pixel_relmse;
 use crate::reference::{self, Reference};
 use crate::scenes::{SceneFile, View};
 use crate::session::Session;
@@ -53,20 +52,14 @@ impl TestScene {
         Ok(Self { name: file.name.clone(), is_public: file.is_public, scene, reference })
     }
 
-    /// Errors of an image against the reference, by name: relMSE, with and without the worst pixels, less the reference's
-    /// own expected relMSE, and ꟻLIP.
+    /// Errors of an image against the reference, by name: relMSE, with and without the worst pixels, and ꟻLIP.
     pub fn errors(&self, image: &Planes) -> [(&'static str, f64); 3] {
-        let own = |relmse: f64| (relmse - self.reference.relmse).max(f64::MIN_POSITIVE);
-        let mut pixels = pixel_relmse(image, &self.reference.image);
-        pixels.sort_by(f64::total_cmp);
-        let mean = |pixels: &[f64]| pixels.iter().sum::<f64>() / pixels.len() as f64;
+        let mut pixels = self.reference.pixel_relmse(image);
+        pixels.sort_by(|a, b| a.abs().total_cmp(&b.abs()));
+        let mean = |pixels: &[f64]| (pixels.iter().sum::<f64>() / pixels.len() as f64).max(f64::MIN_POSITIVE);
         let kept = pixels.len() - (pixels.len() as f64 * WORST).ceil() as usize;
         let pair = Pair::new(image, &self.reference.image).expect("a render of the reference's size");
-        [
-            ("relmse", own(mean(&pixels))),
-            ("trimmed relmse", own(mean(&pixels[..kept]))),
-            ("flip", pair.flip().mean),
-        ]
+        [("relmse", mean(&pixels)), ("trimmed relmse", mean(&pixels[..kept])), ("flip", pair.flip().mean)]
     }
 }
 

@@ -20,7 +20,7 @@ pub fn write(session: &Session, settings: &Settings, all: &[SceneResults]) -> an
     let references: Vec<String> =
         all.iter().map(|m| format!("{} {}", m.scene, number(m.reference_relmse, 2))).collect();
     report.paragraph(&format!(
-        "Expected relMSE of the references, from their halves; it is subtracted from every error: {}.",
+        "Expected relMSE of the references, from their halves, whose noise no error contains: {}.",
         references.join(", ")
     ));
     let seeds = settings.curves.seeds.max(settings.interim_passes.seeds).max(settings.filters.seeds);

@@ -11,7 +11,6 @@ use super::sample_maps::{draw, sample_counts};
 use super::scene_results::SceneResults;
 use super::settings::OwnLoopSettings;
 use crate::curves::{EqualCost, Point, measure_trial, ratios, use_median_seconds};
-use crate::estimate_check::pixel_relmse;
 use crate::ledger::{Key, Values};
 use crate::picture;
 use crate::report::{Report, number};
@@ -72,7 +71,7 @@ fn row(test_scene: &TestScene, rendered: &Rendered) -> Planes {
     let FilterResult { image, residual, interpolation, .. } = &rendered.result;
     let failure =
         interpolation.as_ref().map_or_else(|| vec![0.0; image.pixels()], |i| i.failure.plane(0).to_vec());
-    let error = pixel_relmse(image, &test_scene.reference.image).into_iter().map(|v| v as f32).collect();
+    let error = test_scene.reference.pixel_relmse(image).into_iter().map(|v| v as f32).collect();
     let maps = [sample_counts(rendered), failure, residual.plane(0).to_vec(), error];
     let pictures: Vec<Planes> =
         std::iter::once(image.clone()).chain(maps.map(|map| draw(image, map))).collect();

@@ -227,7 +227,7 @@ fn errors(report: &mut Report, all: &[SceneResults]) {
     let references: Vec<String> =
         all.iter().map(|m| format!("{} {}", m.scene, number(m.reference_relmse, 2))).collect();
     report.paragraph(&format!(
-        "Expected relMSE of the references, from their halves; it is subtracted from every error: {}.",
+        "Expected relMSE of the references, from their halves, whose noise no error contains: {}.",
         references.join(", ")
     ));
 }

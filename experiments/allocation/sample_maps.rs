@@ -8,7 +8,6 @@ use prpf::geometry::Accel;
 use prpf::image::Planes;
 use prpf::stats::{Part, Store};
 
-use crate::estimate_check::pixel_relmse;
 use crate::ledger::{Key, values};
 use crate::picture;
 use crate::session::Session;
@@ -45,7 +44,7 @@ pub fn write(
 /// The four pictures in a row. Both errors have the same scale.
 fn row(test_scene: &TestScene, uniform: &Rendered, adaptive: &Rendered) -> Planes {
     let error = |rendered: &Rendered| {
-        let error = pixel_relmse(&rendered.result.image, &test_scene.reference.image);
+        let error = test_scene.reference.pixel_relmse(&rendered.result.image);
         smooth(&test_scene.reference.image, error.into_iter().map(|v| v as f32).collect())
     };
     let [uniform_error, adaptive_error] = [error(uniform), error(adaptive)];
