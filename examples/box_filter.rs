@@ -125,7 +125,7 @@ mod tests {
         }
         let [filtered, unfiltered] = [&BoxFilter as &dyn Denoiser, UNFILTERED].map(|denoiser| {
             let result = denoiser.filter(&store, 0);
-            ErrorEstimate::new(&result, &store).expect("every pixel has samples of both halves").value
+            ErrorEstimate::new(&result, &store, None).expect("every pixel has samples of both halves").value
         });
         assert!(filtered > 0.0 && filtered < 0.2 * unfiltered, "{filtered} of {unfiltered}");
     }

@@ -10,7 +10,8 @@ use prpf::filter::{Denoiser, FilterResult};
 use prpf::geometry::Accel;
 use prpf::image::Planes;
 use prpf::progressive::{
-    Action, Budget, Conditions, ErrorEstimate, FilterPass, Filtered, Host, Outcome, RenderLoop, Settings,
+    Action, Budget, Conditions, ErrorEstimate, FilterPass, Filtered, HalfImages, Host, Outcome, RenderLoop,
+    Settings,
 };
 use prpf::render::Renderer;
 use prpf::stats::{Part, Store};
@@ -114,8 +115,8 @@ impl TrialDriver<'_> {
                     render_loop.complete_interim(filtered);
                 }
                 Action::Finish(stopped_by) => {
-                    let filtered = render_loop.final_pass(&conditions).run();
-                    return render_loop.finish(filtered, stopped_by);
+                    let pass = render_loop.final_pass(&conditions, stopped_by);
+                    return render_loop.finish(filter_and_estimate(pass), stopped_by);
                 }
                 action => render_loop.perform(action, &mut NoHost),
             }
@@ -145,4 +146,13 @@ impl TrialDriver<'_> {
             }
         }
     }
+}
+
+/// Runs a last pass. Its seconds are those of the image, as under a time budget, and its estimate is the best one.
+fn filter_and_estimate(pass: FilterPass) -> Filtered {
+    let FilterPass { store, denoiser, seed, .. } = pass.clone();
+    let mut filtered = FilterPass { has_half_images: false, ..pass }.run();
+    let halves = HalfImages::new(denoiser, &store, seed);
+    filtered.estimate = ErrorEstimate::new(&filtered.result, &store, halves.as_ref());
+    filtered
 }

@@ -58,6 +58,32 @@ fn budgets_of_samples_are_spent_exactly() {
     }
 }
 
+#[test]
+fn images_of_the_halves_are_made_where_no_clock_and_nobody_waits() {
+    let scene = scene();
+    let accel = Accel::build(&scene);
+    let renderer = Renderer::new(&scene, &accel, 0);
+    let (spp, target, time, interrupt) =
+        (StoppedBy::Spp, StoppedBy::TargetError, StoppedBy::Time, StoppedBy::Interrupt);
+    for (seconds, target_error, stopped_by, of_interim, of_last) in [
+        (None, None, spp, false, true),
+        (None, None, interrupt, false, false),
+        (None, Some(1e-3), target, true, true),
+        (None, Some(1e-3), interrupt, true, false),
+        (Some(9.0), None, time, false, false),
+        (Some(9.0), None, spp, false, false),
+        (Some(9.0), Some(1e-3), target, false, false),
+    ] {
+        let settings =
+            Settings { budget: Budget { spp: Some(8), seconds, target_error }, ..Settings::default() };
+        let mut render_loop = RenderLoop::new(&renderer, &settings, Instant::now());
+        let interim = render_loop.interim_pass(settings.interim_denoiser());
+        let last = render_loop.final_pass(&Conditions::default(), stopped_by);
+        let found = (interim.has_half_images, last.has_half_images);
+        assert_eq!(found, (of_interim, of_last), "{seconds:?} {target_error:?} {stopped_by}");
+    }
+}
+
 /// A host that gives all samples of a batch to the first row.
 struct FirstRow;
 
@@ -100,7 +126,7 @@ fn perform_next(render_loop: &mut RenderLoop) -> Option<(Filtered, StoppedBy)> {
             render_loop.complete_interim(filtered);
         }
         Action::Finish(stopped_by) => {
-            return Some((render_loop.final_pass(&SHORT_STEPS).run(), stopped_by));
+            return Some((render_loop.final_pass(&SHORT_STEPS, stopped_by).run(), stopped_by));
         }
         action => render_loop.perform(action, &mut ()),
     }

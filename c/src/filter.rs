@@ -72,7 +72,8 @@ impl Content {
         let denoiser = suited_to(&store, self.denoiser);
         let units = units(&store, denoiser);
         let expected = units * self.unit_seconds;
-        let pass = FilterPass { store, denoiser, seed, failure_map: FailureMap::Carry(None) };
+        let failure_map = FailureMap::Carry(None);
+        let pass = FilterPass { store, denoiser, seed, failure_map, has_half_images: true };
 
         // Run it
         let start = Instant::now();

@@ -110,6 +110,7 @@ pub fn denoise(py: Python, store: &Store, denoiser: &str) -> PyResult<Denoised> 
         store: statistics,
         seed: store.seed,
         failure_map: FailureMap::Carry(None),
+        has_half_images: true,
     };
     let mut pool = CancellablePool::new(rayon::current_num_threads())
         .map_err(|error| PyRuntimeError::new_err(error.to_string()))?;

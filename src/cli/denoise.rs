@@ -175,6 +175,7 @@ pub(super) fn filter(checkpoint: &Checkpoint, settings: &Settings) -> anyhow::Re
         denoiser,
         seed: settings.seed,
         failure_map: FailureMap::Carry(earlier),
+        has_half_images: true,
     };
     Ok(pass.run())
 }

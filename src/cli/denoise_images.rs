@@ -17,7 +17,7 @@ use crate::image::exr_file::{self, Attribute, Channel, Precision, Windows};
 use crate::image::{OutputFormat, Planes, png_file};
 use crate::import::{Frame, FrameStore, Role};
 use crate::output::Layers;
-use crate::progressive::ErrorEstimate;
+use crate::progressive::{ErrorEstimate, HalfImages};
 use crate::state::ImageMetadata;
 
 /// Layers that an EXR gets beside the image, where they exist.
@@ -51,7 +51,8 @@ pub(super) fn denoise(options: &DenoiseOptions, outfiles: &[PathBuf], start: Ins
         Some(denoiser) => denoiser.filter_with_layers(&store, 0, &planes),
         None => (denoiser.filter(&store, 0), Vec::new()),
     };
-    let estimate = ErrorEstimate::new(&result, &store);
+    let halves = HalfImages::new(denoiser, &store, 0);
+    let estimate = ErrorEstimate::new(&result, &store, halves.as_ref());
 
     // Write the image
     let (width, height) = (store.width(), store.height());

@@ -39,6 +39,12 @@ pub trait Denoiser: Send + Sync {
         None
     }
 
+    /// Returns whether the error of its image is estimated by the images that it makes of each half of the samples alone: its
+    /// weights follow the values that they filter, and it reads no sample vectors.
+    fn is_judged_by_halves(&self) -> bool {
+        false
+    }
+
     /// Filters a store. The result depends on `seed` and not on the number of threads.
     fn filter(&self, store: &Store, seed: u64) -> FilterResult;
 

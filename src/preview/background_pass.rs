@@ -133,7 +133,8 @@ mod tests {
 
     fn pass() -> FilterPass {
         let store = Arc::new(Store::new(8, 8, Layout::with_blocks(|_| true), 0, 0));
-        FilterPass { store, denoiser: UNFILTERED, seed: 0, failure_map: FailureMap::Carry(None) }
+        let failure_map = FailureMap::Carry(None);
+        FilterPass { store, denoiser: UNFILTERED, seed: 0, failure_map, has_half_images: false }
     }
 
     #[test]

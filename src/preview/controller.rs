@@ -271,7 +271,7 @@ impl<'a> Controller<'a> {
                 }
                 Action::Finish(stopped_by) => {
                     self.save_checkpoint(render_loop);
-                    return Some((self.finalise(render_loop, &conditions)?, stopped_by));
+                    return Some((self.finalise(render_loop, &conditions, stopped_by)?, stopped_by));
                 }
                 action => {
                     render_loop.perform(action, &mut self.generation_host());

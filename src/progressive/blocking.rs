@@ -24,7 +24,7 @@ pub fn run(mut render_loop: RenderLoop, host: &mut dyn Host) -> Outcome {
             }
             Action::Finish(stopped_by) => {
                 render_loop.save(host);
-                let pass = render_loop.final_pass(&conditions);
+                let pass = render_loop.final_pass(&conditions, stopped_by);
                 let filtered = render_loop.run_pass(pass);
                 host.complete_pass(&filtered, render_loop.store());
                 return render_loop.finish(filtered, stopped_by);

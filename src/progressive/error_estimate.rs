@@ -1,22 +1,30 @@
 //! The estimate of an image's relMSE, from the two halves of the samples that it was made of.
 //!
-//! The estimate combines two maps of a filter pass. The risk is unbiased as far as the filter is linear, and noisy: one
-//! rare bright sample may dominate its mean. The variance between the halves is far less noisy, but blind to bias. Each has a standard error, from the spread over tiles, and a deviation that the denoiser states
-//! ([`Reliability`](crate::filter::Reliability)); their mean, weighted by both in logarithms, is the estimate. Errors are
-//! relative to the blurred image: relative to its noisy pixels they would be up to five times too large. The pixel itself is
-//! left out of the blur, since a firefly would hide its own error.
+//! The estimate combines two means over the image. Each has a standard error, from the spread over tiles, and a deviation that
+//! was measured; their mean, weighted by both in logarithms, is the estimate.
+//!
+//! * The error of a denoiser whose weights follow the samples is estimated by the images that it makes of each half alone (see
+//!   `half_images`), unless the pass leaves them out to save time.
+//! * That of others is estimated by two maps of the filter pass. The risk is unbiased as far as the filter is linear, and noisy: one rare bright sample
+//!   may dominate its mean. The variance between the halves is far less noisy, but blind to bias. The denoiser states their
+//!   deviations ([`Reliability`](crate::filter::Reliability)). Both are relative to the blurred image: relative to noisy
+//!   pixels they would be up to five times too large. The pixel itself is left out of the blur, since a firefly would hide its
+//!   own error.
 //!
 //! The estimate cannot include light that no sample found.
+
+mod half_images;
+mod tile_means;
 
 use crate::filter::{FilterResult, blur};
 use crate::image::Planes;
 use crate::image::metrics::RELMSE_EPSILON;
 use crate::stats::{Part, Store};
+pub use half_images::HalfImages;
+pub use tile_means::TILE;
+use tile_means::{Mean, TileMeans};
 
-/// Side of the tiles, in pixels.
-pub const TILE: usize = 16;
-
-/// Standard deviation of the blur of the image that errors are relative to, in pixels.
+/// Standard deviation of the blur of the image that maps are relative to, in pixels.
 const LEVEL_SIGMA: f32 = 1.5;
 
 /// Deviations on either side that 95 % of a normal distribution lie within.
@@ -48,29 +56,32 @@ pub struct EstimateSummary {
 }
 
 impl ErrorEstimate {
-    /// Estimates the error of the image of a filter pass over `store`. `None` if fewer than half of the pixels have samples
-    /// in both halves, or if the estimate would not be finite.
-    pub fn new(result: &FilterResult, store: &Store) -> Option<Self> {
+    /// Estimates the error of the image of a filter pass over `store`, by the images of its halves if there are some. `None` if
+    /// fewer than half of the pixels have samples in both halves, or if the estimate would not be finite.
+    pub fn new(result: &FilterResult, store: &Store, halves: Option<&HalfImages>) -> Option<Self> {
         // Average risk and variance over tiles
         let counts = [0, 1].map(|h| store.counts(Part::Half(h)));
         let is_known = |i: usize| counts.iter().all(|counts| counts[i] > 0);
         let level = level(&result.image);
-        let tiles = [&result.risk, &result.variance].map(|map| Tiles::new(map, &level, is_known));
+        let relative = [&result.risk, &result.variance].map(|map| relative(map, &level));
+        let size = [store.width(), store.height()];
+        let tiles = relative.each_ref().map(|map| TileMeans::new(size, |i| map.data()[i].into(), is_known));
         if 2 * tiles[0].pixels() < store.pixels() {
             return None;
         }
-        let [risk, variance] = tiles.each_ref().map(Tiles::mean);
+        let [risk, variance] = tiles.each_ref().map(TileMeans::mean);
 
-        // Average both estimates in logarithms
+        // Average two estimates in logarithms
         let (value, deviation) = if variance.value > 0.0 {
-            let reliability = result.reliability;
-            let risk = risk.logarithm(reliability.risk_factor, reliability.risk_deviation);
-            let spp = store.samples() as f64 / store.pixels() as f64;
-            let variance =
-                variance.logarithm(reliability.variance_factor_at(spp), reliability.variance_deviation);
-            let weights = [risk, variance].map(|(_, deviation)| deviation.powi(-2));
-            let sum = weights[0] + weights[1];
-            (((weights[0] * risk.0 + weights[1] * variance.0) / sum).exp(), sum.powf(-0.5))
+            let by_halves = halves.and_then(|halves| halves.estimates(&result.image, &relative[1], variance));
+            average(by_halves.unwrap_or_else(|| {
+                let reliability = result.reliability;
+                let spp = store.samples() as f64 / store.pixels() as f64;
+                [
+                    (risk.times(reliability.risk_factor), reliability.risk_deviation),
+                    (variance.times(reliability.variance_factor_at(spp)), reliability.variance_deviation),
+                ]
+            }))
         } else {
             // The halves agree: there is no noise
             (risk.value.max(0.0), 0.0)
@@ -114,79 +125,37 @@ fn level(image: &Planes) -> Planes {
     level
 }
 
-/// Sums of a relative error over tiles.
-struct Tiles {
-    columns: usize,
-    sums: Vec<f64>,
-    counts: Vec<u32>,
+/// Returns a squared error relative to the squared level, mean of the channels: 1 plane.
+fn relative(map: &Planes, level: &Planes) -> Planes {
+    let mut relative = Planes::new(map.width(), map.height(), 1);
+    let of_channel =
+        |i: usize, c: usize| map.plane(c)[i] / (level.plane(c)[i].powi(2) + RELMSE_EPSILON as f32);
+    for (i, value) in relative.data_mut().iter_mut().enumerate() {
+        *value = (0..3).map(|c| of_channel(i, c)).sum::<f32>() / 3.0;
+    }
+    relative
 }
 
-/// A mean over an image, and its standard error.
-struct Mean {
-    value: f64,
-    standard_error: f64,
-}
-
-impl Tiles {
-    /// `map`: a squared error, 3 planes; `level`: the radiance that it is relative to.
-    fn new(map: &Planes, level: &Planes, is_known: impl Fn(usize) -> bool) -> Self {
-        let (width, height) = (map.width(), map.height());
-        let columns = width.div_ceil(TILE);
-        let tiles = columns * height.div_ceil(TILE);
-        let (mut sums, mut counts) = (vec![0.0; tiles], vec![0; tiles]);
-        for i in (0..width * height).filter(|&i| is_known(i)) {
-            let relative = |c: usize| map.plane(c)[i] / (level.plane(c)[i].powi(2) + RELMSE_EPSILON as f32);
-            let tile = i / width / TILE * columns + i % width / TILE;
-            sums[tile] += (0..3).map(|c| f64::from(relative(c))).sum::<f64>() / 3.0;
-            counts[tile] += 1;
-        }
-        Self { columns, sums, counts }
-    }
-
-    fn pixels(&self) -> usize {
-        self.counts.iter().map(|&n| n as usize).sum()
-    }
-
-    /// Returns the mean over the pixels. Its standard error is that of independent tiles; a single tile has a standard error
-    /// of its whole value.
-    fn mean(&self) -> Mean {
-        let value = self.sums.iter().sum::<f64>() / self.pixels().max(1) as f64;
-        let tiles = self.counts.iter().filter(|&&n| n > 0).count();
-        if tiles < 2 {
-            return Mean { value, standard_error: value.abs() };
-        }
-        let deviation = |(sum, &n): (&f64, &u32)| (sum - value * f64::from(n)).powi(2);
-        let squares: f64 = self.sums.iter().zip(&self.counts).map(deviation).sum();
-        let corrected = squares * tiles as f64 / (tiles - 1) as f64;
-        Mean { value, standard_error: corrected.sqrt() / self.pixels() as f64 }
-    }
-
-    /// Returns the mean of a tile; 0 without pixels.
-    fn tile(&self, i: usize) -> f64 {
-        self.sums[i] / f64::from(self.counts[i].max(1))
-    }
-}
-
-impl Mean {
-    /// Returns the logarithm of the value times a factor, and its standard deviation, which is at least `deviation`. A value
-    /// that its noise hides counts as half of its standard error.
-    fn logarithm(&self, factor: f64, deviation: f64) -> (f64, f64) {
-        let value = self.value.max(0.5 * self.standard_error).max(f64::MIN_POSITIVE);
-        ((factor * value).ln(), deviation.hypot(self.standard_error / value))
-    }
+/// Averages two estimates in logarithms, weighted by the inverse squares of their deviations. Each has the deviation of its
+/// logarithm beside its noise. Returns the mean and the deviation of its logarithm.
+fn average(estimates: [(Mean, f64); 2]) -> (f64, f64) {
+    let logarithms = estimates.map(|(mean, deviation)| mean.logarithm(deviation));
+    let weights = logarithms.map(|(_, deviation)| deviation.powi(-2));
+    let sum = weights[0] + weights[1];
+    let mean = (weights[0] * logarithms[0].0 + weights[1] * logarithms[1].0) / sum;
+    (mean.exp(), sum.powf(-0.5))
 }
 
 /// Returns the errors of the tiles: the variance, or the risk where it is larger, in a scale in which their mean is `value`.
-fn tile_errors([risk, variance]: &[Tiles; 2], value: f64) -> Planes {
-    let errors: Vec<f64> = (0..risk.sums.len()).map(|i| variance.tile(i).max(risk.tile(i))).collect();
-    let pixels = |i: usize| f64::from(risk.counts[i]);
-    let mean = errors.iter().enumerate().map(|(i, error)| pixels(i) * error).sum::<f64>()
+fn tile_errors([risk, variance]: &[TileMeans; 2], value: f64) -> Planes {
+    let errors: Vec<f64> = (0..risk.len()).map(|i| variance.of(i).max(risk.of(i))).collect();
+    let mean = errors.iter().enumerate().map(|(i, error)| risk.pixels_of(i) * error).sum::<f64>()
         / risk.pixels().max(1) as f64;
     let scale = if mean > 0.0 { value / mean } else { 0.0 };
-    let mut tiles = Planes::new(risk.columns, risk.sums.len() / risk.columns.max(1), 1);
+    let mut tiles = Planes::new(risk.columns, risk.len() / risk.columns.max(1), 1);
     for (i, (tile, error)) in tiles.data_mut().iter_mut().zip(&errors).enumerate() {
         // A tile without known pixels has the image's error
-        *tile = if risk.counts[i] > 0 { (scale * error) as f32 } else { value as f32 };
+        *tile = if risk.pixels_of(i) > 0.0 { (scale * error) as f32 } else { value as f32 };
     }
     tiles
 }

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use std::time::Instant;
 
-use super::error_estimate::ErrorEstimate;
+use super::error_estimate::{ErrorEstimate, HalfImages};
 use crate::filter::prpf::{self, FAILURE_WINDOW};
 use crate::filter::{Denoiser, FilterResult, Interpolation, PrpfSettings};
 use crate::stats::Store;
@@ -15,6 +15,9 @@ pub struct FilterPass {
     pub denoiser: &'static dyn Denoiser,
     pub seed: u64,
     pub failure_map: FailureMap,
+    /// Whether the error is estimated by images of the halves of the samples, if the denoiser is judged by them: more closely,
+    /// for the time of two passes on an excerpt of the image.
+    pub has_half_images: bool,
 }
 
 /// Where the map of interpolation failures comes from if the denoiser does not interpolate itself. It then drives no
@@ -55,7 +58,9 @@ impl FilterPass {
                 }
             };
         }
-        let estimate = ErrorEstimate::new(&result, &self.store);
+        let halves =
+            self.has_half_images.then(|| HalfImages::new(self.denoiser, &self.store, self.seed)).flatten();
+        let estimate = ErrorEstimate::new(&result, &self.store, halves.as_ref());
         Filtered { result, estimate, seconds: started.elapsed().as_secs_f64() }
     }
 }

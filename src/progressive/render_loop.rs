@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 
 use super::action::{Action, next_action};
 use super::allocation::{allocate_batch, expected_ratio};
+use super::budget::Budget;
 use super::calibration::{calibrate, prepare_memory};
 use super::checkpoint::{Checkpoint, InterimPass, Position, SampleBatch};
 use super::clock::Clock;
@@ -206,8 +207,10 @@ impl<'a> RenderLoop<'a> {
 
     /// Returns the filter pass of [`Action::Filter`].
     pub fn interim_pass(&mut self, denoiser: &'static dyn Denoiser) -> FilterPass {
-        self.gather_for_pass(denoiser);
-        self.pass(denoiser, FailureMap::Carry(None))
+        let Budget { seconds, target_error, .. } = self.settings.budget;
+        let has_half_images = target_error.is_some() && seconds.is_none();
+        self.gather_for_pass(denoiser, has_half_images);
+        self.pass(denoiser, FailureMap::Carry(None), has_half_images)
     }
 
     /// Takes the result of [`Self::interim_pass`]: its maps decide where the next samples go.
@@ -246,10 +249,11 @@ impl<'a> RenderLoop<'a> {
     }
 
     /// Returns the filter pass of [`Action::Finish`].
-    pub fn final_pass(&mut self, conditions: &Conditions) -> FilterPass {
+    pub fn final_pass(&mut self, conditions: &Conditions, stopped_by: StoppedBy) -> FilterPass {
         self.gather(StatisticsExtent::All);
         let earlier = self.checkpoint.interim.as_ref().and_then(|interim| interim.interpolation.clone());
-        self.pass(self.situation(conditions).final_denoiser(), FailureMap::Carry(earlier))
+        let has_half_images = self.settings.budget.seconds.is_none() && stopped_by != StoppedBy::Interrupt;
+        self.pass(self.situation(conditions).final_denoiser(), FailureMap::Carry(earlier), has_half_images)
     }
 
     /// Takes the result of [`Self::final_pass`], with which the render may end, or go on after a change.
@@ -306,8 +310,14 @@ impl<'a> RenderLoop<'a> {
         }
     }
 
-    fn pass(&self, denoiser: &'static dyn Denoiser, failure_map: FailureMap) -> FilterPass {
-        FilterPass { store: self.store().clone(), denoiser, seed: self.settings.seed, failure_map }
+    fn pass(
+        &self,
+        denoiser: &'static dyn Denoiser,
+        failure_map: FailureMap,
+        has_half_images: bool,
+    ) -> FilterPass {
+        let (store, seed) = (self.store().clone(), self.settings.seed);
+        FilterPass { store, denoiser, seed, failure_map, has_half_images }
     }
 
     /// Begins a batch.

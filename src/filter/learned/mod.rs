@@ -1,8 +1,8 @@
 //! The learned filter: a small network predicts, from the statistics of the samples, the kernels of an edge-avoiding filter
 //! and how its results are mixed with the image of `nlm`.
 //!
-//! The weights depend on the statistics only, so that the filter is linear in the samples' values. It was trained on
-//! random scenes (`training/`).
+//! Given the weights, which follow from the statistics of all samples, the filter is linear in their values. It was trained on random
+//! scenes (`training/`).
 //!
 //! 1. The image of `nlm` is made, and of fireflies what exceeds the median many times is clamped.
 //! 2. The network predicts kernels and weights of the mixture from the statistics.
@@ -110,6 +110,10 @@ impl Denoiser for Learned {
 
     fn weights(&self) -> Option<&'static str> {
         Some(weights_id())
+    }
+
+    fn is_judged_by_halves(&self) -> bool {
+        true
     }
 
     fn filter(&self, store: &Store, seed: u64) -> FilterResult {

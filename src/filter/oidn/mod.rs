@@ -75,6 +75,10 @@ impl Denoiser for Oidn {
         library::missing()
     }
 
+    fn is_judged_by_halves(&self) -> bool {
+        true
+    }
+
     /// Without the library the image is unfiltered, and says so.
     fn filter(&self, store: &Store, _: u64) -> FilterResult {
         match filter(store, self.quality) {

@@ -67,7 +67,8 @@ impl Controller<'_> {
     pub(super) fn draft_pass(&self, store: Store) -> FilterPass {
         let Settings { denoiser, seed, .. } = self.configuration.settings;
         let failure_map = FailureMap::Carry(None);
-        FilterPass { store: Arc::new(store), denoiser: draft_without_vectors(denoiser), seed, failure_map }
+        let (store, denoiser) = (Arc::new(store), draft_without_vectors(denoiser));
+        FilterPass { store, denoiser, seed, failure_map, has_half_images: false }
     }
 }
 

@@ -9,7 +9,9 @@ use crate::filter::{FilterResult, UNFILTERED, suited_to};
 use crate::preview::background_pass::Event;
 use crate::preview::status::Phase;
 use crate::preview::view::View;
-use crate::progressive::{Conditions, ErrorEstimate, FailureMap, FilterPass, Filtered, RenderLoop, Settings};
+use crate::progressive::{
+    Conditions, ErrorEstimate, FailureMap, FilterPass, Filtered, RenderLoop, Settings, StoppedBy,
+};
 use crate::stats::Store;
 
 /// Largest fraction of the time that passes for the viewers alone take, where the loop's interim passes are shown, and where
@@ -77,8 +79,9 @@ impl Controller<'_> {
         &mut self,
         render_loop: &mut RenderLoop,
         conditions: &Conditions,
+        stopped_by: StoppedBy,
     ) -> Option<Filtered> {
-        let pass = render_loop.final_pass(conditions);
+        let pass = render_loop.final_pass(conditions, stopped_by);
         let filtered = match self.shown_result(&pass) {
             Some(shown) => shown,
             None => self.filter(pass, true)?,
@@ -92,7 +95,7 @@ impl Controller<'_> {
         let has_samples = self.reporter.shown_samples() == pass.store.samples();
         let is_same = |shown: &&FilterResult| has_samples && shown.made_by == pass.denoiser.name();
         let result = self.reporter.shown().filter(is_same)?.clone();
-        let estimate = ErrorEstimate::new(&result, &pass.store);
+        let estimate = ErrorEstimate::new(&result, &pass.store, None);
         Some(Filtered { result, estimate, seconds: 0.0 })
     }
 
@@ -147,6 +150,7 @@ impl Controller<'_> {
             denoiser: suited_to(store, settings.denoiser),
             seed: settings.seed,
             failure_map: if wants_map { FailureMap::Compute } else { FailureMap::Carry(None) },
+            has_half_images: false,
         }
     }
 

@@ -27,7 +27,8 @@ fn store() -> Arc<Store> {
 /// A checkpoint with this store, after an interim pass.
 fn checkpoint(store: Arc<Store>) -> Checkpoint {
     let failure_map = FailureMap::Carry(None);
-    let pass = FilterPass { store: store.clone(), denoiser: &nlm::DRAFT, seed: 0, failure_map };
+    let denoiser = &nlm::DRAFT;
+    let pass = FilterPass { store: store.clone(), denoiser, seed: 0, failure_map, has_half_images: false };
     let interim = Some(InterimPass::new(pass.run()));
     Checkpoint { store, interim, ..Checkpoint::new(Store::new(1, 1, Layout::with_blocks(|_| false), 0, 0)) }
 }

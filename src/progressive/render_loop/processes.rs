@@ -38,8 +38,8 @@ impl<'a> RenderLoop<'a> {
     }
 
     /// Brings together what this process reads in a filter pass, shared if possible, and after it.
-    pub(super) fn gather_for_pass(&mut self, denoiser: &'static dyn Denoiser) {
-        self.gather(if denoiser.parts().is_some() {
+    pub(super) fn gather_for_pass(&mut self, denoiser: &'static dyn Denoiser, has_half_images: bool) {
+        self.gather(if denoiser.parts().is_some() && !(has_half_images && denoiser.is_judged_by_halves()) {
             StatisticsExtent::Radiance
         } else {
             StatisticsExtent::All
