@@ -134,3 +134,40 @@ fn write(path: &Path, image: &Planes) -> anyhow::Result<()> {
     let windows = Windows::whole(image.width(), image.height());
     exr_file::write(path, windows, &channels, &[]).with_context(|| path.display().to_string())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn planes(value: impl Fn(usize) -> f32) -> Planes {
+        let mut planes = Planes::new(20, 18, 3);
+        planes.data_mut().iter_mut().enumerate().for_each(|(i, v)| *v = value(i));
+        planes
+    }
+
+    /// relMSE of an image against an exact one, by a reference with these halves.
+    fn relmse(image: &Planes, exact: &Planes, halves: [Planes; 2]) -> f64 {
+        let filtered = exact.clone();
+        let reference = Reference { image: exact.clone(), spp: 2, mse: 0.0, relmse: 0.0, halves, filtered };
+        let pixels = reference.pixel_relmse(image);
+        pixels.iter().sum::<f64>() / pixels.len() as f64
+    }
+
+    #[test]
+    fn against_a_reference_without_noise_the_error_is_the_library_s_relmse() {
+        let (image, exact) = (planes(|i| (i % 7) as f32), planes(|i| (i % 5) as f32));
+        let expected = Pair::new(&image, &exact).unwrap().relmse();
+        let found = relmse(&image, &exact, [exact.clone(), exact.clone()]);
+        assert!((found - expected).abs() < 1e-9 * expected, "{found} {expected}");
+    }
+
+    #[test]
+    fn noise_of_the_halves_is_no_error() {
+        // The product of the halves' noise is 0 in the mean, and their squares are not
+        let noisy = |period: usize| planes(move |i| if i % period < period / 2 { 1.5 } else { 0.5 });
+        let exact = planes(|_| 1.0);
+        assert!(relmse(&exact, &exact, [noisy(2), noisy(4)]).abs() < 1e-9);
+        let brighter = relmse(&planes(|_| 1.1), &exact, [noisy(2), noisy(4)]);
+        assert!((brighter - 0.01 / (1.0 + RELMSE_EPSILON)).abs() < 1e-6, "{brighter}");
+    }
+}
