@@ -208,13 +208,15 @@ impl Page {
         self.tap_at(middle);
     }
 
-    /// Puts a finger at the first point, moves it over the others and lifts it.
+    /// Puts a finger at the first point, moves it over the others and lifts it after a rest: a finger that is lifted in motion
+    /// flings, and the browser takes the next touch for the end of that.
     pub fn swipe(&mut self, points: &[[f64; 2]]) {
         for (i, [x, y]) in points.iter().enumerate() {
             let kind = if i == 0 { "touchStart" } else { "touchMove" };
             let event = json!({ "type": kind, "touchPoints": [{ "x": x, "y": y }] });
             self.call("Input.dispatchTouchEvent", event);
         }
+        std::thread::sleep(Duration::from_millis(200));
         self.call("Input.dispatchTouchEvent", json!({ "type": "touchEnd", "touchPoints": [] }));
     }
 
