@@ -1,14 +1,14 @@
 """Reads training data: the statistics of noisy renders, with their references."""
 
 from collections import namedtuple
-from pathlib import Path
 
 import numpy as np
 
 from model import STATISTICS, Statistics
 
-# Arrays of `planes` are [channels, h, w] in half precision; `noise` is the variance of the reference's mean.
-View = namedtuple("View", ["scene", "spp", "is_adaptive", "statistics", "reference", "noise"])
+# Arrays are [channels, h, w] in half precision; `noise` is the variance of the reference's mean. A converged view is one half of
+# the reference.
+View = namedtuple("View", ["scene", "spp", "is_adaptive", "is_converged", "statistics", "reference", "noise"])
 
 
 def half(values):
@@ -87,13 +87,11 @@ def converged(of_set, halves, spp, draw):
     )
 
 
-def read_views(folder, keep):
-    """All views of the scenes whose number `keep` accepts."""
+def read_views(paths):
+    """All views of the scenes in these files."""
     views = []
     draw = np.random.default_rng(0)
-    for path in sorted(Path(folder).glob("*.npz")):
-        if not keep(int(path.stem)):
-            continue
+    for path in paths:
         with np.load(path) as loaded:
             arrays = {name: loaded[name] for name in loaded}
         halves = [arrays[f"reference_{half}"].astype(np.float32) for half in "ab"]
@@ -105,12 +103,13 @@ def read_views(folder, keep):
             found, scale = statistics(of_set)
             spp, is_adaptive = int(of_set["spp"]), bool(of_set["adaptive"])
             views.append(
-                View(path.stem, spp, is_adaptive, found, half(scale * reference), half(scale**2 * noise))
+                View(path.stem, spp, is_adaptive, False, found, half(scale * reference), half(scale**2 * noise))
             )
             if finest is None or spp > finest.spp:
                 finest, scale_of_finest = views[-1], scale
             k += 1
         halves = [scale_of_finest * x for x in halves]
         of_half = converged(finest.statistics, halves, half_spp, draw)
-        views.append(View(path.stem, half_spp, False, of_half, half(halves[1]), half(2 * scale_of_finest**2 * noise)))
+        of_target = half(2 * scale_of_finest**2 * noise)
+        views.append(View(path.stem, half_spp, False, True, of_half, half(halves[1]), of_target))
     return views

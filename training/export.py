@@ -16,6 +16,9 @@ from safetensors.numpy import save_file
 import model
 from train import load
 
+# As precise as the program, on a GPU too
+jax.config.update("jax_default_matmul_precision", "highest")
+
 SIZE = (16, 32)
 # Increased when the network changes; the program has the same.
 FORMAT = "prpf learned 2"

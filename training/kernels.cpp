@@ -1,4 +1,4 @@
-// The edge-avoiding filter and its gradient, for XLA on CPUs. The definition is `plain_filter` of `test_kernels.py`.
+// The edge-avoiding filter and its gradient, for XLA on CPUs. The definition is `plain_filter` of `kernels.py`.
 //
 // Images are independent and shared out over threads. Rows are padded by the dilation with the nearest pixel's values, so
 // that every loop over a row is one over consecutive floats.

@@ -3,13 +3,15 @@
     python training/train.py FOLDER WEIGHTS.npz --steps 20000
 
 FOLDER is that of `make_data.py`, which may go on making scenes. Every eighth scene is held out; on them the error relative to
-that of `nlm` is printed (geometric mean over renders, by samples per pixel). Goes on from WEIGHTS.npz if it exists, else from
-the program's weights if they are given.
+that of `nlm` is printed (geometric mean over renders, by samples per pixel). Starts from the weights of WEIGHTS.npz if it exists,
+else from those of `--start` if it is given, else from random ones.
 """
 
 import argparse
+import sys
 import time
-from collections import defaultdict
+from collections import defaultdict, namedtuple
+from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
 
@@ -25,59 +27,82 @@ from data import read_views
 EPSILON = 0.01
 CROP = 112
 
+# A training example, or a batch of them: statistics, reference, and the variance of the reference's mean.
+Example = namedtuple("Example", ["statistics", "reference", "noise"])
 
-def relative_error(image, reference):
-    """Squared error over squared brightness, which is smoothed so that noise of the reference weighs little."""
-    smooth = reference
-    for axis in (2, 3):
-        smooth = (jnp.roll(smooth, 1, axis) + smooth + jnp.roll(smooth, -1, axis)) / 3
-    return (image - reference) ** 2 / (smooth**2 + EPSILON)
 
+# Number of new scenes that are added at once; each addition compiles `draw_batch` anew.
+BLOCK = 32
 
 # Part of the loss that is the predicted kernels' own. Without it the mix chose `nlm` or what is not
 # filtered in the first steps, and the kernels never learnt.
 OF_KERNELS = 0.5
+# A pixel's relative squared error is bounded by this.
+LIMIT = 3
+# Least fraction of an error that stays when the reference's noise is subtracted.
+LEAST_ERROR = 0.25
 
 
 def loss(parameters, batch):
-    statistics, reference = batch
+    # Smoothed, so that noise of the reference weighs little
+    smooth = batch.reference
+    for axis in (2, 3):
+        smooth = (jnp.roll(smooth, 1, axis) + smooth + jnp.roll(smooth, -1, axis)) / 3
+    weight = 1 / (smooth**2 + EPSILON)
 
-    def of(image):
-        error = relative_error(image, reference)
-        # Robust, and its logarithm, so that every render counts alike
-        size = jnp.log(jnp.mean(error / (1 + error), (1, 2, 3)) + 1e-4)
-        brightness = jnp.log(jnp.mean(image, (1, 2, 3)) + 0.01) - jnp.log(jnp.mean(reference, (1, 2, 3)) + 0.01)
+    def robust(squares):
+        error = weight * squares
+        return jnp.mean(error / (1 + error / LIMIT), (1, 2, 3))
+
+    reference_noise = robust(batch.noise)
+
+    def image_loss(image):
+        error = robust((image - batch.reference) ** 2)
+        # Subtract the noise of the reference, approximately; the logarithm weighs all renders alike
+        size = jnp.log(jnp.maximum(error - reference_noise, LEAST_ERROR * error) + 1e-4)
+        brightness = jnp.log(jnp.mean(image, (1, 2, 3)) + 0.01) - jnp.log(jnp.mean(batch.reference, (1, 2, 3)) + 0.01)
         return jnp.mean(size) + 2 * jnp.mean(brightness**2)
 
-    image, kernels_image = model.denoise(parameters, statistics)
-    of_mix, of_kernels = of(image), of(kernels_image)
+    image, kernels_image = model.denoise(parameters, batch.statistics)
+    of_mix, of_kernels = image_loss(image), image_loss(kernels_image)
     return (1 - OF_KERNELS) * of_mix + OF_KERNELS * of_kernels, jnp.stack([of_mix, of_kernels])
 
 
-def augment(draw, view):
+def augment(key, example):
     """A crop, mirrored and turned, with permuted colours and axes, another exposure, with or without nlm's image."""
-    h, w = view.reference.shape[1:]
-    y, x = draw.integers(h - CROP + 1), draw.integers(w - CROP + 1)
-    is_mirrored, turns, exposure = draw.random() < 0.5, draw.integers(4), np.exp(draw.uniform(-1, 1))
-    colours, axes = draw.permutation(3), draw.permutation(3)
-    signs = draw.choice([-1.0, 1.0], 3).astype(np.float32)[:, None, None]
+    keys = iter(jax.random.split(key, 9))
+    h, w = example.reference.shape[1:]
+    y, x = (jax.random.randint(next(keys), (), 0, side - CROP + 1) for side in (h, w))
+    is_mirrored = jax.random.bernoulli(next(keys))
+    turns = jax.random.randint(next(keys), (), 0, 4)
+    exposure = jnp.exp(jax.random.uniform(next(keys), minval=-1, maxval=1))
+    colours, axes = (jax.random.permutation(next(keys), 3) for _ in range(2))
+    signs = jax.random.rademacher(next(keys), (3, 1, 1), jnp.float32)
+    with_nlm = jax.random.bernoulli(next(keys), 0.6)
 
     def moved(name, plane):
-        plane = plane[:, y : y + CROP, x : x + CROP].astype(np.float32)
-        plane = plane[:, :, ::-1] if is_mirrored else plane
-        plane = np.rot90(plane, turns, (1, 2))
+        plane = jax.lax.dynamic_slice(plane, (0, y, x), (plane.shape[0], CROP, CROP)).astype(jnp.float32)
+        plane = jnp.where(is_mirrored, plane[:, :, ::-1], plane)
+        plane = jax.lax.switch(turns, [partial(jnp.rot90, k=k, axes=(1, 2)) for k in range(4)], plane)
         if name in ("colour", "emission", "nlm", "reference", "deviation", "difference"):
-            plane = plane * np.float32(exposure)
+            plane = plane * exposure
+        if name == "noise":
+            plane = plane * exposure**2
         if name in ("normal", "second_normal"):
-            plane = plane[axes] * signs
-        elif plane.shape[0] == 3:
-            plane = plane[colours]
-        return plane
+            return plane[axes] * signs
+        return plane[colours] if plane.shape[0] == 3 else plane
 
-    planes = {name: moved(name, plane) for name, plane in view.statistics._asdict().items()}
-    if draw.random() < 0.4:
-        planes["has_nlm"] = np.zeros_like(planes["has_nlm"])
-    return model.Statistics(**planes), moved("reference", view.reference)
+    planes = {name: moved(name, plane) for name, plane in example.statistics._asdict().items()}
+    planes["has_nlm"] *= with_nlm
+    statistics = model.Statistics(**planes)
+    return Example(statistics, moved("reference", example.reference), moved("noise", example.noise))
+
+
+@partial(jax.jit, static_argnums=2)
+def draw_batch(key, examples, size):
+    which, how = jax.random.split(key)
+    chosen = jax.random.randint(which, (size,), 0, len(examples.reference))
+    return jax.vmap(augment)(jax.random.split(how, size), jax.tree.map(lambda planes: planes[chosen], examples))
 
 
 @partial(jax.jit, static_argnums=0)
@@ -102,7 +127,7 @@ def evaluate(parameters, views):
             image = np.asarray(denoise(parameters, candidate)[0])[0]
             reference, noise = view.reference.astype(np.float32), view.noise.astype(np.float32)
             # Of the converged views there is no image of nlm; they are compared with what is not filtered
-            other = statistics.nlm if statistics.has_nlm.any() else statistics.colour + statistics.emission
+            other = statistics.colour + statistics.emission if view.is_converged else statistics.nlm
             weight = 1 / (reference**2 + EPSILON)
 
             def error(image):
@@ -111,12 +136,12 @@ def evaluate(parameters, views):
                 return max(errors[kept].mean() - np.mean(noise * weight, 0).ravel()[kept].mean(), 1e-7)
 
             ratio = np.log(error(image) / error(other[0]))
-            ratios[view.spp].append((ratio, np.log(image.mean() / reference.mean())))
+            ratios["converged" if view.is_converged else view.spp].append((ratio, np.log(image.mean() / reference.mean())))
         line = []
-        for spp in sorted(ratios):
+        for spp in sorted(ratios, key=lambda spp: (isinstance(spp, str), spp)):
             ratio, brightness = np.mean(ratios[spp], 0)
             line.append(f"{spp}: {np.exp(ratio):.2f} ({np.exp(brightness):.3f})")
-        every = np.concatenate([np.array(r) for spp, r in ratios.items() if spp <= 64])
+        every = np.concatenate([np.array(r) for spp, r in ratios.items() if spp != "converged"])
         kind = "mixed" if has_nlm else "alone"
         print(f"{kind} over nlm (brightness) {np.exp(every[:, 0].mean()):.3f} | " + ", ".join(line), flush=True)
 
@@ -140,21 +165,39 @@ def load_exported(path):
 
 
 class Scenes:
-    """The views of a folder's scenes."""
+    """The views of a folder's scenes. Those to train on are kept on the device."""
 
     def __init__(self, folder, limit):
         self.folder, self.limit = folder, limit
-        self.seen, self.training, self.held_out = set(), [], []
+        self.seen, self.examples, self.held_out = set(), None, []
+        # Reads while the training goes on
+        self.reader = ThreadPoolExecutor(1)
+        self.take(self.read(1))
+        self.coming = self.reader.submit(self.read, BLOCK)
+
+    def read(self, least):
+        """New views to train on, and to hold out; none if fewer scenes than `least` are new."""
+        new = sorted(set(self.folder.glob("*.npz")) - self.seen)
+        if len(new) < least:
+            return [], []
+        self.seen |= set(new)
+        held_out = [path for path in new if int(path.stem) % 8 == 0]
+        training = [path for path in new if int(path.stem) % 8 and (not self.limit or int(path.stem) < self.limit)]
+        return read_views(training), read_views(held_out)
+
+    def take(self, views):
+        training, held_out = views
+        self.held_out += held_out
+        if training:
+            examples = [Example(view.statistics, view.reference, view.noise) for view in training]
+            new = jax.tree.map(lambda *planes: jnp.asarray(np.stack(planes)), *examples)
+            self.examples = jax.tree.map(lambda *x: jnp.concatenate(x), self.examples, new) if self.examples else new
 
     def refresh(self):
-        """Reads the scenes that have been made since the last call."""
-        found = {int(path.stem) for path in self.folder.glob("*.npz")}
-        new = sorted(found - self.seen)
-        self.seen |= found
-        self.held_out += read_views(self.folder, lambda n: n in new and n % 8 == 0)
-        taken = sorted(n for n in self.seen if n % 8)[: self.limit]
-        self.training += read_views(self.folder, lambda n: n in new and n in taken)
-        print(len(self.training), "renders to train on,", len(self.held_out), "held out", flush=True)
+        """Takes in the scenes that have been made meanwhile, if they have been read."""
+        if self.coming.done():
+            self.take(self.coming.result())
+            self.coming = self.reader.submit(self.read, BLOCK)
 
 
 def main():
@@ -166,11 +209,13 @@ def main():
     parser.add_argument("--batch", type=int, default=6)
     parser.add_argument("--rate", type=float, default=5e-4)
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--scenes", type=int, help="train on this many scenes only")
+    parser.add_argument("--scenes", type=int, help="train only on scenes whose number is below this")
+    parser.add_argument("--every", type=int, default=500, help="steps between evaluations")
     arguments = parser.parse_args()
 
     scenes = Scenes(arguments.folder, arguments.scenes)
-    scenes.refresh()
+    if scenes.examples is None:
+        sys.exit(f"{arguments.folder}: found no scene to train on; make_data.py makes some")
     if arguments.weights.exists():
         parameters = load(arguments.weights)
     elif arguments.start:
@@ -182,22 +227,23 @@ def main():
     schedule = optax.warmup_cosine_decay_schedule(0, arguments.rate, 100, arguments.steps, 0.01 * arguments.rate)
     optimiser = optax.chain(optax.clip_by_global_norm(1.0), optax.adamw(schedule, weight_decay=1e-4))
     state = optimiser.init(parameters)
-    draw = np.random.default_rng(arguments.seed)
+    key = jax.random.key(arguments.seed)
     started, losses = time.monotonic(), []
     for k in range(1, arguments.steps + 1):
-        chosen = draw.integers(len(scenes.training), size=arguments.batch)
-        crops = [augment(draw, scenes.training[i]) for i in chosen]
-        batch = jax.tree.map(lambda *planes: np.stack(planes), *crops)
+        batch = draw_batch(jax.random.fold_in(key, k), scenes.examples, arguments.batch)
         parameters, averaged, state, values = step(optimiser, parameters, averaged, state, batch)
-        losses.append(np.asarray(values))
+        losses.append(values)
         if k % 50 == 0 or k == arguments.steps:
-            of_mix, of_kernels = np.mean(losses[-250:], 0)
-            waited = time.monotonic() - started
-            print(f"{k} {waited:.0f} s, loss of the mix {of_mix:.3f}, of the kernels {of_kernels:.3f}", flush=True)
-        if k % 500 == 0 or k == arguments.steps:
-            save(arguments.weights, averaged)
+            of_mix, of_kernels = np.mean(losses, 0)
+            waited, count = time.monotonic() - started, len(scenes.examples.reference)
+            loss_line = f"loss of the mix {of_mix:.3f}, of the kernels {of_kernels:.3f}"
+            print(f"{k} {waited:.0f} s, {count} renders, {loss_line}", flush=True)
+            losses = []
             scenes.refresh()
-            evaluate(averaged, scenes.held_out)
+        if k % arguments.every == 0 or k == arguments.steps:
+            save(arguments.weights, averaged)
+            if scenes.held_out:
+                evaluate(averaged, scenes.held_out)
 
 
 if __name__ == "__main__":
