@@ -20,9 +20,11 @@ pub struct View {
 impl View {
     /// Draws a view; `moves` tells whether anything moves.
     pub fn draw(place: &Place, moves: bool, stream: &mut Stream) -> Self {
+        // Some look over the objects, at the sky or the black background
+        let looks_over = !matches!(place.kind, Kind::Room { .. }) && stream.chance(0.4);
         let target = DVec3::new(
             stream.range(-0.4, 0.4) * place.half.x,
-            stream.range(0.1, 0.9),
+            if looks_over { stream.range(0.6, 2.0) } else { stream.range(0.1, 0.9) },
             stream.range(-0.4, 0.4) * place.half.y,
         );
         let eye = match place.kind {
@@ -40,8 +42,8 @@ impl View {
         };
         let distance = eye.distance(target);
         let lens = stream
-            .chance(0.4)
-            .then(|| [distance * stream.log_range(0.003, 0.05), distance * stream.range(0.6, 1.4)]);
+            .chance(0.5)
+            .then(|| [distance * stream.log_range(0.003, 0.08), distance * stream.range(0.5, 1.6)]);
         let sides = [(192, 192), (256, 144), (160, 224), (240, 160)];
         let (width, height) = stream.pick(&sides);
         Self {

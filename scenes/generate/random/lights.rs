@@ -1,4 +1,4 @@
-//! Lights of every kind and size, brighter the smaller they are.
+//! Lights of every kind and size: lamps, brighter the smaller they are, bulbs, sky and sun.
 
 use std::f64::consts::{PI, TAU};
 
@@ -12,6 +12,9 @@ use crate::noise::Stream;
 
 /// Lights a place.
 pub fn light(world: &mut World, place: &Place, stream: &mut Stream) {
+    if stream.chance(0.2) {
+        bulbs(world, place, stream);
+    }
     match place.kind {
         // Light a room through its window and by lamps
         Kind::Room { window } => {
@@ -139,6 +142,25 @@ fn lamp(world: &mut World, place: &Place, stream: &mut Stream) {
                 ));
             });
         }
+    }
+}
+
+/// Small lamps that are seen: discs of light where they are out of focus.
+fn bulbs(world: &mut World, place: &Place, stream: &mut Stream) {
+    let radius = stream.log_range(0.004, 0.06);
+    let luminance = stream.log_range(3.0, 300.0);
+    for _ in 0..stream.count(3, 16) {
+        let at = DVec3::new(
+            stream.range(-0.9, 0.9) * place.half.x,
+            stream.range(0.2, 2.0),
+            stream.range(0.0, 0.9) * place.half.y,
+        );
+        let radiance = white(stream) * luminance;
+        world.attribute(|world| {
+            emit(world, radiance);
+            world.line(format!("Translate {:.4} {:.4} {:.4}", at.x, at.y, at.z));
+            world.line(format!("Shape \"sphere\" \"float radius\" {radius:.5}"));
+        });
     }
 }
 

@@ -1,4 +1,4 @@
-//! Places where objects stand: a room with or without a window, open ground, a studio with a backdrop.
+//! Places where objects stand: a room with or without a window, open ground, a studio.
 
 use glam::{DVec2, DVec3};
 
@@ -24,7 +24,7 @@ pub enum Kind {
         window: Option<[DVec2; 2]>,
     },
     Outdoors,
-    /// Ground and a backdrop, black elsewhere.
+    /// Ground and perhaps a backdrop, black elsewhere.
     Studio,
 }
 
@@ -102,14 +102,16 @@ impl Place {
                     rectangle(world, stream, Surface::Wall, corners);
                 }
             }
-            // Lay a studio's ground and its backdrop
+            // Lay a studio's ground, and raise a backdrop now and then
             Kind::Studio => {
                 let r = 8.0;
                 let back = z + 1.0;
                 let ground = [[-r, 0.0, -r], [-r, 0.0, back], [r, 0.0, back], [r, 0.0, -r]];
                 rectangle(world, stream, Surface::Floor, ground);
-                let backdrop = [[-r, 0.0, back], [r, 0.0, back], [r, 5.0, back], [-r, 5.0, back]];
-                rectangle(world, stream, Surface::Wall, backdrop);
+                if stream.chance(0.6) {
+                    let backdrop = [[-r, 0.0, back], [r, 0.0, back], [r, 5.0, back], [-r, 5.0, back]];
+                    rectangle(world, stream, Surface::Wall, backdrop);
+                }
             }
         }
     }
