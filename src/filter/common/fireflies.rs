@@ -23,6 +23,9 @@ pub struct FireflySettings {
     pub clamp_to_median: bool,
     /// Minimum fraction of a firefly's luminance in one half of the samples. Light in both halves is no accident.
     pub half_fraction: f32,
+    /// A firefly is left as it is if more others than this lie within [`NEIGHBOUR_RADIUS`] pixels: light that many pixels meet
+    /// is no accident. `None` clamps all.
+    pub max_neighbours: Option<usize>,
     /// Size of the window over which the excess is redistributed, in pixels; 0 drops it.
     pub redistribution_window: usize,
     /// Maximum luminance that a pixel receives from one firefly, relative to its own. The rest is dropped: it
@@ -43,6 +46,7 @@ impl FireflySettings {
         deviation_factor: 4.0,
         clamp_to_median: false,
         half_fraction: 0.8,
+        max_neighbours: None,
         redistribution_window: 17,
         redistribution_limit: 0.02,
     };
@@ -54,7 +58,13 @@ impl FireflySettings {
 }
 
 /// Radius of the window of a pixel's bound, in pixels.
-pub const RADIUS: usize = 2;
+const RADIUS: usize = 2;
+
+/// Radius of the window in which fireflies have neighbours, in pixels.
+const NEIGHBOUR_RADIUS: usize = 8;
+
+/// Distance in pixels from which pixels can change whether one is clamped.
+pub const REACH: usize = RADIUS + NEIGHBOUR_RADIUS;
 
 /// Colours with clamped fireflies.
 #[derive(Clone, Debug)]
@@ -106,6 +116,10 @@ pub fn clamp(
             (a.max(b) > settings.half_fraction * (a + b)).then_some(bound)
         })
         .collect();
+    let bounds = match settings.max_neighbours {
+        Some(max) => lonely(&bounds, (width, height), max),
+        None => bounds,
+    };
 
     // Clamp the halves; the whole is their mean
     let mut clamped =
@@ -130,6 +144,19 @@ pub fn clamp(
         clamped.fireflies.push(Firefly { pixel, excess, scale, half_scales });
     }
     clamped
+}
+
+/// Returns the bounds of fireflies with at most `max` others in their surroundings.
+fn lonely(bounds: &[Option<f32>], (width, height): (usize, usize), max: usize) -> Vec<Option<f32>> {
+    let is_lonely = |i: usize| {
+        let window = |at: usize, size: usize| {
+            at.saturating_sub(NEIGHBOUR_RADIUS)..(at + NEIGHBOUR_RADIUS + 1).min(size)
+        };
+        let columns = window(i % width, width);
+        let in_row = |y: usize| bounds[y * width..][columns.clone()].iter().flatten().count();
+        window(i / width, height).map(in_row).sum::<usize>() <= max + 1
+    };
+    (0..bounds.len()).into_par_iter().map(|i| bounds[i].filter(|_| is_lonely(i))).collect()
 }
 
 /// Returns the luminance that a pixel is clamped to, or `None` if it does not exceed its bound. Pixels whose

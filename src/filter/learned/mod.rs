@@ -4,7 +4,7 @@
 //! Given the weights, which follow from the statistics of all samples, the filter is linear in their values. It was trained on random
 //! scenes (`training/`).
 //!
-//! 1. The image of `nlm` is made, and of fireflies what exceeds the median many times is clamped.
+//! 1. The image of `nlm` is made, and single fireflies are clamped.
 //! 2. The network predicts kernels and weights of the mixture from the statistics.
 //! 3. Colour, with and without the albedo, and directly visible emission are filtered, level by level.
 //! 4. The results, the unfiltered image and that of `nlm` are mixed.
@@ -134,7 +134,7 @@ impl PartFilter for Learned {
         // Margins are completed between the steps, which all read values with clamped fireflies
         let scale_and_error = brightness::reach() + blur::reach(ERROR_SIGMA);
         let steps = [self.reach(), network::REACH, safeguard::reach(), scale_and_error];
-        let widest = steps.into_iter().fold(0, usize::max) + fireflies::RADIUS;
+        let widest = steps.into_iter().fold(0, usize::max) + fireflies::REACH;
         widest.max(self.nlm.margin()).next_multiple_of(ALIGNMENT)
     }
 
@@ -160,9 +160,10 @@ impl LayerFilter for Learned {
     }
 }
 
-/// The network knows fireflies, but a trace of the brightest ones would show.
+/// The network was trained on rare light as it is, and clamping would darken it. But a single sample does not tell how bright its
+/// surroundings are.
 const FIREFLIES: FireflySettings =
-    FireflySettings { median_factor: 7.0, deviation_factor: 4.0, ..FireflySettings::DEFAULT };
+    FireflySettings { median_factor: 7.0, max_neighbours: Some(1), ..FireflySettings::DEFAULT };
 
 /// Filters a store, and layers that sum to its colour. `nlm` is the result of that denoiser, and so is the second value of a
 /// layer.

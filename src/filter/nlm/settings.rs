@@ -72,6 +72,7 @@ impl NlmSettings {
                 deviation_factor: 4.0,
                 clamp_to_median: true,
                 half_fraction: 0.8,
+                max_neighbours: None,
                 redistribution_window: 0,
                 redistribution_limit: 0.0,
             },

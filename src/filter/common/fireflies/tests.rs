@@ -38,6 +38,30 @@ fn a_highlight_in_both_halves_is_not_clamped() {
     assert!(clamped([90.0, 110.0]).fireflies.is_empty());
 }
 
+/// Rows of 40 pixels of 0.5, where those of `at` have 100 in one half: the number of those that are clamped.
+fn clamped_with_neighbours(at: &[usize], max_neighbours: Option<usize>) -> usize {
+    let (width, height) = (40, 9);
+    let mut bright = Planes::new(width, height, 3);
+    bright.data_mut().fill(0.5);
+    let plain = bright.clone();
+    bright.planes_mut().for_each(|plane| at.iter().for_each(|&pixel| plane[pixel] = 100.0));
+    let counts = vec![1; width * height];
+    let settings = FireflySettings { max_neighbours, ..FireflySettings::default() };
+    clamp(&bright, [&bright, &plain], [&counts, &counts], &settings).fireflies.len()
+}
+
+#[test]
+fn fireflies_among_many_are_left_as_they_are() {
+    let row = |x: usize| 4 * 40 + x;
+    let [near, far] = [[row(4), row(8), row(12)], [row(4), row(13), row(22)]];
+    assert_eq!(clamped_with_neighbours(&near, None), 3);
+    // The middle one has both within 8 pixels, the outer ones have one
+    assert_eq!(clamped_with_neighbours(&near, Some(1)), 0);
+    assert_eq!(clamped_with_neighbours(&near, Some(2)), 3);
+    assert_eq!(clamped_with_neighbours(&far, Some(0)), 3);
+    assert_eq!(clamped_with_neighbours(&[row(4), row(12), row(20)], Some(1)), 2);
+}
+
 #[test]
 fn light_in_a_black_surround_is_not_clamped() {
     let mut whole = Planes::new(9, 9, 3);
