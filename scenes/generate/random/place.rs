@@ -24,7 +24,7 @@ pub enum Kind {
         window: Option<[DVec2; 2]>,
     },
     Outdoors,
-    /// Ground and perhaps a backdrop, black elsewhere.
+    /// Ground and perhaps a backdrop.
     Studio,
 }
 
