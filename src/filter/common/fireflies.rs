@@ -23,7 +23,7 @@ pub struct FireflySettings {
     pub clamp_to_median: bool,
     /// Minimum fraction of a firefly's luminance in one half of the samples. Light in both halves is no accident.
     pub half_fraction: f32,
-    /// A firefly is left as it is if more others than this lie within [`NEIGHBOUR_RADIUS`] pixels: light that many pixels meet
+    /// A firefly is left as it is if more others than this lie within 8 pixels: light that many pixels meet
     /// is no accident. `None` clamps all.
     pub max_neighbours: Option<usize>,
     /// Size of the window over which the excess is redistributed, in pixels; 0 drops it.
