@@ -30,7 +30,6 @@ CROP = 112
 # A training example, or a batch of them: statistics, reference, and the variance of the reference's mean.
 Example = namedtuple("Example", ["statistics", "reference", "noise"])
 
-
 # Number of new scenes that are added at once; each addition compiles `draw_batch` anew.
 BLOCK = 32
 
@@ -224,7 +223,8 @@ def main():
         parameters = model.initial(arguments.seed)
     parameters = jax.tree.map(jnp.asarray, parameters)
     averaged = parameters
-    schedule = optax.warmup_cosine_decay_schedule(0, arguments.rate, 100, arguments.steps, 0.01 * arguments.rate)
+    warmup = min(100, arguments.steps // 2)
+    schedule = optax.warmup_cosine_decay_schedule(0, arguments.rate, warmup, arguments.steps, 0.01 * arguments.rate)
     optimiser = optax.chain(optax.clip_by_global_norm(1.0), optax.adamw(schedule, weight_decay=1e-4))
     state = optimiser.init(parameters)
     key = jax.random.key(arguments.seed)
