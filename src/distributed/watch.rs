@@ -13,6 +13,10 @@ use serde::{Deserialize, Serialize};
 /// Time between two looks.
 const PERIOD: Duration = Duration::from_millis(50);
 
+/// Time from a death to the word about it: a launcher that kills the whole job, one process after another, kills this one as
+/// well by then. Open MPI waits for a second before it kills the others of one that has died.
+const DOUBT: Duration = Duration::from_millis(300);
+
 /// A process that can be watched.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Neighbour {
@@ -55,7 +59,7 @@ pub fn watched_by(rank: usize, all: &[Neighbour]) -> Vec<Neighbour> {
     watched.iter().copied().cloned().collect()
 }
 
-/// Watches processes on a thread of its own until `has_ended`, and calls `lost` with the first that ends earlier.
+/// Watches processes on a thread of its own until `has_ended`, and calls `lost` with one that ends earlier, a moment later.
 pub fn watch(
     processes: Vec<Neighbour>,
     has_ended: Arc<AtomicBool>,
@@ -69,13 +73,13 @@ pub fn watch(
     std::thread::spawn(move || {
         loop {
             let dead = processes.iter().find(|process| !process.lives());
+            std::thread::sleep(if dead.is_some() { DOUBT } else { PERIOD });
             if has_ended.load(Ordering::Relaxed) {
                 return;
             }
             if let Some(dead) = dead {
                 return lost(dead);
             }
-            std::thread::sleep(PERIOD);
         }
     });
 }
@@ -96,7 +100,7 @@ mod tests {
 
     #[cfg(target_os = "linux")]
     #[test]
-    fn the_first_killed_process_is_noticed_until_the_end() {
+    fn a_killed_process_is_noticed_until_the_end() {
         for ends in [false, true] {
             let mut children = [0, 1].map(|_| std::process::Command::new("sleep").arg("60").spawn().unwrap());
             let watched = children.each_ref().map(|child| {
