@@ -4,6 +4,7 @@ PATH=$(realpath "${CARGO_TARGET_DIR:-../../target}")/release:$PATH
 export PATH
 # Of Open MPI without its blocks of text, or another launcher: that of MPICH is PRPF_MPIRUN='mpiexec.hydra'.
 read -ra launcher <<< "${PRPF_MPIRUN:-mpirun -q}"
+is_mpich=$([[ ${PRPF_MPIRUN:-} == *mpich* || ${PRPF_MPIRUN:-} == *hydra* ]] && echo 1 || echo 0)
 if ! command -v "${launcher[0]}" > /dev/null; then
     echo "skipped: renders by several processes, for which ${launcher[0]} is needed (openmpi-bin)"
     exit
