@@ -152,7 +152,7 @@ impl TrialDriver<'_> {
 fn filter_and_estimate(pass: FilterPass) -> Filtered {
     let FilterPass { store, denoiser, seed, .. } = pass.clone();
     let mut filtered = FilterPass { has_half_images: false, ..pass }.run();
-    let halves = HalfImages::new(denoiser, &store, seed);
+    let halves = HalfImages::new(denoiser, &store, |half| denoiser.filter(half, seed));
     filtered.estimate = ErrorEstimate::new(&filtered.result, &store, halves.as_ref());
     filtered
 }

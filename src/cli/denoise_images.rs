@@ -51,7 +51,7 @@ pub(super) fn denoise(options: &DenoiseOptions, outfiles: &[PathBuf], start: Ins
         Some(denoiser) => denoiser.filter_with_layers(&store, 0, &planes),
         None => (denoiser.filter(&store, 0), Vec::new()),
     };
-    let halves = HalfImages::new(denoiser, &store, 0);
+    let halves = HalfImages::new(denoiser, &store, |half| denoiser.filter(half, 0));
     let estimate = ErrorEstimate::new(&result, &store, halves.as_ref());
 
     // Write the image

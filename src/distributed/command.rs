@@ -19,6 +19,8 @@ pub enum Command {
     Gather { extent: StatisticsExtent },
     /// Filter the pixels with all others, and send the result to the first process, by exchanges.
     Filter { denoiser: DenoiserName },
+    /// Filter an image of this size, whose statistics the first process has, and send it the result, by exchanges.
+    FilterStore { denoiser: DenoiserName, width: usize, height: usize },
     /// Answer with a `ProcessRecord`.
     Record,
     /// End.

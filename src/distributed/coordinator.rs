@@ -156,13 +156,22 @@ impl ProcessGroup for Coordinator<'_> {
 
     fn can_share(&self, denoiser: &dyn Denoiser, store: &Store) -> bool {
         // What few samples say depends on pixels that may be far away.
-        denoiser.parts().is_some() && store.counts(Part::Whole).iter().all(|&n| n >= 2)
+        let is_sampled = || store.counts(Part::Whole).iter().all(|&n| n >= 2);
+        let tiles = TileCosts::uniform(store.width(), store.height(), 1.0).len();
+        denoiser.parts().is_some() && tiles >= self.link.size() && is_sampled()
     }
 
     fn filter(&mut self, denoiser: &'static dyn Denoiser) -> FilterResult {
         self.command(&Command::Filter { denoiser: denoiser.name() });
         let result = denoiser.parts().and_then(|parts| self.part.filter(self.link, parts));
         result.expect("a denoiser of parts, whose results the first process gets")
+    }
+
+    fn filter_store(&mut self, denoiser: &'static dyn Denoiser, store: &Store) -> FilterResult {
+        let (width, height) = (store.width(), store.height());
+        self.command(&Command::FilterStore { denoiser: denoiser.name(), width, height });
+        let filter = |parts| self.part.filter_store(self.link, parts, (width, height), Some(store));
+        denoiser.parts().and_then(filter).expect("a denoiser of parts, whose results the first process gets")
     }
 
     fn records(&mut self) -> Vec<ProcessRecord> {

@@ -6,9 +6,10 @@ use std::time::Instant;
 use super::command::{Answer, Command, decode_counts};
 use super::exchange::{StoreKind, exchange};
 use super::link::Link;
+use super::partition::TileCosts;
 use super::processes::host;
 use super::shared_image::{SharedImage, gather_results};
-use crate::filter::{Denoiser, FilterResult, PartFilter, WholeImage, find};
+use crate::filter::{Denoiser, DenoiserName, FilterResult, PartFilter, WholeImage, find};
 use crate::memory::peak_bytes;
 use crate::progressive::{ProcessRecord, SampleTotals};
 use crate::render::{RejectedSample, Renderer};
@@ -88,21 +89,34 @@ impl<'s> OwnPart<'s> {
     /// Filters the pixels of this process, with a margin that it takes from others, and gathers the results in the first
     /// process, which gets that of the whole image.
     pub fn filter(&mut self, link: &Link, denoiser: &dyn PartFilter) -> Option<FilterResult> {
-        // Take the margin
-        let image = self.image();
-        let grown: Vec<Rectangle> =
-            self.parts.iter().map(|part| part.grown(denoiser.margin(), &image)).collect();
-        let place = grown[self.rank];
-        let mut store = self.kind.empty(&place);
-        let own = (&all(&self.parts)[..], Some(&self.store));
-        exchange(link, (&self.kind, StatisticsExtent::All), own, (&all(&grown), Some(&mut store)));
+        let have = all(&self.parts);
+        let (result, seconds) = filter_together(
+            link,
+            denoiser,
+            (self.image(), &self.parts),
+            &self.kind,
+            (&have, Some(&self.store)),
+        );
+        self.filter_seconds += seconds;
+        result
+    }
 
-        // Filter, and send the result without the margin
-        let started = Instant::now();
-        let whole = SharedImage { link, parts: &self.parts, grown: &grown };
-        let result = denoiser.filter_part(&store, &whole);
-        self.filter_seconds += started.elapsed().as_secs_f64();
-        gather_results(link, &self.parts, &image, (result, whole.part()))
+    /// Filters an image whose statistics the first process passes, without reservoirs: each process a part of it. The first one
+    /// gets the result.
+    pub fn filter_store(
+        &mut self,
+        link: &Link,
+        denoiser: &dyn PartFilter,
+        (width, height): (usize, usize),
+        store: Option<&Store>,
+    ) -> Option<FilterResult> {
+        let image = Rectangle::of_image(width, height);
+        let parts = TileCosts::uniform(width, height, 1.0).partition(link.size());
+        let kind = StoreKind { capacity: 0, ..self.kind.clone() };
+        let have = only_first(image, parts.len());
+        let (result, seconds) = filter_together(link, denoiser, (image, &parts), &kind, (&have, store));
+        self.filter_seconds += seconds;
+        result
     }
 
     /// Returns what this process has done.
@@ -128,6 +142,28 @@ impl<'s> OwnPart<'s> {
 
 fn part_of<'s>(whole: &Renderer<'s>, part: &Rectangle) -> Renderer<'s> {
     whole.recording(whole.layout().blocks()).with_part(part)
+}
+
+/// Filters an image, each process its part, with a margin. `have` and `own`: the rectangles of which processes have the statistics,
+/// and those of this process. Returns the result in the first process, and the seconds of this one's part.
+fn filter_together(
+    link: &Link,
+    denoiser: &dyn PartFilter,
+    (image, parts): (Rectangle, &[Rectangle]),
+    kind: &StoreKind,
+    (have, own): (&[Option<Rectangle>], Option<&Store>),
+) -> (Option<FilterResult>, f64) {
+    // Take the margin
+    let grown: Vec<Rectangle> = parts.iter().map(|part| part.grown(denoiser.margin(), &image)).collect();
+    let mut store = kind.empty(&grown[link.rank()]);
+    exchange(link, (kind, StatisticsExtent::All), (have, own), (&all(&grown), Some(&mut store)));
+
+    // Filter, and send the result without the margin
+    let started = Instant::now();
+    let whole = SharedImage { link, parts, grown: &grown };
+    let result = denoiser.filter_part(&store, &whole);
+    let seconds = started.elapsed().as_secs_f64();
+    (gather_results(link, parts, &image, (result, whole.part())), seconds)
 }
 
 fn all(parts: &[Rectangle]) -> Vec<Option<Rectangle>> {
@@ -159,11 +195,20 @@ pub fn serve(link: &Link, renderer: &Renderer, interrupt: &AtomicBool) {
             }
             (Command::Gather { extent }, Some(part)) => part.gather(link, extent, None),
             (Command::Filter { denoiser }, Some(part)) => {
-                let denoiser = find(denoiser.method, denoiser.preset).and_then(Denoiser::parts);
-                part.filter(link, denoiser.expect("the first process knows what can be shared"));
+                part.filter(link, parts_of(&denoiser));
+            }
+            (Command::FilterStore { denoiser, width, height }, Some(part)) => {
+                part.filter_store(link, parts_of(&denoiser), (width, height), None);
             }
             (Command::Record, Some(part)) => link.tell(0, &part.record(link)),
             (_, None) => unreachable!("a render begins first"),
         }
     }
+}
+
+/// Returns the denoiser of this name, which the first process knows to be one of parts.
+fn parts_of(name: &DenoiserName) -> &'static dyn PartFilter {
+    find(name.method, name.preset)
+        .and_then(Denoiser::parts)
+        .expect("the first process knows what can be shared")
 }

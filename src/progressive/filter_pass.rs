@@ -4,6 +4,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use super::error_estimate::{ErrorEstimate, HalfImages};
+use super::process_group::ProcessGroup;
 use crate::filter::prpf::{self, FAILURE_WINDOW};
 use crate::filter::{Denoiser, FilterResult, Interpolation, PrpfSettings};
 use crate::stats::Store;
@@ -43,24 +44,31 @@ pub struct Filtered {
 impl FilterPass {
     /// Runs the pass on rayon's current thread pool.
     pub fn run(self) -> Filtered {
-        self.run_with(|pass| pass.denoiser.filter(&pass.store, pass.seed))
+        self.run_with(None)
     }
 
-    /// Runs the pass with a function in place of the denoiser's own.
-    pub(super) fn run_with(self, filter: impl FnOnce(&Self) -> FilterResult) -> Filtered {
+    /// Runs the pass, with several processes as far as they can share the work.
+    pub(super) fn run_with(self, mut processes: Option<&mut (dyn ProcessGroup + '_)>) -> Filtered {
         let started = Instant::now();
-        let mut result = filter(&self);
+        let Self { store, denoiser, seed, failure_map, has_half_images } = self;
+        let mut result = match &mut processes {
+            Some(processes) if processes.can_share(denoiser, &store) => processes.filter(denoiser),
+            _ => denoiser.filter(&store, seed),
+        };
         if result.interpolation.is_none() {
-            result.interpolation = match self.failure_map {
+            result.interpolation = match failure_map {
                 FailureMap::Carry(interpolation) => interpolation,
                 FailureMap::Compute => {
-                    Some(prpf::interpolation(&self.store, &PrpfSettings::paper(), FAILURE_WINDOW))
+                    Some(prpf::interpolation(&store, &PrpfSettings::paper(), FAILURE_WINDOW))
                 }
             };
         }
-        let halves =
-            self.has_half_images.then(|| HalfImages::new(self.denoiser, &self.store, self.seed)).flatten();
-        let estimate = ErrorEstimate::new(&result, &self.store, halves.as_ref());
+        let half_image = |half: &Store| match &mut processes {
+            Some(processes) if processes.can_share(denoiser, half) => processes.filter_store(denoiser, half),
+            _ => denoiser.filter(half, seed),
+        };
+        let halves = if has_half_images { HalfImages::new(denoiser, &store, half_image) } else { None };
+        let estimate = ErrorEstimate::new(&result, &store, halves.as_ref());
         Filtered { result, estimate, seconds: started.elapsed().as_secs_f64() }
     }
 }

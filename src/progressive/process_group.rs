@@ -21,7 +21,7 @@ pub trait ProcessGroup: Send {
     /// Copies statistics of all pixels to `store`, which has their number and layout. What `extent` lacks stays as it is there.
     fn gather(&mut self, store: &mut Store, extent: StatisticsExtent);
 
-    /// Returns whether all processes can share a filter pass over their statistics, of which `store` has the counts.
+    /// Returns whether all processes can share a filter pass over statistics of which `store` has the counts.
     fn can_share(&self, denoiser: &dyn Denoiser, store: &Store) -> bool;
 
     /// Filters the statistics of all pixels, with all processes.
@@ -29,6 +29,12 @@ pub trait ProcessGroup: Send {
     /// # Panics
     /// If [`Self::can_share`] is false.
     fn filter(&mut self, denoiser: &'static dyn Denoiser) -> FilterResult;
+
+    /// Filters the statistics of a store that the first process has, with all processes.
+    ///
+    /// # Panics
+    /// If [`Self::can_share`] is false.
+    fn filter_store(&mut self, denoiser: &'static dyn Denoiser, store: &Store) -> FilterResult;
 
     /// Returns what each process has done so far, the first one first.
     fn records(&mut self) -> Vec<ProcessRecord>;

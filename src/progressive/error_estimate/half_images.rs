@@ -16,7 +16,7 @@
 use rayon::prelude::*;
 
 use super::tile_means::{Mean, TileMeans};
-use crate::filter::{Denoiser, blur};
+use crate::filter::{Denoiser, FilterResult, blur};
 use crate::image::Planes;
 use crate::image::metrics::RELMSE_EPSILON;
 use crate::progressive::excerpt::Excerpt;
@@ -45,9 +45,13 @@ pub struct HalfImages {
 }
 
 impl HalfImages {
-    /// Filters the halves of an excerpt. `None` if the denoiser's error is not estimated by halves, or if fewer than half of the
-    /// excerpt's pixels have samples in both.
-    pub fn new(denoiser: &dyn Denoiser, store: &Store, seed: u64) -> Option<Self> {
+    /// Filters the halves of an excerpt by `filter`, which is to do what the denoiser does. `None` if the denoiser's error is not
+    /// estimated by halves, or if fewer than half of the excerpt's pixels have samples in both.
+    pub fn new(
+        denoiser: &dyn Denoiser,
+        store: &Store,
+        mut filter: impl FnMut(&Store) -> FilterResult,
+    ) -> Option<Self> {
         if !denoiser.is_judged_by_halves() {
             return None;
         }
@@ -59,7 +63,7 @@ impl HalfImages {
         if 2 * is_known.iter().filter(|&&is_known| is_known).count() < store.pixels() {
             return None;
         }
-        let results = store.split_halves().map(|half| denoiser.filter(&half, seed));
+        let results = store.split_halves().map(|half| filter(&half));
         if results.iter().any(|result| result.made_by != denoiser.name()) {
             // Without its library a denoiser leaves the samples as they are
             return None;
@@ -156,7 +160,7 @@ mod tests {
 
     use super::*;
     use crate::filter::synthetic::{store, wall};
-    use crate::filter::{Cost, DenoiserName, FilterResult, Reads, SampleVectors, unfiltered};
+    use crate::filter::{Cost, DenoiserName, Reads, SampleVectors, unfiltered};
     use crate::stats::Layout;
 
     /// The mean of those of 7×7 pixels that hardly differ from the pixel: its weights follow the noise.
@@ -220,7 +224,7 @@ mod tests {
             wall(&layout, x, y, [2.0 * truth(x) * rng.random::<f32>(); 3], rng)
         };
         let store = store(SIDE, SIDE, layout.clone(), |_, _| 16, sample);
-        let halves = HalfImages::new(&RangeFilter, &store, 0).unwrap();
+        let halves = HalfImages::new(&RangeFilter, &store, |half| RangeFilter.filter(half, 0)).unwrap();
 
         // Compute the true error of the mean of both images, relative to the truth
         let [a, b] = &halves.filtered;
@@ -253,7 +257,7 @@ mod tests {
                 wall(&layout, x, y, [light; 3], rng)
             };
             let store = store(width, height, layout.clone(), |_, _| 4, sample);
-            let halves = HalfImages::new(&RangeFilter, &store, 0).unwrap();
+            let halves = HalfImages::new(&RangeFilter, &store, |half| RangeFilter.filter(half, 0)).unwrap();
             let mut variance = Planes::new(width, height, 1);
             for (i, value) in variance.data_mut().iter_mut().enumerate() {
                 *value = if has_noise(i % width, i / width) { 0.01 } else { 0.0 };

@@ -38,7 +38,7 @@ fn the_true_error_lies_within_the_interval_or_within_a_factor_of_six_of_self_fil
         let uneven = |x: usize, y: usize| 3 + (x * 7 + y * 3) as u32 % 12;
         for store in [noisy_stripes(|_, _| 8), noisy_stripes(uneven)] {
             let result = denoiser.filter(&store, 0);
-            let halves = HalfImages::new(denoiser, &store, 0);
+            let halves = HalfImages::new(denoiser, &store, |half| denoiser.filter(half, 0));
             let estimate = ErrorEstimate::new(&result, &store, halves.as_ref()).expect("two halves");
             let (truth, [low, high]) = (relmse(&result.image), estimate.interval());
             if result.reliability == Reliability::SELF_FILTERED && halves.is_none() {

@@ -18,14 +18,7 @@ impl<'a> RenderLoop<'a> {
 
     /// Runs a filter pass on this thread, with all processes if they can share the work.
     pub fn run_pass(&mut self, pass: FilterPass) -> Filtered {
-        let Some(processes) = &mut self.processes else { return pass.run() };
-        pass.run_with(|FilterPass { store, denoiser, seed, .. }| {
-            if processes.can_share(*denoiser, store) {
-                processes.filter(*denoiser)
-            } else {
-                denoiser.filter(store, *seed)
-            }
-        })
+        pass.run_with(self.processes.as_deref_mut())
     }
 
     /// Brings statistics of all processes together.
