@@ -26,7 +26,7 @@ impl Excerpt {
     /// Chooses the excerpt of an image.
     pub fn of_image(width: usize, height: usize) -> Self {
         let pixels = (width * height).max(1) as f64;
-        let fraction = (LEAST_PIXELS as f64 / pixels).max(LEAST_FRACTION).sqrt();
+        let fraction = (excerpt_pixels(pixels) / pixels).sqrt();
         Self { columns: middles(width, fraction), rows: middles(height, fraction) }
     }
 
@@ -66,6 +66,11 @@ impl Excerpt {
             blocks.map(move |(x, to_x)| (Rectangle { x, y }, Rectangle { x: to_x, y: to_y }))
         })
     }
+}
+
+/// Returns about how many pixels of an image are taken.
+pub fn excerpt_pixels(pixels: f64) -> f64 {
+    pixels.min((LEAST_FRACTION * pixels).max(LEAST_PIXELS as f64))
 }
 
 /// Returns the middles of equal cells along an axis of `size` pixels, which are this fraction of it.
