@@ -21,7 +21,7 @@ render() {
     shift 2
     local command=(prpf render "$scene" --resolution 112x80 --threads 1 --quiet)
     ((processes == 1)) || command=("${launcher[@]}" -n "$processes" "${command[@]}")
-    command+=(-o "$name.exr" --state "$name.state" "$@")
+    command+=(-o "$name.exr" --state "$name.state" --report "$name.json" "$@")
     # In the background, signals are to reach the launcher and not a shell.
     ((BASH_SUBSHELL == 0)) || exec "${command[@]}"
     "${command[@]}"
@@ -36,15 +36,21 @@ kill_process() {
     [[ -z $process ]] || { kill -KILL "$process" 2> /dev/null && echo "$process"; } || true
 }
 
-# Compares states, apart from their headers, in which times are, and images.
+# Compares states, apart from their headers, in which times are, images, and the estimates of their errors.
 same() {
-    python3 - "$folder/$1.state" "$folder/$2.state" << 'END'
-import struct, sys
+    python3 - "$folder/$1.state" "$folder/$2.state" "$folder/$1.json" "$folder/$2.json" << 'END'
+import json, struct, sys
+def estimate(path):
+    with open(path) as report:
+        return json.load(report)["estimated_error"]
 def arrays(path):
     data = open(path, "rb").read()
     return data[28 + struct.unpack("<Q", data[20:28])[0] : -4]
-first, second = map(arrays, sys.argv[1:])
-sys.exit(f"{sys.argv[2]}: other statistics than {sys.argv[1]}" if first != second else 0)
+first, second = map(arrays, sys.argv[1:3])
+if first != second:
+    sys.exit(f"{sys.argv[2]}: other statistics than {sys.argv[1]}")
+first, second = map(estimate, sys.argv[3:])
+sys.exit(f"{sys.argv[4]}: {second}, in {sys.argv[3]} {first}" if first != second else 0)
 END
     prpf compare "$folder/$1.exr" "$folder/$2.exr" --max-relmse 0 > /dev/null
 }

@@ -161,7 +161,7 @@ impl RenderOptions {
     ///
     /// # Errors
     /// An unknown denoiser.
-    pub fn settings(&self, scene: &Scene) -> anyhow::Result<Settings> {
+    pub fn settings(&self, scene: &Scene, processes: usize) -> anyhow::Result<Settings> {
         let on = |value: Option<f64>| value.filter(|&v| v > 0.0);
         let (seconds, target_error) = (on(self.time), on(self.target_error));
         let spp = match self.spp.filter(|&spp| spp > 0) {
@@ -181,7 +181,7 @@ impl RenderOptions {
                 None | Some(SamplingOption::Adaptive) => Sampling::Adaptive,
             },
             sample_map: None,
-            denoiser: self.denoiser.choose(default_denoiser(&budget, pixels))?,
+            denoiser: self.denoiser.choose(default_denoiser(&budget, pixels, processes))?,
             seed: self.seed,
             min_spp: self.min_spp.unwrap_or(MIN_SPP.min(max_spp)),
             max_spp,

@@ -14,13 +14,21 @@ use crate::render::Shard;
 use crate::state::ImageMetadata;
 
 #[cfg(feature = "mpi")]
-pub(super) use crate::distributed::{Processes, is_follower};
+pub(super) use crate::distributed::Processes;
 #[cfg(not(feature = "mpi"))]
-pub(super) use alone::{Processes, is_follower};
+pub(super) use alone::Processes;
 
 /// Joins the other processes; `None` if there are none.
 pub(super) fn start() -> Result<Option<Processes>, Failure> {
     Processes::start(print_error).map_err(|error| Failure::Run(anyhow::Error::msg(error)))
+}
+
+/// Ends the job because of this process's arguments; the first process prints the failure.
+pub(super) fn refuse(failure: Failure) -> Result<u8, Failure> {
+    match start()? {
+        Some(processes) => finish(&processes, Err(failure)),
+        None => Err(failure),
+    }
 }
 
 /// Returns an error if a launcher has started several processes that do not see each other, which would all render the same,
@@ -88,19 +96,26 @@ pub(super) fn agree(
 ) -> Result<(), Failure> {
     let [width, height] = metadata.resolution().unwrap_or_default();
     let checked = processes.check_size((width, height));
-    let text = |value: serde_json::Result<String>| value.unwrap_or_default();
     // The first process chooses the denoiser, by its own memory and threads, and is the only one that needs it
     let settings = Settings { denoiser: UNFILTERED, ..settings.clone() };
     let values = [
         ("program", program()),
         ("scene", format!("{} ({:.12})", metadata.source, metadata.hash)),
-        ("view", text(serde_json::to_string(metadata))),
         ("weights of the denoiser learned", weights_id().to_owned()),
-        ("settings", text(serde_json::to_string(&settings))),
         ("shard", options.state.shard.to_string()),
     ];
-    let values = values.map(|(name, value)| (name.to_owned(), value)).into();
+    let mut values: Vec<_> = values.map(|(name, value)| (name.to_owned(), value)).into();
+    values.extend(fields(metadata).chain(fields(&settings)));
     processes.agree(values, checked.err()).map_err(|error| Failure::Input(anyhow::Error::msg(error)))
+}
+
+/// Returns the fields of a structure, each with its name, as text.
+fn fields(structure: &impl serde::Serialize) -> impl Iterator<Item = (String, String)> {
+    let fields = match serde_json::to_value(structure) {
+        Ok(serde_json::Value::Object(fields)) => fields,
+        _ => Default::default(),
+    };
+    fields.into_iter().map(|(name, value)| (name, value.to_string()))
 }
 
 /// Returns version and hash of the program.
@@ -133,10 +148,6 @@ mod alone {
 
     /// More than one process, which there never is.
     pub enum Processes {}
-
-    pub fn is_follower() -> bool {
-        false
-    }
 
     impl Processes {
         pub fn start(_: fn(&str)) -> Result<Option<Self>, String> {

@@ -9,9 +9,8 @@ use clap::{Parser, Subcommand};
 
 use super::failure::Failure;
 use super::mode::Mode;
-use super::processes::is_follower;
 use super::terminal::{escaped, print_error};
-use super::{allocate, compare, denoise, export, info, merge, options, preview, render, usage};
+use super::{allocate, compare, denoise, export, info, merge, options, preview, processes, render, usage};
 
 #[derive(Parser)]
 #[command(
@@ -49,22 +48,32 @@ enum Command {
 
 /// Runs the program; `start` is when it started, which is what time budgets count from.
 pub fn run(arguments: impl IntoIterator<Item = OsString>, start: Instant) -> ExitCode {
-    let arguments = match Arguments::try_parse_from(arguments) {
-        Ok(arguments) => arguments,
+    let arguments: Vec<OsString> = arguments.into_iter().collect();
+    let outcome = match Arguments::try_parse_from(&arguments) {
+        Ok(Arguments { command }) => perform(command, start),
         Err(error)
             if error.use_stderr() && error.kind() != ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand =>
         {
-            if !is_follower() {
-                print_error(&format!("prpf: {}", usage::one_line(&error)));
-            }
-            return ExitCode::from(2);
+            let failure = Failure::Input(anyhow::Error::msg(usage::one_line(&error)));
+            let renders = arguments.get(1).is_some_and(|command| command == "render" || command == "preview");
+            if renders { processes::refuse(failure) } else { Err(failure) }
         }
         Err(error) => {
             let _ = error.print();
             return ExitCode::from(if error.use_stderr() { 2 } else { 0 });
         }
     };
-    let outcome = match arguments.command {
+    match outcome {
+        Ok(status) => ExitCode::from(status),
+        Err(failure) => {
+            print_error(&format!("prpf: {}", escaped(&format!("{:#}", failure.error()))));
+            ExitCode::from(failure.status())
+        }
+    }
+}
+
+fn perform(command: Command, start: Instant) -> Result<u8, Failure> {
+    match command {
         Command::Render(options) => render::run(&options, Mode::Render, start),
         Command::Preview(options) => preview::run(&options, start),
         Command::Denoise(options) => denoise::run(&options, start),
@@ -73,12 +82,5 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>, start: Instant) -> Exi
         Command::Export(options) => export::run(&options),
         Command::Info(options) => info::run(&options),
         Command::Compare(options) => compare::run(&options).map_err(Failure::Input),
-    };
-    match outcome {
-        Ok(status) => ExitCode::from(status),
-        Err(failure) => {
-            print_error(&format!("prpf: {}", escaped(&format!("{:#}", failure.error()))));
-            ExitCode::from(failure.status())
-        }
     }
 }

@@ -212,7 +212,8 @@ struct Rendered {
 
 impl Job<'_> {
     fn settings(&self) -> anyhow::Result<Settings> {
-        let mut settings = self.options.settings(&self.inputs.scene)?;
+        let mut settings =
+            self.options.settings(&self.inputs.scene, self.processes.map_or(1, Processes::count))?;
         if self.mode == Mode::Preview && self.options.spp == Some(0) {
             // A user watches: nothing has to end it.
             settings.budget.spp = None;

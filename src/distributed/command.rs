@@ -20,7 +20,9 @@ pub enum Command {
     /// Filter the pixels with all others, and send the result to the first process, by exchanges.
     Filter { denoiser: DenoiserName },
     /// Filter an image of this size, whose statistics the first process has, and send it the result, by exchanges.
-    FilterStore { denoiser: DenoiserName, width: usize, height: usize },
+    FilterStore { denoiser: DenoiserName, width: usize, height: usize, capacity: usize },
+    /// Prepare memory.
+    PrepareMemory { bytes: usize },
     /// Answer with a `ProcessRecord`.
     Record,
     /// End.

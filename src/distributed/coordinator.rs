@@ -12,7 +12,7 @@ use super::link::Link;
 use super::partition::TileCosts;
 use super::worker::OwnPart;
 use crate::filter::{Denoiser, FilterResult};
-use crate::progressive::{ProcessGroup, ProcessRecord, Rendered, SampleTotals};
+use crate::progressive::{ProcessGroup, ProcessRecord, Rendered, SampleTotals, prepare_memory};
 use crate::render::{RejectedSample, Renderer};
 use crate::stats::{Part, Rectangle, StatisticsExtent, Store};
 
@@ -168,10 +168,21 @@ impl ProcessGroup for Coordinator<'_> {
     }
 
     fn filter_store(&mut self, denoiser: &'static dyn Denoiser, store: &Store) -> FilterResult {
-        let (width, height) = (store.width(), store.height());
-        self.command(&Command::FilterStore { denoiser: denoiser.name(), width, height });
-        let filter = |parts| self.part.filter_store(self.link, parts, (width, height), Some(store));
+        let (width, height, capacity) = (store.width(), store.height(), store.capacity());
+        self.command(&Command::FilterStore { denoiser: denoiser.name(), width, height, capacity });
+        let kind = (width, height, capacity);
+        let filter = |parts| self.part.filter_store(self.link, parts, kind, Some(store));
         denoiser.parts().and_then(filter).expect("a denoiser of parts, whose results the first process gets")
+    }
+
+    fn count(&self) -> usize {
+        self.link.size()
+    }
+
+    fn prepare_memory(&mut self, bytes_per_pixel: usize) {
+        let bytes = bytes_per_pixel * self.part.image().pixels() / self.link.size();
+        self.command(&Command::PrepareMemory { bytes });
+        prepare_memory(bytes);
     }
 
     fn records(&mut self) -> Vec<ProcessRecord> {

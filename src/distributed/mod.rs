@@ -34,4 +34,4 @@ mod watch;
 mod worker;
 
 #[cfg(feature = "mpi")]
-pub use processes::{Processes, is_follower};
+pub use processes::Processes;

@@ -41,14 +41,6 @@ struct Inputs {
     host: String,
 }
 
-/// Returns whether a launcher of MPI programs has started this one, and not as the first process. Needs no MPI.
-pub fn is_follower() -> bool {
-    ["OMPI_COMM_WORLD_RANK", "PMIX_RANK", "PMI_RANK"]
-        .iter()
-        .find_map(|name| std::env::var(name).ok())
-        .is_some_and(|rank| rank != "0")
-}
-
 impl Processes {
     /// Joins the other processes. `None` if the program was started alone. `print` prints the line about a process on this
     /// machine that was killed.

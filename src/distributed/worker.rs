@@ -11,7 +11,7 @@ use super::processes::host;
 use super::shared_image::{SharedImage, gather_results};
 use crate::filter::{Denoiser, DenoiserName, FilterResult, PartFilter, WholeImage, find};
 use crate::memory::peak_bytes;
-use crate::progressive::{ProcessRecord, SampleTotals};
+use crate::progressive::{ProcessRecord, SampleTotals, prepare_memory};
 use crate::render::{RejectedSample, Renderer};
 use crate::stats::{Rectangle, StatisticsExtent, Store};
 
@@ -90,31 +90,26 @@ impl<'s> OwnPart<'s> {
     /// process, which gets that of the whole image.
     pub fn filter(&mut self, link: &Link, denoiser: &dyn PartFilter) -> Option<FilterResult> {
         let have = all(&self.parts);
-        let (result, seconds) = filter_together(
-            link,
-            denoiser,
-            (self.image(), &self.parts),
-            &self.kind,
-            (&have, Some(&self.store)),
-        );
+        let (result, seconds) =
+            filter_parts(link, denoiser, (self.image(), &self.parts), &self.kind, (&have, Some(&self.store)));
         self.filter_seconds += seconds;
         result
     }
 
-    /// Filters an image whose statistics the first process passes, without reservoirs: each process a part of it. The first one
-    /// gets the result.
+    /// Filters an image whose statistics the first process passes, with reservoirs of `capacity` sample vectors: each process a
+    /// part of it. The first one gets the result.
     pub fn filter_store(
         &mut self,
         link: &Link,
         denoiser: &dyn PartFilter,
-        (width, height): (usize, usize),
+        (width, height, capacity): (usize, usize, usize),
         store: Option<&Store>,
     ) -> Option<FilterResult> {
         let image = Rectangle::of_image(width, height);
         let parts = TileCosts::uniform(width, height, 1.0).partition(link.size());
-        let kind = StoreKind { capacity: 0, ..self.kind.clone() };
+        let kind = StoreKind { capacity, ..self.kind.clone() };
         let have = only_first(image, parts.len());
-        let (result, seconds) = filter_together(link, denoiser, (image, &parts), &kind, (&have, store));
+        let (result, seconds) = filter_parts(link, denoiser, (image, &parts), &kind, (&have, store));
         self.filter_seconds += seconds;
         result
     }
@@ -146,7 +141,7 @@ fn part_of<'s>(whole: &Renderer<'s>, part: &Rectangle) -> Renderer<'s> {
 
 /// Filters an image, each process its part, with a margin. `have` and `own`: the rectangles of which processes have the statistics,
 /// and those of this process. Returns the result in the first process, and the seconds of this one's part.
-fn filter_together(
+fn filter_parts(
     link: &Link,
     denoiser: &dyn PartFilter,
     (image, parts): (Rectangle, &[Rectangle]),
@@ -197,9 +192,10 @@ pub fn serve(link: &Link, renderer: &Renderer, interrupt: &AtomicBool) {
             (Command::Filter { denoiser }, Some(part)) => {
                 part.filter(link, parts_of(&denoiser));
             }
-            (Command::FilterStore { denoiser, width, height }, Some(part)) => {
-                part.filter_store(link, parts_of(&denoiser), (width, height), None);
+            (Command::FilterStore { denoiser, width, height, capacity }, Some(part)) => {
+                part.filter_store(link, parts_of(&denoiser), (width, height, capacity), None);
             }
+            (Command::PrepareMemory { bytes }, Some(_)) => prepare_memory(bytes),
             (Command::Record, Some(part)) => link.tell(0, &part.record(link)),
             (_, None) => unreachable!("a render begins first"),
         }

@@ -10,7 +10,6 @@
 //!
 //! The names beside the arrows are actions, those at their ends positions. `Save` comes anywhere.
 
-use super::finalisation::assumed_seconds;
 use super::schedule::{Plan, Schedule};
 use super::situation::{Mark, Situation, can_fall_back};
 use super::stopped_by::StoppedBy;
@@ -106,8 +105,7 @@ fn next_after_batch(now: &Situation) -> Action {
     };
     let Some(denoiser) = interim_pass(now, plan.is_last) else { return Action::Allocate(plan) };
     // A pass can take longer than a checkpoint should be old.
-    let spp = now.samples as f64 / now.pixels.max(1) as f64;
-    if save_is_due(now, assumed_seconds(denoiser, now.pixels, spp, false)) {
+    if save_is_due(now, now.assumed_seconds(denoiser, false)) {
         return Action::Save;
     }
     Action::Filter(denoiser)

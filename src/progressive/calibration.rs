@@ -9,7 +9,7 @@ use rayon::prelude::*;
 
 use super::finalisation::{CalibrationTimes, ROW_RATIO};
 use super::time_constants::{FILTER_EXCESS, WRITE_EXCESS};
-use crate::filter::{Denoiser, FilterResult};
+use crate::filter::FilterResult;
 use crate::stats::Store;
 
 /// Number of bands of rows, evenly spread over the image.
@@ -19,28 +19,27 @@ const LEAST_ROWS: usize = 12;
 /// Size of the pieces in which memory is prepared, in bytes.
 const PIECE: usize = 8 << 20;
 
-/// Filters some rows of a store and encodes the output of them; returns the times for the whole image.
+/// Filters some rows of a store by `filter` and encodes the output of them; returns the times for the whole image.
 pub(super) fn calibrate(
     store: &Store,
-    denoiser: &dyn Denoiser,
-    seed: u64,
+    filter: impl FnOnce(&Store) -> FilterResult,
     encode_and_discard: impl Fn(&FilterResult, &Store),
 ) -> CalibrationTimes {
     let started = Instant::now();
     let rows = store.select_rows(rows(store.height()));
     let ratio = store.pixels() as f64 / rows.pixels().max(1) as f64;
     let filtering = Instant::now();
-    let result = denoiser.filter(&rows, seed);
-    let filter = FILTER_EXCESS * ratio * filtering.elapsed().as_secs_f64();
+    let result = filter(&rows);
+    let filter_seconds = FILTER_EXCESS * ratio * filtering.elapsed().as_secs_f64();
     let writing = Instant::now();
     encode_and_discard(&result, &rows);
-    let total = filter + WRITE_EXCESS * ratio * writing.elapsed().as_secs_f64();
-    CalibrationTimes { filter, total, spent: started.elapsed().as_secs_f64() }
+    let total = filter_seconds + WRITE_EXCESS * ratio * writing.elapsed().as_secs_f64();
+    CalibrationTimes { filter: filter_seconds, total, spent: started.elapsed().as_secs_f64() }
 }
 
 /// Allocates `bytes` bytes, touches every page and frees them. The allocator keeps the pages (see `main`), so the first
 /// pass takes no longer than predicted: on a virtual machine new pages can be most of its time.
-pub(super) fn prepare_memory(bytes: usize) {
+pub fn prepare_memory(bytes: usize) {
     // The system provides a page when it is first written, and zeros are not written.
     let pieces: Vec<_> = (0..bytes / PIECE).into_par_iter().map(|_| vec![1u8; PIECE]).collect();
     std::hint::black_box(pieces);

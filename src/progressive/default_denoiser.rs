@@ -14,13 +14,13 @@ const TIME_FRACTION: f64 = 0.2;
 const MEMORY_FRACTION: f64 = 0.5;
 
 /// Returns the first of [`DEFAULTS`] whose pass takes not too much of a time budget or of the memory. `pixels`: those of the
-/// image.
-pub fn default_denoiser(budget: &Budget, pixels: usize) -> &'static dyn Denoiser {
+/// image; `processes` share the pass.
+pub fn default_denoiser(budget: &Budget, pixels: usize, processes: usize) -> &'static dyn Denoiser {
     let seconds = budget.seconds.unwrap_or(f64::INFINITY);
     let available = available_bytes();
     let is_affordable = |denoiser: &&'static dyn Denoiser| {
         let bytes = (denoiser.cost().bytes * pixels) as f64;
-        assumed_seconds(*denoiser, pixels as u64, 1.0, false) <= TIME_FRACTION * seconds
+        assumed_seconds(*denoiser, pixels as u64, 1.0, false) / processes as f64 <= TIME_FRACTION * seconds
             && available.is_none_or(|available| bytes <= MEMORY_FRACTION * available)
     };
     let [.., fastest] = DEFAULTS;
@@ -33,17 +33,19 @@ mod tests {
 
     #[test]
     fn short_budgets_and_large_images_get_a_faster_denoiser() {
-        let name = |seconds, pixels| {
-            default_denoiser(&Budget { seconds, ..Budget::default() }, pixels).name().to_string()
+        let name = |seconds, pixels, processes| {
+            let budget = Budget { seconds, ..Budget::default() };
+            default_denoiser(&budget, pixels, processes).name().to_string()
         };
         let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a thread can be had");
         pool.install(|| {
             // The best one takes 9 µs for a pixel.
-            assert_eq!(name(None, 100_000), "learned standard");
-            assert_eq!(name(Some(4.6), 100_000), "learned standard");
-            assert_eq!(name(Some(4.4), 100_000), "nlm standard");
-            assert_eq!(name(Some(2.9), 100_000), "nlm draft");
-            assert_eq!(name(None, usize::MAX >> 16), "nlm draft");
+            assert_eq!(name(None, 100_000, 1), "learned standard");
+            assert_eq!(name(Some(4.6), 100_000, 1), "learned standard");
+            assert_eq!(name(Some(4.4), 100_000, 1), "nlm standard");
+            assert_eq!(name(Some(2.9), 100_000, 1), "nlm draft");
+            assert_eq!(name(Some(4.4), 100_000, 2), "learned standard");
+            assert_eq!(name(None, usize::MAX >> 16, 1), "nlm draft");
         });
     }
 }

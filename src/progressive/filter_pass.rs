@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use super::error_estimate::{ErrorEstimate, HalfImages};
-use super::process_group::ProcessGroup;
+use super::process_group::{ProcessGroup, filter_together};
 use crate::filter::prpf::{self, FAILURE_WINDOW};
 use crate::filter::{Denoiser, FilterResult, Interpolation, PrpfSettings};
 use crate::stats::Store;
@@ -63,10 +63,7 @@ impl FilterPass {
                 }
             };
         }
-        let half_image = |half: &Store| match &mut processes {
-            Some(processes) if processes.can_share(denoiser, half) => processes.filter_store(denoiser, half),
-            _ => denoiser.filter(half, seed),
-        };
+        let half_image = |half: &Store| filter_together(processes.as_deref_mut(), denoiser, half, seed);
         let halves = if has_half_images { HalfImages::new(denoiser, &store, half_image) } else { None };
         let estimate = ErrorEstimate::new(&result, &store, halves.as_ref());
         Filtered { result, estimate, seconds: started.elapsed().as_secs_f64() }

@@ -36,8 +36,27 @@ pub trait ProcessGroup: Send {
     /// If [`Self::can_share`] is false.
     fn filter_store(&mut self, denoiser: &'static dyn Denoiser, store: &Store) -> FilterResult;
 
+    /// Returns the number of processes.
+    fn count(&self) -> usize;
+
+    /// Prepares memory for a filter pass that all share: this many bytes of a pixel, of its own pixels in each process.
+    fn prepare_memory(&mut self, bytes_per_pixel: usize);
+
     /// Returns what each process has done so far, the first one first.
     fn records(&mut self) -> Vec<ProcessRecord>;
+}
+
+/// Filters a store that this process has, with all processes if there are several that can share the work.
+pub fn filter_together(
+    processes: Option<&mut (dyn ProcessGroup + '_)>,
+    denoiser: &'static dyn Denoiser,
+    store: &Store,
+    seed: u64,
+) -> FilterResult {
+    match processes {
+        Some(processes) if processes.can_share(denoiser, store) => processes.filter_store(denoiser, store),
+        _ => denoiser.filter(store, seed),
+    }
 }
 
 /// What has come of some samples.

@@ -15,7 +15,7 @@ use super::clock::Clock;
 use super::error_estimate::ErrorEstimate;
 use super::filter_pass::{FailureMap, FilterPass, Filtered};
 use super::host::Host;
-use super::process_group::{ProcessGroup, Rendered, SampleTotals};
+use super::process_group::{ProcessGroup, Rendered, SampleTotals, filter_together};
 use super::record::{Outcome, PassRecord};
 use super::region::Region;
 use super::schedule::Plan;
@@ -303,6 +303,7 @@ impl<'a> RenderLoop<'a> {
             has_final_image: interim.as_ref().is_some_and(|i| i.made_by == self.settings.denoiser.name()),
             has_region: self.region.is_some(),
             has_reference: self.reference.is_some(),
+            processes: self.processes.as_ref().map_or(1, |processes| processes.count()),
             speed: *speed,
             measurements: &self.measurements,
             elapsed: self.clock.elapsed(),
@@ -371,20 +372,29 @@ impl<'a> RenderLoop<'a> {
 
     /// Measures the finalisation by this denoiser.
     fn calibrate(&mut self, denoiser: &'static dyn Denoiser, host: &dyn Host) {
-        self.gather(StatisticsExtent::All);
         let elapsed = self.clock.elapsed();
+        self.gather(StatisticsExtent::All);
+        // The last pass begins with it, too
+        let gathering = self.clock.elapsed() - elapsed;
         let situation = self.situation(&Conditions::default());
-        let left = situation.schedule().seconds_left(elapsed).unwrap_or(f64::INFINITY);
+        let left = situation.schedule().seconds_left(situation.elapsed).unwrap_or(f64::INFINITY);
         if !self.measurements.finalisation.is_calibrated() {
-            prepare_memory(denoiser.cost().bytes * self.store().pixels());
+            let bytes_per_pixel = denoiser.cost().bytes;
+            match &mut self.processes {
+                Some(processes) if denoiser.parts().is_some() => processes.prepare_memory(bytes_per_pixel),
+                _ => prepare_memory(bytes_per_pixel * self.store().pixels()),
+            }
         }
         let current = self.measurements.finalisation.fallback.unwrap_or(self.settings.denoiser);
         if denoiser != current {
             self.measurements.finalisation.fall_back(denoiser);
         }
-        let output =
-            |result: &FilterResult, rows: &Store| host.encode_and_discard(&self.settings, result, rows);
-        let times = calibrate(self.store(), denoiser, self.settings.seed, output);
+        let Self { settings, checkpoint: Checkpoint { store, .. }, processes, .. } = self;
+        let output = |result: &FilterResult, rows: &Store| host.encode_and_discard(settings, result, rows);
+        let filter = |rows: &Store| filter_together(processes.as_deref_mut(), denoiser, rows, settings.seed);
+        let mut times = calibrate(store, filter, output);
+        times.total += gathering;
+        times.spent += gathering;
         self.measurements.finalisation.add(times, left);
         self.measurements.seconds.calibrate += self.clock.elapsed() - elapsed;
     }

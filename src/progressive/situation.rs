@@ -70,6 +70,8 @@ pub struct Situation<'a> {
     pub has_region: bool,
     /// Whether images between batches are compared with a reference.
     pub has_reference: bool,
+    /// Processes that render the image together.
+    pub processes: usize,
     pub speed: Speed,
     pub measurements: &'a Measurements,
     /// Seconds since the start.
@@ -125,9 +127,15 @@ impl Situation<'_> {
 
     /// Returns the schedule with the assumed time of a finalisation by this denoiser.
     fn assumed_schedule(&self, denoiser: &'static dyn Denoiser) -> Schedule<'_> {
-        let spp = self.samples as f64 / self.pixels.max(1) as f64;
         let saves = self.conditions.checkpoint_interval.is_some();
-        self.schedule_with(assumed_seconds(denoiser, self.pixels, spp, saves))
+        self.schedule_with(self.assumed_seconds(denoiser, saves))
+    }
+
+    /// Returns the assumed time of a finalisation by this denoiser. `saves`: whether a checkpoint is written.
+    pub(super) fn assumed_seconds(&self, denoiser: &dyn Denoiser, saves: bool) -> f64 {
+        let spp = self.samples as f64 / self.pixels.max(1) as f64;
+        let processes = if denoiser.parts().is_some() { self.processes } else { 1 };
+        assumed_seconds(denoiser, self.pixels, spp, saves) / processes as f64
     }
 
     fn schedule_with(&self, finalisation: f64) -> Schedule<'_> {

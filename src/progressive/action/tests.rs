@@ -28,6 +28,7 @@ fn situation<'a>(settings: &'a Settings, measurements: &'a Measurements, mark: M
         error: None,
         has_final_image: false,
         has_reference: false,
+        processes: 1,
         has_region: false,
         speed: Speed { samples: 1e4, seconds: 1.0 },
         measurements,
