@@ -188,14 +188,22 @@ fn disagreement(first: &Inputs, others: &[Inputs]) -> Option<String> {
         if let Some(error) = &other.error {
             return Some(format!("{process}: {error}"));
         }
-        let differs = |((name, value), (_, other)): (&(String, String), &(String, String))| {
-            (value != other).then(|| {
+        let value = |inputs: &Inputs, name: &String| {
+            inputs
+                .values
+                .iter()
+                .find(|(other, _)| other == name)
+                .map_or("none".to_owned(), |(_, value)| value.clone())
+        };
+        let differs = |name: &String| {
+            let (wanted, found) = (value(first, name), value(other, name));
+            (wanted != found).then(|| {
                 format!(
-                    "{process}: found {name} {other}; accepted is that of process 0 on {}, {value}",
+                    "{process}: found {name} {found}; accepted is that of process 0 on {}, {wanted}",
                     first.host
                 )
             })
         };
-        first.values.iter().zip(&other.values).find_map(differs)
+        first.values.iter().chain(&other.values).map(|(name, _)| name).find_map(differs)
     })
 }
