@@ -2,14 +2,15 @@
 
 use std::collections::VecDeque;
 
+use super::view::View;
 use crate::filter::{DenoiserName, FilterResult};
 use crate::image::Planes;
 use crate::progressive::{EstimateSummary, Point, Progress};
 
-/// A filtered image of squares of pixels.
+/// A filtered image of squares of pixels, and maps of its pass. All are in full size.
 pub struct CoarseImage {
-    /// In full size.
     pub image: Planes,
+    pub maps: Vec<(View, Planes)>,
     /// Side of the squares in pixels.
     pub side: usize,
     /// Samples behind it, per pixel.

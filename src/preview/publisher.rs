@@ -110,10 +110,13 @@ impl Publisher {
         self.publish_enlarged(View::Raw, &enlarged(image, side, size), side, progress);
     }
 
-    /// Publishes a filtered coarse image.
+    /// Publishes a filtered coarse image, and those of its maps that viewers have selected.
     pub fn publish_coarse_filtered(&self, coarse: &CoarseImage, progress: Option<&Progress>) {
         let progress = progress.map_or((0.0, 0.0), |p| (p.spp as f32, p.elapsed as f32));
         self.publish_enlarged(View::Filtered, &coarse.image, coarse.side, progress);
+        for (view, map) in coarse.maps.iter().filter(|(view, _)| self.hub.is_selected(*view)) {
+            self.publish_enlarged(*view, map, coarse.side, progress);
+        }
     }
 
     fn publish_enlarged(&self, view: View, image: &Planes, side: usize, (spp, seconds): (f32, f32)) {

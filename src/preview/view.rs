@@ -72,6 +72,11 @@ impl View {
         )
     }
 
+    /// Tests whether the view is the image or a map of a filter pass alone.
+    pub fn is_of_pass(self) -> bool {
+        matches!(self, View::Filtered | View::Error | View::Residual | View::Failure)
+    }
+
     /// Tests whether a render with this layout, with or without a reference, has the view.
     pub fn exists(self, layout: &Layout, has_reference: bool) -> bool {
         match self {

@@ -58,6 +58,12 @@ fn a_large_image_is_filtered_coarsely_first() {
     let filtered =
         page.value("(({ width, side }) => [width, side > 1])(window.prpf.viewport.frames.get('filtered'))");
     assert_eq!(filtered, serde_json::json!([1920, true]));
+    // So are its maps
+    for view in ["error", "failure"] {
+        page.click(&format!("input[name=view][value={view}]"));
+        page.wait(&format!("window.prpf.viewport.frames.get('{view}')?.generation > 1"));
+        assert_eq!(page.value(&format!("window.prpf.viewport.frames.get('{view}').side > 1")), true);
+    }
     assert!(page.value("window.prpf.state.status.statistics.mean").as_f64().unwrap() < 2.0);
 }
 

@@ -322,3 +322,24 @@ fn the_mouse_pans_and_dollies_the_camera_or_moves_the_image() {
     page.wait("[0, 1].every((k) => Math.abs(window.under[0][k] - window.under[1][k]) < 1e-6)");
     assert_eq!(page.value("window.sent.filter((m) => m.dolly).length"), 2);
 }
+
+/// The image of a method that is chosen comes with its first pass, not when the samples have grown.
+#[test]
+fn a_chosen_denoiser_shows_its_own_image_soon() {
+    let Some(program) = chromium() else { return };
+    let (_render, address, _folder) =
+        preview(&["--resolution", "640x360", "--spp", "0", "--max-spp", "100000"]);
+    let mut page = Page::open(program, &address, [1280, 800]);
+    let made_by = |method: &str| {
+        format!("document.querySelector('[data-value=made_by]')?.textContent.startsWith('{method}')")
+    };
+    page.wait(&made_by("learned"));
+    page.click("input[name=denoiser][value=nlm]");
+    page.wait(&made_by("nlm"));
+    let before = page.value(SAMPLES).as_f64().expect("a number");
+    page.click("input[name=denoiser][value=learned]");
+    page.wait("window.prpf.state.status.settings.denoiser === 'learned'");
+    page.wait(&made_by("learned"));
+    let after = page.value(SAMPLES).as_f64().expect("a number");
+    assert!(after < 1.35 * before, "{before} {after}");
+}

@@ -1,5 +1,6 @@
 //! The first images of a new view, before the render's own: as coarse as it takes to follow a moving camera.
 
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use super::Controller;
@@ -76,7 +77,7 @@ impl Controller<'_> {
         let store = renderer.coarse_store(side, SAMPLES);
         let (width, height) = renderer.resolution();
         let spp = store.samples_taken() as f64 / (width * height).max(1) as f64;
-        let (pass, commands) = (self.draft_pass(store), self.hub.commands().clone());
+        let (pass, commands) = (self.draft_pass(Arc::new(store)), self.hub.commands().clone());
         let filtered = self.pass_threads.clone().run(pass, &commands, &mut |event| {
             if let Event::Command(command) = event {
                 self.set_aside(command);
@@ -85,6 +86,7 @@ impl Controller<'_> {
         });
         let coarse = filtered.map(|filtered| CoarseImage {
             image: smoothed(&filtered.result.image, side, (width, height)),
+            maps: Vec::new(),
             side,
             spp,
         });

@@ -5,10 +5,11 @@ use std::time::Instant;
 
 use super::Controller;
 use crate::filter::{Denoiser, SampleVectors, UNFILTERED, find, nlm};
+use crate::image::Planes;
 use crate::preview::enlargement::smoothed;
 use crate::preview::generation_record::CoarseImage;
 use crate::preview::publisher::PAIR;
-use crate::preview::view::View;
+use crate::preview::view::{View, ViewSource};
 use crate::progressive::{FailureMap, FilterPass, Settings};
 use crate::stats::{Rectangle, Store};
 
@@ -27,12 +28,18 @@ impl Controller<'_> {
         let progress = self.reporter.progress()?;
         let filters = self.configuration.settings.denoiser != UNFILTERED;
         // A viewer that still draws another frame gets it next.
-        let is_selected = self.reporter.is_selected(|view| view == View::Filtered);
+        let is_selected = self.reporter.is_selected(View::is_of_pass);
         let lacks_image = self.reporter.shown().is_none() && is_selected;
         if !filters || !lacks_image || self.is_covered(store) || self.pass_threads.is_busy() {
             return None;
         }
-        let latest = self.reporter.coarse().map_or(0.0, |coarse| coarse.spp);
+        // One without a map that is selected counts as none.
+        let has = |coarse: &CoarseImage, map: View| coarse.maps.iter().any(|(view, _)| *view == map);
+        let lacks = |coarse: &CoarseImage| {
+            self.reporter
+                .is_selected(|view| view.is_of_pass() && view != View::Filtered && !has(coarse, view))
+        };
+        let latest = self.reporter.coarse().filter(|coarse| !lacks(coarse)).map_or(0.0, |coarse| coarse.spp);
         side_for(self.spp_outside_region(store), latest, progress.elapsed)
     }
 
@@ -51,23 +58,31 @@ impl Controller<'_> {
     pub(super) fn filter_coarsely(&mut self, store: &Arc<Store>, side: usize) {
         let started = Instant::now();
         let settings = self.configuration.settings.clone();
-        let pass = self.draft_pass(store.pooled(side));
+        let pooled = Arc::new(store.pooled(side));
+        let mut pass = self.draft_pass(pooled.clone());
+        if self.wants_failure_map() {
+            pass.failure_map = FailureMap::Compute;
+        }
         let (commands, threads) = (self.hub.commands().clone(), self.pass_threads.clone());
         let filtered = threads.run(pass, &commands, &mut |event| self.goes_on_filtering(event, store));
         let fitting = filtered.filter(|_| self.has_method_of(&settings));
         let coarse = fitting.map(|filtered| {
-            let mut image = smoothed(&filtered.result.image, side, (store.width(), store.height()));
+            let enlarge = |planes: &Planes| smoothed(planes, side, (store.width(), store.height()));
+            let mut image = enlarge(&filtered.result.image);
             self.keep_region(&mut image, store);
-            CoarseImage { image, side, spp: self.spp_outside_region(store) }
+            let source = ViewSource { store: &pooled, shown: Some(&filtered.result), comparison: None };
+            let maps = View::ALL.into_iter().filter(|view| view.is_of_pass() && *view != View::Filtered);
+            let maps = maps.filter_map(|view| Some((view, enlarge(&view.planes(&source)?)))).collect();
+            CoarseImage { image, maps, side, spp: self.spp_outside_region(store) }
         });
         self.reporter.filtered_coarsely(coarse, started.elapsed().as_secs_f64());
     }
 
     /// Returns a fast pass over a store without reservoirs.
-    pub(super) fn draft_pass(&self, store: Store) -> FilterPass {
+    pub(super) fn draft_pass(&self, store: Arc<Store>) -> FilterPass {
         let Settings { denoiser, seed, .. } = self.configuration.settings;
         let failure_map = FailureMap::Carry(None);
-        let (store, denoiser) = (Arc::new(store), draft_without_vectors(denoiser));
+        let denoiser = draft_without_vectors(denoiser);
         FilterPass { store, denoiser, seed, failure_map, has_half_images: false }
     }
 }

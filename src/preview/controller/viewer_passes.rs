@@ -32,7 +32,11 @@ impl Controller<'_> {
             let has_grown = samples > VIEWER_PASS_GROWTH * self.reporter.shown_samples() as f64;
             let fraction = VIEWER_PASS_FRACTIONS[usize::from(!self.has_interim_passes_of_method())];
             let is_affordable = self.viewer_pass_seconds < fraction * progress.elapsed;
-            shown.is_none() || is_affordable && has_grown
+            // One of another method is that of an interim pass, after a change of the method.
+            let chosen = self.configuration.settings.denoiser;
+            let own = [chosen, suited_to(store, draft_of(chosen))].map(|denoiser| denoiser.name().method);
+            let lacks_own = shown.is_none_or(|shown| !own.contains(&shown.made_by.method));
+            lacks_own || is_affordable && has_grown
         };
         (lacks_image || lacks_map) && self.is_covered(store) && !self.pass_threads.is_busy()
     }
@@ -159,7 +163,7 @@ impl Controller<'_> {
         method(&self.configuration.settings) == method(settings)
     }
 
-    fn wants_failure_map(&self) -> bool {
+    pub(super) fn wants_failure_map(&self) -> bool {
         self.reporter.wants(|view| view == View::Failure)
     }
 }
