@@ -59,6 +59,9 @@ impl View {
         View::Flip,
     ];
 
+    /// The maps of a filter pass.
+    pub const PASS_MAPS: [View; 3] = [View::Error, View::Residual, View::Failure];
+
     /// Returns the view's index in [`Self::ALL`] and in the headers of frames.
     pub fn index(self) -> usize {
         self as usize
@@ -70,11 +73,6 @@ impl View {
             self,
             View::Filtered | View::Error | View::Residual | View::Failure | View::Difference | View::Flip
         )
-    }
-
-    /// Tests whether the view is the image or a map of a filter pass alone.
-    pub fn is_of_pass(self) -> bool {
-        matches!(self, View::Filtered | View::Error | View::Residual | View::Failure)
     }
 
     /// Tests whether a render with this layout, with or without a reference, has the view.

@@ -28,7 +28,8 @@ impl Controller<'_> {
         let progress = self.reporter.progress()?;
         let filters = self.configuration.settings.denoiser != UNFILTERED;
         // A viewer that still draws another frame gets it next.
-        let is_selected = self.reporter.is_selected(View::is_of_pass);
+        let is_selected =
+            self.reporter.is_selected(|view| view == View::Filtered || View::PASS_MAPS.contains(&view));
         let lacks_image = self.reporter.shown().is_none() && is_selected;
         if !filters || !lacks_image || self.is_covered(store) || self.pass_threads.is_busy() {
             return None;
@@ -36,8 +37,7 @@ impl Controller<'_> {
         // One without a map that is selected counts as none.
         let has = |coarse: &CoarseImage, map: View| coarse.maps.iter().any(|(view, _)| *view == map);
         let lacks = |coarse: &CoarseImage| {
-            self.reporter
-                .is_selected(|view| view.is_of_pass() && view != View::Filtered && !has(coarse, view))
+            self.reporter.is_selected(|view| View::PASS_MAPS.contains(&view) && !has(coarse, view))
         };
         let latest = self.reporter.coarse().filter(|coarse| !lacks(coarse)).map_or(0.0, |coarse| coarse.spp);
         side_for(self.spp_outside_region(store), latest, progress.elapsed)
@@ -60,7 +60,7 @@ impl Controller<'_> {
         let settings = self.configuration.settings.clone();
         let pooled = Arc::new(store.pooled(side));
         let mut pass = self.draft_pass(pooled.clone());
-        if self.wants_failure_map() {
+        if self.reporter.is_selected(|view| view == View::Failure) {
             pass.failure_map = FailureMap::Compute;
         }
         let (commands, threads) = (self.hub.commands().clone(), self.pass_threads.clone());
@@ -71,8 +71,8 @@ impl Controller<'_> {
             let mut image = enlarge(&filtered.result.image);
             self.keep_region(&mut image, store);
             let source = ViewSource { store: &pooled, shown: Some(&filtered.result), comparison: None };
-            let maps = View::ALL.into_iter().filter(|view| view.is_of_pass() && *view != View::Filtered);
-            let maps = maps.filter_map(|view| Some((view, enlarge(&view.planes(&source)?)))).collect();
+            let map = |view: View| Some((view, enlarge(&view.planes(&source)?)));
+            let maps = View::PASS_MAPS.into_iter().filter_map(map).collect();
             CoarseImage { image, maps, side, spp: self.spp_outside_region(store) }
         });
         self.reporter.filtered_coarsely(coarse, started.elapsed().as_secs_f64());

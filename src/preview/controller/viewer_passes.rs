@@ -163,7 +163,7 @@ impl Controller<'_> {
         method(&self.configuration.settings) == method(settings)
     }
 
-    pub(super) fn wants_failure_map(&self) -> bool {
+    fn wants_failure_map(&self) -> bool {
         self.reporter.wants(|view| view == View::Failure)
     }
 }
