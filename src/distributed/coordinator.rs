@@ -12,7 +12,8 @@ use super::link::Link;
 use super::partition::TileCosts;
 use super::worker::OwnPart;
 use crate::filter::{Denoiser, FilterResult};
-use crate::progressive::{ProcessGroup, ProcessRecord, Rendered, SampleTotals, prepare_memory};
+use crate::memory;
+use crate::progressive::{ProcessGroup, ProcessRecord, Rendered, SampleTotals};
 use crate::render::{RejectedSample, Renderer};
 use crate::stats::{Part, Rectangle, StatisticsExtent, Store};
 
@@ -182,7 +183,7 @@ impl ProcessGroup for Coordinator<'_> {
     fn prepare_memory(&mut self, bytes_per_pixel: usize) {
         let bytes = bytes_per_pixel * self.part.image().pixels() / self.link.size();
         self.command(&Command::PrepareMemory { bytes });
-        prepare_memory(bytes);
+        memory::prepare(bytes);
     }
 
     fn records(&mut self) -> Vec<ProcessRecord> {

@@ -10,8 +10,8 @@ use super::partition::TileCosts;
 use super::processes::host;
 use super::shared_image::{SharedImage, gather_results};
 use crate::filter::{Denoiser, DenoiserName, FilterResult, PartFilter, WholeImage, find};
-use crate::memory::peak_bytes;
-use crate::progressive::{ProcessRecord, SampleTotals, prepare_memory};
+use crate::memory::{self, peak_bytes};
+use crate::progressive::{ProcessRecord, SampleTotals};
 use crate::render::{RejectedSample, Renderer};
 use crate::stats::{Rectangle, StatisticsExtent, Store};
 
@@ -195,7 +195,7 @@ pub fn serve(link: &Link, renderer: &Renderer, interrupt: &AtomicBool) {
             (Command::FilterStore { denoiser, width, height, capacity }, Some(part)) => {
                 part.filter_store(link, parts_of(&denoiser), (width, height, capacity), None);
             }
-            (Command::PrepareMemory { bytes }, Some(_)) => prepare_memory(bytes),
+            (Command::PrepareMemory { bytes }, Some(_)) => memory::prepare(bytes),
             (Command::Record, Some(part)) => link.tell(0, &part.record(link)),
             (_, None) => unreachable!("a render begins first"),
         }

@@ -4,6 +4,7 @@
 mod control_groups;
 mod resource_limits;
 
+use rayon::prelude::*;
 use sysinfo::System;
 
 /// Returns the bytes that this process may still take; `None` if the system does not tell.
@@ -37,6 +38,16 @@ pub fn check_available(bytes: u64) -> Result<(), String> {
         )),
         None => Ok(()),
     }
+}
+
+/// Allocates `bytes` bytes, touches every page and frees them. The allocator keeps the pages (see `main`), so that a filter
+/// pass after it takes no longer than another one: on a virtual machine new pages can be most of its time.
+pub fn prepare(bytes: usize) {
+    /// Bytes that one thread touches at a time.
+    const PIECE: usize = 8 << 20;
+    // The system provides a page when it is first written, and zeros are not written.
+    let pieces: Vec<_> = (0..bytes / PIECE).into_par_iter().map(|_| vec![1u8; PIECE]).collect();
+    std::hint::black_box(pieces);
 }
 
 /// Returns a number of bytes in a unit that suits it.

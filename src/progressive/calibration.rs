@@ -5,8 +5,6 @@
 
 use std::time::Instant;
 
-use rayon::prelude::*;
-
 use super::finalisation::{CalibrationTimes, ROW_RATIO};
 use super::time_constants::{FILTER_EXCESS, WRITE_EXCESS};
 use crate::filter::FilterResult;
@@ -16,8 +14,6 @@ use crate::stats::Store;
 const BANDS: usize = 4;
 /// Least number of rows of a band: fewer are mostly borders.
 const LEAST_ROWS: usize = 12;
-/// Size of the pieces in which memory is prepared, in bytes.
-const PIECE: usize = 8 << 20;
 
 /// Filters some rows of a store by `filter` and encodes the output of them; returns the times for the whole image.
 pub(super) fn calibrate(
@@ -35,14 +31,6 @@ pub(super) fn calibrate(
     encode_and_discard(&result, &rows);
     let total = filter_seconds + WRITE_EXCESS * ratio * writing.elapsed().as_secs_f64();
     CalibrationTimes { filter: filter_seconds, total, spent: started.elapsed().as_secs_f64() }
-}
-
-/// Allocates `bytes` bytes, touches every page and frees them. The allocator keeps the pages (see `main`), so the first
-/// pass takes no longer than predicted: on a virtual machine new pages can be most of its time.
-pub fn prepare_memory(bytes: usize) {
-    // The system provides a page when it is first written, and zeros are not written.
-    let pieces: Vec<_> = (0..bytes / PIECE).into_par_iter().map(|_| vec![1u8; PIECE]).collect();
-    std::hint::black_box(pieces);
 }
 
 /// Returns the rows that stand for an image of this height.

@@ -52,7 +52,6 @@ pub use action::{Action, next_action};
 pub use allocation::allocate_after;
 pub use blocking::run;
 pub use budget::Budget;
-pub use calibration::prepare_memory;
 pub use checkpoint::{Checkpoint, InterimPass, Position, SampleBatch};
 pub use default_denoiser::default_denoiser;
 pub use error_estimate::{ErrorEstimate, EstimateSummary, HalfImages, TILE};

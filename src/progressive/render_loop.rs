@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use super::action::{Action, next_action};
 use super::allocation::{allocate_batch, expected_ratio};
 use super::budget::Budget;
-use super::calibration::{calibrate, prepare_memory};
+use super::calibration::calibrate;
 use super::checkpoint::{Checkpoint, InterimPass, Position, SampleBatch};
 use super::clock::Clock;
 use super::error_estimate::ErrorEstimate;
@@ -26,6 +26,7 @@ use super::stopped_by::StoppedBy;
 use crate::adaptive::Sampling;
 use crate::filter::{Denoiser, FilterResult};
 use crate::image::Planes;
+use crate::memory;
 use crate::render::Renderer;
 use crate::stats::{StatisticsExtent, Store};
 
@@ -382,7 +383,7 @@ impl<'a> RenderLoop<'a> {
             let bytes_per_pixel = denoiser.cost().bytes;
             match &mut self.processes {
                 Some(processes) if denoiser.parts().is_some() => processes.prepare_memory(bytes_per_pixel),
-                _ => prepare_memory(bytes_per_pixel * self.store().pixels()),
+                _ => memory::prepare(bytes_per_pixel * self.store().pixels()),
             }
         }
         let current = self.measurements.finalisation.fallback.unwrap_or(self.settings.denoiser);
