@@ -20,7 +20,7 @@ pub fn default_denoiser(budget: &Budget, pixels: usize, processes: usize) -> &'s
     let available = available_bytes();
     let is_affordable = |denoiser: &&'static dyn Denoiser| {
         let bytes = (denoiser.cost().bytes * pixels) as f64;
-        assumed_seconds(*denoiser, pixels as u64, 1.0, false) / processes as f64 <= TIME_FRACTION * seconds
+        assumed_seconds(*denoiser, pixels as u64, 1.0, false, processes) <= TIME_FRACTION * seconds
             && available.is_none_or(|available| bytes <= MEMORY_FRACTION * available)
     };
     let [.., fastest] = DEFAULTS;

@@ -45,12 +45,20 @@ pub struct Finalisation {
 }
 
 /// Returns the seconds assumed for a finalisation of `pixels` pixels until one is measured. `spp`: samples per pixel;
-/// `saves`: whether a checkpoint is written.
-pub(super) fn assumed_seconds(denoiser: &dyn Denoiser, pixels: u64, spp: f64, saves: bool) -> f64 {
+/// `saves`: whether a checkpoint is written; `processes` share the pass if they can.
+pub(super) fn assumed_seconds(
+    denoiser: &dyn Denoiser,
+    pixels: u64,
+    spp: f64,
+    saves: bool,
+    processes: usize,
+) -> f64 {
     let cost = denoiser.cost();
     let times = if cost.is_per_sample { spp } else { 1.0 };
     let checkpoint = if saves { CHECKPOINT_SECONDS } else { 0.0 };
-    pixels as f64 * (times * cost.core_seconds / rayon::current_num_threads() as f64 + checkpoint)
+    let processes = if denoiser.parts().is_some() { processes } else { 1 };
+    let threads = rayon::current_num_threads() * processes;
+    pixels as f64 * (times * cost.core_seconds / threads as f64 + checkpoint)
 }
 
 impl Finalisation {
@@ -216,11 +224,14 @@ mod tests {
 
     #[test]
     fn what_is_assumed_grows_with_the_samples_only_where_these_are_filtered_one_by_one() {
-        let seconds = |denoiser: &dyn Denoiser, spp| assumed_seconds(denoiser, 1000, spp, false);
+        let seconds = |denoiser: &dyn Denoiser, spp| assumed_seconds(denoiser, 1000, spp, false, 1);
         use crate::filter::{nlm, rpf};
         assert!((seconds(&rpf::RPF, 8.0) / seconds(&rpf::RPF, 4.0) - 2.0).abs() < 1e-9);
         assert_eq!(seconds(&nlm::DRAFT, 8.0), seconds(&nlm::DRAFT, 4.0));
-        let checkpoint = assumed_seconds(&nlm::DRAFT, 1000, 4.0, true) - seconds(&nlm::DRAFT, 4.0);
+        let checkpoint = assumed_seconds(&nlm::DRAFT, 1000, 4.0, true, 1) - seconds(&nlm::DRAFT, 4.0);
         assert!((checkpoint - 2e-3).abs() < 1e-9);
+        let of_two = |denoiser: &dyn Denoiser| assumed_seconds(denoiser, 1000, 4.0, false, 2);
+        assert!((of_two(&nlm::DRAFT) - seconds(&nlm::DRAFT, 4.0) / 2.0).abs() < 1e-12);
+        assert_eq!(of_two(&rpf::RPF), seconds(&rpf::RPF, 4.0), "not shared");
     }
 }

@@ -134,8 +134,7 @@ impl Situation<'_> {
     /// Returns the assumed time of a finalisation by this denoiser. `saves`: whether a checkpoint is written.
     pub(super) fn assumed_seconds(&self, denoiser: &dyn Denoiser, saves: bool) -> f64 {
         let spp = self.samples as f64 / self.pixels.max(1) as f64;
-        let processes = if denoiser.parts().is_some() { self.processes } else { 1 };
-        assumed_seconds(denoiser, self.pixels, spp, saves) / processes as f64
+        assumed_seconds(denoiser, self.pixels, spp, saves, self.processes)
     }
 
     fn schedule_with(&self, finalisation: f64) -> Schedule<'_> {
