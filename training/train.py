@@ -30,8 +30,12 @@ CROP = 112
 # A training example, or a batch of them: statistics, reference, and the variance of the reference's mean.
 Example = namedtuple("Example", ["statistics", "reference", "noise"])
 
-# Number of new scenes that are added at once; each addition compiles `draw_batch` anew.
-BLOCK = 32
+# Number of new scenes that are added at once.
+BLOCK = 16
+# Least number of renders that there is memory for. It is doubled when it is full, and `draw_batch` compiled anew.
+CAPACITY = 512
+# Steps over which the rate rises at the start.
+WARMUP = 100
 
 # Part of the loss that is the predicted kernels' own. Without it the mix chose `nlm` or what is not
 # filtered in the first steps, and the kernels never learnt.
@@ -97,18 +101,30 @@ def augment(key, example):
     return Example(statistics, moved("reference", example.reference), moved("noise", example.noise))
 
 
-@partial(jax.jit, static_argnums=2)
-def draw_batch(key, examples, size):
+@partial(jax.jit, static_argnums=3)
+def draw_batch(key, examples, count, size):
+    """Draws crops of the first `count` examples."""
     which, how = jax.random.split(key)
-    chosen = jax.random.randint(which, (size,), 0, len(examples.reference))
+    chosen = jax.random.randint(which, (size,), 0, count)
     return jax.vmap(augment)(jax.random.split(how, size), jax.tree.map(lambda planes: planes[chosen], examples))
 
 
+@partial(jax.jit, donate_argnums=0)
+def put(examples, new, start):
+    """Writes new examples over those from `start` on."""
+    return jax.tree.map(lambda x, y: jax.lax.dynamic_update_slice(x, y, (start, *[0] * (x.ndim - 1))), examples, new)
+
+
+def rate_at(progress, k):
+    """The factor of the rate in step k: rises, then falls along a cosine."""
+    return min(1, k / WARMUP) * (0.01 + 0.99 * (1 + np.cos(np.pi * progress)) / 2)
+
+
 @partial(jax.jit, static_argnums=0)
-def step(optimiser, parameters, averaged, state, batch):
+def step(optimiser, rate, parameters, averaged, state, batch):
     (_, values), gradient = jax.value_and_grad(loss, has_aux=True)(parameters, batch)
     updates, state = optimiser.update(gradient, state, parameters)
-    parameters = optax.apply_updates(parameters, updates)
+    parameters = jax.tree.map(lambda p, u: p - rate * u, parameters, updates)
     averaged = jax.tree.map(lambda a, p: a + 0.002 * (p - a), averaged, parameters)
     return parameters, averaged, state, values
 
@@ -168,7 +184,7 @@ class Scenes:
 
     def __init__(self, folder, limit):
         self.folder, self.limit = folder, limit
-        self.seen, self.examples, self.held_out = set(), None, []
+        self.seen, self.examples, self.count, self.held_out = set(), None, 0, []
         # Reads while the training goes on
         self.reader = ThreadPoolExecutor(1)
         self.take(self.read(1))
@@ -189,8 +205,13 @@ class Scenes:
         self.held_out += held_out
         if training:
             examples = [Example(view.statistics, view.reference, view.noise) for view in training]
-            new = jax.tree.map(lambda *planes: jnp.asarray(np.stack(planes)), *examples)
-            self.examples = jax.tree.map(lambda *x: jnp.concatenate(x), self.examples, new) if self.examples else new
+            new = jax.tree.map(lambda *planes: np.stack(planes), *examples)
+            if not self.count:
+                self.examples = jax.tree.map(lambda x: jnp.zeros((CAPACITY, *x.shape[1:]), x.dtype), new)
+            while len(self.examples.noise) < self.count + len(training):
+                self.examples = jax.tree.map(lambda x: jnp.concatenate([x, jnp.zeros_like(x)]), self.examples)
+            self.examples = put(self.examples, new, self.count)
+            self.count += len(training)
 
     def refresh(self):
         """Takes in the scenes that have been made meanwhile, if they have been read."""
@@ -204,6 +225,7 @@ def main():
     parser.add_argument("folder", type=Path)
     parser.add_argument("weights", type=Path)
     parser.add_argument("--steps", type=int, default=20000)
+    parser.add_argument("--minutes", type=float, default=np.inf, help="ends after these, too; the rate falls accordingly")
     parser.add_argument("--start", type=Path, help="exported weights to start from")
     parser.add_argument("--batch", type=int, default=6)
     parser.add_argument("--rate", type=float, default=5e-4)
@@ -223,24 +245,26 @@ def main():
         parameters = model.initial(arguments.seed)
     parameters = jax.tree.map(jnp.asarray, parameters)
     averaged = parameters
-    warmup = min(100, arguments.steps // 2)
-    schedule = optax.warmup_cosine_decay_schedule(0, arguments.rate, warmup, arguments.steps, 0.01 * arguments.rate)
-    optimiser = optax.chain(optax.clip_by_global_norm(1.0), optax.adamw(schedule, weight_decay=1e-4))
+    optimiser = optax.chain(optax.clip_by_global_norm(1.0), optax.scale_by_adam(), optax.add_decayed_weights(1e-4))
     state = optimiser.init(parameters)
     key = jax.random.key(arguments.seed)
     started, losses = time.monotonic(), []
-    for k in range(1, arguments.steps + 1):
-        batch = draw_batch(jax.random.fold_in(key, k), scenes.examples, arguments.batch)
-        parameters, averaged, state, values = step(optimiser, parameters, averaged, state, batch)
+    k, progress = 0, 0.0
+    while progress < 1:
+        k += 1
+        progress = max(k / arguments.steps, (time.monotonic() - started) / (60 * arguments.minutes))
+        batch = draw_batch(jax.random.fold_in(key, k), scenes.examples, scenes.count, arguments.batch)
+        rate = arguments.rate * rate_at(min(progress, 1), k)
+        parameters, averaged, state, values = step(optimiser, rate, parameters, averaged, state, batch)
         losses.append(values)
-        if k % 50 == 0 or k == arguments.steps:
+        if k % 50 == 0 or progress >= 1:
             of_mix, of_kernels = np.mean(losses, 0)
-            waited, count = time.monotonic() - started, len(scenes.examples.reference)
+            waited = time.monotonic() - started
             loss_line = f"loss of the mix {of_mix:.3f}, of the kernels {of_kernels:.3f}"
-            print(f"{k} {waited:.0f} s, {count} renders, {loss_line}", flush=True)
+            print(f"{k} {waited:.0f} s, {scenes.count} renders, {loss_line}", flush=True)
             losses = []
             scenes.refresh()
-        if k % arguments.every == 0 or k == arguments.steps:
+        if k % arguments.every == 0 or progress >= 1:
             save(arguments.weights, averaged)
             if scenes.held_out:
                 evaluate(averaged, scenes.held_out)
