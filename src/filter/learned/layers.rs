@@ -20,7 +20,7 @@ pub struct ColourSteps<'a> {
     pub hit: &'a InterleavedPlanes,
     /// The fraction of the learned image in its blend.
     pub fraction: &'a [f32],
-    /// The factors that restore its brightness and dim its dots.
+    /// The factors that dim its fireflies and restore its brightness.
     pub factors: &'a [f32],
 }
 

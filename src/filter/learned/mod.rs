@@ -9,19 +9,19 @@
 //! 3. Colour, with and without the albedo, and directly visible emission are filtered, level by level.
 //! 4. The results, the unfiltered image and that of `nlm` are mixed.
 //! 5. Where the samples contradict the result, it is blended with the image of `nlm`.
-//! 6. Light that was lost over a wide surrounding is given back.
-//! 7. Dots that rare samples left are dimmed.
+//! 6. Fireflies that are left are dimmed.
+//! 7. Light that was lost over a wide surrounding is given back.
 //! 8. Layers that sum to the colour are filtered with the same weights.
 //! 9. Variance, residual and error follow from the halves, which are filtered with the same weights.
 
 mod affinity;
 mod brightness;
 mod convolution;
-mod dots;
 mod input_statistics;
 mod layers;
 mod mixture;
 mod network;
+mod residual_fireflies;
 mod safeguard;
 mod weight_file;
 mod weights;
@@ -134,7 +134,7 @@ impl Denoiser for Learned {
 impl PartFilter for Learned {
     fn margin(&self) -> usize {
         // Margins are completed between the steps, which all read values with clamped fireflies
-        let scale_and_error = brightness::reach() + dots::REACH + blur::reach(ERROR_SIGMA);
+        let scale_and_error = brightness::reach() + residual_fireflies::REACH + blur::reach(ERROR_SIGMA);
         let steps = [self.reach(), network::REACH, safeguard::reach(), scale_and_error];
         let widest = steps.into_iter().fold(0, usize::max) + fireflies::REACH;
         widest.max(self.nlm.margin()).next_multiple_of(ALIGNMENT)
@@ -196,11 +196,11 @@ fn filter(
     let fraction = safeguard::fraction_of_learned(&mixed, &nlm, &unfiltered_image, &counts, whole);
     safeguard::blend(&mut mixed, &nlm, &fraction);
     mixed.complete_margin(whole);
-    let mut factors = brightness::factors(&mixed, &unfiltered_image, &counts);
+    let mut factors = residual_fireflies::factors(&mixed.mean, &statistics);
     mixed.scale(&factors);
-    let of_dots = dots::factors(&mixed.mean, &statistics);
-    mixed.scale(&of_dots);
-    factors.iter_mut().zip(&of_dots).for_each(|(factor, of_dot)| *factor *= of_dot);
+    let of_brightness = brightness::factors(&mixed, &unfiltered_image, &counts);
+    mixed.scale(&of_brightness);
+    factors.iter_mut().zip(&of_brightness).for_each(|(factor, of_brightness)| *factor *= of_brightness);
 
     // Filter the layers
     let steps = ColourSteps {
