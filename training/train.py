@@ -32,8 +32,6 @@ Example = namedtuple("Example", ["statistics", "reference", "noise"])
 
 # Number of new scenes that are added at once.
 BLOCK = 16
-# Least number of renders that there is memory for. It is doubled when it is full, and `draw_batch` compiled anew.
-CAPACITY = 512
 # Steps over which the rate rises at the start.
 WARMUP = 100
 
@@ -207,7 +205,8 @@ class Scenes:
             examples = [Example(view.statistics, view.reference, view.noise) for view in training]
             new = jax.tree.map(lambda *planes: np.stack(planes), *examples)
             if not self.count:
-                self.examples = jax.tree.map(lambda x: jnp.zeros((CAPACITY, *x.shape[1:]), x.dtype), new)
+                self.examples = jax.tree.map(jnp.zeros_like, new)
+            # When the memory is full, it is doubled, and `draw_batch` compiled anew
             while len(self.examples.noise) < self.count + len(training):
                 self.examples = jax.tree.map(lambda x: jnp.concatenate([x, jnp.zeros_like(x)]), self.examples)
             self.examples = put(self.examples, new, self.count)
@@ -224,8 +223,9 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path)
     parser.add_argument("weights", type=Path)
-    parser.add_argument("--steps", type=int, default=20000)
-    parser.add_argument("--minutes", type=float, default=np.inf, help="ends after these, too; the rate falls accordingly")
+    parser.add_argument("--steps", type=int, help="20000 if there is no --minutes")
+    minutes_help = "ends after this time, and the rate falls accordingly; the weights then depend on the machine's speed"
+    parser.add_argument("--minutes", type=float, default=np.inf, help=minutes_help)
     parser.add_argument("--start", type=Path, help="exported weights to start from")
     parser.add_argument("--batch", type=int, default=6)
     parser.add_argument("--rate", type=float, default=5e-4)
@@ -249,10 +249,11 @@ def main():
     state = optimiser.init(parameters)
     key = jax.random.key(arguments.seed)
     started, losses = time.monotonic(), []
+    steps = arguments.steps or (20000 if np.isinf(arguments.minutes) else np.inf)
     k, progress = 0, 0.0
     while progress < 1:
         k += 1
-        progress = max(k / arguments.steps, (time.monotonic() - started) / (60 * arguments.minutes))
+        progress = max(k / steps, (time.monotonic() - started) / (60 * arguments.minutes))
         batch = draw_batch(jax.random.fold_in(key, k), scenes.examples, scenes.count, arguments.batch)
         rate = arguments.rate * rate_at(min(progress, 1), k)
         parameters, averaged, state, values = step(optimiser, rate, parameters, averaged, state, batch)
