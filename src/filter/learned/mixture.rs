@@ -243,7 +243,7 @@ impl Candidates {
 }
 
 /// Returns the divisor of the colour: the albedo, clamped to [`ALBEDO_RANGE`].
-fn divisor(albedo: f32) -> f32 {
+pub fn divisor(albedo: f32) -> f32 {
     let [min, max] = ALBEDO_RANGE;
     albedo.clamp(min, max)
 }

@@ -6,7 +6,8 @@
 
 use rayon::prelude::*;
 
-use super::input_statistics::{ALBEDO_RANGE, InputStatistics};
+use super::input_statistics::InputStatistics;
+use super::mixture::divisor;
 use crate::filter::common::fireflies::{luminance, pixel_luminance};
 use crate::image::Planes;
 
@@ -49,10 +50,7 @@ fn bound(i: usize, size: (usize, usize), luminances: &[f32], statistics: &InputS
     if shows_emission(i) || window(i, size).any(shows_emission) {
         return None;
     }
-    let albedo = |j: usize| {
-        let [min, max] = ALBEDO_RANGE;
-        luminance([0, 1, 2].map(|c| statistics.albedo.mean.plane(c)[j].clamp(min, max)))
-    };
+    let albedo = |j: usize| luminance([0, 1, 2].map(|c| divisor(statistics.albedo.mean.plane(c)[j])));
     let by_window = MAX_RATIO * ranked(window(i, size).map(|j| luminances[j]));
     let by_albedo = MAX_RATIO * albedo(i) * ranked(window(i, size).map(|j| luminances[j] / albedo(j)));
     let count = statistics.count[i];
