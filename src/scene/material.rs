@@ -113,10 +113,16 @@ pub enum MaterialKind {
     Dielectric { eta: f32, roughness: Roughness },
     /// A thin pane that reflects and transmits without bending light.
     ThinDielectric { eta: f32 },
-    /// A diffuse base under a dielectric coating.
-    CoatedDiffuse { reflectance: RgbTextureId, eta: f32, roughness: Roughness },
-    /// A conductor under a dielectric coating.
-    CoatedConductor { metal: Metal, conductor_roughness: Roughness, eta: f32, interface_roughness: Roughness },
+    /// A diffuse base under a dielectric coating, whose thickness is in mean free paths of a medium that absorbs.
+    CoatedDiffuse { reflectance: RgbTextureId, eta: f32, roughness: Roughness, thickness: FloatTextureId },
+    /// A conductor under such a coating.
+    CoatedConductor {
+        metal: Metal,
+        conductor_roughness: Roughness,
+        eta: f32,
+        interface_roughness: Roughness,
+        thickness: FloatTextureId,
+    },
     /// A stochastic choice: `second` with probability `amount`, otherwise `first`.
     Mix { first: super::MaterialId, second: super::MaterialId, amount: FloatTextureId },
     /// An interface between media that does not change light.

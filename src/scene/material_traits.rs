@@ -60,8 +60,10 @@ impl MaterialTraits {
             }
 
             // Layered and composite materials
-            MaterialKind::CoatedDiffuse { reflectance, roughness, .. } => {
-                let is_independent = is_constant(*reflectance) && roughness.is_isotropic(textures);
+            MaterialKind::CoatedDiffuse { reflectance, roughness, thickness, .. } => {
+                let is_independent = is_constant(*reflectance)
+                    && roughness.is_isotropic(textures)
+                    && textures.constant_float(*thickness).is_some();
                 Self { chooses_lobe: true, ..needed_unless(is_independent) }
                     .with_microfacets(textures, roughness)
             }
@@ -114,7 +116,8 @@ impl Roughness {
     /// Whether the surface is perfectly specular: constant roughness 0 in a dialect with smooth surfaces.
     fn is_smooth(&self, textures: &Textures) -> bool {
         let is_zero = |id| textures.constant_float(id) == Some(0.0);
-        self.scale != RoughnessScale::InverseExponent && is_zero(self.u) && is_zero(self.v)
+        let has_smooth = matches!(self.scale, RoughnessScale::Alpha | RoughnessScale::SquareRoot);
+        has_smooth && is_zero(self.u) && is_zero(self.v)
     }
 }
 

@@ -12,7 +12,8 @@
 //!   product as in Kulla and Conty, *Revisiting physically based shading at Imageworks* (2017), so that a white
 //!   conductor loses about as much energy as without a coat.
 //!
-//! A rough coat widens the conductor's lobe. pbrt-v4's random walk differs in the directional distribution of the
+//! What the coat absorbs is left out of all three but the first; trapped light crosses it at least four times. A rough coat
+//! widens the conductor's lobe. pbrt-v4's random walk differs in the directional distribution of the
 //! trapped light, and in the energy that its rough interfaces lose.
 
 use std::f32::consts::FRAC_1_PI;
@@ -45,7 +46,7 @@ pub(super) struct CoatedConductor {
 /// Fraction of light from outside that is trapped under a smooth coat over a white conductor.
 static TRAPPED: LazyLock<InterfaceTable> = LazyLock::new(|| {
     InterfaceTable::new(|cos, alpha, eta| {
-        let coat = Coat::new(eta, Ggx::new(0.0, 0.0));
+        let coat = Coat::new(eta, Ggx::new(0.0, 0.0), 0.0);
         let wo = Vec3::new((1.0 - cos * cos).max(0.0).sqrt(), 0.0, cos);
         let trapped = mean_over_reflections(Ggx::new(alpha, alpha), inside(wo, eta), |r| {
             outside(r.wi, eta)
@@ -69,7 +70,7 @@ fn outside(w: Vec3, eta: f32) -> Option<Vec3> {
 
 /// Sum of the series of specular interreflections between the coat and a conductor of this reflectance.
 fn interreflections(coat: &Coat, wo: Vec3, wi: Vec3, reflectance: f32) -> f32 {
-    let internal = |w: Vec3| fresnel::dielectric(w.z.abs(), coat.eta);
+    let internal = |w: Vec3| fresnel::dielectric(w.z.abs(), coat.eta) * coat.crossing(w.z.abs()).powi(2);
     let smaller = internal(wo).min(internal(wi));
     1.0 / (1.0 - smaller * reflectance).max(f32::EPSILON)
 }
@@ -93,8 +94,9 @@ impl CoatedConductor {
         // Sum the series of trapped light: at least two reflections, then diffuse ones
         const MEAN_DIFFUSE_COS: f32 = 2.0 / 3.0;
         let reflectance = fresnel::conductor(MEAN_DIFFUSE_COS, eta, k);
-        let internal = coat.internal_reflectance();
-        let trapped_colour = reflectance * reflectance * (1.0 - internal) / (1.0 - reflectance * internal);
+        let three_crossings = coat.mean_crossing().powi(3);
+        let trapped_colour = reflectance * reflectance * three_crossings * coat.escape()
+            / (1.0 - reflectance * coat.return_to_base());
         let trapped_row = InterfaceRow::new(ggx.mean_alpha(), coat.eta);
         Self { coat, base: Conductor { eta, k, ggx }, trapped_colour, trapped_row }
     }
@@ -113,7 +115,8 @@ impl CoatedConductor {
     fn albedos(&self, wo: Vec3) -> (f32, Vec3, Vec3) {
         let cos = wo.z.abs();
         let (coat, trapped) = (self.coat.reflectance(cos), self.trapped_fraction(cos));
-        let conductor = self.conductor_reflectance(wo) * (1.0 - coat - trapped).max(0.0);
+        let there_and_back = self.coat.crossing(cos).powi(2);
+        let conductor = self.conductor_reflectance(wo) * ((1.0 - coat - trapped).max(0.0) * there_and_back);
         (coat, conductor, self.trapped_colour * trapped)
     }
 
@@ -133,7 +136,7 @@ impl CoatedConductor {
     fn specular_reflectance(&self, wo: Vec3) -> Vec3 {
         let (coat, conductor) = (self.coat.reflectance(wo.z.abs()), self.conductor_reflectance(wo));
         let series = conductor.map(|r| r * interreflections(&self.coat, wo, wo, r));
-        series * (1.0 - coat).powi(2) + coat
+        series * ((1.0 - coat) * self.coat.crossing(wo.z.abs())).powi(2) + coat
     }
 
     /// Solid angle within the coat per solid angle outside.
@@ -144,7 +147,8 @@ impl CoatedConductor {
     /// f |cos wi| of the conductor through the coat.
     fn conductor_eval(&self, wo: Vec3, wi: Vec3) -> Vec3 {
         let (wo_inside, wi_inside) = (inside(wo, self.coat.eta), inside(wi, self.coat.eta));
-        let transmittance = self.coat.transmittance(wo.z.abs()) * self.coat.transmittance(wi.z.abs());
+        let through = |w: Vec3| self.coat.transmittance(w.z.abs()) * self.coat.crossing(w.z.abs());
+        let transmittance = through(wo) * through(wi);
         let (value, cos) = self.base.ggx.reflection_eval(wo_inside, wi_inside);
         let reflectance = fresnel::conductor(cos, self.base.eta, self.base.k);
         let colour = reflectance.map(|r| r * interreflections(&self.coat, wo, wi, r));

@@ -1,15 +1,16 @@
 //! A diffuse base under a dielectric coat, in closed form.
 //!
 //! Light enters the coat, bounces between base and coat any number of times and leaves. With the coat's
-//! transmittance T, the coat's internal reflectance F for diffuse light and the base's albedo k, the geometric
+//! transmittance T, the fraction F of diffuse light that comes back to the base and the base's albedo k, the geometric
 //! series over the bounces is
 //!
 //! ```text
 //! f(wo, wi) = T(wo) T(wi) / η² · k / π / (1 − k F)
 //! ```
 //!
-//! (Wolff, *Diffuse-reflectance model for smooth dielectric surfaces*, 1994; exact for a smooth coat over a
-//! Lambertian base). A white base reflects all light that the coat does not reflect.
+//! (Wolff, *Diffuse-reflectance model for smooth dielectric surfaces*, 1994; exact for a smooth coat without absorption over a
+//! Lambertian base). T and F include what the coat absorbs; without that a white base reflects all light that the coat does
+//! not reflect.
 
 use std::f32::consts::FRAC_1_PI;
 
@@ -25,17 +26,16 @@ pub(super) struct CoatedDiffuse {
     coat: Coat,
     /// k / (1 − k F) / η²
     base: Vec3,
-    /// Fraction of the light in the coat that leaves it again: (1 − F) k / (1 − k F).
+    /// Fraction of the light at the base that leaves the coat again.
     base_albedo: Vec3,
 }
 
 impl CoatedDiffuse {
     /// `reflectance` in [0, 1].
     pub fn new(coat: Coat, reflectance: Vec3) -> Self {
-        let internal = coat.internal_reflectance();
         // 1 - k F is positive: F is 1 only for an infinite index of refraction.
-        let series = reflectance / (1.0 - reflectance * internal);
-        Self { coat, base: series / (coat.eta * coat.eta), base_albedo: series * (1.0 - internal) }
+        let series = reflectance / (1.0 - reflectance * coat.return_to_base());
+        Self { coat, base: series / (coat.eta * coat.eta), base_albedo: series * coat.escape() }
     }
 
     /// Probability of sampling the coat's lobe, given its reflectance for light from `wo`: its fraction of the albedo's
@@ -61,7 +61,8 @@ impl Bxdf for CoatedDiffuse {
         }
         let [coat_o, coat_i] = [wo, wi].map(|w| self.coat.reflectance(w.z.abs()));
         let (coat_value, coat_pdf) = self.coat.eval_and_pdf(wo, wi);
-        let through = (1.0 - coat_o) * (1.0 - coat_i);
+        let through =
+            (1.0 - coat_o) * (1.0 - coat_i) * self.coat.crossing(wo.z.abs()) * self.coat.crossing(wi.z.abs());
         let value = self.base * (through * FRAC_1_PI * wi.z.abs()) + coat_value;
         let pdf = self.coat_probability(coat_o);
         (value, pdf.map_or(0.0, |p| p * coat_pdf + (1.0 - p) * cosine_hemisphere_pdf(wi)))
@@ -86,6 +87,6 @@ impl Bxdf for CoatedDiffuse {
 
     fn albedo(&self, wo: Vec3) -> Vec3 {
         let coat = self.coat.reflectance(wo.z.abs());
-        self.base_albedo * (1.0 - coat) + coat
+        self.base_albedo * ((1.0 - coat) * self.coat.crossing(wo.z.abs())) + coat
     }
 }

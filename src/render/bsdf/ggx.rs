@@ -16,6 +16,8 @@ use crate::render::disk::sin_cos_of_turns;
 
 /// A surface whose larger alpha is below this counts as smooth (pbrt-v4).
 const MIN_ROUGH_ALPHA: f32 = 1e-3;
+/// Largest alpha: pbrt has no bound, and v3's roughness of 1 is 1.62.
+const MAX_ALPHA: f32 = 4.0;
 /// Smallest alpha of a rough surface (pbrt-v4).
 const MIN_ALPHA: f32 = 1e-4;
 
@@ -36,9 +38,9 @@ pub(super) struct MicrofacetReflection {
 }
 
 impl Ggx {
-    /// Alphas are clamped to [0, 1]; NaN becomes 0.
+    /// Alphas are clamped to [0, 4]; NaN becomes 0.
     pub fn new(x: f32, y: f32) -> Self {
-        let (x, y) = (clamp_or_zero(x, 1.0), clamp_or_zero(y, 1.0));
+        let (x, y) = (clamp_or_zero(x, MAX_ALPHA), clamp_or_zero(y, MAX_ALPHA));
         if x.max(y) < MIN_ROUGH_ALPHA {
             Self { x: 0.0, y: 0.0 }
         } else {

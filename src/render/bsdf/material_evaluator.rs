@@ -64,12 +64,18 @@ impl MaterialEvaluator<'_> {
             }
 
             // Layered and composite materials
-            MaterialKind::CoatedDiffuse { reflectance, eta, roughness } => {
-                let coat = Coat::new(valid_eta(eta), self.ggx(roughness));
+            MaterialKind::CoatedDiffuse { reflectance, eta, roughness, thickness } => {
+                let coat = Coat::new(valid_eta(eta), self.ggx(roughness), self.float(thickness));
                 AnyBxdf::CoatedDiffuse(CoatedDiffuse::new(coat, self.colour(reflectance)))
             }
-            MaterialKind::CoatedConductor { metal, conductor_roughness, eta, interface_roughness } => {
-                let coat = Coat::new(valid_eta(eta), self.ggx(interface_roughness));
+            MaterialKind::CoatedConductor {
+                metal,
+                conductor_roughness,
+                eta,
+                interface_roughness,
+                thickness,
+            } => {
+                let coat = Coat::new(valid_eta(eta), self.ggx(interface_roughness), self.float(thickness));
                 let base = self.conductor(metal, conductor_roughness);
                 AnyBxdf::CoatedConductor(CoatedConductor::new(coat, base))
             }

@@ -77,11 +77,11 @@ fn glossy_bxdfs() -> Vec<(String, Box<dyn Bxdf>)> {
     let (colour, dark) = (Vec3::new(0.8, 0.5, 0.1), Vec3::new(0.1, 0.3, 0.2));
     add("diffuse".into(), Box::new(Diffuse { reflectance: colour, transmittance: Vec3::ZERO }));
     add("diffuse transmission".into(), Box::new(Diffuse { reflectance: dark, transmittance: colour }));
-    for (x, y) in [(1e-3, 1e-3), (0.03, 0.03), (0.3, 0.3), (1.0, 1.0), (0.05, 0.4)] {
+    for (x, y) in [(1e-3, 1e-3), (0.03, 0.03), (0.3, 0.3), (1.0, 1.0), (1.6, 1.6), (0.05, 0.4)] {
         let ggx = Ggx::new(x, y);
         add(format!("conductor {x} {y}"), Box::new(gold(x, y)));
         add(format!("dielectric {x} {y}"), Box::new(Dielectric { eta: 1.5, ggx }));
-        let coat = Coat::new(1.5, ggx);
+        let coat = Coat::new(1.5, ggx, 0.01);
         add(format!("coated diffuse {x} {y}"), Box::new(CoatedDiffuse::new(coat, colour)));
         add(format!("coated conductor {x} {y}"), Box::new(CoatedConductor::new(coat, gold(0.1, 0.2))));
     }
@@ -104,7 +104,7 @@ fn glossy_bxdfs() -> Vec<(String, Box<dyn Bxdf>)> {
     let distribution = MicrofacetDistribution::Ggx(Ggx::new(0.2, 0.3));
     add("blend ggx".into(), Box::new(FresnelBlend { diffuse: colour, specular: dark, distribution }));
     add("measured".into(), Box::new(Measured { table: &MEASURED }));
-    let smooth = Coat::new(1.5, Ggx::new(0.0, 0.0));
+    let smooth = Coat::new(1.5, Ggx::new(0.0, 0.0), 0.1);
     add("smoothly coated diffuse".into(), Box::new(CoatedDiffuse::new(smooth, colour)));
     for alpha in [0.05, 0.5] {
         let bxdf = CoatedConductor::new(smooth, gold(alpha, alpha));
@@ -302,7 +302,7 @@ fn a_white_conductor_loses_the_energy_that_microfacets_mask() {
 #[test]
 fn a_white_base_under_a_coat_conserves_energy() {
     for alpha in [0.0, 0.05, 0.4, 1.0] {
-        let bxdf = CoatedDiffuse::new(Coat::new(1.5, Ggx::new(alpha, alpha)), Vec3::ONE);
+        let bxdf = CoatedDiffuse::new(Coat::new(1.5, Ggx::new(alpha, alpha), 0.0), Vec3::ONE);
         for cos in [1.0, 0.6, 0.2] {
             let (energy, error) = furnace(&bxdf, direction(cos, 0.3));
             assert!(
@@ -317,7 +317,7 @@ fn a_white_base_under_a_coat_conserves_energy() {
 fn a_white_conductor_loses_similar_energy_with_and_without_a_coat() {
     for (coat, alpha) in [(0.0, 0.0), (0.0, 0.05), (0.0, 0.5), (0.2, 0.1), (0.5, 0.5)] {
         let base = Conductor { ggx: Ggx::new(alpha, alpha), ..mirror_like() };
-        let bxdf = CoatedConductor::new(Coat::new(1.5, Ggx::new(coat, coat)), base);
+        let bxdf = CoatedConductor::new(Coat::new(1.5, Ggx::new(coat, coat), 0.0), base);
         for cos in [1.0, 0.6, 0.2] {
             let wo = direction(cos, 0.3);
             let (energy, error) = furnace(&bxdf, wo);
@@ -330,23 +330,26 @@ fn a_white_conductor_loses_similar_energy_with_and_without_a_coat() {
 }
 
 /// Albedo of a smooth coat over a diffuse base by a random walk.
-fn random_walk_albedo(cos: f32, eta: f32, albedo: f32, paths: usize) -> f32 {
+fn random_walk_albedo(cos: f32, eta: f32, albedo: f32, thickness: f32, paths: usize) -> f32 {
     let mut rng = Pcg32::seed_from_u64(23);
     let mut sum = 0.0;
     let reflected = fresnel::dielectric(cos, eta);
     for _ in 0..paths {
-        let mut light = 1.0 - reflected;
+        let crossing = |cos_inside: f32| (-thickness / cos_inside).exp();
+        let mut light = (1.0 - reflected) * crossing((1.0 - (1.0 - cos * cos) / (eta * eta)).sqrt());
         loop {
             light *= albedo;
             if light < 1e-5 {
                 break;
             }
             let up = sample_cosine_hemisphere(Vec2::new(rng.random(), rng.random()));
+            light *= crossing(up.z);
             let reflectance = fresnel::dielectric(up.z, 1.0 / eta);
             if rng.random::<f32>() >= reflectance {
                 sum += f64::from(light);
                 break;
             }
+            light *= crossing(up.z);
         }
     }
     reflected + (sum / paths as f64) as f32
@@ -354,14 +357,22 @@ fn random_walk_albedo(cos: f32, eta: f32, albedo: f32, paths: usize) -> f32 {
 
 #[test]
 fn the_albedo_of_a_coated_diffuse_surface_is_that_of_a_random_walk() {
-    for (eta, albedo) in [(1.5, 0.8), (1.5, 0.2), (1.8, 0.95)] {
-        let bxdf = CoatedDiffuse::new(Coat::new(eta, Ggx::new(0.0, 0.0)), Vec3::splat(albedo));
+    for (eta, albedo, thickness) in [
+        (1.5, 0.8, 0.0),
+        (1.5, 0.8, 0.01),
+        (1.5, 0.2, 0.3),
+        (1.8, 0.95, 0.0),
+        (1.8, 0.95, 0.1),
+        (1.0, 0.5, 1.0),
+    ] {
+        let coat = Coat::new(eta, Ggx::new(0.0, 0.0), thickness);
+        let bxdf = CoatedDiffuse::new(coat, Vec3::splat(albedo));
         for cos in [1.0, 0.5, 0.15] {
-            let walk = random_walk_albedo(cos, eta, albedo, 60_000);
+            let walk = random_walk_albedo(cos, eta, albedo, thickness, 60_000);
             let (closed, error) = furnace(&bxdf, direction(cos, 0.0));
             assert!(
                 (closed.x - walk).abs() < 0.01 * walk + 4.0 * error,
-                "{eta} {albedo} {cos}: {closed} {walk}"
+                "{eta} {albedo} {thickness} {cos}: {closed} {walk}"
             );
             assert!((bxdf.albedo(direction(cos, 0.0)).x - walk).abs() < 0.01 * walk);
         }
@@ -426,7 +437,7 @@ fn extreme_parameters_give_finite_non_negative_results() {
             AnyBxdf::Conductor(Conductor { eta: Vec3::ZERO, k: Vec3::splat(1e4), ggx }),
         ];
         for eta in [1.0, 1.0 + 1e-6, 1.5, 1e-3, 1e3] {
-            let coat = Coat::new(eta, ggx);
+            let coat = Coat::new(eta, ggx, 0.01);
             bxdfs.extend([
                 AnyBxdf::Dielectric(Dielectric { eta, ggx }),
                 AnyBxdf::ThinDielectric(ThinDielectric { eta }),

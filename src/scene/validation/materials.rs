@@ -61,13 +61,21 @@ impl Check<'_> {
                 self.rgb("kind.specular", *specular)?;
                 self.roughness("kind.roughness", roughness)
             }
-            MaterialKind::CoatedDiffuse { reflectance, eta, roughness } => {
+            MaterialKind::CoatedDiffuse { reflectance, eta, roughness, thickness } => {
                 self.rgb("kind.reflectance", *reflectance)?;
+                self.float("kind.thickness", *thickness)?;
                 self.eta("kind.eta", *eta)?;
                 self.roughness("kind.roughness", roughness)
             }
-            MaterialKind::CoatedConductor { metal, conductor_roughness, eta, interface_roughness } => {
+            MaterialKind::CoatedConductor {
+                metal,
+                conductor_roughness,
+                eta,
+                interface_roughness,
+                thickness,
+            } => {
                 self.metal(metal)?;
+                self.float("kind.thickness", *thickness)?;
                 self.roughness("kind.conductor_roughness", conductor_roughness)?;
                 self.eta("kind.eta", *eta)?;
                 self.roughness("kind.interface_roughness", interface_roughness)

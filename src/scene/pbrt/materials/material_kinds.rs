@@ -9,6 +9,8 @@ use crate::scene::texture::Texture;
 
 /// Default index of refraction.
 const DEFAULT_ETA: f64 = 1.5;
+/// Of coatings.
+const DEFAULT_THICKNESS: f64 = 0.01;
 
 impl SceneBuilder {
     /// The scattering model of the material type `kind`.
@@ -52,6 +54,7 @@ impl SceneBuilder {
                     reflectance: self.rgb_texture_or(params, "reflectance", Vec3::splat(0.5))?,
                     eta: self.refractive_index(params, "eta", DEFAULT_ETA)?,
                     roughness: self.roughness(params, "", 0.0)?,
+                    thickness: self.float_texture_or(params, "thickness", DEFAULT_THICKNESS)?,
                 }
             }
             "coatedconductor" => {
@@ -61,6 +64,7 @@ impl SceneBuilder {
                     conductor_roughness: self.roughness(params, "conductor.", 0.0)?,
                     eta: self.refractive_index(params, "interface.eta", DEFAULT_ETA)?,
                     interface_roughness: self.roughness(params, "interface.", 0.0)?,
+                    thickness: self.float_texture_or(params, "thickness", DEFAULT_THICKNESS)?,
                 }
             }
             // Materials in files of their own
@@ -91,12 +95,15 @@ impl SceneBuilder {
         })
     }
 
-    /// Marks the parameters of a coating's medium as used; only its interface is simulated.
+    /// Marks the parameters of scattering in a coating's medium as used; only its absorption is simulated.
     fn ignore_coating_medium(&mut self, params: &ParameterDictionary, loc: FileLoc) -> Result<()> {
         if params.get("albedo").is_some() {
-            self.warnings.add(loc, "the medium inside a coating (\"albedo\", \"g\") is not simulated");
+            self.warnings.add(
+                loc,
+                "scattering inside a coating (\"albedo\", \"g\") is not simulated, only absorption",
+            );
         }
-        for name in ["thickness", "g", "maxdepth", "nsamples"] {
+        for name in ["g", "maxdepth", "nsamples"] {
             params.get(name);
         }
         Ok(())
