@@ -14,6 +14,10 @@ const MAX_FILES: usize = 64;
 const MAX_BYTES: u64 = 1 << 23;
 const MAX_DEPTH: usize = 8;
 
+/// Shapes, materials and samplers of v3.
+const V3_NAMES: [&str; 8] =
+    ["plymesh", "curve", "disney", "fourier", "hair", "sobol", "02sequence", "maxmindist"];
+
 /// Directives that are specific to a dialect.
 #[derive(Default)]
 struct DialectClues {
@@ -22,6 +26,8 @@ struct DialectClues {
     /// A directive of v2, or of v3 and later, that the other does not have.
     v2: bool,
     v3: bool,
+    /// A name that v3 has and v2 does not; a material or a texture of v2 may be called so, too.
+    v3_name: bool,
 }
 
 impl DialectClues {
@@ -31,7 +37,14 @@ impl DialectClues {
         let mut included = Vec::new();
         // Errors are reported when the file is read
         while let Ok(Some(token)) = lexer.next() {
-            let TokenKind::Word(word) = token.kind else { continue };
+            let word = match token.kind {
+                TokenKind::Word(word) => word,
+                TokenKind::Quoted(name) => {
+                    self.v3_name |= V3_NAMES.contains(&&*name) || name.ends_with(" remaproughness");
+                    continue;
+                }
+                _ => continue,
+            };
             match &*word {
                 "WorldEnd" => self.world_end = true,
                 "SurfaceIntegrator" | "VolumeIntegrator" | "Renderer" => self.v2 = true,
@@ -54,7 +67,8 @@ impl DialectClues {
     }
 
     fn dialect(&self) -> Dialect {
-        match (self.world_end, self.v3) {
+        let is_v3 = self.v3 || self.v3_name && !self.v2;
+        match (self.world_end, is_v3) {
             (false, _) => Dialect::V4,
             (true, true) => Dialect::V3,
             (true, false) => Dialect::V2,
@@ -111,6 +125,12 @@ mod tests {
         assert_eq!(detect("Integrator \"path\" WorldBegin # WorldEnd"), Dialect::V4);
         assert_eq!(detect("Integrator \"path\" WorldBegin WorldEnd"), Dialect::V3);
         assert_eq!(detect("SurfaceIntegrator \"path\" WorldBegin WorldEnd"), Dialect::V2);
+        assert_eq!(detect("WorldBegin Shape \"sphere\" WorldEnd"), Dialect::V2);
+        for v3 in ["Shape \"plymesh\"", "Material \"metal\" \"bool remaproughness\" \"false\""] {
+            assert_eq!(detect(&format!("WorldBegin {v3} WorldEnd")), Dialect::V3);
+        }
+        let named = "VolumeIntegrator \"single\" WorldBegin NamedMaterial \"hair\" WorldEnd";
+        assert_eq!(detect(named), Dialect::V2);
     }
 
     #[test]

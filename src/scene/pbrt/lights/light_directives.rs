@@ -8,6 +8,7 @@ use super::light_power::scale_to_parameter;
 use crate::scene::Light;
 use crate::scene::light::{AreaLight, Environment, Portal};
 use crate::scene::pbrt::builder::{AreaLightSource, SceneBuilder};
+use crate::scene::pbrt::dialect::Dialect;
 use crate::scene::pbrt::directives::transforms::{inverse, normalized};
 use crate::scene::pbrt::parser::{ParameterDictionary, ParameterType, ParseError, Result, Statement};
 use crate::scene::texture::Channels;
@@ -93,7 +94,13 @@ impl SceneBuilder {
     /// `point`.
     pub fn point(&mut self, params: &ParameterDictionary) -> Result<Light> {
         let from = params.triple_or("from", DVec3::ZERO)?;
-        let position = self.to_render().transform_point3(from).as_vec3();
+        let to_render = self.to_render();
+        let position = match self.dialect {
+            // Moved by the transformation, and neither rotated nor scaled
+            Dialect::V2 | Dialect::V3 => to_render.translation + from,
+            Dialect::V4 => to_render.transform_point3(from),
+        }
+        .as_vec3();
         let mut intensity = self.light_colour(params, "I")?;
         if let Some(power) = params.positive("power")? {
             intensity = scale_to_parameter(params, "power", intensity, power / (4.0 * PI))?;

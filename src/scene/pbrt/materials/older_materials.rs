@@ -7,7 +7,7 @@
 use glam::Vec3;
 
 use crate::scene::RgbTextureId;
-use crate::scene::material::{Additive, Lobe, MaterialKind, Metal};
+use crate::scene::material::{Additive, Lobe, MaterialKind, Metal, Roughness};
 use crate::scene::pbrt::builder::SceneBuilder;
 use crate::scene::pbrt::dialect::Dialect;
 use crate::scene::pbrt::parser::{FileLoc, ParameterDictionary, Result};
@@ -41,7 +41,10 @@ impl SceneBuilder {
             // Conductors
             "metal" => MaterialKind::Conductor {
                 metal: self.metal(params, "")?,
-                roughness: self.roughness(params, "", 0.01)?,
+                roughness: match self.dialect {
+                    Dialect::V2 => self.isotropic_roughness(params, 0.01)?,
+                    Dialect::V3 | Dialect::V4 => self.roughness(params, "", 0.01)?,
+                },
             },
             "shinymetal" => {
                 let message =
@@ -50,19 +53,19 @@ impl SceneBuilder {
                 params.get("Kr");
                 MaterialKind::Conductor {
                     metal: Metal::Reflectance(self.rgb_texture_or(params, "Ks", gray(1.0))?),
-                    roughness: self.roughness(params, "", 0.1)?,
+                    roughness: self.isotropic_roughness(params, 0.1)?,
                 }
             }
             // Layered and additive surfaces
             "substrate" => MaterialKind::FresnelBlend {
                 diffuse: self.rgb_texture_or(params, "Kd", gray(0.5))?,
                 specular: self.rgb_texture_or(params, "Ks", gray(0.5))?,
-                roughness: self.roughness(params, "", 0.1)?,
+                roughness: self.anisotropic_roughness(params, 0.1)?,
             },
             "plastic" => {
                 let diffuse = [Some(self.rgb_texture_or(params, "Kd", gray(0.25))?), None];
                 let colours = [Some(self.rgb_texture_or(params, "Ks", gray(0.25))?), None];
-                let roughness = self.roughness(params, "", 0.1)?;
+                let roughness = self.isotropic_roughness(params, 0.1)?;
                 let gloss = Some(Lobe { colours, eta: 1.0 / PLASTIC_ETA, roughness });
                 MaterialKind::Additive(Box::new(Additive { diffuse, gloss, ..Additive::default() }))
             }
@@ -78,7 +81,7 @@ impl SceneBuilder {
         let colours = ["Kr", "Kt"].map(|name| self.rgb_texture_or(params, name, Vec3::ONE));
         let [reflected, transmitted] = colours;
         let colours = [Some(reflected?), Some(transmitted?)];
-        let roughness = self.roughness(params, "", 0.0)?;
+        let roughness = self.glass_roughness(params)?;
         let white =
             |id: &Option<RgbTextureId>| id.is_none_or(|id| self.textures.constant_rgb(id) == Some(Vec3::ONE));
         if colours.iter().all(white) {
@@ -86,6 +89,17 @@ impl SceneBuilder {
         }
         let dielectric = Some(Lobe { colours, eta, roughness });
         Ok(MaterialKind::Additive(Box::new(Additive { dielectric, ..Additive::default() })))
+    }
+
+    /// The roughness of `glass`: v2 has none. In v3 glass whose roughness is 0 is smooth, unlike all its other materials.
+    fn glass_roughness(&mut self, params: &ParameterDictionary) -> Result<Roughness> {
+        if self.dialect == Dialect::V2 {
+            return Ok(self.zero_roughness());
+        }
+        let roughness = self.anisotropic_roughness(params, 0.0)?;
+        let is_zero = |id| self.textures.constant_float(id) == Some(0.0);
+        let is_smooth = is_zero(roughness.u) && is_zero(roughness.v);
+        Ok(if is_smooth { self.zero_roughness() } else { roughness })
     }
 
     /// `uber`.
@@ -99,7 +113,11 @@ impl SceneBuilder {
         let gloss = [colour("Ks", 0.25)?, None];
         let boundary = [colour("Kr", 0.0)?, colour("Kt", 0.0)?];
         let opacity = colour("opacity", 1.0)?;
-        let gloss = Some(Lobe { colours: gloss, eta, roughness: self.roughness(params, "", 0.1)? });
+        let roughness = match self.dialect {
+            Dialect::V2 => self.isotropic_roughness(params, 0.1)?,
+            Dialect::V3 | Dialect::V4 => self.roughness(params, "", 0.1)?,
+        };
+        let gloss = Some(Lobe { colours: gloss, eta, roughness });
         let dielectric = Some(Lobe { colours: boundary, eta, roughness: self.zero_roughness() });
         Ok(MaterialKind::Additive(Box::new(Additive { diffuse, gloss, dielectric, opacity })))
     }
@@ -115,7 +133,7 @@ impl SceneBuilder {
             Ok(sides.map(|second| Some(self.textures.add(Texture::<Vec3>::Product { first, second }))))
         };
         let (diffuse, colours) = (colours("Kd")?, colours("Ks")?);
-        let roughness = self.roughness(params, "", 0.1)?;
+        let roughness = self.isotropic_roughness(params, 0.1)?;
         let layer = |eta| Some(Lobe { colours, eta, roughness });
         // v2 mirrors its glossy lobe below the surface; v3 uses rough glass
         let (gloss, dielectric) = match self.dialect {

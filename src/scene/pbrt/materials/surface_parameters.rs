@@ -29,6 +29,30 @@ impl SceneBuilder {
         default: f64,
     ) -> Result<Roughness> {
         let common = self.float_texture_or(params, &format!("{prefix}roughness"), default)?;
+        let along = [Some("u"), Some("v")];
+        self.roughness_along(params, prefix, along, common)
+    }
+
+    /// `roughness` alone, of materials of the older dialects.
+    pub fn isotropic_roughness(&mut self, params: &ParameterDictionary, default: f64) -> Result<Roughness> {
+        let common = self.float_texture_or(params, "roughness", default)?;
+        self.roughness_along(params, "", [None; 2], common)
+    }
+
+    /// `uroughness` and `vroughness` alone, of materials of the older dialects.
+    pub fn anisotropic_roughness(&mut self, params: &ParameterDictionary, default: f64) -> Result<Roughness> {
+        let common = self.textures.add(Texture::Constant(default as f32));
+        self.roughness_along(params, "", [Some("u"), Some("v")], common)
+    }
+
+    /// The roughness along axes whose parameters are read; along others, and by default, it is `common`.
+    fn roughness_along(
+        &mut self,
+        params: &ParameterDictionary,
+        prefix: &str,
+        axes: [Option<&str>; 2],
+        common: FloatTextureId,
+    ) -> Result<Roughness> {
         for name in ["roughness", "uroughness", "vroughness"].map(|name| format!("{prefix}{name}")) {
             if let Ok(Some(value)) = params.float(&name)
                 && value < 0.0
@@ -37,15 +61,11 @@ impl SceneBuilder {
                 self.warnings.add(params.loc, message);
             }
         }
-        let mut along = |axis: &str| -> Result<FloatTextureId> {
-            let name = format!("{prefix}{axis}roughness");
-            if params.get(&name).is_some() {
-                self.float_texture_or(params, &name, default)
-            } else {
-                Ok(common)
-            }
-        };
-        let (u, v) = (along("u")?, along("v")?);
+        let [u, v] = axes.map(|axis| {
+            let name = format!("{prefix}{}roughness", axis?);
+            params.get(&name).map(|_| self.float_texture_or(params, &name, 0.0))
+        });
+        let (u, v) = (u.unwrap_or(Ok(common))?, v.unwrap_or(Ok(common))?);
         let remap = params.bool_or("remaproughness", true)?;
         Ok(Roughness { u, v, scale: self.dialect.roughness_scale(remap) })
     }

@@ -8,6 +8,7 @@ use glam::{DAffine3, DVec3};
 use super::mesh_description::MeshDescription;
 use crate::scene::material::MaterialKind;
 use crate::scene::pbrt::builder::{AreaLightSource, SceneBuilder};
+use crate::scene::pbrt::dialect::Dialect;
 use crate::scene::pbrt::directives::objects::ShapePlacement;
 use crate::scene::pbrt::lights::scale_light;
 use crate::scene::pbrt::parser::{ParameterDictionary, ParameterType, ParseError, Result};
@@ -58,7 +59,11 @@ impl SceneBuilder {
         make: impl FnOnce(DAffine3) -> Shape,
     ) -> Result<()> {
         let ShapePlacement { group, to_group } = self.place_shape(reference, params.loc)?;
-        let flip_normal = self.state.reverse_orientation != mirrors(to_group);
+        // A mirrored sphere of v2 keeps its front outside. In v3 and v4 it has it inside where rays hit it, and outside where light is
+        // sampled from it, which is most of the light that it gives
+        let reverse = self.state.reverse_orientation;
+        let keeps_front = self.dialect == Dialect::V2 || self.state.area_light.is_some();
+        let flip_normal = if keeps_front { reverse } else { reverse != mirrors(to_group) };
         let shape = make(to_group);
         if !shape.max_coordinate().is_some_and(|coordinate| coordinate < LARGEST_COORDINATE) {
             let message = format!("a shape with coordinates beyond {LARGEST_COORDINATE:e} is ignored");

@@ -70,6 +70,58 @@ fn rough_matte_is_oren_nayar_and_coloured_glass_keeps_its_colours() {
 }
 
 #[test]
+fn glass_of_v3_is_smooth_unless_it_has_a_roughness_along_an_axis() {
+    let roughness = |dialect, params: &str| {
+        let kinds = materials(dialect, &format!("Material \"glass\" {params}"));
+        let MaterialKind::Dielectric { roughness, .. } = kinds[0] else { panic!("{kinds:?}") };
+        roughness.scale
+    };
+    assert_eq!(roughness(Dialect::V3, ""), RoughnessScale::Alpha);
+    assert_eq!(roughness(Dialect::V3, "\"float uroughness\" 0"), RoughnessScale::Alpha);
+    assert_eq!(roughness(Dialect::V3, "\"float vroughness\" .1"), RoughnessScale::Logarithm);
+    assert_eq!(roughness(Dialect::V2, ""), RoughnessScale::Alpha);
+    // A smooth surface of pbrt's other materials is rough in v3
+    let tinted = additive(Dialect::V3, "Material \"glass\" \"color Kt\" [1 .5 .5]");
+    assert_eq!(tinted.dielectric.unwrap().roughness.scale, RoughnessScale::Alpha);
+    let plastic = additive(Dialect::V3, "Material \"plastic\" \"float roughness\" 0");
+    assert_eq!(plastic.gloss.unwrap().roughness.scale, RoughnessScale::Logarithm);
+}
+
+#[test]
+fn older_materials_read_the_roughnesses_that_they_have() {
+    let world = |material: &str| {
+        format!(
+            "Material \"{material}\" \"float roughness\" .5 \"float uroughness\" .25 \"float vroughness\" .75"
+        )
+    };
+    let read = |dialect: Dialect, material: &str| {
+        let header = if dialect == Dialect::V2 { "" } else { "Integrator \"path\"" };
+        let text = format!("{header} WorldBegin {} WorldEnd", world(material));
+        let scene = read_str(&text, Path::new("")).unwrap();
+        let roughness = match &scene.materials[1].kind {
+            MaterialKind::Conductor { roughness, .. }
+            | MaterialKind::FresnelBlend { roughness, .. }
+            | MaterialKind::Dielectric { roughness, .. } => *roughness,
+            MaterialKind::Additive(parts) => parts.gloss.or(parts.dielectric).unwrap().roughness,
+            other => panic!("{other:?}"),
+        };
+        [roughness.u, roughness.v].map(|id| scene.textures.constant_float(id).unwrap())
+    };
+    let (common, axes) = ([0.5; 2], [0.25, 0.75]);
+    for (material, v2, v3) in [
+        ("metal", common, axes),
+        ("substrate", axes, axes),
+        ("plastic", common, common),
+        ("translucent", common, common),
+        ("uber", common, axes),
+        ("glass", [0.0; 2], axes),
+    ] {
+        assert_eq!(read(Dialect::V2, material), v2, "{material}");
+        assert_eq!(read(Dialect::V3, material), v3, "{material}");
+    }
+}
+
+#[test]
 fn filters_and_film_have_the_dialects_names_and_defaults() {
     let film = |header: &str, end: &str| {
         let text = format!("{header} PixelFilter \"gaussian\" WorldBegin {end}");

@@ -44,6 +44,29 @@ fn environment_maps_are_lat_long_in_the_older_dialects_and_square_in_v4() {
 }
 
 #[test]
+fn older_point_lights_are_moved_and_neither_rotated_nor_scaled() {
+    for (dialect, expected) in [(V2, [2.0, 0.0, 3.0]), (V3, [2.0, 0.0, 3.0]), (V4, [3.0, 0.0, 3.0])] {
+        let text = "Translate 1 0 3 Scale 2 2 2 LightSource \"point\" \"point3 from\" [ 1 0 0 ]";
+        let scene = dialect_world(dialect, "".as_ref(), text);
+        let Light::Point { position, .. } = scene.lights[0] else { panic!() };
+        assert_eq!(position.as_dvec3() + scene.origin, glam::DVec3::from(expected), "{dialect:?}");
+    }
+}
+
+#[test]
+fn a_mirrored_sphere_that_is_a_light_shines_outwards() {
+    let flips = |dialect, light: &str| {
+        let text = format!("Scale -1 1 1 {light} Shape \"sphere\"");
+        dialect_world(dialect, "".as_ref(), &text).primitives[0].flip_normal
+    };
+    for dialect in [V2, V3, V4] {
+        assert!(!flips(dialect, "AreaLightSource \"diffuse\""), "{dialect:?}");
+        assert!(flips(dialect, "ReverseOrientation AreaLightSource \"diffuse\""), "{dialect:?}");
+    }
+    assert_eq!([V2, V3, V4].map(|dialect| flips(dialect, "")), [false, true, true]);
+}
+
+#[test]
 fn an_infinite_light_without_a_map_is_constant() {
     for (dialect, params) in [(V2, ""), (V3, "\"string mapname\" \"\""), (V4, "\"string filename\" \"\"")] {
         let (light, images) = environment(dialect, 2, params);
