@@ -69,7 +69,7 @@ pub fn ply(bytes: &[u8]) {
 
 /// An image file after a byte that tells its format and how it is read.
 pub fn texture(bytes: &[u8]) {
-    const NAMES: [&str; 5] = ["a.exr", "a.png", "a.jpg", "a.tga", "a.pfm"];
+    const NAMES: [&str; 7] = ["a.exr", "a.png", "a.jpg", "a.tga", "a.pfm", "a.hdr", "a.bmp"];
     let Some((kind, content)) = bytes.split_first() else { return };
     let folder = tempfile::tempdir().expect("a temporary folder can be made");
     let name = NAMES[usize::from(*kind) % NAMES.len()];

@@ -115,7 +115,7 @@ impl Dialect {
     /// parameter for PNG files only and assumes sRGB for other integer formats; the older dialects
     /// honour it for all files.
     pub(super) fn image_encoding(self, path: &Path, wanted: Option<Encoding>) -> Encoding {
-        let floats = has_extension(path, &["exr", "pfm"]);
+        let floats = has_extension(path, &["exr", "hdr", "pfm"]);
         let default = if floats || self == Dialect::V2 { Encoding::Linear } else { Encoding::Srgb };
         let honoured = self != Dialect::V4 || has_extension(path, &["png"]);
         wanted.filter(|_| honoured).unwrap_or(default)

@@ -1,12 +1,13 @@
-//! Reads image files for textures: EXR, PFM, PNG, JPEG and TGA.
+//! Reads image files for textures: EXR, HDR, PFM, PNG, JPEG, TGA and BMP.
 //!
 //! The size in the header is checked against the length of the file before anything is allocated, so
 //! that a small file cannot request a large image.
 
 use std::fs::File;
-use std::io::BufReader;
+use std::io::{BufReader, Read, Seek};
 use std::path::Path;
 
+use ::image::codecs::hdr::HdrDecoder;
 use ::image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
 use glam::Vec3;
 
@@ -97,11 +98,15 @@ impl Channels {
 pub fn load(path: &Path, encoding: Encoding, channels: Channels) -> Result<TextureImage, String> {
     let extension = path.extension().and_then(|e| e.to_str()).unwrap_or("").to_ascii_lowercase();
     let format = match extension.as_str() {
-        "exr" | "pfm" => None,
+        "exr" | "hdr" | "pfm" => None,
         "png" => Some(ImageFormat::Png),
         "jpg" | "jpeg" => Some(ImageFormat::Jpeg),
         "tga" => Some(ImageFormat::Tga),
-        _ => return Err(format!("unknown image format \"{extension}\"; expected exr, pfm, png, jpg or tga")),
+        "bmp" => Some(ImageFormat::Bmp),
+        _ => {
+            let expected = "exr, hdr, pfm, png, jpg, tga or bmp";
+            return Err(format!("unknown image format \"{extension}\"; expected {expected}"));
+        }
     };
     let (file, length) = open_regular(path)?;
     let mut reader = BufReader::new(file);
@@ -116,6 +121,7 @@ pub fn load(path: &Path, encoding: Encoding, channels: Channels) -> Result<Textu
             let check = |width, height| check_size(width, height, length, 3 * FLOAT_BYTES);
             pfm::read(&mut reader, check, make_image)
         }
+        None if extension == "hdr" => load_hdr(reader, length, make_image),
         None => load_exr(path, length, make_image),
         Some(format) => load_integers(reader, length, format, encoding, channels),
     }
@@ -182,6 +188,19 @@ fn load_exr(
     Ok(make(width, height, count, data))
 }
 
+/// Reads a Radiance HDR file.
+fn load_hdr(
+    reader: BufReader<File>,
+    length: u64,
+    make: impl FnOnce(usize, usize, usize, Vec<f32>) -> TextureImage,
+) -> Result<TextureImage, String> {
+    let decoder = HdrDecoder::new(reader).map_err(|error| error.to_string())?;
+    let (width, height) = decoder.dimensions();
+    check_size(width.into(), height.into(), length, 3 * FLOAT_BYTES)?;
+    let image = DynamicImage::from_decoder(decoder).map_err(|error| error.to_string())?;
+    Ok(make(width as usize, height as usize, 3, image.into_rgb32f().into_raw()))
+}
+
 /// Replaces NaN and infinity and clamps to [`LARGEST`].
 fn finite(value: f32) -> f32 {
     match value {
@@ -191,14 +210,27 @@ fn finite(value: f32) -> f32 {
     }
 }
 
-/// Reads a PNG, JPEG or TGA file.
+/// Returns whether a PNG file stores an alpha channel; a transparent colour, which becomes one when it is decoded, does not count.
+fn stores_alpha(png: &mut BufReader<File>) -> bool {
+    /// Place of the colour type in the file, and that of colours with alpha (PNG specification, section 11.2.1).
+    const COLOUR_TYPE: usize = 25;
+    const RGBA: u8 = 6;
+    let mut start = [0; COLOUR_TYPE + 1];
+    let is_read = png.read_exact(&mut start).is_ok();
+    png.rewind().is_ok() && is_read && start[COLOUR_TYPE] == RGBA
+}
+
+/// Reads a PNG, JPEG, TGA or BMP file.
 fn load_integers(
-    reader: BufReader<File>,
+    mut reader: BufReader<File>,
     length: u64,
     format: ImageFormat,
     encoding: Encoding,
     channels: Channels,
 ) -> Result<TextureImage, String> {
+    // As in pbrt-v4, alpha is used in PNG files only
+    let has_alpha = format == ImageFormat::Png && stores_alpha(&mut reader);
+
     // Decode the file
     let mut reader = ImageReader::with_format(reader, format);
     let mut limits = Limits::default();
@@ -215,9 +247,8 @@ fn load_integers(
     let image = DynamicImage::from_decoder(decoder).map_err(|error| error.to_string())?;
     let image = channels.select_integers(image);
 
-    // Convert texels of 8 and 16 bits. As in pbrt-v4, alpha is used in PNG files only
+    // Convert texels of 8 and 16 bits
     let (width, height) = (width as usize, height as usize);
-    let png = format == ImageFormat::Png;
     let bytes = |channels, data: Vec<u8>| {
         without_opaque_alpha(width, height, channels, data, u8::MAX, |w, h, c, data| {
             TextureImage::from_bytes(w, h, c, data, encoding.byte_table())
@@ -234,11 +265,12 @@ fn load_integers(
     Ok(match image {
         DynamicImage::ImageLuma8(image) => bytes(1, image.into_raw()),
         DynamicImage::ImageLumaA8(_) => bytes(1, image.into_luma8().into_raw()),
-        DynamicImage::ImageRgba8(image) if png => bytes(4, image.into_raw()),
+        DynamicImage::ImageRgba8(image) if has_alpha => bytes(4, image.into_raw()),
         DynamicImage::ImageLuma16(image) => words(1, image.into_raw()),
         DynamicImage::ImageLumaA16(_) => words(1, image.into_luma16().into_raw()),
         DynamicImage::ImageRgb16(image) => words(3, image.into_raw()),
-        DynamicImage::ImageRgba16(image) => words(4, image.into_raw()),
+        DynamicImage::ImageRgba16(image) if has_alpha => words(4, image.into_raw()),
+        DynamicImage::ImageRgba16(_) => words(3, image.into_rgb16().into_raw()),
         other => bytes(3, other.into_rgb8().into_raw()),
     })
 }
@@ -296,6 +328,49 @@ mod tests {
     }
 
     #[test]
+    fn a_transparent_colour_is_no_alpha() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.png");
+        let chunk = |kind: &[u8], data: &[u8]| {
+            let checksum = crc32fast::hash(&[kind, data].concat()).to_be_bytes();
+            [&(data.len() as u32).to_be_bytes(), kind, data, &checksum].concat()
+        };
+        // Two texels of a palette: white, which is transparent, and black
+        let texels = {
+            let mut encoder = flate2::write::ZlibEncoder::new(Vec::new(), flate2::Compression::fast());
+            std::io::Write::write_all(&mut encoder, &[0, 0, 1]).unwrap();
+            encoder.finish().unwrap()
+        };
+        let file = [
+            b"\x89PNG\r\n\x1a\n".to_vec(),
+            chunk(b"IHDR", &[0, 0, 0, 2, 0, 0, 0, 1, 8, 3, 0, 0, 0]),
+            chunk(b"PLTE", &[255, 255, 255, 0, 0, 0]),
+            chunk(b"tRNS", &[0, 255]),
+            chunk(b"IDAT", &texels),
+            chunk(b"IEND", &[]),
+        ];
+        std::fs::write(&path, file.concat()).unwrap();
+        let image = load(&path, Encoding::Linear, Channels::All).unwrap();
+        assert_eq!([image.float(0, 0), image.float(1, 0)], [1.0, 0.0]);
+    }
+
+    #[test]
+    fn hdr_and_bmp_are_read() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.hdr");
+        let texels = [[0.25, 4.0, 1.0], [0.0, 0.5, 8.0]].map(::image::Rgb);
+        let encoder = ::image::codecs::hdr::HdrEncoder::new(File::create(&path).unwrap());
+        encoder.encode(&texels, 2, 1).unwrap();
+        let image = load(&path, Encoding::Linear, Channels::All).unwrap();
+        let close = |found: Vec3, wanted: [f32; 3]| (found - Vec3::from(wanted)).abs().max_element() < 0.04;
+        assert!(close(image.rgb(0, 0), texels[0].0) && close(image.rgb(1, 0), texels[1].0));
+        std::fs::write(&path, "#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 9 +X 9\n").unwrap();
+        assert!(load(&path, Encoding::Linear, Channels::All).is_err());
+        let (_folder, path) = saved("a.bmp", &gray(51));
+        assert!((load(&path, Encoding::Linear, Channels::All).unwrap().float(3, 1) - 0.2).abs() < 1e-6);
+    }
+
+    #[test]
     fn sums_of_the_largest_values_stay_finite() {
         assert!((3.0 * finite(f32::MAX)).is_finite() && (3.0 * finite(f32::MIN)).is_finite());
         assert_eq!(finite(0.25), 0.25);
@@ -323,7 +398,7 @@ mod tests {
 
     #[test]
     fn damaged_and_missing_files_are_errors() {
-        for name in ["a.png", "a.jpg", "a.tga"] {
+        for name in ["a.png", "a.jpg", "a.tga", "a.bmp"] {
             let (_folder, path) = saved(name, &gray(77));
             let bytes = std::fs::read(&path).unwrap();
             std::fs::write(&path, &bytes[..bytes.len() / 3]).unwrap();
@@ -337,7 +412,7 @@ mod tests {
         assert!(
             load(Path::new("image.xyz"), Encoding::Srgb, Channels::All)
                 .unwrap_err()
-                .contains("exr, pfm, png")
+                .contains("exr, hdr, pfm, png")
         );
     }
 
