@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
-use anyhow::Context;
+use anyhow::{Context, ensure};
 use indicatif::ProgressBar;
 
 use super::checkpoints::{self, Checkpoints};
@@ -89,25 +89,39 @@ fn run_in_pool(
         let is_first = viewers.is_none();
         match render_scene(&mut scenes, mode, processes, signals, &mut viewers) {
             Ok(SceneEnd::Done(status)) => return Ok(status),
-            Ok(SceneEnd::Opens(scene, session)) => scenes.open(scene, *session),
+            Ok(SceneEnd::Opens(scene, notice)) => scenes.open(scene, notice),
             Err(failure) if is_first => return Err(failure),
-            Err(failure) => scenes.go_back(failure)?,
+            Err(failure) => {
+                let problem = scenes.go_back(&failure);
+                if let (Some(problem), Some(Viewers { hub, .. })) = (problem, &viewers) {
+                    // What was made of other scenes is still there
+                    let name = scenes.options.scene.to_string_lossy();
+                    let Some(scene) = hub.await_scene(&name, &problem, signals.begin_render()) else {
+                        close(&mut viewers, CLOSED);
+                        return Ok(0);
+                    };
+                    scenes.open(scene, None);
+                }
+            }
         }
         if let Some(Viewers { hub, .. }) = &viewers {
-            hub.begin_loading(&scenes.options.scene.to_string_lossy());
+            hub.begin_loading(&scenes.options.scene.to_string_lossy(), None);
         }
     }
 }
+
+/// What viewers are told when a preview ends.
+const CLOSED: &str = "The preview was closed.";
 
 /// How the render of a scene ends.
 enum SceneEnd {
     /// With an exit status.
     Done(u8),
-    /// A viewer opens another scene.
-    Opens(PathBuf, Box<SceneSession>),
+    /// A viewer opens another scene; with a notice about this one.
+    Opens(PathBuf, Option<String>),
 }
 
-/// Renders the scene that is open. Viewers stay connected beyond it.
+/// Renders the scene that is open, and keeps what was made of it while another one is opened.
 fn render_scene(
     scenes: &mut SceneChanges,
     mode: Mode,
@@ -115,8 +129,25 @@ fn render_scene(
     signals: &Signals,
     viewers: &mut Option<Viewers>,
 ) -> Result<SceneEnd, Failure> {
-    let (session, start) = (scenes.take_session(), scenes.start);
-    let (options, notice) = (&scenes.options, scenes.notice.clone());
+    let mut session = scenes.take_session();
+    let end = render_until(scenes, mode, processes, signals, viewers, &mut session);
+    if let Some(session) = session {
+        scenes.keep(session);
+    }
+    end
+}
+
+/// Renders the scene that is open, from `session` on, until the render ends or another scene is to be opened. What was made of it
+/// is in `session` then, and still there after a failure. Viewers stay connected.
+fn render_until(
+    scenes: &SceneChanges,
+    mode: Mode,
+    processes: Option<&Processes>,
+    signals: &Signals,
+    viewers: &mut Option<Viewers>,
+    session: &mut Option<SceneSession>,
+) -> Result<SceneEnd, Failure> {
+    let (options, notice, start) = (&scenes.options, scenes.notice.clone(), scenes.start);
     // Read the inputs
     let inputs = Inputs::read(options, processes.is_none_or(Processes::is_first)).map_err(Failure::Input)?;
     let scene = &inputs.scene;
@@ -151,12 +182,14 @@ fn render_scene(
         // A preview has written its images already.
         ControllerEnd::Closed => {
             let finished = checkpoints.map_or(Ok(()), Checkpoints::finish);
-            close(viewers, "The preview was closed.");
+            close(viewers, CLOSED);
             return finished.map(|()| SceneEnd::Done(0));
         }
-        ControllerEnd::Opens(scene, session) => {
-            checkpoints.map_or(Ok(()), Checkpoints::finish)?;
-            return Ok(SceneEnd::Opens(scene, session));
+        ControllerEnd::Opens(scene, made) => {
+            *session = Some(*made);
+            // A state that cannot be written must not end what is in memory
+            let problem = checkpoints.map_or(Ok(()), Checkpoints::finish).err();
+            return Ok(SceneEnd::Opens(scene, problem.map(|problem| format!("{:#}", problem.error()))));
         }
     };
 
@@ -219,27 +252,36 @@ impl Job<'_> {
             settings.budget.spp = None;
         }
         self.options.state.apply_shard(&mut settings.budget)?;
-        self.apply_sample_map(&mut settings);
+        self.apply_sample_map(&mut settings)?;
         Ok(settings)
     }
 
     /// Lets samples follow the map, of whose counts a shard renders its part.
-    fn apply_sample_map(&self, settings: &mut Settings) {
-        let Some(map) = self.inputs.sample_map.clone() else { return };
-        let map = map.map_counts(|count| self.options.state.shard.samples_among(count));
+    ///
+    /// # Errors
+    /// A shard without samples.
+    fn apply_sample_map(&self, settings: &mut Settings) -> anyhow::Result<()> {
+        let Some(map) = self.inputs.sample_map.clone() else { return Ok(()) };
+        let shard = self.options.state.shard;
+        let map = map.map_counts(|count| shard.samples_among(count));
         if let Some(total) = map.total() {
+            ensure!(
+                total > 0,
+                "--shard {shard}: found a shard without samples, by the counts of --sample-map; accepted are fewer shards"
+            );
             settings.budget.spp = Some(total.div_ceil(map.values().len() as u64) as u32);
         }
         settings.sample_map = Some(map);
+        Ok(())
     }
 
     /// Renders, with a live page and a display server if the options ask for them. With viewers it goes on from a session,
-    /// and begins with a notice.
+    /// and begins with a notice. The session is taken when nothing can fail any more.
     fn render(
         &self,
         settings: &Settings,
         interrupt: &AtomicBool,
-        (session, notice): (Option<SceneSession>, Option<String>),
+        (session, notice): (&mut Option<SceneSession>, Option<String>),
         viewers: &mut Option<Viewers>,
     ) -> Result<Rendered, Failure> {
         let Self { options, inputs, metadata, start, .. } = *self;
@@ -261,13 +303,25 @@ impl Job<'_> {
 
         // Check the memory, and open the state
         let keeps_checkpoints = options.state.state.is_some();
-        fits_in_memory(renderer.layout(), settings, renderer.resolution(), keeps_checkpoints)
-            .map_err(|error| Failure::Input(error.into()))?;
+        // The store of a session is in memory already, and newer than a state
+        let goes_on = session.as_ref().is_some_and(|session| session.hash == inputs.scene.hash);
+        if !goes_on {
+            fits_in_memory(renderer.layout(), settings, renderer.resolution(), keeps_checkpoints)
+                .map_err(|error| Failure::Input(error.into()))?;
+        }
         // The state file is locked from here on.
         let writer = Checkpoints::begin(&options.state, metadata, &renderer, settings);
         let checkpoints = writer.map_err(Failure::Input)?;
-        let checkpoint =
-            checkpoints::read(&options.state, metadata, &renderer, settings).map_err(Failure::Input)?;
+        let asked = match (&options.samples, &options.layers) {
+            (Some(_), _) => BlockSet::ALL,
+            (None, Some(names)) => Layers::blocks_read(Some(names)),
+            (None, None) => BlockSet::NONE,
+        };
+        let checkpoint = if goes_on {
+            None
+        } else {
+            checkpoints::read(&options.state, metadata, &renderer, settings, asked).map_err(Failure::Input)?
+        };
         if let (Some(checkpoint), Some(spp), false) = (&checkpoint, settings.budget.spp, options.quiet) {
             warn_of_surplus(checkpoint, spp);
         }
@@ -304,7 +358,7 @@ impl Job<'_> {
                 outputs,
                 reference: inputs.reference.clone(),
                 checkpoint,
-                session,
+                session: session.take(),
                 notice,
                 start,
                 stays: self.mode == Mode::Preview,

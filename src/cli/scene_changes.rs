@@ -35,22 +35,26 @@ impl<'a> SceneChanges<'a> {
         self.sessions.remove(&self.options.scene)
     }
 
-    /// Goes to another scene; `session`: what was made of the one that was open.
-    pub fn open(&mut self, scene: PathBuf, session: SceneSession) {
+    /// Keeps what was made of the scene that is open.
+    pub fn keep(&mut self, session: SceneSession) {
         self.sessions.insert(self.options.scene.clone(), session);
-        self.before = Some(self.options.scene.clone());
-        self.go_to(scene);
     }
 
-    /// Goes back to the scene before, with a notice of what is wrong with this one.
-    ///
-    /// # Errors
-    /// The failure, if there is no scene before.
-    pub fn go_back(&mut self, failure: Failure) -> Result<(), Failure> {
-        let Some(before) = self.before.take() else { return Err(failure) };
+    /// Goes to another scene, with a notice.
+    pub fn open(&mut self, scene: PathBuf, notice: Option<String>) {
+        self.before = Some(self.options.scene.clone());
+        self.go_to(scene);
+        self.notice = notice;
+    }
+
+    /// Goes back to the scene before, with a notice of what is wrong with this one. Returns the notice if there is no scene
+    /// before.
+    pub fn go_back(&mut self, failure: &Failure) -> Option<String> {
+        let notice = format!("not opened: {:#}", failure.error());
+        let Some(before) = self.before.take() else { return Some(notice) };
         self.go_to(before);
-        self.notice = Some(format!("not opened: {:#}", failure.error()));
-        Ok(())
+        self.notice = Some(notice);
+        None
     }
 
     fn go_to(&mut self, scene: PathBuf) {

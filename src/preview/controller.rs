@@ -63,8 +63,8 @@ pub struct Controller<'a> {
     returning: Option<KeptRender>,
     /// A store that nobody needs any more: new memory would take longer to get than its samples to clear.
     spare: Option<Store>,
-    /// A command that waits for a store.
-    deferred: Option<Command>,
+    /// Commands that wait for a store.
+    deferred: VecDeque<Command>,
     denoisers: Vec<&'static dyn Denoiser>,
     /// Cameras to return to.
     bookmarks: Vec<OrbitCamera>,
@@ -125,7 +125,7 @@ impl<'a> Controller<'a> {
             history: History::default(),
             returning: None,
             spare: None,
-            deferred: None,
+            deferred: VecDeque::new(),
             denoisers: DENOISERS.into_iter().filter(|denoiser| denoiser.missing().is_none()).collect(),
             bookmarks: Vec::new(),
             pending: Pending::default(),

@@ -4,8 +4,9 @@
 //! thread never waits for a viewer: a slow one skips images. No image is made of a view for which no viewer is ready.
 
 use std::path::PathBuf;
-use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, OnceLock};
+use std::time::Duration;
 
 use crossbeam::channel::{Receiver, Sender, TrySendError, bounded};
 use tokio::sync::watch;
@@ -20,6 +21,9 @@ pub type Frames = [Option<Arc<PreviewFrame>>; View::ALL.len()];
 
 /// Length of the queue of commands; only a page that floods the render fills it.
 const COMMAND_QUEUE: usize = 256;
+
+/// Time between two looks at a flag while waiting for a command.
+const POLL: Duration = Duration::from_millis(200);
 
 /// The meeting point of render thread and viewers; see the module.
 pub struct Hub {
@@ -131,10 +135,25 @@ impl Hub {
         self.scenes.get().map_or(&[], Vec::as_slice)
     }
 
-    /// Tells all viewers that a scene is being read; what they command meanwhile is dropped by
-    /// [`Self::drop_commands`].
-    pub fn begin_loading(&self, scene: &str) {
-        self.publish_status(serde_json::json!({ "type": "loading", "scene": scene }).to_string());
+    /// Tells all viewers that a scene is being read or, with a problem, that it cannot be; what they command meanwhile is
+    /// dropped by [`Self::drop_commands`].
+    pub fn begin_loading(&self, scene: &str, problem: Option<&str>) {
+        let status = serde_json::json!({ "type": "loading", "scene": scene, "problem": problem });
+        self.publish_status(status.to_string());
+    }
+
+    /// Tells all viewers why a scene is not open, and waits until one of them opens another. `None` if the flag is set first.
+    pub fn await_scene(&self, scene: &str, problem: &str, is_interrupted: &AtomicBool) -> Option<PathBuf> {
+        self.begin_loading(scene, Some(problem));
+        self.drop_commands();
+        while !is_interrupted.load(Ordering::Relaxed) {
+            if let Ok(Command::OpenScene(index)) = self.commands.1.recv_timeout(POLL)
+                && let Some(scene) = self.scenes().get(index)
+            {
+                return Some(scene.clone());
+            }
+        }
+        None
     }
 
     /// Drops the commands that wait: they concern another scene.
@@ -234,6 +253,29 @@ mod tests {
         hub.publish(frame(View::Filtered, 2, 2));
         hub.drop_before(2);
         assert_eq!((hub.newest(View::Raw), hub.newest(View::Filtered)), (None, Some(2)));
+    }
+
+    #[test]
+    fn a_scene_is_awaited_until_there_is_one_or_an_interruption() {
+        let hub = Hub::default();
+        hub.offer_scenes(vec!["a.pbrt".into(), "b.pbrt".into()]);
+        let interrupt = AtomicBool::new(false);
+        let chosen = std::thread::scope(|threads| {
+            threads.spawn(|| {
+                while hub.status().borrow().is_empty() {
+                    std::thread::yield_now();
+                }
+                for command in [Command::Save, Command::OpenScene(7), Command::OpenScene(1)] {
+                    std::thread::sleep(2 * POLL / 10);
+                    assert!(hub.send(command));
+                }
+            });
+            hub.await_scene("a.pbrt", "not opened: a.pbrt", &interrupt)
+        });
+        assert_eq!(chosen, Some("b.pbrt".into()));
+        assert!(hub.status().borrow().contains("not opened: a.pbrt"));
+        interrupt.store(true, Ordering::Relaxed);
+        assert_eq!(hub.await_scene("a.pbrt", "", &interrupt), None);
     }
 
     #[test]

@@ -35,9 +35,12 @@ impl SavedImages {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Adds an image.
+    /// Adds an image, unless it is there.
     pub fn add(&self, file: SavedFile) {
-        self.files().push(file);
+        let mut files = self.files();
+        if files.iter().all(|known| known.path != file.path) {
+            files.push(file);
+        }
     }
 
     /// Returns the path of an image by its number.
@@ -53,5 +56,19 @@ impl SavedImages {
             spp: file.spp,
         };
         self.files().iter().enumerate().rev().take(MOST_LISTED).map(entry).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_image_is_listed_once_and_keeps_its_samples() {
+        let saves = SavedImages::default();
+        for spp in [Some(4.0), None] {
+            saves.add(SavedFile { path: "a-0001.exr".into(), spp });
+        }
+        assert_eq!(saves.list().iter().map(|file| file.spp).collect::<Vec<_>>(), [Some(4.0)]);
     }
 }

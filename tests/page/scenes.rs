@@ -54,4 +54,15 @@ fn another_scene_is_opened_and_the_first_comes_back_with_its_samples() {
     page.wait(&format!("{SCENE_NAME} === 'scene.pbrt' && {SAMPLES} === {samples}"));
     page.wait("document.querySelectorAll('#bookmarks li').length === 1");
     page.wait("window.prpf.viewport.frames.get('filtered')?.width === 96");
+
+    // Neither scene can be read any more, until one can be: nothing that was made of it is lost
+    open_scene(&mut page, "shots/wide.pbrt");
+    page.wait(&format!("{SCENE_NAME} === 'wide.pbrt' && window.prpf.state.status?.width === 128"));
+    std::fs::write(folder.path().join("shots/wide.pbrt"), "WorldBegin Sphere").expect("a file");
+    open_scene(&mut page, "broken.pbrt");
+    page.wait("document.getElementById('phase').textContent === 'not open'");
+    page.wait("document.getElementById('notices').textContent.includes('not opened: shots/wide.pbrt:1:')");
+    open_scene(&mut page, "scene.pbrt");
+    page.wait(&format!("{SCENE_NAME} === 'scene.pbrt' && {SAMPLES} === {samples}"));
+    page.wait("document.querySelectorAll('#bookmarks li').length === 1");
 }

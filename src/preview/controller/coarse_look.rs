@@ -97,11 +97,10 @@ impl Controller<'_> {
     fn await_moves(&mut self) {
         let commands = self.hub.commands().clone();
         let mut rest = REST;
-        while let Ok(command) = commands.recv_timeout(rest) {
+        while !self.is_deferred()
+            && let Ok(command) = commands.recv_timeout(rest)
+        {
             self.set_aside(command);
-            if self.is_deferred() {
-                return;
-            }
             if !self.pending.moves.is_empty() {
                 rest = Duration::ZERO;
             }
@@ -113,7 +112,13 @@ impl Controller<'_> {
         match command {
             Command::Wake => {}
             Command::MoveCamera(step) => self.pending.moves.push(step),
-            other => self.deferred = Some(other),
+            command => {
+                // Of the pixels under a pointer the latest counts
+                if is_inspection(&command) {
+                    self.deferred.retain(|earlier| !is_inspection(earlier));
+                }
+                self.deferred.push_back(command);
+            }
         }
     }
 
@@ -125,6 +130,10 @@ impl Controller<'_> {
     /// Returns whether a command other than a movement waits. A page whose pointer is on the image inspects a pixel after
     /// every frame: that one waits until there is a store.
     fn is_deferred(&self) -> bool {
-        self.deferred.as_ref().is_some_and(|command| !matches!(command, Command::Inspect { .. }))
+        self.deferred.iter().any(|command| !is_inspection(command))
     }
+}
+
+fn is_inspection(command: &Command) -> bool {
+    matches!(command, Command::Inspect { .. })
 }

@@ -17,7 +17,7 @@ use crate::stats::Store;
 impl Controller<'_> {
     /// Handles all commands that have come before; those that come meanwhile wait, or a flood of them would stop the render.
     pub(super) fn receive(&mut self, store: &Arc<Store>) {
-        if let Some(command) = self.deferred.take() {
+        while let Some(command) = self.deferred.pop_front() {
             self.handle(command, store);
         }
         for _ in 0..self.hub.commands().len() {

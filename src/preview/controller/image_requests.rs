@@ -18,8 +18,8 @@ impl Controller<'_> {
     /// Turns pending saves into requests. A save captures the current image or, after a command that discards the samples,
     /// the first image of the new generation. Duplicate requests are merged.
     pub(super) fn request_pending_saves(&mut self, store: &Arc<Store>) {
-        let is_there =
-            self.is_covered(store) || self.reporter.phase() == Phase::Finished || self.pending.quit;
+        let is_last = self.pending.quit || self.pending.scene.is_some();
+        let is_there = is_last || self.is_covered(store) || self.reporter.phase() == Phase::Finished;
         if self.pending.starts_generation() || !is_there {
             return;
         }

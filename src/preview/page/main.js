@@ -21,6 +21,7 @@ const state = {
   view: "filtered",
   wipe: 0.5, // position of the wipe, as a fraction of the width
   status: null,
+  awaitsScene: false, // whether no scene is open and none is being loaded
   pixel: null, values: null, isPinned: false, // the inspected pixel
   region: null, // the rectangle being dragged
   notice: null, // number of the newest notice
@@ -47,13 +48,16 @@ const connection = new Connection({
     inspect();
     viewport.redraw().then(() => connection.ready());
   },
-  loading: ({ scene }) => {
-    Object.assign(state, { status: null, isPinned: false, pixel: null, values: null });
+  // With a problem, until another scene is opened.
+  loading: ({ scene, problem }) => {
+    Object.assign(state, { status: null, awaitsScene: problem !== null, isPinned: false, pixel: null, values: null });
     viewport.clearRender();
     state.saving?.remove();
     $("scene").textContent = scene.split("/").pop();
-    $("phase").textContent = "loading";
-    $("phase").className = "";
+    $("phase").textContent = problem ? "not open" : "loading";
+    $("phase").className = problem ? "lost" : "";
+    if (problem) notify(problem, true);
+    scenes.show({ scene: problem ? null : scene });
     updateViews();
     placeOverlays();
   },
@@ -125,8 +129,10 @@ function send(type, content) {
 function sendNow(type, content) {
   // A new generation begins with unfiltered images.
   if (["camera", "restart", "undo", "redo"].includes(type)) { state.movedGeneration = state.status?.generation ?? 0; requestViews(); }
-  if (state.status && connection.send(type, content)) return;
-  notify(connection.isOpen() ? "the scene is being loaded: the command was not sent" : "not connected to prpf: the command was not sent", true);
+  const isTaken = state.status || (state.awaitsScene && type === "open-scene");
+  if (isTaken && connection.send(type, content)) return;
+  const reason = state.awaitsScene ? "open a scene first" : "the scene is being loaded";
+  notify(`${connection.isOpen() ? reason : "not connected to prpf"}: the command was not sent`, true);
   if (state.status) panel.restore();
 }
 
