@@ -219,6 +219,7 @@ fn images_that_cannot_be_denoised_get_one_line() {
             .contains("accepted are learned and nlm")
     );
     assert!(with_out(&["a.exr", "b.exr", "--denoiser", "prpf"]).contains("sample vectors"));
+    assert!(with_out(&["a.exr", "b.exr", "--aovs", "Noisy"]).contains("--aovs Noisy: found"));
     assert!(with_out(&["scene.pbrt", "--map", "albedo=a"]).contains("no EXR image"));
     let values = vec![1.0; WIDTH * HEIGHT];
     write(&folder.path().join("grey.exr"), &[("Y", &values)]);

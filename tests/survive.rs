@@ -242,6 +242,14 @@ fn a_state_keeps_the_statistics_that_are_asked_for() {
     assert!(needed.len() < all.len() && needed.enabled_names() == all.names().collect::<Vec<_>>());
     render(&["--state", "all.state", "--resume", "--spp", "8"]);
     assert_eq!(layout("all.state"), all);
+
+    // What a state lacks cannot be had by going on from it
+    let go_on = ["render", "scene.pbrt", "--spp", "8", "--state", "needed.state", "--resume", "-o", "b.exr"];
+    for more in [["--statistics", "all"], ["--samples", "c.npz"]] {
+        let said = refused(folder, &[&go_on[..], &more].concat());
+        assert!(said.contains("which were asked for"), "{said}");
+    }
+    render(&["--state", "needed.state", "--resume", "--spp", "8", "--layers", "Noisy"]);
 }
 
 #[test]
@@ -413,6 +421,8 @@ fn a_state_that_does_not_fit_gets_one_line_and_stays() {
             &["denoise", "pipe", "-o", "c.exr"] as &[&str],
             &["compare", "pipe", "b.exr"],
             &["render", "scene.pbrt", "--quiet", "-o", "c.exr", "--reference", "pipe"],
+            &["denoise", "pipe", "b.exr", "-o", "c.exr"],
+            &["compare", "--layer", "Noisy", "pipe", "b.exr"],
         ] {
             assert!(refused(folder, wait).contains("pipe: "));
         }

@@ -12,6 +12,7 @@ use prpf::image::OutputFormat;
 use prpf::progressive::{Budget, Filtered, Outcome, PassRecord, RecordedStatistics, Settings};
 use prpf::render::Shard;
 use prpf::state::{ImageMetadata, RenderState, SampleFile, Stream};
+use prpf::stats::BlockSet;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
@@ -153,8 +154,10 @@ pub fn render(
         if let Some(path) = resume {
             let found = RenderState::read(&path).map_err(state_error)?;
             let stream = Stream::new(seed, Shard::WHOLE);
+            // A file of sample vectors has every dimension
+            let asked = if samples.is_some() { BlockSet::ALL } else { BlockSet::NONE };
             found
-                .can_resume(&metadata, stream, renderer.layout(), &settings)
+                .can_resume(&metadata, stream, renderer.layout(), &settings, asked)
                 .map_err(|error| Error::new_err(format!("{}: {error}", path.display())))?;
             builder = builder.resume(found.checkpoint);
         }

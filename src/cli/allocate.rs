@@ -11,7 +11,7 @@ use super::failure::Failure;
 use super::output_paths::{are_distinct, can_be_written, replaces_no_state};
 use super::terminal;
 use super::workers::in_pool;
-use crate::adaptive::Sampling;
+use crate::adaptive::{NO_CEILING, Sampling};
 use crate::filter::DENOISERS;
 use crate::image::exr_file::{self, Channel, Precision, Windows};
 use crate::progressive::{Settings, allocate_after};
@@ -98,7 +98,14 @@ fn allocate(options: &AllocateOptions, state: RenderState) -> anyhow::Result<Vec
     }
     // Shards are often rendered unfiltered: their own denoiser is not asked.
     let denoiser = options.denoiser.choose(DENOISERS[0].stand_in())?;
-    let settings = Settings { denoiser, sampling: Sampling::Adaptive, sample_map: None, ..settings };
+    let settings = Settings {
+        denoiser,
+        sampling: Sampling::Adaptive,
+        sample_map: None,
+        // That of the renders before need not hold for the next
+        max_spp: NO_CEILING,
+        ..settings
+    };
     let filtered = filter(&checkpoint, &settings)?;
     let more = allocate_after(checkpoint, filtered, &settings, left);
     Ok(taken.iter().zip(more).map(|(taken, more)| (taken + more).min(MOST_SAMPLES)).collect())

@@ -24,7 +24,7 @@ pub(super) struct Checkpoints {
     stream: Stream,
 }
 
-/// Reads the checkpoint from which a render is to go on, if there is one.
+/// Reads the checkpoint from which a render is to go on, if there is one. `asked`: the blocks of dimensions that the options ask for.
 ///
 /// # Errors
 /// A file that is no state, or that of another render.
@@ -33,6 +33,7 @@ pub(super) fn read(
     metadata: &ImageMetadata,
     renderer: &Renderer,
     settings: &Settings,
+    asked: BlockSet,
 ) -> anyhow::Result<Option<Checkpoint>> {
     let Some(path) = options.state.as_deref().filter(|path| options.resume && path.exists()) else {
         return Ok(None);
@@ -40,7 +41,7 @@ pub(super) fn read(
     let state = RenderState::read(path)?;
     let stream = options.stream(settings.seed);
     state
-        .can_resume(metadata, stream, &renderer.layout_of(BlockSet::ALL), settings)
+        .can_resume(metadata, stream, &renderer.layout_of(BlockSet::ALL), settings, asked)
         .with_context(|| path.display().to_string())?;
     Ok(Some(state.checkpoint))
 }

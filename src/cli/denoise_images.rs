@@ -36,6 +36,12 @@ pub(super) fn denoise(options: &DenoiseOptions, outfiles: &[PathBuf], start: Ins
     let denoiser = choose(options).map_err(Failure::Input)?;
     let map = options.map.clone().unwrap_or_default();
     let aovs = options.aovs.clone().unwrap_or_default();
+    let names = options.layers.clone().unwrap_or_else(|| LAYERS.map(str::to_owned).to_vec());
+    if let Some(name) = aovs.iter().find(|name| names.contains(name)) {
+        return Err(Failure::Input(anyhow::anyhow!(
+            "--aovs {name}: found the name of a layer that is written beside the image; accepted with --layers that leave it out"
+        )));
+    }
     let frames: Result<Vec<Frame>, _> =
         options.inputs.iter().map(|path| Frame::read(path, &map, &aovs)).collect();
     let frames = frames.map_err(|error| Failure::Input(error.into()))?;
@@ -68,7 +74,6 @@ pub(super) fn denoise(options: &DenoiseOptions, outfiles: &[PathBuf], start: Ins
         diameter: 1.0,
         camera: String::new(),
     };
-    let names = options.layers.clone().unwrap_or_else(|| LAYERS.map(str::to_owned).to_vec());
     let layers = Layers::new(&result, &store, estimate.as_ref(), &metadata, Some(&names));
     if options.layers.is_some() {
         layers.check_present(&names).map_err(|error| Failure::Input(error.into()))?;

@@ -19,7 +19,7 @@ pub(super) struct DenoiserOptions {
     quality: Option<String>,
     /// Weights of --denoiser learned, as training/export.py writes them [default: those of this version]
     #[arg(long, value_name = "FILE")]
-    weights: Option<PathBuf>,
+    pub(super) weights: Option<PathBuf>,
 }
 
 /// Returns the values of `--denoiser`.

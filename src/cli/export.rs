@@ -41,6 +41,12 @@ pub(super) fn run(options: &ExportOptions) -> Result<u8, Failure> {
     replaces_no_state(&options.outfile).map_err(Failure::Input)?;
     are_distinct([&*options.state], &[&options.outfile]).map_err(Failure::Input)?;
     let state = RenderState::read(&options.state).map_err(|error| Failure::Input(error.into()))?;
+    let denoiser = state.settings.denoiser;
+    if let Some(reason) = denoiser.missing() {
+        let error =
+            anyhow!("{}: rendered with --denoiser {}: {reason}", options.state.display(), denoiser.name());
+        return Err(Failure::Input(error));
+    }
     in_pool(None, || {
         let filtered = denoise::filter(&state.checkpoint, &state.settings).map_err(Failure::Input)?;
         // A writer that may seek, which archives need.

@@ -49,7 +49,8 @@ fn check_outputs(options: &RenderOptions, scene: &Scene, outfiles: &[PathBuf]) -
     outputs.iter().try_for_each(|path| replaces_no_state(path))?;
     outputs.extend(options.state.state.as_deref());
     outputs.iter().try_for_each(|path| can_be_written(path))?;
-    let inputs = scene.files.iter().chain(&options.reference).chain(&options.sample_map.sample_map);
+    let others = [&options.reference, &options.sample_map.sample_map, &options.denoiser.weights];
+    let inputs = scene.files.iter().chain(others.into_iter().flatten());
     are_distinct(inputs.map(PathBuf::as_path), &outputs)?;
     if options.state.replaces_one()? && !options.quiet {
         print_error("warning: --state replaces the existing state; --resume would go on from it");

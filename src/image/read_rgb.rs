@@ -14,17 +14,23 @@ use super::{ImageError, Planes, Problem, exr_file, png_file};
 /// # Errors
 /// [`Problem::Io`], and the errors of [`exr_file::read_layer`] and [`png_file::read`].
 pub fn read_rgb(path: &Path) -> Result<Planes, ImageError> {
-    // Opening a pipe would wait for a writer.
-    let metadata = path.metadata().map_err(|error| Problem::Io(error).at(path))?;
-    if !metadata.is_file() && !metadata.is_dir() {
-        return Err(Problem::Malformed("it is not a regular file".to_owned()).at(path));
-    }
+    let mut file = open_file(path).map_err(|problem| problem.at(path))?;
     let mut start = [0; exr_file::MAGIC.len()];
-    let is_exr = File::open(path)
-        .map_err(|error| Problem::Io(error).at(path))?
-        .read_exact(&mut start)
-        .is_ok_and(|()| start == exr_file::MAGIC);
+    let is_exr = file.read_exact(&mut start).is_ok_and(|()| start == exr_file::MAGIC);
     if is_exr { exr_file::read_layer(path, None) } else { png_file::read(path) }
+}
+
+/// Opens an image file.
+///
+/// # Errors
+/// Those of the file system; a pipe or a device.
+pub(super) fn open_file(path: &Path) -> Result<File, Problem> {
+    // Opening a pipe would wait for a writer.
+    let metadata = path.metadata()?;
+    if !metadata.is_file() && !metadata.is_dir() {
+        return Err(Problem::Malformed("it is not a regular file".to_owned()));
+    }
+    Ok(File::open(path)?)
 }
 
 #[cfg(test)]

@@ -107,8 +107,8 @@ impl Schedule<'_> {
     fn samples_to_target(&self, samples: u64, error: Option<f64>) -> u64 {
         let Some((target, error)) = self.budget.target_error.zip(error) else { return u64::MAX };
         let growth = (error / target).powf(1.0 / ERROR_POWER) - 1.0;
-        let even = (samples as f64 * growth.max(0.25) / self.pixels as f64 / 2.0).ceil() as u64 * 2;
-        even.saturating_mul(self.pixels)
+        let pairs = (samples as f64 * growth.max(0.25) / self.pixels as f64 / 2.0).ceil() as u64;
+        pairs.saturating_mul(2).saturating_mul(self.pixels)
     }
 
     /// Returns a batch of the wanted size, cut where the last batch begins. `left`: samples to the end.

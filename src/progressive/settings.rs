@@ -85,6 +85,9 @@ pub struct SettingsError {
     pub accepted: String,
 }
 
+/// Largest blur of the maps, in pixels.
+const MOST_BLUR: f32 = 100.0;
+
 impl Settings {
     /// Checks that the settings are in range and do not contradict each other.
     ///
@@ -112,8 +115,19 @@ impl Settings {
             ("interpolation_failure", self.priority.interpolation_failure),
             ("residual", self.priority.residual),
         ];
-        match weights.into_iter().find(|(_, weight)| !(weight.is_finite() && *weight >= 0.0)) {
-            Some((field, weight)) => error(field, &weight, "a finite weight from 0 up".to_owned()),
+        if let Some((field, weight)) =
+            weights.into_iter().find(|(_, weight)| !(weight.is_finite() && *weight >= 0.0))
+        {
+            return error(field, &weight, "a finite weight from 0 up".to_owned());
+        }
+        let constants = [
+            ("blur", self.priority.blur, MOST_BLUR),
+            ("epsilon", self.priority.epsilon, f32::MAX),
+            ("cap_quantile", self.priority.cap_quantile, 1.0),
+            ("max_ratio", self.priority.max_ratio, f32::MAX),
+        ];
+        match constants.into_iter().find(|(_, value, most)| !(0.0..=*most).contains(value)) {
+            Some((field, value, most)) => error(field, &value, format!("a number from 0 to {most}")),
             None => Ok(()),
         }
     }
@@ -214,6 +228,10 @@ mod tests {
         assert_eq!(field(of(budget(None, None), 4, 2)), Some("max_spp"));
         let priority = PrioritySettings { residual: -1.0, ..PrioritySettings::default() };
         assert_eq!(field(Settings { priority, ..Settings::default() }), Some("residual"));
+        let priority = PrioritySettings { cap_quantile: 9.0, ..PrioritySettings::default() };
+        assert_eq!(field(Settings { priority, ..Settings::default() }), Some("cap_quantile"));
+        let priority = PrioritySettings { blur: f32::NAN, ..PrioritySettings::default() };
+        assert_eq!(field(Settings { priority, ..Settings::default() }), Some("blur"));
     }
 
     #[test]

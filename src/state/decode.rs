@@ -12,8 +12,9 @@ use super::format::{ArraySizes, CHECKSUM, MAGIC, PREAMBLE, VERSION};
 use super::header::{EstimateHeader, Header, InterimHeader, PositionHeader};
 use super::render_state::RenderState;
 use crate::filter::Interpolation;
+use crate::memory::check_available;
 use crate::progressive::{Checkpoint, ErrorEstimate, Grain, InterimPass, Position, SampleBatch, Speed};
-use crate::stats::{Layout, Row, RowError, Store};
+use crate::stats::{Layout, PIXEL_BLOCK, Row, Store};
 
 /// Decodes a state.
 ///
@@ -29,6 +30,7 @@ pub fn decode(file: &[u8]) -> Result<RenderState, StateErrorKind> {
     let (text, arrays) = text.ok_or_else(|| wrong("its length is beyond the file's end"))?;
     let header: Header =
         serde_json::from_slice(text).map_err(|error| StateErrorKind::Header(error.to_string()))?;
+    header.settings.validate().map_err(|error| StateErrorKind::Header(error.to_string()))?;
 
     // Compare the sizes with the bytes that are there
     let layout = Layout::from_names(&header.dimensions, &header.left_out)
@@ -105,7 +107,11 @@ fn decode_store(
     layout: Layout,
     &ArraySizes { width, height, row, .. }: &ArraySizes,
     arrays: &mut ArrayReader,
-) -> Result<Store, RowError> {
+) -> Result<Store, StateErrorKind> {
+    // Of narrow images the store is larger than the file: its rows have whole blocks of pixels
+    let pixels = (width.next_multiple_of(PIXEL_BLOCK) * height) as u64;
+    check_available(pixels * Store::bytes_per_pixel(&layout, header.capacity) as u64)
+        .map_err(StateErrorKind::Memory)?;
     let mut store = Store::new(width, height, layout, header.capacity, header.settings.seed);
     let rows = arrays.bytes(row * height).par_chunks(row.max(1));
     store.rows_mut().par_iter_mut().zip(rows).try_for_each(|(row, bytes)| row.read_bytes(bytes))?;

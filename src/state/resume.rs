@@ -4,8 +4,8 @@ use super::image_metadata::ImageMetadata;
 use super::render_state::RenderState;
 use super::stream::Stream;
 use crate::filter::Lack;
-use crate::progressive::Settings;
-use crate::stats::Layout;
+use crate::progressive::{RecordedStatistics, Settings};
+use crate::stats::{BlockSet, Layout};
 
 /// The first thing in which a state and a render differ.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -18,16 +18,18 @@ pub struct ResumeError {
 
 impl RenderState {
     /// Checks that a render of the image `metadata`, the samples `stream` and the scene's dimensions `layout`, of which it
-    /// keeps what the state has, can go on from this state.
+    /// keeps what the state has, can go on from this state. `asked` are the blocks of dimensions that a user asked for, beside what the
+    /// settings call for.
     ///
     /// # Errors
-    /// A state of another image, of other samples or dimensions, or with less than the denoiser reads.
+    /// A state of another image, of other samples or dimensions, or with less than the denoiser reads or was asked for.
     pub fn can_resume(
         &self,
         metadata: &ImageMetadata,
         stream: Stream,
         layout: &Layout,
         settings: &Settings,
+        asked: BlockSet,
     ) -> Result<(), ResumeError> {
         let differ = |field, found: String, accepted: String| Err(ResumeError { field, found, accepted });
         if let Some((field, found, accepted)) = metadata.difference(&self.metadata) {
@@ -56,6 +58,14 @@ impl RenderState {
                 "one with those of {}, which {denoiser} reads: --statistics all keeps them",
                 names.join(" ")
             );
+            return differ("statistics", kept, accepted);
+        }
+        let keeps_all = settings.statistics == RecordedStatistics::All;
+        let wanted = layout.restricted_to(if keeps_all { BlockSet::ALL } else { asked });
+        let lacking: Vec<_> =
+            wanted.names().filter(|name| store.layout().names().all(|kept| kept != *name)).collect();
+        if !lacking.is_empty() {
+            let accepted = format!("one with those of {}, which were asked for", lacking.join(" "));
             return differ("statistics", kept, accepted);
         }
         Ok(())

@@ -202,6 +202,14 @@ fn counts_that_do_not_add_up_are_refused() {
 }
 
 #[test]
+fn settings_that_no_render_can_follow_are_refused() {
+    let mut state = state(7, Shard::WHOLE);
+    state.settings.priority.cap_quantile = 9.0;
+    let said = decode(&encoded(&state)).unwrap_err().to_string();
+    assert!(said.contains("cap_quantile: found 9; accepted is a number from 0 to 1"), "{said}");
+}
+
+#[test]
 fn shards_that_make_a_whole_become_it_and_others_stay_apart() {
     // Each pixel as often as it is due to the shard.
     let of_many = |k: u32, n: u32, samples: u32| {

@@ -2,7 +2,6 @@
 //! parallel, and the requested channels copied.
 
 use std::collections::HashSet;
-use std::fs::File;
 use std::io::{BufReader, ErrorKind, Read, Seek, SeekFrom};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
@@ -20,6 +19,7 @@ use rayon::prelude::*;
 use super::attribute::{self, string};
 use super::{Attribute, Windows};
 use crate::image::error::{MAX_SAMPLES, MAX_SIDE};
+use crate::image::read_rgb::open_file;
 use crate::image::{ImageError, Planes, Problem};
 use crate::memory::check_available;
 
@@ -64,7 +64,7 @@ pub fn read_parts(path: &Path) -> Result<Vec<ExrPart>, ImageError> {
 }
 
 fn read_headers<T>(path: &Path, read: impl Fn(&[Header]) -> T) -> Result<T, ImageError> {
-    catch_panic(|| Ok(read(open(BufReader::new(File::open(path)?))?.headers())))
+    catch_panic(|| Ok(read(open(BufReader::new(open_file(path)?))?.headers())))
         .map_err(|problem| problem.at(path))
 }
 
@@ -95,7 +95,7 @@ pub fn read_channels(path: &Path, names: &[&str]) -> Result<Planes, ImageError> 
 pub fn read_part(path: &Path, part: usize, names: &[&str]) -> Result<Planes, ImageError> {
     let names: Vec<String> = names.iter().map(|name| name.to_string()).collect();
     catch_panic(|| {
-        let reader = open(BufReader::new(File::open(path)?))?;
+        let reader = open(BufReader::new(open_file(path)?))?;
         let header = reader.headers().get(part);
         match header.and_then(|header| channel_indices(header, &names)) {
             Some(channels) => decode(reader, part, &channels),
@@ -129,7 +129,7 @@ pub(super) fn layer_channels(layer: Option<&str>) -> Vec<Vec<String>> {
 }
 
 fn read_first_present(path: &Path, choices: &[Vec<String>]) -> Result<Planes, ImageError> {
-    let file = File::open(path).map_err(|error| Problem::Io(error).at(path))?;
+    let file = open_file(path).map_err(|problem| problem.at(path))?;
     decode_first_present(BufReader::new(file), choices).map_err(|problem| problem.at(path))
 }
 
