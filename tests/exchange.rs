@@ -221,9 +221,28 @@ fn images_that_cannot_be_denoised_get_one_line() {
     assert!(with_out(&["a.exr", "b.exr", "--denoiser", "prpf"]).contains("sample vectors"));
     assert!(with_out(&["a.exr", "b.exr", "--aovs", "Noisy"]).contains("--aovs Noisy: found"));
     assert!(with_out(&["scene.pbrt", "--map", "albedo=a"]).contains("no EXR image"));
+    assert!(with_out(&["a.exr", "b.exr", "--layers", "P"]).contains("accepted with images are Noisy"));
+    let png = ["a.exr", "b.exr", "--aovs", "key,fill", "-o", "out.png"];
+    assert!(refused(&png).contains("--aovs: found no output that has layers"));
     let values = vec![1.0; WIDTH * HEIGHT];
     write(&folder.path().join("grey.exr"), &[("Y", &values)]);
     assert!(with_out(&["grey.exr", "a.exr"]).contains("found no colour among the layers ``"));
+}
+
+#[test]
+fn alpha_is_the_mean_of_both() {
+    let folder = folder();
+    images(folder.path());
+    let read =
+        |name: &str, channels: &[&str]| exr_file::read_channels(&folder.path().join(name), channels).unwrap();
+    for (name, alpha) in [("a.exr", 0.5), ("b.exr", 0.25)] {
+        let (colour, alpha) = (read(name, &["R"]), vec![alpha; WIDTH * HEIGHT]);
+        let values = colour.plane(0);
+        write(&folder.path().join(name), &[("R", values), ("G", values), ("B", values), ("A", &alpha)]);
+    }
+    let output = prpf(folder.path(), &["denoise", "a.exr", "b.exr", "-o", "out.exr"]);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    assert!(read("out.exr", &["A"]).data().iter().all(|&alpha| alpha == 0.375));
 }
 
 /// A file of samples: the names of its fields, and the values of each sample, those of `u4` fields as numbers.

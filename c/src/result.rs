@@ -9,7 +9,7 @@ use prpf::image::Planes;
 use crate::arguments::{object, output, place};
 use crate::denoisers::prpf_denoiser_name;
 use crate::filter::PrpfFilter;
-use crate::status::{Failure, PrpfStatus, guard, invalid};
+use crate::status::{Failure, PrpfStatus, contained, guard, invalid};
 
 /// The image and the maps of a result.
 #[repr(C)]
@@ -135,14 +135,12 @@ pub unsafe extern "C" fn prpf_filter_estimate(
 /// `filter` is null or points to a filter.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn prpf_filter_made_by(filter: *const PrpfFilter) -> *const c_char {
-    let mut name = null();
-    guard(|| {
+    let name = contained(|| {
         // SAFETY: the caller's promise.
         let content = unsafe { object("filter", filter) }?.lock()?;
         let made_by = content.result()?.result.made_by;
         let index = DENOISERS.iter().position(|denoiser| denoiser.name() == made_by);
-        name = index.map_or(null(), |index| prpf_denoiser_name(index));
-        Ok(())
+        Ok(index.map_or(null(), |index| prpf_denoiser_name(index)))
     });
-    name
+    name.unwrap_or(null())
 }

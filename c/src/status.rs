@@ -40,11 +40,7 @@ pub fn invalid(message: impl ToString) -> Failure {
 
 /// Runs the body of a function of the interface. Neither errors nor panics get past it.
 pub fn guard(body: impl FnOnce() -> Result<(), Failure>) -> PrpfStatus {
-    let outcome = catch_unwind(AssertUnwindSafe(body)).unwrap_or_else(|payload| {
-        let message = format!("the library is at fault: {}", panic_message(payload.as_ref()));
-        Err(Failure { status: PrpfStatus::InternalError, message })
-    });
-    let (status, message) = match outcome {
+    let (status, message) = match contained(body) {
         Ok(()) => (PrpfStatus::Ok, None),
         Err(Failure { status, message }) => {
             let message = message.replace('\0', " ");
@@ -53,6 +49,14 @@ pub fn guard(body: impl FnOnce() -> Result<(), Failure>) -> PrpfStatus {
     };
     MESSAGE.set(message);
     status
+}
+
+/// Runs the body of a function of the interface that returns no status, and leaves the message of the latest one that does.
+pub fn contained<T>(body: impl FnOnce() -> Result<T, Failure>) -> Result<T, Failure> {
+    catch_unwind(AssertUnwindSafe(body)).unwrap_or_else(|payload| {
+        let message = format!("the library is at fault: {}", panic_message(payload.as_ref()));
+        Err(Failure { status: PrpfStatus::InternalError, message })
+    })
 }
 
 fn panic_message(payload: &dyn Any) -> &str {

@@ -137,12 +137,12 @@ fn check(options: &DenoiseOptions) -> anyhow::Result<(bool, Vec<PathBuf>)> {
     }
     let outputs: Vec<&Path> = outfiles.iter().map(PathBuf::as_path).collect();
     are_distinct(options.inputs.iter().map(PathBuf::as_path), &outputs)?;
-    if let Some(names) = &options.layers {
-        if !outfiles.iter().any(|path| is_exr(path)) {
-            bail!("--layers: found no output that has layers; accepted with -o FILE.exr");
+    for (name, is_given) in [("--layers", options.layers.is_some()), ("--aovs", options.aovs.is_some())] {
+        if is_given && !outfiles.iter().any(|path| is_exr(path)) {
+            bail!("{name}: found no output that has layers; accepted with -o FILE.exr");
         }
-        Layers::check_names(names)?;
     }
+    options.layers.as_deref().map_or(Ok(()), Layers::check_names)?;
     Ok((is_of_images, outfiles))
 }
 

@@ -42,6 +42,12 @@ pub(super) fn denoise(options: &DenoiseOptions, outfiles: &[PathBuf], start: Ins
             "--aovs {name}: found the name of a layer that is written beside the image; accepted with --layers that leave it out"
         )));
     }
+    if let Some(name) = names.iter().find(|name| !LAYERS.contains(&name.as_str())) {
+        return Err(Failure::Input(anyhow::anyhow!(
+            "--layers: found `{name}`; accepted with images are {}",
+            LAYERS.join(", ")
+        )));
+    }
     let frames: Result<Vec<Frame>, _> =
         options.inputs.iter().map(|path| Frame::read(path, &map, &aovs)).collect();
     let frames = frames.map_err(|error| Failure::Input(error.into()))?;
@@ -78,7 +84,9 @@ pub(super) fn denoise(options: &DenoiseOptions, outfiles: &[PathBuf], start: Ins
     if options.layers.is_some() {
         layers.check_present(&names).map_err(|error| Failure::Input(error.into()))?;
     }
+    let alpha = mean_alpha(&frames);
     let mut channels = layers.channels();
+    channels.extend(alpha.iter().map(|alpha| Channel::new("A", alpha, Precision::Float)));
     for ((name, _), planes) in aovs.iter().zip(&filtered) {
         let channel =
             |(c, suffix)| Channel::new(format!("{name}.{suffix}"), planes.plane(c), Precision::Float);
@@ -98,6 +106,14 @@ pub(super) fn denoise(options: &DenoiseOptions, outfiles: &[PathBuf], start: Ins
         print(&summary(&frames, &result, estimate.as_ref(), outfiles, start)).map_err(Failure::Run)?;
     }
     Ok(0)
+}
+
+/// Returns the mean of the frames' alphas, if all have one: it is not filtered.
+fn mean_alpha(frames: &[Frame]) -> Option<Vec<f32>> {
+    let alphas =
+        frames.iter().map(|frame| Some(frame.alpha.as_ref()?.plane(0))).collect::<Option<Vec<_>>>()?;
+    let mean = |i: usize| alphas.iter().map(|alpha| alpha[i]).sum::<f32>() / alphas.len() as f32;
+    Some((0..alphas.first()?.len()).map(mean).collect())
 }
 
 /// Returns the denoiser, which images have to suffice for.
@@ -136,6 +152,12 @@ fn warn(frames: &[Frame], empty_pixels: usize) {
     if frames.iter().any(|frame| !frame.found.iter().any(|(role, _)| *role == Role::Normal)) {
         warnings.push(
             "no normals: edges between surfaces of one colour may be blurred; --map normal=LAYER names them"
+                .to_owned(),
+        );
+    }
+    if frames.iter().any(|frame| frame.windows.is_none()) {
+        warnings.push(
+            "the data window lies outside the display window, or that does not start at 0: what is written starts at 0"
                 .to_owned(),
         );
     }

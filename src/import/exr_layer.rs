@@ -19,20 +19,27 @@ pub struct ExrLayer {
 impl ExrLayer {
     /// Returns the full names of three channels, R G B or X Y Z in either case; `None` if the layer lacks them.
     pub fn triple(&self) -> Option<[&str; 3]> {
-        let find = |suffix: &str| {
-            let found = self.channels.iter().find(|(found, _)| found.eq_ignore_ascii_case(suffix));
-            found.map(|(_, channel)| channel.as_str())
-        };
-        let [rgb, xyz] = [["R", "G", "B"], ["X", "Y", "Z"]].map(|suffixes| suffixes.map(find));
+        let triples = [["R", "G", "B"], ["X", "Y", "Z"]];
+        let [rgb, xyz] = triples.map(|suffixes| suffixes.map(|suffix| find(&self.channels, suffix)));
         [rgb, xyz].into_iter().find_map(|[a, b, c]| Some([a?, b?, c?]))
     }
 
-    /// Returns the full name of the only channel, or of the channel Z of several.
+    /// Returns the full name of the channel Z, or of the only channel of a layer that has a name: without one it may be an alpha.
     pub fn single(&self) -> Option<&str> {
         match self.channels.as_slice() {
-            [(_, only)] => Some(only),
-            several => several.iter().find(|(suffix, _)| suffix == "Z").map(|(_, channel)| channel.as_str()),
+            [(_, only)] if !self.name.is_empty() => Some(only),
+            several => find(several, "Z"),
         }
+    }
+
+    /// Returns the full name of the alpha channel.
+    pub fn alpha(&self) -> Option<&str> {
+        find(&self.channels, "A")
+    }
+
+    /// Returns the name without its last component: what Blender calls a view layer.
+    pub fn group(&self) -> &str {
+        self.name.rsplit_once('.').map_or("", |(group, _)| group)
     }
 
     /// Returns the last components of the channels' names, for a message.
@@ -52,6 +59,12 @@ impl ExrLayer {
             ["_noice", "_denoise"].into_iter().fold(key.as_str(), |key, ending| key.trim_end_matches(ending));
         key.replace([' ', '_'], "")
     }
+}
+
+/// Returns the full name of the channel of a last component, in either case.
+fn find<'a>(channels: &'a [(String, String)], suffix: &str) -> Option<&'a str> {
+    let found = channels.iter().find(|(found, _)| found.eq_ignore_ascii_case(suffix));
+    found.map(|(_, channel)| channel.as_str())
 }
 
 /// Returns the layers of a file's parts, in the order of the parts, sorted by name in each.
@@ -78,7 +91,8 @@ pub fn layers(parts: &[ExrPart]) -> Vec<ExrLayer> {
 }
 
 /// Splits a channel's name into those of layer and component: at the last dot, or, as earlier versions of pbrt write
-/// `Nsx`, before a final x, y or z that occurs with the two others.
+/// `Nsx`, before a final x, y or z that occurs with the two others. A longer name without a dot is that of a layer of one channel, as
+/// RenderMan writes its depth.
 fn split<'a>(channel: &'a str, all: &[String]) -> (&'a str, &'a str) {
     if let Some(parts) = channel.rsplit_once('.') {
         return parts;
@@ -87,7 +101,11 @@ fn split<'a>(channel: &'a str, all: &[String]) -> (&'a str, &'a str) {
     let is_triple = |base: &&str| {
         ["x", "y", "z"].iter().all(|axis| all.iter().any(|name| *name == format!("{base}{axis}")))
     };
-    base.filter(is_triple).map_or(("", channel), |base| (base, &channel[base.len()..]))
+    match base.filter(is_triple) {
+        Some(base) => (base, &channel[base.len()..]),
+        None if channel.len() > 1 => (channel, channel),
+        None => ("", channel),
+    }
 }
 
 #[cfg(test)]
@@ -97,7 +115,8 @@ mod tests {
 
     fn part(name: Option<&str>, channels: &[&str]) -> ExrPart {
         let channels = channels.iter().map(|&channel| channel.to_owned()).collect();
-        let info = ExrInfo { width: 1, height: 1, windows: None, channels, attributes: Vec::new() };
+        let info =
+            ExrInfo { width: 1, height: 1, windows: None, channels, attributes: Vec::new(), primaries: None };
         ExrPart { name: name.map(str::to_owned), info }
     }
 
@@ -110,10 +129,16 @@ mod tests {
         let single =
             part(Some("any"), &["A", "B", "G", "Nsx", "Nsy", "Nsz", "P.X", "P.Y", "P.Z", "R", "dzdx"]);
         let found = layers(&[single]);
-        assert_eq!(found.iter().map(|layer| layer.name.as_str()).collect::<Vec<_>>(), ["", "Ns", "P"]);
+        assert_eq!(
+            found.iter().map(|layer| layer.name.as_str()).collect::<Vec<_>>(),
+            ["", "Ns", "P", "dzdx"]
+        );
         assert_eq!(found[0].triple(), Some(["R", "G", "B"]));
         assert_eq!(found[1].triple(), Some(["Nsx", "Nsy", "Nsz"]));
         assert_eq!(found[2].triple(), Some(["P.X", "P.Y", "P.Z"]));
+        assert_eq!((found[3].single(), found[0].alpha()), (Some("dzdx"), Some("A")));
+        let alpha = layers(&[part(None, &["Ci.r", "Ci.g", "Ci.b", "a"])]);
+        assert_eq!((alpha[1].name.as_str(), alpha[1].single()), ("", None));
     }
 
     #[test]

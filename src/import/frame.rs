@@ -3,9 +3,11 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+use half::f16;
+
 use super::ImportError;
 use super::exr_layer::{ExrLayer, layers};
-use super::role::{LayerMap, Role, by_name};
+use super::role::{LayerMap, Role, by_name, has_pbrts_variance};
 use crate::image::exr_file::{self, Attribute, ExrPart, Windows, attribute_names};
 use crate::image::{ImageError, Planes};
 
@@ -20,8 +22,12 @@ pub struct Frame {
     pub negative_values: usize,
     /// Features that were found, 3 planes each; a depth is the third of them.
     pub features: Vec<(Role, Planes)>,
-    /// Variance of the pixel's mean: 3 planes.
+    /// Variance of the pixel's mean: 3 planes, finite.
     pub variance: Option<Planes>,
+    /// Whether the variance follows from that of the luminance of samples that met a surface.
+    pub is_variance_of_luminance: bool,
+    /// Of the colour's layer: 1 plane.
+    pub alpha: Option<Planes>,
     /// Samples per pixel, if the file states them.
     pub spp: Option<u32>,
     /// Names of the layers and 3 planes of each, whose sum is the colour.
@@ -59,7 +65,8 @@ impl Frame {
         let wanted = found
             .iter()
             .map(|&(role, layer)| (layer, role.channels(layer)))
-            .chain(aovs.iter().map(|&layer| (layer, Role::Colour.channels(layer))));
+            .chain(aovs.iter().map(|&layer| (layer, Role::Colour.channels(layer))))
+            .chain(colour_layer.alpha().map(|channel| (colour_layer, Some(vec![channel.to_owned()]))));
         let wanted: Vec<_> = wanted.map(|(layer, channels)| (layer, channels.unwrap_or_default())).collect();
         let colour_info = &parts[colour_layer.part].info;
         let size = (colour_info.width, colour_info.height);
@@ -74,6 +81,7 @@ impl Frame {
             }
         }
         let mut planes = read_all(path, &wanted)?.into_iter();
+        let has_pbrts_variance = has_pbrts_variance(&all);
 
         // Sort them by role
         let spp = samples_per_pixel(&parts);
@@ -84,6 +92,8 @@ impl Frame {
             negative_values: 0,
             features: Vec::new(),
             variance: None,
+            is_variance_of_luminance: false,
+            alpha: None,
             spp,
             aovs: Vec::new(),
             found: found.iter().map(|&(role, layer)| (role, layer.name.clone())).collect(),
@@ -99,26 +109,49 @@ impl Frame {
                             layer.name
                         ))
                     })?;
+                    frame.is_variance_of_luminance = has_pbrts_variance && layer.key() == "variance";
                     frame.variance = Some(scaled(planes, 1.0 / spp as f32));
                 }
                 Role::Depth => frame.features.push((role, along_z(&planes))),
                 _ => frame.features.push((role, planes)),
             }
         }
-        frame.aovs = aovs.iter().map(|layer| layer.name.clone()).zip(planes).collect();
+        frame.aovs = aovs.iter().map(|layer| layer.name.clone()).zip(planes.by_ref()).collect();
+        frame.alpha = planes.next();
         frame.remove_invalid_values();
         Ok(frame)
     }
 
     /// Sets negative values of the colour to 0: reconstruction filters with negative lobes and colours outside the gamut
     /// give them, and no filter expects them of light. Layers get 0 where they are not finite, since no sample count tells
-    /// of it.
+    /// of it. A variance that is not finite becomes the largest that half precision holds, beyond which it was written.
     fn remove_invalid_values(&mut self) {
+        let largest = f16::MAX.to_f32() / self.spp.unwrap_or(1) as f32;
+        let variance = self.variance.iter_mut().flat_map(Planes::data_mut);
+        variance.filter(|value| !value.is_finite()).for_each(|value| *value = largest);
         let layers = self.aovs.iter_mut().flat_map(|(_, planes)| planes.data_mut());
         layers.filter(|value| !value.is_finite()).for_each(|value| *value = 0.0);
         for value in self.colour.data_mut().iter_mut().filter(|value| **value < 0.0) {
             *value = 0.0;
             self.negative_values += 1;
+        }
+        if self.is_variance_of_luminance {
+            self.spread_variance_of_luminance();
+        }
+    }
+
+    /// Gives each channel the variance of pbrt-v4's sensor's second response, which is the luminance, in proportion to its square: the
+    /// sensor's responses are X, Y and Z, and the image is R, G and B.
+    fn spread_variance_of_luminance(&mut self) {
+        let Some(variance) = &mut self.variance else { return };
+        for i in 0..variance.pixels() {
+            let [r, g, b] = [0, 1, 2].map(|c| self.colour.plane(c)[i]);
+            let luminance = 0.2126 * r + 0.7152 * g + 0.0722 * b;
+            let of_luminance = variance.plane(1)[i];
+            for (c, value) in [r, g, b].into_iter().enumerate() {
+                let ratio = if luminance > 0.0 { value / luminance } else { 1.0 };
+                variance.plane_mut(c)[i] = of_luminance * ratio * ratio;
+            }
         }
     }
 }
@@ -169,4 +202,46 @@ fn samples_per_pixel(parts: &[ExrPart]) -> Option<u32> {
         _ => None,
     };
     attributes.filter_map(number).find(|&n| n > 0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::image::exr_file::{Channel, Precision};
+
+    /// Reads a file of one row of these channels, of 4 samples per pixel.
+    fn read(channels: &[(&str, [f32; 2])]) -> Frame {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.exr");
+        let channels: Vec<Channel> =
+            channels.iter().map(|(name, values)| Channel::new(*name, values, Precision::Float)).collect();
+        let spp = (attribute_names::SAMPLES_PER_PIXEL.to_owned(), Attribute::Int(4));
+        exr_file::write(&path, Windows::whole(2, 1), &channels, &[spp]).unwrap();
+        Frame::read(&path, &LayerMap::default(), &[]).unwrap()
+    }
+
+    #[test]
+    fn an_infinite_variance_is_a_large_one_and_the_alpha_is_read() {
+        let colour = [("R", [1.0, 1.0]), ("G", [1.0, 1.0]), ("B", [1.0, 1.0]), ("A", [0.25, 1.0])];
+        let variance = ["mse.r", "mse.g", "mse.b"].map(|name| (name, [0.5, f32::INFINITY]));
+        let frame = read(&[&colour[..], &variance].concat());
+        assert_eq!(frame.alpha.unwrap().plane(0), [0.25, 1.0]);
+        assert_eq!(frame.variance.unwrap().plane(2), [0.5, 65504.0 / 4.0]);
+    }
+
+    #[test]
+    fn the_variance_of_pbrts_sensor_is_spread_by_luminance() {
+        let colour = [("R", [2.0, 0.0]), ("G", [0.0, 0.0]), ("B", [0.0, 0.0])];
+        let variance = [("Variance.R", [7.0; 2]), ("Variance.G", [0.8, 4.0]), ("Variance.B", [9.0; 2])];
+        let relative = ["R", "G", "B"].map(|c| format!("RelativeVariance.{c}"));
+        let relative: Vec<_> = relative.iter().map(|name| (name.as_str(), [1.0; 2])).collect();
+        let frame = read(&[&colour[..], &variance, &relative].concat());
+        assert!(frame.is_variance_of_luminance);
+        let found = frame.variance.unwrap();
+        // Red light of luminance 0.2126 · 2
+        let expected = 0.2 / 0.2126f32.powi(2);
+        assert!((found.plane(0)[0] / expected - 1.0).abs() < 1e-5, "{}", found.plane(0)[0]);
+        assert_eq!([found.plane(1)[0], found.plane(2)[0]], [0.0; 2]);
+        assert_eq!(found.plane(0)[1], 1.0, "of a black pixel as it is");
+    }
 }

@@ -105,7 +105,8 @@ impl FrameStore {
 }
 
 fn of_pair(a: &Frame, b: &Frame) -> [Half; 2] {
-    let has_variance = a.variance.is_some() && b.variance.is_some();
+    // The difference of the frames tells more than the variance of another quantity
+    let has_variance = [a, b].iter().all(|frame| frame.variance.is_some() && !frame.is_variance_of_luminance);
     [a, b].map(|frame| Half {
         colour: frame.colour.clone(),
         variance: frame.variance.clone().filter(|_| has_variance),
@@ -232,7 +233,8 @@ fn divide(colour: &Planes, variance: &Planes, seed: u64) -> [Planes; 2] {
         let deviation = (-2.0 * (1.0 - u).ln()).sqrt() * (std::f32::consts::TAU * v).cos();
         for c in 0..3 {
             let value = colour.plane(c)[i];
-            let noise = (deviation * variance.plane(c)[i].max(0.0).sqrt()).clamp(-value.abs(), value.abs());
+            // Not `clamp`, which panics where the value is not a number
+            let noise = (deviation * variance.plane(c)[i].max(0.0).sqrt()).max(-value.abs()).min(value.abs());
             if noise.is_finite() {
                 halves[0].plane_mut(c)[i] += noise;
                 halves[1].plane_mut(c)[i] -= noise;

@@ -125,22 +125,22 @@ impl LayerMap {
     /// # Errors
     /// A named layer that the file does not have, or that has other channels.
     pub fn find<'a>(&self, layers: &'a [ExrLayer]) -> Result<Vec<(Role, &'a ExrLayer)>, String> {
-        // pbrt's variance, which has a relative one beside it, is that of the samples.
-        let is_of_samples = layers.iter().any(|layer| layer.key() == "relativevariance");
+        let name_of =
+            |role: Role| self.0.iter().find(|(named, _)| *named == role).map(|(_, name)| name.as_str());
+        let is_of_samples = has_pbrts_variance(layers);
         let mut found: Vec<(Role, &ExrLayer)> = Vec::new();
         for role in Role::all() {
-            let named = self.0.iter().find(|(named, _)| *named == role).map(|(_, name)| name.as_str());
+            let named = name_of(role);
             let layer = match named {
                 Some("none") => None,
                 Some(name) => Some(by_name(layers, name, |layer| role.channels(layer).is_some())?),
-                None => by_convention(layers, role),
+                None => by_convention(layers, role, found.first().map(|(_, colour)| *colour)),
             };
-            let implied = if role == Role::Variance && named.is_none() && is_of_samples {
-                Role::SampleVariance
-            } else {
-                role
-            };
-            found.extend(layer.map(|layer| (implied, layer)));
+            if !(role == Role::Variance && named.is_none() && is_of_samples) {
+                found.extend(layer.map(|layer| (role, layer)));
+            } else if name_of(Role::SampleVariance).is_none() {
+                found.extend(layer.map(|layer| (Role::SampleVariance, layer)));
+            }
         }
         Ok(found)
     }
@@ -173,9 +173,31 @@ pub fn by_name<'a>(
     )
 }
 
-fn by_convention(layers: &[ExrLayer], role: Role) -> Option<&ExrLayer> {
-    let has_role = |layer: &&ExrLayer, key: &str| layer.key() == key && role.channels(layer).is_some();
-    role.row().2.iter().find_map(|key| layers.iter().find(|layer| has_role(layer, key)))
+/// Returns whether the layer `Variance` is that of pbrt-v4, which has a relative one beside it: of the samples, by the responses of its
+/// sensor.
+pub fn has_pbrts_variance(layers: &[ExrLayer]) -> bool {
+    layers.iter().any(|layer| layer.key() == "relativevariance")
+}
+
+/// Finds the layer of a role, among those that belong to the colour's. Blender's compositor makes an image of its own, which is the
+/// colour only if there is no other.
+fn by_convention<'a>(layers: &'a [ExrLayer], role: Role, colour: Option<&ExrLayer>) -> Option<&'a ExrLayer> {
+    let is_composite = |layer: &ExrLayer| layer.group().ends_with("Composite");
+    let has_combined = |layer: &&ExrLayer| layer.key() == "combined" && !is_composite(layer);
+    let view_layers: Vec<&str> = layers.iter().filter(has_combined).map(ExrLayer::group).collect();
+    // Features of another view layer are those of other things
+    let is_of_others = |layer: &ExrLayer| {
+        let own = colour.map(ExrLayer::group);
+        view_layers.len() > 1
+            && own.is_some_and(|own| own != layer.group())
+            && view_layers.contains(&layer.group())
+    };
+    let find = |key: &str| {
+        let has_role =
+            |layer: &&ExrLayer| layer.key() == key && role.channels(layer).is_some() && !is_of_others(layer);
+        layers.iter().filter(has_role).min_by_key(|layer| is_composite(layer))
+    };
+    role.row().2.iter().find_map(|key| find(key))
 }
 
 #[cfg(test)]
@@ -187,12 +209,13 @@ mod tests {
     /// Channels of layers: `name:RGB` stands for `name.R`, `name.G` and `name.B`.
     fn file(names: &[&str]) -> Vec<ExrLayer> {
         let expand = |name: &&str| -> Vec<String> {
-            let (layer, suffixes) = name.split_once(':').unwrap();
+            let Some((layer, suffixes)) = name.split_once(':') else { return vec![name.to_string()] };
             let full = |s: char| if layer.is_empty() { s.to_string() } else { format!("{layer}.{s}") };
             suffixes.chars().map(full).collect()
         };
         let channels = names.iter().flat_map(expand).collect();
-        let info = ExrInfo { width: 1, height: 1, windows: None, channels, attributes: Vec::new() };
+        let info =
+            ExrInfo { width: 1, height: 1, windows: None, channels, attributes: Vec::new(), primaries: None };
         layers(&[ExrPart { name: None, info }])
     }
 
@@ -230,8 +253,25 @@ mod tests {
             "colour= albedo=diffuse_albedo_noice normal=N_noice depth= variance=variance"
         );
         assert_eq!(
-            all(&["Ci:rgb", "albedo:rgb", "normal:rgb", "mse:rgb", "zfiltered:r"]),
+            all(&["Ci:rgb", ":a", "albedo:rgb", "normal:rgb", "mse:rgb", "zfiltered"]),
             "colour=Ci albedo=albedo normal=normal depth=zfiltered variance=mse"
+        );
+        assert_eq!(
+            all(&["Composite.Combined:RGBA", "V.Combined:RGBA", "V.Denoising Albedo:RGB",]),
+            "colour=V.Combined albedo=V.Denoising Albedo",
+            "the compositor's image is not what was rendered"
+        );
+        assert_eq!(
+            all(&[
+                "BG.Combined:RGBA",
+                "BG.Denoising Albedo:RGB",
+                "BG.Denoising Normal:XYZ",
+                "FG.Combined:RGBA",
+                "FG.Noisy Image:RGB",
+                "FG.Denoising Albedo:RGB",
+            ]),
+            "colour=FG.Noisy Image albedo=FG.Denoising Albedo",
+            "features of another view layer are not used"
         );
         assert_eq!(
             all(&[":RGB", "Noisy:RGB", "Variance:RGB"]),
@@ -245,6 +285,10 @@ mod tests {
         let names = [":RGB", "a.b:RGB", "Albedo:RGB", "d:T"];
         let found = roles("colour=b,albedo=none,depth=d", &names).unwrap();
         assert_eq!(found, ["colour=a.b", "depth=d"]);
+        let pbrts = [":RGB", "Variance:RGB", "RelativeVariance:RGB"];
+        for map in ["sample-variance=none", "variance=none"] {
+            assert_eq!(roles(map, &pbrts).unwrap(), ["colour="]);
+        }
         let error = roles("normal=nn", &names).unwrap_err();
         assert_eq!(error, "found no layer `nn`; accepted are ``, `a.b`, `Albedo`");
         let error = roles("normal=d", &names).unwrap_err();

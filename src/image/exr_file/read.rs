@@ -34,6 +34,8 @@ pub struct ExrInfo {
     pub channels: Vec<String>,
     /// Texts, integers, floats and lists of integers, sorted by name.
     pub attributes: Vec<(String, Attribute)>,
+    /// Chromaticities (x, y) of red, green and blue, if the file states them.
+    pub primaries: Option<[[f32; 2]; 3]>,
 }
 
 /// A part of a file.
@@ -75,6 +77,10 @@ fn info(header: &Header) -> ExrInfo {
         windows: windows(header),
         channels: channel_names(header),
         attributes: attribute::extract(header.own_attributes.clone()),
+        primaries: header
+            .shared_attributes
+            .chromaticities
+            .map(|found| [found.red, found.green, found.blue].map(|Vec2(x, y)| [x, y])),
     }
 }
 
@@ -190,8 +196,8 @@ fn check_magic<R: Read + Seek>(source: &mut R) -> Result<(), Problem> {
 fn check(header: &Header, file_bytes: u64) -> Result<(), Problem> {
     let Vec2(width, height) = header.layer_size;
     let channels = header.channels.list.len();
-    let samples = width.checked_mul(height).and_then(|pixels| pixels.checked_mul(channels));
-    if width > MAX_SIDE || height > MAX_SIDE || samples.is_none_or(|samples| samples > MAX_SAMPLES) {
+    let is_large = width.checked_mul(height).is_none_or(|pixels| pixels > MAX_SAMPLES);
+    if width > MAX_SIDE || height > MAX_SIDE || is_large {
         return Err(Problem::TooLarge { width, height, channels });
     }
     if width == 0 || height == 0 || channels == 0 {
@@ -243,8 +249,13 @@ fn decode<R: Read + Seek>(reader: Reader<R>, part: usize, channels: &[usize]) ->
 
     let meta = reader.meta_data().clone();
     let Vec2(width, height) = meta.headers[part].layer_size;
-    let bytes = width * height * channels.len() * size_of::<f32>();
-    check_available(bytes as u64).map_err(Problem::Memory)?;
+    let samples = width.checked_mul(height).and_then(|pixels| pixels.checked_mul(channels.len()));
+    let Some(samples) = samples.filter(|&samples| samples <= MAX_SAMPLES) else {
+        return Err(Problem::TooLarge { width, height, channels: channels.len() });
+    };
+    // Blocks have all channels, whichever are read
+    let blocks = (meta.headers[part].max_block_byte_size() * batch_len) as u64;
+    check_available((samples * size_of::<f32>()) as u64 + blocks).map_err(Problem::Memory)?;
     let mut planes = Planes::new(width, height, channels.len());
     let mut seen = HashSet::new();
     let mut chunks =

@@ -19,6 +19,8 @@ fn frame(colour: Planes) -> Frame {
         negative_values: 0,
         features: Vec::new(),
         variance: None,
+        is_variance_of_luminance: false,
+        alpha: None,
         spp: None,
         aovs: Vec::new(),
         found: Vec::new(),
@@ -107,6 +109,26 @@ fn pixels_that_are_not_finite_have_no_samples() {
     let FrameStore { store, empty_pixels, .. } = FrameStore::new(&frames, 0).unwrap();
     let counts = store.counts(Part::Whole);
     assert_eq!((counts[4], counts[5], counts[9], empty_pixels), (2, 1, 0, 1));
+}
+
+#[test]
+fn a_pixel_of_one_frame_that_is_not_finite_has_no_samples() {
+    let mut one = frame(noisy(1, 0.2));
+    one.colour.plane_mut(0)[5] = f32::NAN;
+    one.variance = Some(planes(|_, _| 0.04));
+    let FrameStore { store, empty_pixels, .. } = FrameStore::new(&[one], 0).unwrap();
+    assert_eq!((store.counts(Part::Whole)[5], empty_pixels), (0, 1));
+}
+
+#[test]
+fn two_frames_with_a_variance_of_luminance_are_judged_by_their_difference() {
+    let mut frames = [1, 2].map(|seed| frame(noisy(seed, 0.2)));
+    for frame in &mut frames {
+        (frame.variance, frame.is_variance_of_luminance) = (Some(planes(|_, _| 9.0)), true);
+    }
+    let store = FrameStore::new(&frames, 0).unwrap().store;
+    let variance = mean(store.variances(Part::Whole, store.layout().colour()).plane(0).iter().copied());
+    assert!((variance / 0.04 - 1.0).abs() < 0.1, "{variance}");
 }
 
 #[test]
