@@ -1,11 +1,11 @@
-//! Conversion from pbrt-v4's colour spaces to linear sRGB. White maps to white.
+//! Conversion from pbrt-v4's colour spaces, of parameters and of EXR files, to linear sRGB. White maps to white.
 //!
 //! Sources: IEC 61966-2-1, SMPTE EG 432-1 (P3 with D65), ITU-R BT.2020, SMPTE ST 2065-1; the white
 //! point of the last is adapted to D65 by Bradford's method.
 
 use glam::{DMat3, DVec3};
 
-/// A colour space for RGB parameters.
+/// A colour space for RGB values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ColorSpace {
     Srgb,
@@ -20,6 +20,14 @@ const NAMES: [(&str, ColorSpace); 4] = [
     ("dci-p3", ColorSpace::DciP3),
     ("rec2020", ColorSpace::Rec2020),
     ("aces2065-1", ColorSpace::Aces2065),
+];
+
+/// Chromaticities (x, y) of red, green and blue.
+const PRIMARIES: [([[f32; 2]; 3], ColorSpace); 4] = [
+    ([[0.64, 0.33], [0.3, 0.6], [0.15, 0.06]], ColorSpace::Srgb),
+    ([[0.68, 0.32], [0.265, 0.69], [0.15, 0.06]], ColorSpace::DciP3),
+    ([[0.708, 0.292], [0.17, 0.797], [0.131, 0.046]], ColorSpace::Rec2020),
+    ([[0.7347, 0.2653], [0.0, 1.0], [0.0001, -0.077]], ColorSpace::Aces2065),
 ];
 
 /// Rows of the matrices to linear sRGB.
@@ -43,6 +51,16 @@ impl ColorSpace {
     /// The colour space that pbrt calls `name`.
     pub fn named(name: &str) -> Option<Self> {
         NAMES.iter().find(|(known, _)| *known == name).map(|(_, space)| *space)
+    }
+
+    /// The colour space of these chromaticities of red, green and blue.
+    pub fn of_primaries(primaries: [[f32; 2]; 3]) -> Option<Self> {
+        const TOLERANCE: f32 = 1e-3;
+        let is_near = |known: &[[f32; 2]; 3]| {
+            let pairs = known.as_flattened().iter().zip(primaries.as_flattened());
+            pairs.into_iter().all(|(a, b)| (a - b).abs() < TOLERANCE)
+        };
+        PRIMARIES.iter().find(|(known, _)| is_near(known)).map(|(_, space)| *space)
     }
 
     /// The accepted names, for messages.
@@ -73,6 +91,11 @@ mod tests {
             assert!((white - 1.0).abs().max_element() < 1e-6, "{name}: {white}");
         }
         assert_eq!(ColorSpace::named("adobe"), None);
+        assert_eq!(
+            ColorSpace::of_primaries([[0.64, 0.33], [0.3, 0.6], [0.1501, 0.06]]),
+            Some(ColorSpace::Srgb)
+        );
+        assert_eq!(ColorSpace::of_primaries([[0.64, 0.33], [0.21, 0.71], [0.15, 0.06]]), None);
     }
 
     #[test]

@@ -5,6 +5,7 @@
 //! origin therefore loses no precision when its positions are rounded to `f32`.
 
 pub mod camera;
+mod color_space;
 pub mod effects;
 pub mod film;
 pub mod integrator;

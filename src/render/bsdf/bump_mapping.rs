@@ -12,8 +12,11 @@ use crate::geometry::SurfaceInteraction;
 use crate::scene::texture::TexturePoint;
 use crate::scene::{Material, Textures};
 
-/// Step in u and v of the finite differences (pbrt-v4's without ray differentials).
+/// Largest step in u and v of the finite differences (pbrt-v4's without ray differentials). It is at most a texel of the finest image:
+/// over several of them bumps would cancel out.
 const STEP: f32 = 0.0005;
+/// Least step: below it rounding errors of u and v would show.
+const LEAST_STEP: f32 = 4e-6;
 /// Below this sine of the angle between ∂p/∂u and ∂p/∂v the parametrisation is degenerate, and bump mapping is
 /// skipped.
 const MIN_SINE: f32 = 1e-5;
@@ -28,7 +31,8 @@ pub(super) fn bumped_shading_frame(
         let at = TexturePoint { uv: point.uv, position: point.position };
         normal_mapped(point, textures.rgb(id, at))
     } else if let Some(id) = material.displacement {
-        bumped(point, |at| textures.float(id, at))
+        let step = textures.texel_step(id).clamp(LEAST_STEP, STEP);
+        bumped(point, step, |at| textures.float(id, at))
     } else {
         ShadingFrame::new(point.shading_normal, point.dpdu)
     }
@@ -42,7 +46,7 @@ fn normal_mapped(point: &SurfaceInteraction, encoded: Vec3) -> ShadingFrame {
 }
 
 /// The frame of the surface displaced by `height` along its normal.
-fn bumped(point: &SurfaceInteraction, height: impl Fn(TexturePoint) -> f32) -> ShadingFrame {
+fn bumped(point: &SurfaceInteraction, step: f32, height: impl Fn(TexturePoint) -> f32) -> ShadingFrame {
     let n = point.shading_normal;
     let tangential = |d: Vec3| d - n * n.dot(d);
     let (dpdu, dpdv) = (tangential(point.dpdu), tangential(point.dpdv));
@@ -53,8 +57,8 @@ fn bumped(point: &SurfaceInteraction, height: impl Fn(TexturePoint) -> f32) -> S
     let centre = height(TexturePoint { uv: point.uv, position: point.position });
     let derivative = |d_uv: Vec2, d_position: Vec3| {
         let shifted =
-            TexturePoint { uv: point.uv + d_uv * STEP, position: point.position + d_position * STEP };
-        (height(shifted) - centre) / STEP
+            TexturePoint { uv: point.uv + d_uv * step, position: point.position + d_position * step };
+        (height(shifted) - centre) / step
     };
     let bumped_dpdu = dpdu + n * derivative(Vec2::X, dpdu);
     let bumped_dpdv = dpdv + n * derivative(Vec2::Y, dpdv);
@@ -91,30 +95,30 @@ mod tests {
 
     #[test]
     fn a_constant_height_keeps_the_normal() {
-        assert_eq!(bumped(&flat_point(), |_| 7.0), ShadingFrame::new(Vec3::Z, Vec3::X));
+        assert_eq!(bumped(&flat_point(), STEP, |_| 7.0), ShadingFrame::new(Vec3::Z, Vec3::X));
     }
 
     #[test]
     fn a_linear_height_tilts_the_normal_by_its_slope() {
         // u = x / 2, so a height of u rises by 1 in 2.
-        let frame = bumped(&flat_point(), |at| at.uv.x);
+        let frame = bumped(&flat_point(), STEP, |at| at.uv.x);
         assert!((frame.z - Vec3::new(-0.5, 0.0, 1.0).normalize()).length() < 1e-3, "{}", frame.z);
-        let frame = bumped(&flat_point(), |at| -at.position.y);
+        let frame = bumped(&flat_point(), STEP, |at| -at.position.y);
         assert!((frame.z - Vec3::new(0.0, 1.0, 1.0).normalize()).length() < 1e-3, "{}", frame.z);
     }
 
     #[test]
     fn a_left_handed_parametrisation_keeps_the_side_of_the_normal() {
         let mirrored = SurfaceInteraction { dpdv: Vec3::NEG_Y, ..flat_point() };
-        let frame = bumped(&mirrored, |at| at.uv.x);
+        let frame = bumped(&mirrored, STEP, |at| at.uv.x);
         assert!((frame.z - Vec3::new(-0.5, 0.0, 1.0).normalize()).length() < 1e-3, "{}", frame.z);
     }
 
     #[test]
     fn parallel_derivatives_and_infinite_heights_keep_the_normal() {
         let degenerate = SurfaceInteraction { dpdv: Vec3::X, ..flat_point() };
-        assert_eq!(bumped(&degenerate, |at| at.uv.x).z, Vec3::Z);
-        assert_eq!(bumped(&flat_point(), |_| f32::INFINITY).z, Vec3::Z);
+        assert_eq!(bumped(&degenerate, STEP, |at| at.uv.x).z, Vec3::Z);
+        assert_eq!(bumped(&flat_point(), STEP, |_| f32::INFINITY).z, Vec3::Z);
     }
 
     #[test]

@@ -8,7 +8,6 @@
 
 mod builder;
 mod camera_directives;
-mod color_space;
 mod dialect;
 mod dialect_detection;
 mod directives;

@@ -17,6 +17,7 @@ use super::textures::luminance;
 use crate::files::open_regular;
 use crate::image::exr_file;
 use crate::memory::check_available;
+use crate::scene::color_space::ColorSpace;
 
 /// Largest number of texels of an image: 16 384 × 16 384.
 const MAX_TEXELS: u64 = 1 << 28;
@@ -149,7 +150,8 @@ fn check_size(width: u64, height: u64, length: u64, texel_bytes: u64) -> Result<
     }
 }
 
-/// Reads R, G, B and A, or Y, or the only channel of an EXR file.
+/// Reads R, G, B and A, or Y, or the only channel of an EXR file. Colours of pbrt's colour spaces are converted to linear sRGB; others
+/// are taken for it.
 fn load_exr(
     path: &Path,
     length: u64,
@@ -184,6 +186,12 @@ fn load_exr(
     for offset in 0..count {
         let texels = data.iter_mut().skip(offset).step_by(count);
         texels.zip(planes.plane(offset)).for_each(|(texel, &value)| *texel = value);
+    }
+    if let Some(space) = info.primaries.and_then(ColorSpace::of_primaries).filter(|_| count >= 3) {
+        for texel in data.chunks_exact_mut(count) {
+            let rgb = Vec3::from_slice(texel).as_dvec3();
+            space.to_srgb(rgb).as_vec3().write_to_slice(texel);
+        }
     }
     Ok(make(width, height, count, data))
 }
@@ -385,6 +393,25 @@ mod tests {
         let image = load(&path, Encoding::Linear, Channels::All).unwrap();
         assert_eq!(image.rgb(0, 0), Vec3::new(0.5, 2.0, -1.0));
         assert_eq!(image.rgb(1, 0), Vec3::new(0.0, 65504.0, 1e9));
+    }
+
+    #[test]
+    fn an_exr_of_another_colour_space_is_converted() {
+        use exr::prelude::*;
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.exr");
+        let channels = SpecificChannels::rgb(|_: Vec2<usize>| (0.42f32, 0.44f32, 0.92f32));
+        let mut image = Image::from_channels((1, 1), channels);
+        let at = |x, y| Vec2(x, y);
+        image.attributes.chromaticities = Some(attribute::Chromaticities {
+            red: at(0.7347, 0.2653),
+            green: at(0.0, 1.0),
+            blue: at(0.0001, -0.077),
+            white: at(0.32168, 0.33767),
+        });
+        image.write().to_file(&path).unwrap();
+        let sky = load(&path, super::Encoding::Linear, Channels::All).unwrap().rgb(0, 0);
+        assert!((sky - Vec3::new(0.2035, 0.3994, 1.0012)).abs().max_element() < 2e-3, "{sky}");
     }
 
     #[test]

@@ -5,7 +5,7 @@
 
 use std::sync::Arc;
 
-use glam::{Affine3A, Vec3};
+use glam::{Affine3A, Vec2, Vec3};
 
 use super::floor::{floor, floor3};
 use super::procedural::{self, Procedural};
@@ -118,6 +118,12 @@ impl Textures {
         self.constant::<Vec3>(id)
     }
 
+    /// The step in u and v that resolves the images of a scalar texture: a texel of the finest. Infinite without images that are mapped
+    /// by u and v.
+    pub fn texel_step(&self, id: FloatTextureId) -> f32 {
+        self.step::<f32>(id)
+    }
+
     /// All scalar textures, indexed by [`FloatTextureId`].
     pub fn floats(&self) -> &[Texture<f32>] {
         &self.floats
@@ -155,6 +161,28 @@ impl Textures {
     pub fn add_image(&mut self, image: TextureImage) -> ImageId {
         self.images.push(Arc::new(image));
         ImageId((self.images.len() - 1) as u32)
+    }
+
+    fn step<V: PooledValue>(&self, id: V::Id) -> f32 {
+        match V::texture(self, id) {
+            Texture::Image(ImageTexture { image, mapping: TextureMapping::Uv { scale, .. }, .. }) => {
+                let image = self.image(*image);
+                let texels = scale.abs() * Vec2::new(image.width() as f32, image.height() as f32);
+                texels.max_element().recip()
+            }
+            Texture::Checkerboard { even: a, odd: b, .. }
+            | Texture::Dots { inside: a, outside: b, .. }
+            | Texture::Product { first: a, second: b } => self.step::<V>(*a).min(self.step::<V>(*b)),
+            Texture::Mix { first, second, amount } => {
+                self.step::<V>(*first).min(self.step::<V>(*second)).min(self.step::<f32>(*amount))
+            }
+            Texture::Gray(float) | Texture::NotZero(float) => self.step::<f32>(*float),
+            Texture::Mean(rgb) => self.step::<Vec3>(*rgb),
+            Texture::Constant(_)
+            | Texture::Image(_)
+            | Texture::Bilinear { .. }
+            | Texture::Procedural { .. } => f32::INFINITY,
+        }
     }
 
     fn constant<V: PooledValue>(&self, id: V::Id) -> Option<V> {
@@ -249,8 +277,6 @@ fn not_zero(value: f32) -> f32 {
 
 #[cfg(test)]
 mod tests {
-    use glam::Vec2;
-
     use super::*;
 
     fn at(u: f32, v: f32) -> TexturePoint {
@@ -311,5 +337,8 @@ mod tests {
         let id = textures.add(Texture::<f32>::Image(texture));
         assert_eq!(textures.float(id, at(0.25, 0.5)), 0.5);
         assert_eq!(textures.float(id, at(0.75, 0.5)), 0.0);
+        let half = textures.add(Texture::Constant(0.5));
+        let product = textures.add(Texture::<f32>::Product { first: half, second: id });
+        assert_eq!([half, id, product].map(|id| textures.texel_step(id)), [f32::INFINITY, 0.5, 0.5]);
     }
 }

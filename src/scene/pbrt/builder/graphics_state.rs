@@ -7,7 +7,7 @@ use glam::DAffine3;
 
 use super::MaterialRef;
 use crate::scene::AreaLight;
-use crate::scene::pbrt::color_space::ColorSpace;
+use crate::scene::color_space::ColorSpace;
 use crate::scene::pbrt::parser::AttributeDefaults;
 
 /// Transforms at the two key times, `start` and `end` (pbrt's `TransformSet`).

@@ -3,8 +3,8 @@
 use std::borrow::Cow;
 use std::rc::Rc;
 
+use crate::scene::color_space::ColorSpace;
 use crate::scene::pbrt::builder::SceneBuilder;
-use crate::scene::pbrt::color_space::ColorSpace;
 use crate::scene::pbrt::parser::{ParameterDictionary, ParseError, Result, Statement};
 
 impl SceneBuilder {

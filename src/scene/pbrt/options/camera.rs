@@ -1,25 +1,33 @@
 //! `Camera`: projection, lens, shutter and motion.
 
+use std::f64::consts::PI;
+
 use glam::{DAffine3, DVec3};
 
 use super::option_entity::OptionEntity;
 use crate::scene::camera::{Projection, SphericalMapping};
 use crate::scene::pbrt::builder::SceneBuilder;
+use crate::scene::pbrt::dialect::Dialect;
 use crate::scene::pbrt::directives::transforms::inverse;
 use crate::scene::pbrt::parser::{ParameterDictionary, ParseError, Result};
 use crate::scene::{AnimatedTransform, Camera, Film};
 
 /// Focal length in mm of the thin lens that replaces a realistic camera's lens system.
 const REALISTIC_FOCAL_LENGTH: f64 = 50.0;
-/// Diagonal in mm of a realistic camera's film, pbrt's default.
-const REALISTIC_DIAGONAL: f64 = 35.0;
+/// Diameter in mm of its aperture, pbrt's default.
+const APERTURE_DIAMETER: f64 = 1.0;
 
-/// The camera in render space, and its world position at shutter open.
-pub fn make_camera(builder: &mut SceneBuilder, entry: &OptionEntity, film: &Film) -> Result<(Camera, DVec3)> {
+/// The camera in render space, and its world position at shutter open; `diagonal` is that of the film in mm.
+pub fn make_camera(
+    builder: &mut SceneBuilder,
+    entry: &OptionEntity,
+    film: &Film,
+    diagonal: f64,
+) -> Result<(Camera, DVec3)> {
     // Evaluate the parameters
     let [shutter_open, shutter_close] = shutter(builder, entry)?;
     let screen_window = screen_window(entry, film)?;
-    let projection = projection(builder, entry, film)?;
+    let projection = projection(builder, entry, half_short_side(film, diagonal))?;
     let (lens_radius, focal_distance) = lens(entry, &projection)?;
 
     // Move the origin of render space to the camera. The CTM maps world to camera space
@@ -76,7 +84,8 @@ fn screen_window(entry: &OptionEntity, film: &Film) -> Result<[f32; 4]> {
 }
 
 /// The projection from camera space to the screen window.
-fn projection(builder: &mut SceneBuilder, entry: &OptionEntity, film: &Film) -> Result<Projection> {
+/// The projection; `half_short_side` is that of the film in mm, for realistic cameras.
+fn projection(builder: &mut SceneBuilder, entry: &OptionEntity, half_short_side: f64) -> Result<Projection> {
     let OptionEntity { kind, params, loc, .. } = entry;
     Ok(match *kind {
         "perspective" => {
@@ -97,7 +106,7 @@ fn projection(builder: &mut SceneBuilder, entry: &OptionEntity, film: &Film) -> 
             for name in ["lensfile", "aperture", "simpleweighting"] {
                 params.get(name);
             }
-            Projection::Perspective { tan_half_fov: (half_short_side(film) / REALISTIC_FOCAL_LENGTH) as f32 }
+            Projection::Perspective { tan_half_fov: (half_short_side / REALISTIC_FOCAL_LENGTH) as f32 }
         }
         other => {
             let expected = "perspective, orthographic, spherical or environment";
@@ -113,7 +122,7 @@ fn lens(entry: &OptionEntity, projection: &Projection) -> Result<(f32, f32)> {
     let realistic = *kind == "realistic";
     let lens_radius = match realistic {
         // Convert a diameter in mm to a radius in m
-        true => params.float_or("aperturediameter", 1.0)? / 2000.0,
+        true => params.float_or("aperturediameter", APERTURE_DIAMETER)? / 2000.0,
         false => params.float_or("lensradius", 0.0)?,
     };
     if lens_radius < 0.0 {
@@ -141,10 +150,20 @@ fn spherical_mapping(kind: &str, params: &ParameterDictionary) -> Result<Spheric
     }
 }
 
-/// Half the shorter side, in mm, of a film with a diagonal of [`REALISTIC_DIAGONAL`].
-fn half_short_side(film: &Film) -> f64 {
+/// Fraction of the radiance that a camera measures: of realistic cameras of v4 that of its aperture's solid angle, seen from the film
+/// (`RealisticCamera` in pbrt-v4's `cameras.cpp`, without the falloff towards the corners).
+pub fn exposure(builder: &SceneBuilder, entry: &OptionEntity) -> Result<f64> {
+    if entry.kind != "realistic" || builder.dialect != Dialect::V4 {
+        return Ok(1.0);
+    }
+    let radius = entry.params.positive_or("aperturediameter", APERTURE_DIAMETER)? / 2.0;
+    Ok(PI * (radius / REALISTIC_FOCAL_LENGTH).powi(2))
+}
+
+/// Half the shorter side, in mm, of a film with this diagonal.
+fn half_short_side(film: &Film, diagonal: f64) -> f64 {
     let (width, height) = (film.width as f64, film.height as f64);
-    REALISTIC_DIAGONAL / 2.0 * width.min(height) / width.hypot(height)
+    diagonal / 2.0 * width.min(height) / width.hypot(height)
 }
 
 #[cfg(test)]
@@ -191,6 +210,11 @@ mod tests {
         assert!((tan_half_fov - 17.5 * 2.0 / 13f32.sqrt() / 50.0).abs() < 1e-5);
         assert_eq!((scene.camera.lens_radius, scene.camera.focal_distance), (0.005, 3.0));
         assert_eq!(scene.warnings.len(), 1, "{:?}", scene.warnings);
+        // At f/5 the aperture's solid angle is π ∕ 100
+        assert!((scene.film.scale - 0.01 * std::f32::consts::PI).abs() < 1e-6);
+        let large = header("Film \"rgb\" \"float diagonal\" 70 Camera \"realistic\"");
+        let Projection::Perspective { tan_half_fov } = large.camera.projection else { panic!() };
+        assert!((tan_half_fov - 35.0 * 720.0 / 1280f32.hypot(720.0) / 50.0).abs() < 1e-5);
     }
 
     #[test]

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use glam::DAffine3;
 
-use super::camera::make_camera;
+use super::camera::{exposure, make_camera};
 use super::film::{exposure_time, make_film};
 use super::option_entity::OptionEntity;
 use super::pixel_filter::make_pixel_filter;
@@ -15,6 +15,8 @@ use crate::scene::{Integrator, SamplerKind};
 
 /// Largest number of samples per pixel.
 const MAX_SPP: u32 = 1 << 30;
+/// Diagonal of the film in mm, pbrt's default.
+const FILM_DIAGONAL: f64 = 35.0;
 
 impl SceneBuilder {
     /// Keeps an option directive until `WorldBegin`; a second one of its name replaces the first.
@@ -90,8 +92,12 @@ fn make_options(
         None => builder.dialect.default_filter(),
     };
     let camera_entry = entry(&["Camera"], "perspective");
-    let film = make_film(builder, &entry(&["Film"], "rgb"), filter, exposure_time(builder, &camera_entry)?)?;
-    let (camera, origin) = make_camera(builder, &camera_entry, &film)?;
+    let film_entry = entry(&["Film"], "rgb");
+    let mut film = make_film(builder, &film_entry, filter, exposure_time(builder, &camera_entry)?)?;
+    let exposure = exposure(builder, &camera_entry)? as f32;
+    film.scale = (film.scale * exposure).clamp(f32::MIN_POSITIVE, f32::MAX);
+    let diagonal = film_entry.params.positive_or("diagonal", FILM_DIAGONAL)?;
+    let (camera, origin) = make_camera(builder, &camera_entry, &film, diagonal)?;
     let default_integrator = builder.dialect.default_integrator();
     let integrator =
         make_integrator(builder, &entry(&["Integrator", "SurfaceIntegrator"], default_integrator))?;
