@@ -140,7 +140,7 @@ fn clamp_to_quantile(values: &mut [f32], quantile: f32) {
     if values.is_empty() {
         return;
     }
-    let rank = ((values.len() - 1) as f32 * quantile) as usize;
+    let rank = ((values.len() - 1) as f64 * f64::from(quantile)) as usize;
     let mut sorted = values.to_vec();
     let (_, &mut bound, _) = sorted.select_nth_unstable_by(rank, f32::total_cmp);
     if bound > 0.0 {

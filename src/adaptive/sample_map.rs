@@ -77,6 +77,21 @@ impl SampleMap {
         (self.kind == MapValues::Absolute).then(|| self.values.iter().map(|&value| value as u64).sum())
     }
 
+    /// Returns the samples that pixels with `have` samples lack; `None` if the values are ratios. No pixel exceeds `max_spp`.
+    pub fn lacking(&self, have: &[u32], max_spp: u32) -> Option<u64> {
+        let lacks =
+            |(&value, have): (&f32, &u32)| u64::from((value as u32).min(max_spp).saturating_sub(*have));
+        (self.kind == MapValues::Absolute).then(|| self.values.iter().zip(have).map(lacks).sum())
+    }
+
+    /// Returns the values without what a ceiling cuts off from counts.
+    pub fn below(&self, max_spp: u32) -> Vec<f32> {
+        match self.kind {
+            MapValues::Relative => self.values.to_vec(),
+            MapValues::Absolute => self.values.iter().map(|value| value.min(max_spp as f32)).collect(),
+        }
+    }
+
     /// Returns a map of these values with other counts; ratios stay.
     #[must_use]
     pub fn map_counts(self, count: impl Fn(u32) -> u32) -> Self {
@@ -188,6 +203,17 @@ mod tests {
             assert!(value > 0.0 || n == 0);
         }
         assert!(have.iter().filter(|&n| n % 2 == 1).count() <= 3, "counts grow by pairs");
+    }
+
+    #[test]
+    fn a_surplus_of_some_pixels_makes_up_for_no_lack_of_others() {
+        let map = SampleMap::new(vec![10.0, 50.0, 0.0], MapValues::Absolute).unwrap();
+        assert_eq!(map.lacking(&[100, 0, 7], NONE), Some(50));
+        assert_eq!((map.lacking(&[0; 3], 20), map.below(20)), (Some(30), vec![10.0, 20.0, 0.0]));
+        assert_eq!(follow(&map.below(20), 1, &[0; 3], 3, 30, 20, 1), [10, 20, 0]);
+        assert_eq!(follow(map.values(), 1, &[100, 0, 7], 3, 50, NONE, 1), [0, 50, 0]);
+        let ratios = SampleMap::new(vec![1.0, 2.0], MapValues::Relative).unwrap();
+        assert_eq!((ratios.lacking(&[0; 2], 9), ratios.below(1)), (None, vec![1.0, 2.0]));
     }
 
     #[test]

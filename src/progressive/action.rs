@@ -161,8 +161,13 @@ fn interim_denoiser(now: &Situation) -> &'static dyn Denoiser {
 fn pass_seconds(now: &Situation, interim: &'static dyn Denoiser) -> f64 {
     let is_measured = interim == now.settings.interim_denoiser();
     let measured = now.measurements.interim_seconds.filter(|_| is_measured).unwrap_or(f64::INFINITY);
-    let Some(filter) = now.measurements.finalisation.filter_seconds() else { return measured };
     let last = now.final_denoiser();
+    let Some(filter) = now.measurements.finalisation.filter_seconds() else {
+        // What is not calibrated is assumed until it has been measured
+        let assumed =
+            if last.cost().is_per_sample { now.assumed_seconds(interim, false) } else { f64::INFINITY };
+        return if measured.is_finite() { measured } else { assumed };
+    };
     let ratio = if interim == last { 1.0 } else { interim.cost().pass_time / last.cost().pass_time };
     measured.min(ratio * filter)
 }

@@ -29,7 +29,7 @@ pub(super) fn allocate_batch(
     let map = settings.followed_map(store.pixels());
     let priority = match (checkpoint.sampling(settings), interim) {
         (Sampling::Adaptive, Some(interim)) => Some(batch_priority(store, interim, settings)),
-        _ => map.map(|map| map.values().to_vec()),
+        _ => map.map(|map| map.below(settings.max_spp)),
     };
     let (floor, max_spp) = (settings.min_spp.min(settings.max_spp), settings.max_spp);
     let key = adaptive::batch_key(store, settings.seed);

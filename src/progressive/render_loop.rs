@@ -44,6 +44,8 @@ pub struct RenderLoop<'a> {
     processes: Option<&'a mut dyn ProcessGroup>,
     /// Samples so far.
     samples: SampleTotals,
+    /// Samples with which every pixel has those of a map of counts.
+    map_end: Option<u64>,
     /// What the checkpoint's store has of the statistics of all processes, its latest samples included.
     gathered: Option<StatisticsExtent>,
     /// The region that is rendered first.
@@ -87,6 +89,7 @@ impl<'a> RenderLoop<'a> {
             checkpoint.position = Position::Filter;
         }
         let clock = Clock::new(start);
+        let map_end = map_end(settings, store);
         Self {
             renderer,
             settings: settings.clone(),
@@ -96,6 +99,7 @@ impl<'a> RenderLoop<'a> {
             processes: None,
             resumed_samples: samples.valid,
             samples,
+            map_end,
             gathered: Some(StatisticsExtent::All),
             region: None,
             reference: None,
@@ -126,6 +130,7 @@ impl<'a> RenderLoop<'a> {
         }
         let shown = |s: &Settings| (s.denoiser.name().method, s.interim_denoiser());
         let is_other_image = shown(new) != shown(&old);
+        self.map_end = map_end(&self.settings, &self.checkpoint.store);
         self.give_up_batch();
         if is_other_image {
             // The image and the error of another denoiser are not those of this one.
@@ -293,6 +298,7 @@ impl<'a> RenderLoop<'a> {
             sampling: self.checkpoint.sampling(&self.settings),
             pixels: store.pixels() as u64,
             samples: self.samples.taken,
+            map_end: self.map_end,
             empty_pixels: self.samples.empty_pixels,
             mark: match position {
                 Position::Plan => Mark::Plan,
@@ -410,4 +416,11 @@ impl<'a> RenderLoop<'a> {
         };
         self.checkpoint.passes.push(pass);
     }
+}
+
+/// Returns the samples with which every pixel has those of a map of counts, if the settings have one.
+fn map_end(settings: &Settings, store: &Store) -> Option<u64> {
+    let have = store.next_indices();
+    let lacking = settings.followed_map(store.pixels())?.lacking(&have, settings.max_spp)?;
+    Some(have.iter().map(|&n| u64::from(n)).sum::<u64>() + lacking)
 }

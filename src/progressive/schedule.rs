@@ -48,14 +48,20 @@ pub struct Schedule<'a> {
     /// Floor and ceiling per pixel.
     pub min_spp: u64,
     pub max_spp: u64,
-    /// Samples of a map of counts.
-    pub map_total: Option<u64>,
+    /// Samples with which every pixel has those of a map of counts.
+    pub map_end: Option<u64>,
     pub speed: Speed,
     /// Predicted seconds of the finalisation.
     pub finalisation: f64,
 }
 
 impl Schedule<'_> {
+    /// Returns the most samples that the budgets allow.
+    fn most(&self) -> u64 {
+        let spp = self.budget.spp.map_or(self.max_spp, |spp| u64::from(spp).min(self.max_spp));
+        self.map_end.unwrap_or(spp.saturating_mul(self.pixels))
+    }
+
     /// Returns whether an image with this error reaches the target.
     pub fn reaches_target(&self, error: Option<f64>) -> bool {
         self.budget.target_error.zip(error).is_some_and(|(target, error)| error <= target)
@@ -67,9 +73,7 @@ impl Schedule<'_> {
     /// # Errors
     /// The budget that is spent.
     pub fn next_batch(&self, elapsed: f64, samples: u64, error: Option<f64>) -> Result<Plan, StoppedBy> {
-        let most = self.budget.spp.map_or(self.max_spp, |spp| u64::from(spp).min(self.max_spp));
-        let most = most.saturating_mul(self.pixels).min(self.map_total.unwrap_or(u64::MAX));
-        let left = most.saturating_sub(samples);
+        let left = self.most().saturating_sub(samples);
         if left == 0 {
             return Err(StoppedBy::Spp);
         }
@@ -179,8 +183,8 @@ impl Schedule<'_> {
 
     /// Returns the fraction of the nearest budget that is spent, in [0, 1].
     pub fn fraction(&self, elapsed: f64, samples: u64) -> f64 {
-        let by_spp =
-            self.budget.spp.map(|spp| samples as f64 / (f64::from(spp) * self.pixels as f64).max(1.0));
+        let has_end = self.budget.spp.is_some() || self.map_end.is_some();
+        let by_spp = has_end.then(|| samples as f64 / (self.most() as f64).max(1.0));
         let by_time = self.budget.seconds.map(|seconds| elapsed / seconds);
         by_spp.into_iter().chain(by_time).fold(0.0, f64::max).min(1.0)
     }

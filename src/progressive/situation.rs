@@ -5,7 +5,7 @@ use super::record::Seconds;
 use super::schedule::Schedule;
 use super::settings::Settings;
 use super::speed::Speed;
-use crate::adaptive::{SampleMap, Sampling};
+use crate::adaptive::Sampling;
 use crate::filter::{Denoiser, UNFILTERED};
 use crate::render::RejectedSample;
 
@@ -58,6 +58,8 @@ pub struct Situation<'a> {
     pub pixels: u64,
     /// Samples so far, rejected ones included.
     pub samples: u64,
+    /// Samples with which every pixel has those of a map of counts.
+    pub map_end: Option<u64>,
     /// Pixels without samples.
     pub empty_pixels: u64,
     pub mark: Mark,
@@ -143,7 +145,7 @@ impl Situation<'_> {
             pixels: self.pixels,
             min_spp: self.settings.min_spp.into(),
             max_spp: self.settings.max_spp.into(),
-            map_total: self.settings.followed_map(self.pixels as usize).and_then(SampleMap::total),
+            map_end: self.map_end,
             speed: self.speed,
             finalisation,
         }

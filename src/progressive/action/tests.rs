@@ -22,6 +22,7 @@ fn situation<'a>(settings: &'a Settings, measurements: &'a Measurements, mark: M
         sampling: settings.sampling,
         pixels: PIXELS,
         samples: 8 * PIXELS,
+        map_end: None,
         empty_pixels: 0,
         mark,
         has_interim: true,

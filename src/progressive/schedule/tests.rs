@@ -6,7 +6,7 @@ fn schedule(budget: &Budget, pixels: u64) -> Schedule<'_> {
         pixels,
         min_spp: 4,
         max_spp: u32::MAX.into(),
-        map_total: None,
+        map_end: None,
         speed: Speed::default(),
         finalisation: 0.0,
     }
