@@ -97,7 +97,9 @@ fn lossless_furnaces(side: usize) -> Vec<Case> {
     }
     for alpha in [0.0, 1e-4, 1.0] {
         let name = format!("coated diffuse, roughness {alpha}");
-        materials.push((name, format!("\"coateddiffuse\" {WHITE} {}", roughness(alpha))));
+        // A coat without thickness does not absorb
+        materials
+            .push((name, format!("\"coateddiffuse\" {WHITE} \"float thickness\" 0 {}", roughness(alpha))));
     }
 
     // Measure their energy
