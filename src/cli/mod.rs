@@ -18,6 +18,7 @@ mod failure;
 mod host;
 mod info;
 mod inputs;
+mod job;
 mod merge;
 mod mode;
 mod options;
