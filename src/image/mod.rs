@@ -8,7 +8,7 @@
 //! | [`png_file`] | writes 8-bit sRGB PNG; reads PNG, JPEG and TGA |
 //! | [`output_format`] | [`OutputFormat`], chosen by a file name's extension |
 //! | [`read_rgb()`] | any supported file, by its content |
-//! | [`tone`] | the sRGB transfer curve |
+//! | [`tone`] | luminance, the sRGB transfer curve |
 //! | [`metrics`], [`perceptual`] | errors of an image with respect to a reference |
 //! | [`Comparison`] | all of these at once |
 //! | [`error`] | [`ImageError`], an image file and its problem |
@@ -29,3 +29,4 @@ pub use error::{ImageError, Problem};
 pub use output_format::OutputFormat;
 pub use planes::Planes;
 pub use read_rgb::read_rgb;
+pub use tone::luminance;

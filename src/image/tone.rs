@@ -1,9 +1,15 @@
-//! Converts between linear light and sRGB-encoded values (IEC 61966-2-1). There is no other tone curve,
-//! so a PNG can be decoded to linear light again.
+//! Luminance, and conversion between linear light and sRGB-encoded values (IEC 61966-2-1). There is no other
+//! tone curve, so a PNG can be decoded to linear light again.
 
 use rayon::prelude::*;
 
 use super::Planes;
+
+/// Relative luminance of linear RGB with the primaries of Rec. 709, which are those of sRGB (ITU-R BT.709).
+#[inline]
+pub fn luminance([r, g, b]: [f32; 3]) -> f32 {
+    0.2126 * r + 0.7152 * g + 0.0722 * b
+}
 
 /// Encodes linear light as sRGB, both in [0, 1]. Values outside are clamped; NaN becomes 0.
 pub fn srgb_encode(linear: f32) -> f32 {

@@ -9,7 +9,7 @@ use super::ImportError;
 use super::exr_layer::{ExrLayer, layers};
 use super::role::{LayerMap, Role, by_name, has_pbrts_variance};
 use crate::image::exr_file::{self, Attribute, ExrPart, Windows, attribute_names};
-use crate::image::{ImageError, Planes};
+use crate::image::{ImageError, Planes, luminance};
 
 /// A render by any program.
 #[derive(Clone, Debug)]
@@ -145,10 +145,10 @@ impl Frame {
     fn spread_variance_of_luminance(&mut self) {
         let Some(variance) = &mut self.variance else { return };
         for i in 0..variance.pixels() {
-            let [r, g, b] = [0, 1, 2].map(|c| self.colour.plane(c)[i]);
-            let luminance = 0.2126 * r + 0.7152 * g + 0.0722 * b;
+            let rgb = [0, 1, 2].map(|c| self.colour.plane(c)[i]);
+            let luminance = luminance(rgb);
             let of_luminance = variance.plane(1)[i];
-            for (c, value) in [r, g, b].into_iter().enumerate() {
+            for (c, value) in rgb.into_iter().enumerate() {
                 let ratio = if luminance > 0.0 { value / luminance } else { 1.0 };
                 variance.plane_mut(c)[i] = of_luminance * ratio * ratio;
             }

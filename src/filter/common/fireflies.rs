@@ -10,7 +10,7 @@
 
 use rayon::prelude::*;
 
-use crate::image::Planes;
+use crate::image::{Planes, luminance};
 
 /// Constants of firefly detection and redistribution.
 #[derive(Clone, Copy, Debug, serde::Serialize)]
@@ -204,11 +204,6 @@ fn median(values: &mut [f32]) -> f32 {
 /// Luminance of pixel `i` of 3 planes.
 pub fn pixel_luminance(planes: &Planes, i: usize) -> f32 {
     luminance([0, 1, 2].map(|k| planes.plane(k)[i]))
-}
-
-/// Luminance of linear RGB with Rec. 709 primaries.
-pub fn luminance([r, g, b]: [f32; 3]) -> f32 {
-    0.2126 * r + 0.7152 * g + 0.0722 * b
 }
 
 #[cfg(test)]

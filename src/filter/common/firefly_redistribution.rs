@@ -4,8 +4,8 @@
 use rayon::prelude::*;
 
 use super::blur;
-use super::fireflies::{Firefly, FireflyClamp, FireflySettings, luminance, pixel_luminance};
-use crate::image::Planes;
+use super::fireflies::{Firefly, FireflyClamp, FireflySettings, pixel_luminance};
+use crate::image::{Planes, luminance};
 
 /// Fireflies whose weights are in memory at the same time.
 const CHUNK: usize = 256;

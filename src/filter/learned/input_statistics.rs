@@ -3,11 +3,11 @@
 use rayon::prelude::*;
 
 use super::convolution::MARGIN;
-use crate::filter::common::fireflies::{FireflyClamp, luminance};
+use crate::filter::common::fireflies::FireflyClamp;
 use crate::filter::common::half_counts::HalfCounts;
 use crate::filter::common::interleaved_planes::InterleavedPlanes;
 use crate::filter::whole_image::{self, WholeImage};
-use crate::image::Planes;
+use crate::image::{Planes, luminance};
 use crate::stats::{Block, Part, Store};
 
 /// Numbers per pixel that the network gets.

@@ -8,8 +8,8 @@ use rayon::prelude::*;
 
 use super::input_statistics::InputStatistics;
 use super::mixture::divisor;
-use crate::filter::common::fireflies::{luminance, pixel_luminance};
-use crate::image::Planes;
+use crate::filter::common::fireflies::pixel_luminance;
+use crate::image::{Planes, luminance};
 
 /// Radius of the window around a pixel, in pixels.
 pub const REACH: usize = 2;

@@ -13,9 +13,8 @@ use glam::Vec3;
 
 use super::pfm;
 use super::texture_image::TextureImage;
-use super::textures::luminance;
 use crate::files::open_regular;
-use crate::image::exr_file;
+use crate::image::{exr_file, luminance};
 use crate::memory::check_available;
 use crate::scene::color_space::ColorSpace;
 
@@ -73,7 +72,7 @@ impl Channels {
         match self {
             Channels::Luminance if count >= 3 => {
                 let texels = data.chunks_exact(count);
-                (1, texels.map(|texel| luminance(Vec3::from_slice(texel))).collect())
+                (1, texels.map(|texel| luminance([texel[0], texel[1], texel[2]])).collect())
             }
             _ => (count, data),
         }
@@ -303,7 +302,6 @@ fn without_opaque_alpha<T: Copy + PartialEq>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use glam::Vec3;
 
     fn saved(name: &str, image: &DynamicImage) -> (tempfile::TempDir, std::path::PathBuf) {
         let folder = tempfile::tempdir().unwrap();

@@ -262,11 +262,6 @@ impl Textures {
     }
 }
 
-/// Relative luminance of linear sRGB.
-pub fn luminance(colour: Vec3) -> f32 {
-    colour.dot(Vec3::new(0.2126, 0.7152, 0.0722))
-}
-
 fn mean(colour: Vec3) -> f32 {
     colour.element_sum() / 3.0
 }

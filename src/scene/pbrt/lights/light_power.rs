@@ -4,10 +4,10 @@ use std::f64::consts::PI;
 
 use glam::{Vec2, Vec3};
 
+use crate::image::luminance;
 use crate::scene::light::{Environment, EnvironmentMap};
 use crate::scene::pbrt::builder::SceneBuilder;
 use crate::scene::pbrt::parser::{FileLoc, ParameterDictionary, ParseError, Result};
-use crate::scene::texture::luminance;
 use crate::scene::{Light, TextureImage};
 
 impl SceneBuilder {
@@ -21,7 +21,7 @@ impl SceneBuilder {
         for (index, loc) in std::mem::take(&mut self.area_lights_with_power) {
             let Some(light) = &mut self.groups[0].primitives[index].area_light else { continue };
             let Some(id) = light.image else { continue };
-            let mean = luminance(self.textures.image(id).mean_light());
+            let mean = luminance(self.textures.image(id).mean_light().to_array());
             if mean > 0.0 {
                 light.radiance = scale_light(light.radiance, f64::from(mean).recip(), loc)?;
             }
@@ -51,7 +51,7 @@ fn zenith_illuminance(image: &TextureImage) -> f64 {
     let sum: f64 = texels
         .map(|(x, y)| {
             let up = equal_area_cos_theta((Vec2::new(x as f32, y as f32) + 0.5) / size);
-            f64::from(up.max(0.0) * luminance(image.rgb(x, y).max(Vec3::ZERO)))
+            f64::from(up.max(0.0) * luminance(image.rgb(x, y).max(Vec3::ZERO).to_array()))
         })
         .sum();
     sum * 4.0 * PI / f64::from(size.x * size.y)

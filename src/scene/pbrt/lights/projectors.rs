@@ -6,10 +6,10 @@ use glam::{DMat3, DVec3, Vec2, Vec3};
 
 use super::infinite_light::image_filename;
 use super::light_power::scale_light;
+use crate::image::luminance;
 use crate::scene::light::{EnvironmentMap, ImageProjection};
 use crate::scene::pbrt::builder::SceneBuilder;
 use crate::scene::pbrt::parser::{ParameterDictionary, ParseError, Result};
-use crate::scene::texture::luminance;
 use crate::scene::{Light, Textures};
 
 impl SceneBuilder {
@@ -99,7 +99,7 @@ fn emitted_power(textures: &Textures, image: ImageProjection) -> f64 {
                     let point = half * (2.0 * (Vec2::new(x as f32, y as f32) + 0.5) / size - 1.0);
                     // Convert the area of the image plane to solid angle
                     let solid_angle = (1.0 + f64::from(point.length_squared())).powf(-1.5);
-                    f64::from(luminance(image.rgb(x, y).max(Vec3::ZERO))) * solid_angle
+                    f64::from(luminance(image.rgb(x, y).max(Vec3::ZERO).to_array())) * solid_angle
                 })
                 .sum();
             sum * f64::from(4.0 * half.x * half.y / (size.x * size.y))
