@@ -19,10 +19,16 @@ use crate::simd::{Lanes, lanes_in};
 /// irradiance ignores occlusion.
 const UNIFORM_FRACTION: f32 = 0.1;
 
+/// Number of bounds by which the irradiance of all finite lights is estimated, at most. One sphere around lamps that are far apart
+/// says little of the irradiance beside one of them.
+const MAX_FINITE_BOUNDS: usize = 8;
+
 /// Chooses among lights, which are numbered in the order given to [`Self::new`].
 pub struct LightSampler {
     infinite: Vec<InfiniteLight>,
     tree: LightTree,
+    /// Bounds that together hold all finite lights; none without an infinite light, whose probabilities depend on them.
+    finite_bounds: Vec<LightBounds>,
 }
 
 /// A choice among the infinite lights and the tree.
@@ -52,7 +58,9 @@ impl LightSampler {
                 None => {}
             }
         }
-        Self { infinite, tree: LightTree::new(&finite) }
+        let tree = LightTree::new(&finite);
+        let finite_bounds = if infinite.is_empty() { Vec::new() } else { tree.cut(MAX_FINITE_BOUNDS) };
+        Self { infinite, tree, finite_bounds }
     }
 
     /// Number of lights whose probability is not 0 everywhere.
@@ -60,18 +68,17 @@ impl LightSampler {
         self.infinite.len() + self.tree.len()
     }
 
-    /// Bounds of all finite lights together. `None` if there are none, or no infinite light, whose
-    /// probabilities would depend on them.
+    /// Bounds that together hold all finite lights; none without an infinite light, whose probabilities depend on them.
     #[inline]
-    pub fn finite_bounds(&self) -> Option<&LightBounds> {
-        self.tree.bounds().filter(|_| !self.infinite.is_empty())
+    pub fn finite_bounds(&self) -> &[LightBounds] {
+        &self.finite_bounds
     }
 
     /// Estimated irradiance from all finite lights: the importance of [`Self::finite_bounds`], 0 if there
     /// are none.
     #[inline]
     pub fn finite_irradiance(&self, context: &LightSampleContext) -> f32 {
-        self.finite_bounds().map_or(0.0, |bounds| bounds.importance(context))
+        self.finite_bounds.iter().map(|bounds| bounds.importance(context)).sum()
     }
 
     /// Chooses a light by `u` in [0, 1) and returns its index and probability; `None` if no light can

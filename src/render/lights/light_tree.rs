@@ -105,10 +105,22 @@ impl LightTree {
         self.nodes.len().div_ceil(2)
     }
 
-    /// Bounds of all lights together; `None` without lights.
-    #[inline]
-    pub fn bounds(&self) -> Option<&LightBounds> {
-        self.nodes.first().map(|root| &root.bounds)
+    /// Returns the bounds of at most `count` nodes that together hold all lights: the widest nodes are divided first.
+    pub fn cut(&self, count: usize) -> Vec<LightBounds> {
+        let mut cut: Vec<&Node> = self.nodes.first().into_iter().collect();
+        while cut.len() < count {
+            let inner =
+                cut.iter().enumerate().filter(|(_, node)| matches!(node.content, Content::Children(_)));
+            let widest = inner.max_by(|(_, a), (_, b)| a.bounds.radius.total_cmp(&b.bounds.radius));
+            let Some((i, &Node { content: Content::Children(first), .. })) =
+                widest.map(|(i, node)| (i, *node))
+            else {
+                break;
+            };
+            cut[i] = &self.nodes[first as usize];
+            cut.push(&self.nodes[first as usize + 1]);
+        }
+        cut.into_iter().map(|node| node.bounds).collect()
     }
 
     /// Chooses a light by `u` in [0, 1) and returns its index and probability; `None` if the traversal

@@ -13,12 +13,14 @@ use super::uniform_triangle_light::{UniformTriangleLight, sample_triangle_point}
 use crate::geometry::TriangleSampler;
 use crate::simd::{LANES, Lanes, Lanes3, apply, lane_mask, multiversioned};
 
-/// Importance of bounds of lights at every point.
+/// Adds the importance of bounds of lights at every point to `sums`.
 #[apply(multiversioned!)]
-pub fn importances(bounds: &LightBounds, contexts: &LightSampleContexts, importances: &mut Lanes) {
-    let bounds = *bounds;
-    for lane in 0..LANES {
-        importances[lane] = bounds.importance(&contexts.at(lane));
+pub fn add_importances(bounds: &[LightBounds], contexts: &LightSampleContexts, sums: &mut Lanes) {
+    for bounds in bounds {
+        let bounds = *bounds;
+        for lane in 0..LANES {
+            sums[lane] += bounds.importance(&contexts.at(lane));
+        }
     }
 }
 

@@ -233,6 +233,21 @@ fn the_extent_of_the_scene_does_not_raise_the_probability_of_an_environment() {
 }
 
 #[test]
+fn a_lamp_far_away_does_not_lower_the_probability_of_one_that_is_near() {
+    let scene = scene(
+        "LightSource \"infinite\" \"rgb L\" [ 1 1 1 ]
+         LightSource \"point\" \"point3 from\" [ -500 0 0 ] \"rgb I\" [ 100 100 100 ]
+         LightSource \"point\" \"point3 from\" [ 500 0 0 ] \"rgb I\" [ 100 100 100 ]",
+    );
+    let lights = Lights::new(&scene);
+    // The lamp's irradiance is twice the sky's
+    let below =
+        LightSampleContext { position: Vec3::new(500.0, 0.0, -4.0), normal: Vec3::Z, transmits: false };
+    let probability = probability(&lights, 2, &below);
+    assert!(probability > 0.6, "{probability}");
+}
+
+#[test]
 fn the_probability_of_a_goniometric_light_follows_the_mean_of_its_image() {
     let scene = scene_with_images(
         "LightSource \"point\" \"point3 from\" [ -1 0 2 ]
