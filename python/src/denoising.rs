@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use prpf::filter::learned::{self, WeightFileError};
-use prpf::filter::{CancellablePool, DENOISERS, by_name, can_filter, suited_to};
+use prpf::filter::{CancellablePool, DENOISERS, FilterResult, by_name, can_filter, suited_to};
 use prpf::progressive::{ErrorEstimate, FailureMap, FilterPass, Filtered};
 use pyo3::exceptions::{PyOSError, PyRuntimeError};
 use pyo3::prelude::*;
@@ -120,6 +120,9 @@ pub fn denoise(py: Python, store: &Store, denoiser: &str) -> PyResult<Denoised> 
         interrupt.is_some()
     };
     match py.detach(|| pool.run(|| pass.run(), &mut is_interrupted)) {
+        Some(Filtered { result: FilterResult { failure: Some(failure), .. }, .. }) => {
+            Err(PyRuntimeError::new_err(failure))
+        }
         Some(filtered) => Denoised::new(py, filtered),
         None => Err(interrupt.expect("only an interrupt cancels a pass")),
     }

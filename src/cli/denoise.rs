@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use anyhow::bail;
+use anyhow::{anyhow, bail};
 use clap::Args;
 
 use super::command_line::command_line;
@@ -86,6 +86,9 @@ fn denoise(options: &DenoiseOptions, start: Instant) -> Result<u8, Failure> {
     let denoiser = options.denoiser.choose(settings.denoiser).map_err(Failure::Input)?;
     let settings = Settings { denoiser, ..settings };
     let Filtered { result, estimate, .. } = filter(&checkpoint, &settings).map_err(Failure::Input)?;
+    if let Some(failure) = &result.failure {
+        return Err(Failure::Run(anyhow!(failure.clone())));
+    }
 
     // Write the images
     let Checkpoint { store, passes, .. } = &checkpoint;

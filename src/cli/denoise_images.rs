@@ -63,6 +63,9 @@ pub(super) fn denoise(options: &DenoiseOptions, outfiles: &[PathBuf], start: Ins
         Some(denoiser) => denoiser.filter_with_layers(&store, 0, &planes),
         None => (denoiser.filter(&store, 0), Vec::new()),
     };
+    if let Some(failure) = &result.failure {
+        return Err(Failure::Run(anyhow::anyhow!(failure.clone())));
+    }
     let halves = HalfImages::new(denoiser, &store, |half| denoiser.filter(half, 0));
     let estimate = ErrorEstimate::new(&result, &store, halves.as_ref());
 

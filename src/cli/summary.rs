@@ -63,11 +63,13 @@ fn shortcomings(outcome: &Outcome) -> Vec<String> {
     let mut lines = Vec::new();
     let store = &outcome.store;
     if outcome.is_fallback() {
-        lines.push(format!(
-            "too little time or too few samples for the denoiser {}: the image was made by {}",
-            outcome.settings.denoiser.name(),
-            outcome.result.made_by
-        ));
+        let denoiser = outcome.settings.denoiser.name();
+        let reason = outcome
+            .result
+            .failure
+            .clone()
+            .unwrap_or_else(|| format!("too little time or too few samples for the denoiser {denoiser}"));
+        lines.push(format!("{reason}: the image was made by {}", outcome.result.made_by));
     }
     let is_sparse = store.samples_taken() < store.pixels() as u64;
     let empty = store.counts(Part::Whole).iter().filter(|&&n| n == 0).count();

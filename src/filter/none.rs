@@ -95,5 +95,6 @@ pub fn unfiltered(store: &Store) -> FilterResult {
         risk,
         reliability,
         interpolation: None,
+        failure: None,
     }
 }

@@ -28,6 +28,8 @@ pub struct FilterResult {
     pub reliability: Reliability,
     /// How interpolation of feature weights went; `None` from a denoiser that does not interpolate.
     pub interpolation: Option<Interpolation>,
+    /// Why the denoiser failed, if this is an unfiltered image in place of its own.
+    pub failure: Option<String>,
 }
 
 /// Calibration of two estimators of an image's relMSE, the mean relative risk and the mean relative variance

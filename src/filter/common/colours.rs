@@ -139,6 +139,7 @@ impl Colours {
             risk,
             reliability,
             interpolation: None,
+            failure: None,
         }
     }
 }

@@ -208,9 +208,18 @@ fn filter_with_layers(
     let image = counts.mean([&halves[0], &halves[1]]);
     let made_by = DenoiserName { method: METHOD, preset: None };
     let reliability = Reliability::CROSS_FILTERED;
-    let interpolation = None;
-    let result =
-        FilterResult { made_by, image, halves, variance, error, residual, risk, reliability, interpolation };
+    let result = FilterResult {
+        made_by,
+        image,
+        halves,
+        variance,
+        error,
+        residual,
+        risk,
+        reliability,
+        interpolation: None,
+        failure: None,
+    };
     (result, layers)
 }
 

@@ -4,7 +4,7 @@
 
 use std::ffi::{CStr, c_char, c_int, c_void};
 use std::path::PathBuf;
-use std::ptr::{NonNull, null_mut};
+use std::ptr::{NonNull, null};
 use std::sync::OnceLock;
 
 use libloading::Library;
@@ -45,12 +45,19 @@ struct Functions {
     execute_filter: unsafe extern "C" fn(Handle),
 }
 
-/// The library's quality setting (`OIDN_QUALITY_*`).
+/// The library's quality setting.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Quality {
     Fast,
     High,
 }
+
+/// `OIDN_QUALITY_FAST`, since version 2.3.
+const FAST: c_int = 4;
+/// `OIDN_QUALITY_BALANCED`.
+const BALANCED: c_int = 5;
+/// `OIDN_QUALITY_HIGH`.
+const HIGH: c_int = 6;
 
 /// `OIDN_DEVICE_TYPE_CPU`: results do not depend on the graphics card.
 const CPU: c_int = 1;
@@ -60,7 +67,7 @@ const FLOAT3: c_int = 3;
 /// Returns the functions, or why there are none.
 fn functions() -> Result<&'static Functions, &'static str> {
     static FUNCTIONS: OnceLock<Result<Functions, String>> = OnceLock::new();
-    FUNCTIONS.get_or_init(|| load().map(Functions::from_library)?).as_ref().map_err(String::as_str)
+    FUNCTIONS.get_or_init(load).as_ref().map_err(String::as_str)
 }
 
 /// Returns why the library cannot be used; `None` if it can.
@@ -68,24 +75,29 @@ pub fn missing() -> Option<&'static str> {
     functions().err()
 }
 
-/// Finds the library by the environment variable, or in the system's folders, or in Python's.
-fn load() -> Result<Library, String> {
+/// Finds the library by the environment variable, or in the system's folders, or in Python's. One of another version does not hide
+/// the next.
+fn load() -> Result<Functions, String> {
     let candidates: Vec<PathBuf> = match std::env::var_os(VARIABLE).map(PathBuf::from) {
         Some(folder) if folder.is_dir() => NAMES.iter().map(|name| folder.join(name)).collect(),
         Some(file) => vec![file],
         None => NAMES.iter().map(PathBuf::from).chain(in_python_packages()).collect(),
     };
+    let mut reason = None;
     for candidate in &candidates {
         // SAFETY: the library's initialisers are those of a well-known library that the user has installed.
-        if let Ok(library) = unsafe { Library::new(candidate) } {
-            return Ok(library);
+        let Ok(library) = (unsafe { Library::new(candidate) }) else { continue };
+        match Functions::from_library(library) {
+            Ok(functions) => return Ok(functions),
+            Err(other) => reason = Some(other),
         }
     }
-    Err(match std::env::var_os(VARIABLE) {
-        Some(value) => {
+    Err(match (reason, std::env::var_os(VARIABLE)) {
+        (Some(reason), _) => reason,
+        (None, Some(value)) => {
             format!("{VARIABLE}: no library of Open Image Denoise 2 can be loaded from {}", value.display())
         }
-        None => format!(
+        (None, None) => format!(
             "Open Image Denoise 2 is not installed: get it from openimagedenoise.org or by `pip install pyoidn`, and set \
              {VARIABLE} to its library unless the system finds it"
         ),
@@ -105,31 +117,32 @@ fn in_python_packages() -> Vec<PathBuf> {
 
 impl Functions {
     fn from_library(library: Library) -> Result<Self, String> {
-        // Its threads may outlive any borrower.
-        let library: &'static Library = Box::leak(Box::new(library));
         /// Returns a function by its name.
-        fn get<T: Copy>(library: &'static Library, name: &str) -> Result<T, String> {
+        fn get<T: Copy>(library: &Library, name: &str) -> Result<T, String> {
             // SAFETY: the types of `Functions` are those of `oidn.h` of version 2, of which all these functions are.
             let symbol = unsafe { library.get::<T>(name.as_bytes()) };
             symbol
                 .map(|symbol| *symbol)
                 .map_err(|_| format!("Open Image Denoise lacks {name}: version 2 is needed"))
         }
-        Ok(Self {
-            new_device: get(library, "oidnNewDevice")?,
-            commit_device: get(library, "oidnCommitDevice")?,
-            release_device: get(library, "oidnReleaseDevice")?,
-            device_error: get(library, "oidnGetDeviceError")?,
-            set_device_int: get(library, "oidnSetDeviceInt")?,
-            set_device_bool: get(library, "oidnSetDeviceBool")?,
-            new_filter: get(library, "oidnNewFilter")?,
-            release_filter: get(library, "oidnReleaseFilter")?,
-            set_image: get(library, "oidnSetSharedFilterImage")?,
-            set_filter_bool: get(library, "oidnSetFilterBool")?,
-            set_filter_int: get(library, "oidnSetFilterInt")?,
-            commit_filter: get(library, "oidnCommitFilter")?,
-            execute_filter: get(library, "oidnExecuteFilter")?,
-        })
+        let functions = Self {
+            new_device: get(&library, "oidnNewDevice")?,
+            commit_device: get(&library, "oidnCommitDevice")?,
+            release_device: get(&library, "oidnReleaseDevice")?,
+            device_error: get(&library, "oidnGetDeviceError")?,
+            set_device_int: get(&library, "oidnSetDeviceInt")?,
+            set_device_bool: get(&library, "oidnSetDeviceBool")?,
+            new_filter: get(&library, "oidnNewFilter")?,
+            release_filter: get(&library, "oidnReleaseFilter")?,
+            set_image: get(&library, "oidnSetSharedFilterImage")?,
+            set_filter_bool: get(&library, "oidnSetFilterBool")?,
+            set_filter_int: get(&library, "oidnSetFilterInt")?,
+            commit_filter: get(&library, "oidnCommitFilter")?,
+            execute_filter: get(&library, "oidnExecuteFilter")?,
+        };
+        // Its threads may outlive any borrower: it is never unloaded.
+        std::mem::forget(library);
+        Ok(functions)
     }
 }
 
@@ -169,25 +182,45 @@ pub struct Device {
 }
 
 impl Device {
-    /// Uses as many threads as the current thread pool has. `None` if there is no library, or if it fails.
-    pub fn new() -> Option<Self> {
-        let functions = functions().ok()?;
+    /// Uses as many threads as the current thread pool has.
+    ///
+    /// # Errors
+    /// Why there is no library, or what it reports.
+    pub fn new() -> Result<Self, String> {
+        let functions = functions()?;
         let threads = c_int::try_from(rayon::current_num_threads()).unwrap_or(c_int::MAX);
         // SAFETY: a new device is committed before it is used, and its parameters are known to version 2.
         let handle = unsafe {
-            let handle = (functions.new_device)(CPU)?;
+            let handle = (functions.new_device)(CPU).ok_or("Open Image Denoise finds no device")?;
             (functions.set_device_int)(handle, c"numThreads".as_ptr(), threads);
             // Pinned threads would hinder those of the renderer.
             (functions.set_device_bool)(handle, c"setAffinity".as_ptr(), false);
             (functions.commit_device)(handle);
             handle
         };
-        Some(Self { functions, handle })
+        let device = Self { functions, handle };
+        device.take_error().map_or(Ok(device), Err)
     }
 
-    /// Filters a colour, or a guide, with guides. Returns `None` if the library reports an error.
+    /// Returns the error that the library has reported since the last call, if there is one.
+    fn take_error(&self) -> Option<String> {
+        let mut message = null::<c_char>();
+        // SAFETY: the device exists, and a message is a text that stays until the next call of the library.
+        unsafe {
+            if (self.functions.device_error)(Some(self.handle), &raw mut message) == 0 {
+                return None;
+            }
+            let message = if message.is_null() { c"an error" } else { CStr::from_ptr(message) };
+            Some(format!("Open Image Denoise reports: {}", message.to_string_lossy()))
+        }
+    }
+
+    /// Filters a colour, or a guide, with guides.
     ///
     /// `name` is what the library calls it: `color`, `albedo` or `normal`. Guides have the same size.
+    ///
+    /// # Errors
+    /// What the library reports.
     pub fn filter(
         &self,
         name: &CStr,
@@ -195,11 +228,11 @@ impl Device {
         guides: &[(&CStr, &Interleaved)],
         quality: Quality,
         are_guides_clean: bool,
-    ) -> Option<Interleaved> {
+    ) -> Result<Interleaved, String> {
         // Provide the output
         let (width, height) = (image.width, image.height);
         if width * height == 0 {
-            return Some(Interleaved { values: Vec::new(), width, height });
+            return Ok(Interleaved { values: Vec::new(), width, height });
         }
         let mut output = vec![0.0_f32; image.values.len()];
         let functions = self.functions;
@@ -208,7 +241,8 @@ impl Device {
         // the output.
         unsafe {
             // Set the images
-            let filter = (functions.new_filter)(self.handle, c"RT".as_ptr())?;
+            let filter = (functions.new_filter)(self.handle, c"RT".as_ptr())
+                .ok_or_else(|| self.take_error().unwrap_or_default())?;
             let set = |name: &CStr, data: *mut f32| {
                 (functions.set_image)(filter, name.as_ptr(), data.cast(), FLOAT3, width, height, 0, 0, 0);
             };
@@ -224,22 +258,24 @@ impl Device {
                 (functions.set_filter_bool)(filter, c"hdr".as_ptr(), true);
                 (functions.set_filter_bool)(filter, c"cleanAux".as_ptr(), are_guides_clean);
             }
-            let quality = match quality {
-                Quality::Fast => 4,
-                Quality::High => 6,
-            };
-            (functions.set_filter_int)(filter, c"quality".as_ptr(), quality);
+            let set_quality = |quality| (functions.set_filter_int)(filter, c"quality".as_ptr(), quality);
+            match quality {
+                Quality::High => set_quality(HIGH),
+                Quality::Fast => {
+                    set_quality(FAST);
+                    // A version that has no fast quality reports an error
+                    if self.take_error().is_some() {
+                        set_quality(BALANCED);
+                    }
+                }
+            }
 
             // Filter, and ask for errors
             (functions.commit_filter)(filter);
             (functions.execute_filter)(filter);
             (functions.release_filter)(filter);
-            let mut message = null_mut::<c_char>().cast_const();
-            if (functions.device_error)(Some(self.handle), &raw mut message) != 0 {
-                return None;
-            }
         }
-        Some(Interleaved { values: output, width, height })
+        self.take_error().map_or(Ok(Interleaved { values: output, width, height }), Err)
     }
 }
 

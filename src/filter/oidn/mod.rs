@@ -79,17 +79,17 @@ impl Denoiser for Oidn {
         true
     }
 
-    /// Without the library the image is unfiltered, and says so.
+    /// If the library fails the image is unfiltered, and says so.
     fn filter(&self, store: &Store, _: u64) -> FilterResult {
         match filter(store, self.quality) {
-            Some(result) => FilterResult { made_by: self.name(), ..result },
-            None => unfiltered(store),
+            Ok(result) => FilterResult { made_by: self.name(), ..result },
+            Err(failure) => FilterResult { failure: Some(failure), ..unfiltered(store) },
         }
     }
 }
 
 /// Filters a store.
-fn filter(store: &Store, quality: Quality) -> Option<FilterResult> {
+fn filter(store: &Store, quality: Quality) -> Result<FilterResult, String> {
     let device = Device::new()?;
     let mut result = unfiltered(store);
     let counts = HalfCounts::from_store(store);
@@ -111,10 +111,10 @@ fn filter(store: &Store, quality: Quality) -> Option<FilterResult> {
     let guides: Vec<_> = guides.iter().map(|(name, guide)| (*name, guide)).collect();
 
     // Filter the image and both halves
-    let filter = |noisy: &Planes| {
+    let filter = |noisy: &Planes| -> Result<Planes, String> {
         let noisy = Interleaved::new(noisy, 0.0, f32::MAX);
         let filtered = device.filter(c"color", &noisy, &guides, quality, are_clean && !guides.is_empty())?;
-        Some(filtered.to_planes())
+        Ok(filtered.to_planes())
     };
     let image = filter(&result.image)?;
     let [a, b] = result.halves.each_ref().map(filter);
@@ -128,7 +128,7 @@ fn filter(store: &Store, quality: Quality) -> Option<FilterResult> {
     let ErrorMaps { variance, residual, risk, error } =
         ErrorMaps::self_filtered(&image, [&a, &b], &mean, &variance, noisy_halves, counts.integers());
     let reliability = Reliability::SELF_FILTERED;
-    Some(FilterResult { image, halves: [a, b], variance, error, residual, risk, reliability, ..result })
+    Ok(FilterResult { image, halves: [a, b], variance, error, residual, risk, reliability, ..result })
 }
 
 /// Shifts both halves by the same, so that their mean is the image. A network does not filter the mean of two images to
@@ -182,7 +182,7 @@ mod tests {
         );
         for denoiser in [&STANDARD, &DRAFT] {
             let result = denoiser.filter(&noisy, 0);
-            assert_eq!(result.made_by, denoiser.name());
+            assert_eq!((result.made_by, result.failure), (denoiser.name(), None));
             let deviation = |image: &Planes| {
                 let plane = image.plane(1);
                 let squares: f32 = plane.iter().map(|v| (v - 1.0).powi(2)).sum();
