@@ -60,7 +60,8 @@ pub fn integers<'py>(
     check_kind(name, &as_given, "iu", accepted)?;
     if as_given.getattr("size")?.extract::<usize>()? > 0 {
         for bound in ["min", "max"] {
-            let value: i128 = as_given.call_method0(bound)?.extract()?;
+            // As an integer of Python: those of NumPy 1 cannot be extracted
+            let value: i128 = as_given.call_method0(bound)?.call_method0("item")?.extract()?;
             if u32::try_from(value).is_err() {
                 return Err(value_error(format!("{name}: found {value}; accepted is {accepted}")));
             }

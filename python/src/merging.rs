@@ -22,6 +22,6 @@ pub fn merge(py: Python, states: Vec<PathBuf>, output: PathBuf) -> PyResult<Stor
         }
         let sum = merge.finish();
         sum.write(&output).map_err(state_error)?;
-        Ok(Store::wrap(sum.checkpoint.store, sum.settings.seed))
+        Ok(Store::of_state(sum))
     })
 }

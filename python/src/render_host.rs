@@ -127,13 +127,15 @@ impl Host for RenderHost {
     }
 
     fn save(&mut self, settings: &Settings, checkpoint: Checkpoint) {
-        let (Some(path), None) = (&self.state, &self.error) else { return };
+        // What a signal or an exception has ended is saved, too
+        let Some(path) = &self.state else { return };
         let state = RenderState {
             metadata: self.metadata.clone(),
             settings: settings.clone(),
             streams: vec![Stream::new(settings.seed, Shard::WHOLE)],
             checkpoint,
         };
-        self.error = state.write(path).map_err(state_error).err();
+        let failure = state.write(path).map_err(state_error).err();
+        self.error = self.error.take().or(failure);
     }
 }

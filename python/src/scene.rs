@@ -196,18 +196,30 @@ impl Scene {
                 "store: found the dimensions {found}; accepted are those of the scene, {accepted}"
             )));
         }
+        if !store.can_go_on {
+            return Err(value_error(
+                "store: found one with samples of a shard; accepted is one whose sample sequences have no gaps",
+            ));
+        }
         // A store that is still read would be copied
         drop(found);
         let mut counts = arrays::counts("counts", counts, [height, width])?;
 
-        // Render in steps: signals are looked at between two
+        // Render in steps, of bands of rows if the image is large: signals are looked at between two
         let renderer = py.detach(|| self.renderer(store.seed));
         let step = (STEP_SAMPLES / (width * height) as u64).max(1) as u32;
-        while counts.iter().any(|&count| count > 0) {
-            let now: Vec<u32> = counts.iter().map(|&count| count.min(step)).collect();
-            store.add(py, |store| renderer.render_batch(&now, store));
-            counts.iter_mut().zip(now).for_each(|(count, now)| *count -= now);
-            py.check_signals()?;
+        let band = (STEP_SAMPLES as usize / width).max(1) * width;
+        for first in (0..width * height).step_by(band) {
+            let band = first..(first + band).min(width * height);
+            while counts[band.clone()].iter().any(|&count| count > 0) {
+                let mut now = vec![0; width * height];
+                for (now, count) in now[band.clone()].iter_mut().zip(&mut counts[band.clone()]) {
+                    *now = step.min(*count);
+                    *count -= *now;
+                }
+                store.add(py, |store| renderer.render_batch(&now, store));
+                py.check_signals()?;
+            }
         }
         Ok(())
     }

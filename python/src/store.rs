@@ -6,6 +6,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use numpy::{PyArrayMethods, PyUntypedArrayMethods};
 use prpf::image::Planes;
 use prpf::progressive::{StoreSizeError, check_store_size};
+use prpf::render::Shard;
 use prpf::state::RenderState;
 use prpf::stats::{self, Columns, HalfMoments, Layout, Part, SampleRectangle};
 use pyo3::exceptions::PyMemoryError;
@@ -23,6 +24,8 @@ pub struct Store {
     pub seed: u64,
     /// The columns of the samples that are pushed.
     columns: Columns,
+    /// Whether the renderer can go on: it cannot after a shard's samples, some of which it would take again.
+    pub can_go_on: bool,
 }
 
 impl Store {
@@ -38,13 +41,19 @@ impl Store {
         check_size(&columns, [width, height], reservoir)?;
         let layout = columns.layout().clone();
         let store = py.detach(|| stats::Store::new(width, height, layout, reservoir, seed));
-        Ok(Self { store: Mutex::new(Arc::new(store)), seed, columns })
+        Ok(Self { store: Mutex::new(Arc::new(store)), seed, columns, can_go_on: true })
     }
 
     /// Wraps a store whose samples come from the renderer.
     pub fn wrap(store: Arc<stats::Store>, seed: u64) -> Self {
         let columns = Columns::from_layout(store.layout().clone());
-        Self { store: Mutex::new(store), seed, columns }
+        Self { store: Mutex::new(store), seed, columns, can_go_on: true }
+    }
+
+    /// Takes the store of a state.
+    pub fn of_state(state: RenderState) -> Self {
+        let can_go_on = state.streams.iter().all(|stream| stream.shard == Shard::WHOLE);
+        Self { can_go_on, ..Self::wrap(state.checkpoint.store, state.settings.seed) }
     }
 
     /// Returns the statistics of the samples so far. Waits for calls of other threads that add some.
@@ -178,14 +187,13 @@ impl Store {
         let store = py
             .detach(|| stats::Store::from_half_moments(width, height, &columns, &halves, seed))
             .map_err(value_error)?;
-        Ok(Self { store: Mutex::new(Arc::new(store)), seed, columns })
+        Ok(Self { store: Mutex::new(Arc::new(store)), seed, columns, can_go_on: true })
     }
 
     /// Reads the store of a render state.
     #[staticmethod]
     fn load(py: Python, path: PathBuf) -> PyResult<Self> {
-        let state = py.detach(|| RenderState::read(&path)).map_err(state_error)?;
-        Ok(Self::wrap(state.checkpoint.store, state.settings.seed))
+        py.detach(|| RenderState::read(&path)).map(Self::of_state).map_err(state_error)
     }
 
     #[getter]

@@ -223,6 +223,19 @@ def test_a_render_goes_on_from_its_state(scene, tmp_path):
         prpf.render(scene, resume=tmp_path / "missing.state")
 
 
+def test_an_exception_loses_no_samples(scene, tmp_path):
+    state = tmp_path / "a.state"
+
+    def callback(one):
+        if one.store.spp >= 8:
+            raise KeyError("mine")
+
+    with pytest.raises(KeyError, match="mine"):
+        prpf.render(scene, spp=64, state=state, callback=callback)
+    render = prpf.render(scene, spp=64, resume=state)
+    assert np.array_equal(render.result.image, prpf.render(scene, spp=64).result.image)
+
+
 def test_states_of_other_seeds_are_merged(scene, tmp_path):
     paths = [tmp_path / f"{seed}.state" for seed in range(3)]
     stores = [prpf.render(scene, spp=4, seed=seed, state=path).store for seed, path in enumerate(paths)]

@@ -138,7 +138,8 @@ class Store:
 
     @staticmethod
     def load(path: str | PathLike[str]) -> Store:
-        """Reads the store of a render state, as :func:`render` and ``prpf render --state`` write it."""
+        """Reads the store of a render state, as :func:`render` and ``prpf render --state`` write it. :meth:`Scene.render` does not
+        go on from the state of a shard, some of whose samples it would take again."""
 
     @property
     def width(self) -> int:
@@ -255,7 +256,7 @@ class Render:
     stopped_by: Final[str]
     """``spp``, ``time``, ``target-error`` or ``interrupt``."""
     seconds: Final[dict[str, float]]
-    """Seconds of the stages ``render``, ``filter`` and ``allocate``."""
+    """Seconds of the stages ``render``, ``filter``, ``calibrate`` and ``allocate``."""
 
 def denoisers() -> list[str]:
     """Returns the names of all denoisers, the default first."""
