@@ -3,7 +3,6 @@ which is several times as fast on a CPU as what XLA makes of the definition. `g+
 """
 
 import ctypes
-import hashlib
 import subprocess
 import tempfile
 from functools import cache, partial
@@ -53,15 +52,12 @@ def plain_filter(features, dilations, predicted, hit, values):
 
 @cache
 def library():
-    """The compiled library, registered with JAX. Its file is named after the source and the version of JAX."""
-    key = hashlib.sha256(SOURCE.read_bytes() + jax.__version__.encode()).hexdigest()[:16]
-    path = Path(tempfile.gettempdir()) / f"prpf-kernels-{key}.so"
-    if not path.exists():
-        unfinished = path.with_suffix(".part")
-        options = ["-O3", "-ffast-math", "-march=native", "-std=c++17", "-shared", "-fPIC", "-pthread", "-w"]
-        subprocess.run(["g++", *options, f"-I{jax.ffi.include_dir()}", SOURCE, "-o", unfinished], check=True)
-        unfinished.rename(path)
-    loaded = ctypes.cdll.LoadLibrary(str(path))
+    """The library, compiled for this machine and registered with JAX."""
+    options = ["-O3", "-ffast-math", "-march=native", "-std=c++17", "-shared", "-fPIC", "-pthread", "-w"]
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "kernels.so"
+        subprocess.run(["g++", *options, f"-I{jax.ffi.include_dir()}", SOURCE, "-o", path], check=True)
+        loaded = ctypes.cdll.LoadLibrary(str(path))
     for target in ("FilterImages", "FilterImagesGradient"):
         jax.ffi.register_ffi_target(target, jax.ffi.pycapsule(getattr(loaded, target)), platform="cpu")
     return loaded

@@ -145,19 +145,26 @@ def main():
     parser.add_argument("--prpf", default="target/release/prpf", type=Path)
     parser.add_argument("--scenes", default="target/release/prpf-scenes", type=Path)
     arguments = parser.parse_args()
+    if arguments.size < 112 or arguments.size % 16:
+        parser.error(f"--size: found {arguments.size}; accepted are multiples of 16 from 112 up")
     arguments.folder.mkdir(parents=True, exist_ok=True)
     # Scenes in parallel scale better than threads within a small image
     os.environ["RAYON_NUM_THREADS"] = "1"
 
     def attempt(number):
+        """Returns whether nothing has failed."""
         try:
             print(number, "made" if make(number, arguments) else "shows nothing", flush=True)
         except RuntimeError as error:
             print(number, error, file=sys.stderr, flush=True)
+            return False
+        return True
 
     numbers = range(arguments.first, arguments.first + arguments.count)
     with ThreadPoolExecutor(arguments.jobs) as pool:
-        list(pool.map(attempt, (n for n in numbers if not (arguments.folder / f"{n:04d}.npz").exists())))
+        results = list(pool.map(attempt, (n for n in numbers if not (arguments.folder / f"{n:04d}.npz").exists())))
+    if not all(results):
+        sys.exit(1)
 
 
 if __name__ == "__main__":

@@ -46,9 +46,9 @@ LEAST_ERROR = 0.25
 
 def loss(parameters, batch):
     # Smoothed, so that noise of the reference weighs little
-    smooth = batch.reference
-    for axis in (2, 3):
-        smooth = (jnp.roll(smooth, 1, axis) + smooth + jnp.roll(smooth, -1, axis)) / 3
+    padded = jnp.pad(batch.reference, ((0, 0), (0, 0), (1, 1), (1, 1)), "edge")
+    rows = padded[:, :, :-2] + padded[:, :, 1:-1] + padded[:, :, 2:]
+    smooth = (rows[..., :-2] + rows[..., 1:-1] + rows[..., 2:]) / 9
     weight = 1 / (smooth**2 + EPSILON)
 
     def robust(squares):
@@ -190,7 +190,7 @@ class Scenes:
 
     def read(self, least):
         """New views to train on, and to hold out; none if fewer scenes than `least` are new."""
-        new = sorted(set(self.folder.glob("*.npz")) - self.seen)
+        new = sorted(set(self.folder.glob("[0-9]*.npz")) - self.seen)
         if len(new) < least:
             return [], []
         self.seen |= set(new)
@@ -266,6 +266,8 @@ def main():
             losses = []
             scenes.refresh()
         if k % arguments.every == 0 or progress >= 1:
+            if not all(jnp.isfinite(x).all() for x in jax.tree.leaves(averaged)):
+                sys.exit(f"weights that are not finite after {k} steps; {arguments.weights} has those before, if any")
             save(arguments.weights, averaged)
             if scenes.held_out:
                 evaluate(averaged, scenes.held_out)

@@ -10,6 +10,9 @@ use super::network::Network;
 use super::weight_file::WeightFileError;
 use crate::files::{error_message, open_regular};
 
+/// No file of weights is nearly as long.
+const MAX_FILE_BYTES: u64 = 64 << 20;
+
 static WEIGHTS: OnceLock<Weights> = OnceLock::new();
 
 /// The network, and what names its weights.
@@ -44,9 +47,12 @@ pub fn weights_id() -> &'static str {
 /// # Errors
 /// A file that cannot be read or is no file of weights for this version; other weights in use.
 pub fn use_weights(path: &Path) -> Result<(), WeightFileError> {
-    let (mut file, _) = open_regular(path).map_err(WeightFileError::Read)?;
+    let (file, _) = open_regular(path).map_err(WeightFileError::Read)?;
+    // A longer file is refused by its content: the rest of it is not read
     let mut bytes = Vec::new();
-    file.read_to_end(&mut bytes).map_err(|error| WeightFileError::Read(error_message(&error)))?;
+    file.take(MAX_FILE_BYTES)
+        .read_to_end(&mut bytes)
+        .map_err(|error| WeightFileError::Read(error_message(&error)))?;
     let given = Weights::new(&bytes)?;
     let id = given.id.clone();
     match WEIGHTS.get_or_init(|| given).id == id {
