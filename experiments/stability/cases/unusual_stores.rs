@@ -7,6 +7,7 @@ use prpf::filter::rpf::{self, RpfSettings};
 use prpf::stats::{Group, LARGEST_VALUE, Layout, Part, Store};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg32;
+use rayon::prelude::*;
 
 use super::case::Bound::Exactly;
 use super::case::Case;
@@ -59,7 +60,7 @@ enum Arbitrary {
     All,
 }
 
-type Filter = Box<dyn Fn(&Store) -> FilterResult>;
+type Filter = Box<dyn Fn(&Store) -> FilterResult + Send + Sync>;
 
 /// Arbitrary values in images of any shape, up to the largest that a store accepts and beyond.
 fn arbitrary_values(count: u64) -> Vec<Case> {
@@ -85,7 +86,7 @@ fn arbitrary_values(count: u64) -> Vec<Case> {
         for (what, stores) in &kinds {
             let bad =
                 |store| catch_unwind(AssertUnwindSafe(|| filter(store))).map_or(1, |it| not_finite(&it));
-            let bad: usize = stores.iter().map(bad).sum();
+            let bad: usize = stores.par_iter().map(bad).sum();
             let case = format!("{} stores with {what}, {name}", stores.len());
             cases.push(Case::new(case, "values not finite, and panics", Exactly(0.0), bad as f64));
         }
