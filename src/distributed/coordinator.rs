@@ -118,13 +118,14 @@ impl ProcessGroup for Coordinator<'_> {
         };
         let messages: Vec<_> = (1..self.link.size()).map(message).collect();
         let own_counts = of(&self.part.place());
-        let (link, part, interrupt) = (self.link, &mut self.part, self.interrupt);
         let expected = self.costs.times_counts(counts);
-        let answers: Vec<Answer> = link.send_all(&messages, || {
-            // Take the samples of this one, and wait for the others
-            let own = part.render(&own_counts, interrupt);
-            std::iter::once(own).chain((1..link.size()).map(|rank| link.hear(rank))).collect()
-        });
+        // MPI may move a large message only while this process calls it, which it does not while it renders.
+        self.link.send_all(&messages, || ());
+
+        // Take the samples of this one, and wait for the others
+        let own = self.part.render(&own_counts, self.interrupt);
+        let others = (1..self.link.size()).map(|rank| self.link.hear::<Answer>(rank));
+        let answers: Vec<Answer> = std::iter::once(own).chain(others).collect();
 
         // Add up
         let mut samples = SampleTotals::default();
