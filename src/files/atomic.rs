@@ -97,6 +97,23 @@ mod tests {
 
     #[cfg(unix)]
     #[test]
+    fn another_processs_file_in_the_temporary_ones_place_stays() {
+        let folder = tempfile::tempdir().unwrap();
+        let (path, temporary) = (folder.path().join("a"), folder.path().join(".a.tmp"));
+        replace(&path, b"old").unwrap();
+        let result = replace_file(&path, |writer| {
+            writer.write_all(b"new")?;
+            // As another process does where there are no locks.
+            fs::remove_file(&temporary)?;
+            fs::write(&temporary, b"half of another's")
+        });
+        assert_eq!(result.unwrap_err().kind(), io::ErrorKind::ResourceBusy);
+        assert_eq!(fs::read(&path).unwrap(), b"old");
+        assert_eq!(fs::read(&temporary).unwrap(), b"half of another's");
+    }
+
+    #[cfg(unix)]
+    #[test]
     fn an_unwritable_folder_leaves_the_old_file() {
         use std::os::unix::fs::PermissionsExt;
         let folder = tempfile::tempdir().unwrap();

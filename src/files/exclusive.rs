@@ -12,7 +12,7 @@ use tempfile::NamedTempFile;
 
 use super::direct::{reserve, write_direct};
 use super::links::resolve_target;
-use super::lock::{busy, is_at, lock_at};
+use super::lock::{busy, is_at, lock_at, open_to_lock};
 use super::temporary::{locked_temporary_file, rename_over};
 
 /// A file that only this process may replace, as long as this value lives.
@@ -33,7 +33,7 @@ impl ExclusiveFile {
     /// Those of [`super::replace_file`]; [`io::ErrorKind::ResourceBusy`] if another process has locked it.
     pub fn new(path: &Path) -> io::Result<Self> {
         let target = resolve_target(path)?;
-        let current = match File::open(&target) {
+        let current = match open_to_lock(&target) {
             Ok(file) => lock_at(&file, &target).map(|()| Some(file))?,
             Err(error) if error.kind() == io::ErrorKind::NotFound => None,
             Err(error) => return Err(error),
@@ -176,5 +176,17 @@ mod tests {
         let mut early = ExclusiveFile::new(&folder.path().join("b")).unwrap();
         replace(&folder.path().join("b"), b"others").unwrap();
         assert!(busy(early.replace(b"w")));
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_file_that_may_only_be_read_is_locked_and_replaced() {
+        use std::os::unix::fs::PermissionsExt;
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a");
+        replace(&path, b"old").unwrap();
+        fs::set_permissions(&path, fs::Permissions::from_mode(0o444)).unwrap();
+        ExclusiveFile::new(&path).unwrap().replace(b"new").unwrap();
+        assert_eq!(fs::read(&path).unwrap(), b"new");
     }
 }

@@ -6,6 +6,17 @@ use std::fs::{self, File};
 use std::io;
 use std::path::Path;
 
+/// Opens a file that is to be locked: for writing as well if that is permitted, since NFS locks no file that is only read.
+///
+/// # Errors
+/// Those of opening the file.
+pub fn open_to_lock(path: &Path) -> io::Result<File> {
+    match File::options().read(true).write(true).open(path) {
+        Err(error) if error.kind() == io::ErrorKind::PermissionDenied => File::open(path),
+        opened => opened,
+    }
+}
+
 /// Locks an open file until it is closed.
 ///
 /// # Errors

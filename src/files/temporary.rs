@@ -11,7 +11,7 @@ use std::path::Path;
 use tempfile::NamedTempFile;
 
 use super::links::folder_of;
-use super::lock::lock_at;
+use super::lock::{busy, is_at, lock_at, open_to_lock};
 
 /// Creates a temporary file for `target`, under a random name if another process is writing the same target.
 pub fn temporary_file(target: &Path) -> io::Result<NamedTempFile> {
@@ -32,7 +32,7 @@ pub fn locked_temporary_file(target: &Path) -> io::Result<NamedTempFile> {
     let mut stale = name.clone();
     stale.push(".tmp");
     let stale = folder.join(stale);
-    if let Ok(file) = File::open(&stale) {
+    if let Ok(file) = open_to_lock(&stale) {
         lock_at(&file, &stale)?;
         fs::remove_file(&stale)?;
     }
@@ -49,11 +49,20 @@ fn random_temporary_file(folder: &Path) -> io::Result<NamedTempFile> {
 }
 
 /// Makes a temporary file durable and renames it over `target`, whose permissions it takes.
+///
+/// # Errors
+/// [`io::ErrorKind::ResourceBusy`] if another process has put a file of its own in the temporary one's place, which then
+/// stays; those of the file system.
 pub fn rename_over(temporary: NamedTempFile, target: &Path) -> io::Result<File> {
     if let Ok(old) = fs::metadata(target) {
         temporary.as_file().set_permissions(old.permissions())?;
     }
     temporary.as_file().sync_all()?;
+    if !is_at(temporary.as_file(), temporary.path()) {
+        // Dropped, it would remove the other process's file.
+        temporary.keep().map_err(|error| error.error)?;
+        return Err(busy());
+    }
     let file = temporary.persist(target).map_err(|error| error.error)?;
     sync_folder(folder_of(target));
     Ok(file)
