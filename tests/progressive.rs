@@ -9,7 +9,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use common::SCENE;
-use prpf::adaptive::{PrioritySettings, Sampling};
+use prpf::adaptive::{MapValues, PrioritySettings, SampleMap, Sampling};
 use prpf::filter::{DENOISERS, Denoiser, FilterResult, UNFILTERED, nlm, prpf as pixelwise, rpf};
 use prpf::geometry::Accel;
 use prpf::progressive::{
@@ -187,6 +187,42 @@ fn a_smaller_budget_is_spent_exactly_by_a_render_that_resumes_within_a_batch() {
     let small = settings(10, Sampling::Adaptive, 3);
     let outcome = run(RenderLoop::resume(&renderer, &small, Instant::now(), checkpoint), &mut ());
     assert_eq!(outcome.store.samples(), 10 * (SIDE * SIDE) as u64);
+}
+
+/// Settings of a map of counts, `count` for the pixel of an index, about 20 on average.
+fn settings_of_map(count: impl Fn(usize) -> usize) -> Settings {
+    let counts = (0..SIDE * SIDE).map(|i| count(i) as f32).collect();
+    let map = SampleMap::new(counts, MapValues::Absolute).expect("a map");
+    Settings { sample_map: Some(map), ..settings(20, Sampling::Uniform, 3) }
+}
+
+#[test]
+fn a_render_that_resumes_within_a_batch_ends_with_the_counts_of_the_map_that_it_is_given() {
+    let counts = |i: usize| i % 40;
+    let other_counts = |i: usize| 39 - i % 40;
+    let (settings, other) = (settings_of_map(counts), settings_of_map(other_counts));
+    let scene = scene();
+    let accel = Accel::build(&scene);
+    let renderer = Renderer::new(&scene, &accel, settings.seed);
+    let mut render_loop = RenderLoop::new(&renderer, &settings, Instant::now());
+    while render_loop.store().samples() < 9 * (SIDE * SIDE) as u64 {
+        assert!(perform_next(&mut render_loop).is_none());
+    }
+    let checkpoint = checkpoint_within_batch(&mut render_loop);
+    let resume = |settings: &Settings| {
+        run(RenderLoop::resume(&renderer, settings, Instant::now(), checkpoint.clone()), &mut ())
+    };
+
+    // The same map: as if the render had gone on
+    let whole = render(&settings);
+    let same = resume(&settings);
+    assert!(same.store.next_indices().iter().enumerate().all(|(i, &n)| n as usize == counts(i)));
+    assert!(same.store.rows() == whole.store.rows() && same.result.image == whole.result.image);
+
+    // Another one, which samples that are taken may exceed
+    let taken = checkpoint.store.next_indices();
+    let expected: Vec<u32> = (0..).zip(&taken).map(|(i, &n)| n.max(other_counts(i) as u32)).collect();
+    assert_eq!(resume(&other).store.next_indices(), expected);
 }
 
 #[test]

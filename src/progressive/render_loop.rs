@@ -65,8 +65,8 @@ impl<'a> RenderLoop<'a> {
         Self::resume(renderer, settings, start, Checkpoint::new(store))
     }
 
-    /// Goes on from a checkpoint. With the same budget of samples the image is the same to the last bit as if that
-    /// render had gone on; with a smaller one the rest of an unfinished batch is planned anew.
+    /// Goes on from a checkpoint. With the same budget of samples, or the same map of counts, the image is the same to the
+    /// last bit as if that render had gone on. The rest of an unfinished batch that exceeds these is planned anew.
     ///
     /// # Panics
     /// If the checkpoint is not of the renderer's size and layout.
@@ -80,12 +80,7 @@ impl<'a> RenderLoop<'a> {
         assert_eq!((store.width(), store.height()), renderer.resolution(), "a checkpoint of this image");
         assert_eq!(store.layout(), renderer.layout(), "a checkpoint of this scene");
         let samples = SampleTotals::new(store);
-        let budget = settings.budget.spp.map_or(u64::MAX, |spp| u64::from(spp) * store.pixels() as u64);
-        let is_too_large = |batch: &SampleBatch| {
-            let rest: u64 = batch.step(store, 1.0).iter().map(|&n| u64::from(n)).sum();
-            samples.taken + rest > budget
-        };
-        if matches!(&checkpoint.position, Position::Render(batch) if is_too_large(batch)) {
+        if matches!(&checkpoint.position, Position::Render(batch) if is_too_large(batch, store, settings)) {
             checkpoint.position = Position::Filter;
         }
         let clock = Clock::new(start);
@@ -415,6 +410,21 @@ impl<'a> RenderLoop<'a> {
             ..PassRecord::new(filtered, self.reference, self.store())
         };
         self.checkpoint.passes.push(pass);
+    }
+}
+
+/// Returns whether the rest of a batch exceeds the budget of samples, or in some pixel the map of counts: it was planned for
+/// another one.
+fn is_too_large(batch: &SampleBatch, store: &Store, settings: &Settings) -> bool {
+    let sum = |counts: &[u32]| counts.iter().map(|&n| u64::from(n)).sum::<u64>();
+    let (have, rest) = (store.next_indices(), batch.step(store, 1.0));
+    let then: Vec<u32> = have.iter().zip(&rest).map(|(have, n)| have + n).collect();
+    let map = settings.followed_map(store.pixels());
+    let lacking = |counts: &[u32]| map?.lacking(counts, settings.max_spp);
+    match (lacking(&have), lacking(&then)) {
+        // Every sample that exceeds no pixel's count is one that is lacking no more.
+        (Some(now), Some(then)) => now - then < sum(&rest),
+        _ => settings.budget.spp.is_some_and(|spp| sum(&then) > u64::from(spp) * store.pixels() as u64),
     }
 }
 
