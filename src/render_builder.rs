@@ -140,7 +140,7 @@ impl<'a> RenderBuilder<'a> {
         let recorded = self.checkpoint.as_ref().map_or(needed, |found| found.store.layout().blocks());
         let renderer = whole.recording(recorded);
         let size = renderer.resolution();
-        fits_in_memory(renderer.layout(), &settings, size, host.checkpoint_interval().is_some())?;
+        fits_in_memory(renderer.layout(), &settings, size, host.checkpoint_interval().is_some(), 1)?;
 
         // Check that everything is of this scene
         let check = |what, found: String, accepted: String| match found == accepted {

@@ -47,8 +47,7 @@ pub(super) struct Rendered {
 
 impl Job<'_> {
     pub fn settings(&self) -> anyhow::Result<Settings> {
-        let mut settings =
-            self.options.settings(&self.inputs.scene, self.processes.map_or(1, Processes::count))?;
+        let mut settings = self.options.settings(&self.inputs.scene, self.process_count())?;
         if self.mode == Mode::Preview && self.options.spp == Some(0) {
             // A user watches: nothing has to end it.
             settings.budget.spp = None;
@@ -94,7 +93,8 @@ impl Job<'_> {
         let goes_on = session.as_ref().is_some_and(|session| session.hash == inputs.scene.hash);
         if !goes_on {
             let keeps_checkpoints = options.state.state.is_some();
-            fits_in_memory(renderer.layout(), settings, renderer.resolution(), keeps_checkpoints)
+            let (size, processes) = (renderer.resolution(), self.process_count());
+            fits_in_memory(renderer.layout(), settings, size, keeps_checkpoints, processes)
                 .map_err(|error| Failure::Input(error.into()))?;
         }
         // The state file is locked from here on.
@@ -146,6 +146,10 @@ impl Job<'_> {
         bar.finish_and_clear();
         let RenderHost { checkpoints, samples, .. } = host;
         Ok(Rendered { end, checkpoints, samples })
+    }
+
+    fn process_count(&self) -> usize {
+        self.processes.map_or(1, Processes::count)
     }
 
     /// Whether there is a live page.

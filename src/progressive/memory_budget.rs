@@ -5,7 +5,7 @@ use super::settings::{PixelMemory, Settings};
 use crate::adaptive::NO_CEILING;
 use crate::filter::SampleVectors;
 use crate::memory::{available_bytes, format_bytes};
-use crate::stats::{Layout, PIXEL_BLOCK, Row};
+use crate::stats::{Layout, PIXEL_BLOCK, Row, Store};
 
 /// In one line: what is needed, what there is, what would fit.
 #[derive(Debug, thiserror::Error)]
@@ -13,7 +13,8 @@ use crate::stats::{Layout, PIXEL_BLOCK, Row};
 pub struct MemoryError(String);
 
 /// Checks that the store, the filter and, if checkpoints are kept, a copy of the store fit in the memory that is
-/// available, as far as that is known. `size` in pixels.
+/// available, as far as that is known. `size` in pixels. Of several `processes` it is the first one that is checked: it holds
+/// the whole image and its own part.
 ///
 /// # Errors
 /// They do not fit, or their size has no bound.
@@ -22,8 +23,9 @@ pub fn fits_in_memory(
     settings: &Settings,
     size: (usize, usize),
     keeps_checkpoints: bool,
+    processes: usize,
 ) -> Result<(), MemoryError> {
-    let Some(demand) = Demand::new(layout, settings, keeps_checkpoints) else {
+    let Some(demand) = Demand::new(layout, settings, keeps_checkpoints, processes) else {
         return Err(MemoryError(format!(
             "--denoiser {} keeps all sample vectors, whose number has no limit here: add --spp N or --max-spp N",
             settings.denoiser.name()
@@ -32,14 +34,14 @@ pub fn fits_in_memory(
     available_bytes().map_or(Ok(()), |available| demand.fits(available, size))
 }
 
-/// Returns the bytes that such a render takes, as [`fits_in_memory`] counts them; `None` if they have no bound.
+/// Returns the bytes that such a render takes in one process, as [`fits_in_memory`] counts them; `None` if they have no bound.
 pub fn memory_needed(
     layout: &Layout,
     settings: &Settings,
     size: (usize, usize),
     keeps_checkpoints: bool,
 ) -> Option<f64> {
-    Demand::new(layout, settings, keeps_checkpoints).map(|demand| demand.bytes(size))
+    Demand::new(layout, settings, keeps_checkpoints, 1).map(|demand| demand.bytes(size))
 }
 
 /// Bytes beside those of pixels: what threads hold, blocks of an image that is being written. Measured, 60 MB with two threads, of
@@ -50,8 +52,8 @@ const FIXED: f64 = 6e7;
 #[derive(Clone, Copy)]
 struct Demand {
     memory: PixelMemory,
-    /// Bytes of a pixel's statistics in a checkpoint.
-    copy: usize,
+    /// Bytes of a pixel's statistics beside the store: in a checkpoint, and in the parts of several processes.
+    copies: usize,
     /// Bytes of a pixel during a filter pass.
     pass: usize,
     /// Whether images of the halves are made for the error estimate.
@@ -61,22 +63,28 @@ struct Demand {
 }
 
 impl Demand {
-    /// The demand of a render with these settings; `None` if it has no bound.
-    fn new(layout: &Layout, settings: &Settings, keeps_checkpoints: bool) -> Option<Self> {
+    /// The demand of a render with these settings, in the first of its processes; `None` if it has no bound.
+    fn new(layout: &Layout, settings: &Settings, keeps_checkpoints: bool, processes: usize) -> Option<Self> {
         let mut memory = PixelMemory::new(layout, settings);
         let denoiser = settings.denoiser;
         let keeps_all = matches!(denoiser.reads().sample_vectors, SampleVectors::All { .. });
         if keeps_all && memory.sample_vectors >= NO_CEILING as usize {
             return None;
         }
-        let mut copy = 0;
+        let mut copies = 0;
         if keeps_checkpoints {
             let bytes = |samples| Row::byte_len(1, layout, samples).unwrap_or(usize::MAX);
-            copy = bytes(0);
+            copies = bytes(0);
+            memory.per_sample_vector += bytes(1) - bytes(0);
+        }
+        if processes > 1 {
+            // Its own part, and the bytes of another one while it gathers
+            let bytes = |samples| (2 * Store::bytes_per_pixel(layout, samples)).div_ceil(processes);
+            copies += bytes(0);
             memory.per_sample_vector += bytes(1) - bytes(0);
         }
         let (pass, has_half_images) = (denoiser.cost().bytes, denoiser.is_judged_by_halves());
-        Some(Self { memory, copy, pass, has_half_images, keeps_all })
+        Some(Self { memory, copies, pass, has_half_images, keeps_all })
     }
 
     /// Returns the bytes of an image of this size, in pixels, without its sample vectors.
@@ -95,7 +103,7 @@ impl Demand {
         // The excerpt, a store of each of its halves, and a pass over one of these
         let half_images =
             if self.has_half_images { excerpt_pixels(pixels) * (3.0 * store + pass) } else { 0.0 };
-        FIXED + pixels * (store + self.copy as f64) + whole_pass.max(half_images)
+        FIXED + pixels * (store + self.copies as f64) + whole_pass.max(half_images)
     }
 
     /// Returns the bytes of a pixel's sample vectors.
@@ -156,13 +164,13 @@ mod tests {
 
     const MEMORY: PixelMemory = PixelMemory { statistics: 1000, sample_vectors: 10, per_sample_vector: 100 };
 
-    fn demand(copy: usize, pass: usize, keeps_all: bool) -> Demand {
-        Demand { memory: MEMORY, copy, pass, has_half_images: false, keeps_all }
+    fn demand(copies: usize, pass: usize, keeps_all: bool) -> Demand {
+        Demand { memory: MEMORY, copies, pass, has_half_images: false, keeps_all }
     }
 
     /// Returns what is said with these bytes beside the fixed ones.
-    fn refused(available: f64, copy: usize, size: (usize, usize), keeps_all: bool) -> String {
-        demand(copy, 400, keeps_all)
+    fn refused(available: f64, copies: usize, size: (usize, usize), keeps_all: bool) -> String {
+        demand(copies, 400, keeps_all)
             .fits(FIXED + available, size)
             .map_or_else(|error| error.to_string(), |()| String::new())
     }
@@ -185,6 +193,19 @@ mod tests {
         // A column takes as many statistics as sixteen.
         assert!(!refused((1500.0 * 16.0 + 1000.0) * 50.0 - 1.0, 0, (1, 50), false).is_empty());
         assert_eq!(refused((1500.0 * 16.0 + 1000.0) * 50.0, 0, (1, 50), false), "");
+    }
+
+    #[test]
+    fn the_parts_of_several_processes_count() {
+        let layout = Layout::with_blocks(|_| true);
+        let settings = Settings { reservoir: 4, ..Settings::default() };
+        let bytes =
+            |processes| Demand::new(&layout, &settings, true, processes).expect("a bound").bytes((64, 64));
+        let store = Store::bytes_per_pixel(&layout, settings.reservoir_capacity()) as f64 * 64.0 * 64.0;
+        for (processes, stores) in [(1, 0.0), (2, 1.0), (8, 0.25)] {
+            let found = (bytes(processes) - bytes(1)) / store;
+            assert!((found - stores).abs() < 0.05, "{processes}: {found}");
+        }
     }
 
     #[test]

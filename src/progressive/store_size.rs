@@ -28,7 +28,7 @@ pub fn check_store_size(
         return Err(StoreSizeError::Size(width, height));
     }
     let settings = Settings { reservoir, ..Settings::default() };
-    Ok(fits_in_memory(layout, &settings, (width, height), false)?)
+    Ok(fits_in_memory(layout, &settings, (width, height), false, 1)?)
 }
 
 #[cfg(test)]
