@@ -106,6 +106,11 @@ fn encoded(state: &RenderState) -> Vec<u8> {
 static FILE: LazyLock<Vec<u8>> = LazyLock::new(|| encoded(&state(7, Shard::WHOLE)));
 
 #[test]
+fn the_documentation_has_the_version_of_the_format() {
+    assert!(include_str!("../../docs/outputs.md").contains(&format!("({VERSION} now)")));
+}
+
+#[test]
 fn what_is_read_is_what_was_written_to_the_last_bit() {
     let (written, read) = (state(7, Shard::WHOLE), decode(&FILE).unwrap());
     assert_eq!(read.checkpoint.store.rows(), written.checkpoint.store.rows());
