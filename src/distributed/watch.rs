@@ -4,6 +4,7 @@
 //! process watches the others there, and the second one the first, so that one of them notices. A process that is alone on its
 //! machine is not watched. Only Linux tells whether a process lives.
 
+use std::io;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
@@ -30,17 +31,36 @@ impl Neighbour {
     /// Returns this process.
     pub fn own(rank: usize, host: String) -> Self {
         let pid = std::process::id();
-        Self { rank, host, lifetime: start_of(pid).map(|start| (pid, start)) }
+        Self { rank, host, lifetime: start_of(pid).ok().flatten().map(|start| (pid, start)) }
     }
 
     fn lives(&self) -> bool {
-        self.lifetime.is_some_and(|(pid, start)| start_of(pid) == Some(start))
+        // A look that failed says nothing about the process.
+        self.lifetime.is_some_and(|(pid, start)| start_of(pid).map_or(true, |found| found == Some(start)))
     }
 }
 
-/// Returns when a process started that has not ended.
-fn start_of(pid: u32) -> Option<u64> {
-    let text = std::fs::read_to_string(format!("/proc/{pid}/stat")).ok()?;
+/// Returns when a process started; `None` if it has ended.
+///
+/// # Errors
+/// Those of a look that fails, for instance because this process has too many open files.
+fn start_of(pid: u32) -> io::Result<Option<u64>> {
+    match std::fs::read_to_string(format!("/proc/{pid}/stat")) {
+        Ok(text) => Ok(parse_start(&text)),
+        Err(error) if is_no_process(&error) => Ok(None),
+        Err(error) => Err(error),
+    }
+}
+
+/// Returns whether an error of reading a process's file means that the process has ended, before or after the file was opened.
+fn is_no_process(error: &io::Error) -> bool {
+    /// "No such process"
+    const ESRCH: i32 = 3;
+    error.kind() == io::ErrorKind::NotFound || error.raw_os_error() == Some(ESRCH)
+}
+
+/// Returns when a process started, by its file of `/proc`; `None` if it has ended and its parent has not taken notice yet.
+fn parse_start(text: &str) -> Option<u64> {
     // The second field, a name in parentheses, may contain anything; the third is the state, the 22nd the start.
     let mut fields = text.rsplit_once(')')?.1.split_whitespace();
     let state = fields.next()?;
@@ -104,7 +124,7 @@ mod tests {
         for ends in [false, true] {
             let mut children = [0, 1].map(|_| std::process::Command::new("sleep").arg("60").spawn().unwrap());
             let watched = children.each_ref().map(|child| {
-                let lifetime = Some((child.id(), start_of(child.id()).unwrap()));
+                let lifetime = Some((child.id(), start_of(child.id()).unwrap().unwrap()));
                 Neighbour { rank: child.id() as usize, host: String::new(), lifetime }
             });
             let (has_ended, (sender, receiver)) =
@@ -117,6 +137,13 @@ mod tests {
             children[0].kill().unwrap();
             children.iter_mut().for_each(|child| drop(child.wait()));
         }
+    }
+
+    #[test]
+    fn only_a_process_that_is_not_there_has_ended() {
+        let errors = [2, 3, 13, 24].map(io::Error::from_raw_os_error);
+        // ENOENT and ESRCH, but not EACCES and EMFILE
+        assert_eq!(errors.each_ref().map(is_no_process), [true, true, false, false]);
     }
 
     #[test]
