@@ -118,9 +118,9 @@ pub(super) fn reservoir(text: &str) -> Result<usize, String> {
 }
 
 pub(super) fn shard(text: &str) -> Result<Shard, String> {
-    text.split_once('/')
-        .and_then(|(k, n)| Shard::new(k.parse().ok()?, n.parse().ok()?))
-        .ok_or_else(|| format!("found `{text}`; accepted is K/N with 1 <= K <= N, e.g. 2/4"))
+    text.split_once('/').and_then(|(k, n)| Shard::new(k.parse().ok()?, n.parse().ok()?)).ok_or_else(|| {
+        format!("found `{text}`; accepted is K/N with 1 <= K <= N <= {}, e.g. 2/4", Shard::MOST)
+    })
 }
 
 /// More threads than this are a typing error, and would bring the machine down.
@@ -159,6 +159,15 @@ mod tests {
         assert!(bounds("1,2,3").is_err());
         assert_eq!(sample("3,4,5"), Ok(DebugSample { x: 3, y: 4, index: 5 }));
         assert!(sample("3,4").is_err() && sample("3,-4,5").is_err());
+    }
+
+    #[test]
+    fn shards_are_counted_from_one_up_to_a_limit() {
+        assert_eq!(shard("2/4").ok(), Shard::new(2, 4));
+        assert_eq!(shard("65536/65536").ok(), Shard::new(65_536, 65_536));
+        for text in ["0/4", "5/4", "1", "1/65537"] {
+            assert!(shard(text).unwrap_err().contains("K <= N <= 65536"), "{text}");
+        }
     }
 
     #[test]

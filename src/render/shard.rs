@@ -22,11 +22,8 @@ impl TryFrom<Unchecked> for Shard {
     type Error = String;
 
     fn try_from(Unchecked { index, count }: Unchecked) -> Result<Self, String> {
-        if index < count {
-            Ok(Self { index, count })
-        } else {
-            Err(format!("shard {index} of {count}, counted from 0"))
-        }
+        let shard = index.checked_add(1).and_then(|k| Self::new(k, count));
+        shard.ok_or_else(|| format!("shard {index} of {count}, counted from 0"))
     }
 }
 
@@ -34,9 +31,12 @@ impl Shard {
     /// All samples.
     pub const WHOLE: Self = Self { index: 0, count: 1 };
 
-    /// Returns the `k`-th of `n` shards, counted from 1; `None` if there is no such shard.
+    /// Most shards: of the 2³¹ pairs after which the sequence repeats, each has 32,768 then.
+    pub const MOST: u32 = 1 << 16;
+
+    /// Returns the `k`-th of `n` shards, counted from 1; `None` if there is no such shard, or more than [`Self::MOST`].
     pub fn new(k: u32, n: u32) -> Option<Self> {
-        (1..=n).contains(&k).then(|| Self { index: k - 1, count: n })
+        (n <= Self::MOST && (1..=n).contains(&k)).then(|| Self { index: k - 1, count: n })
     }
 
     /// Returns the number of shards.
@@ -86,6 +86,8 @@ impl std::fmt::Display for Shard {
 
 #[cfg(test)]
 mod tests {
+    use std::collections::HashSet;
+
     use super::*;
 
     #[test]
@@ -110,11 +112,22 @@ mod tests {
     fn a_shard_that_does_not_exist_is_refused() {
         let read = |text| serde_json::from_str::<Shard>(text).ok();
         assert_eq!(read(r#"{"index":1,"count":2}"#), Shard::new(2, 2));
-        for text in
-            [r#"{"index":0,"count":0}"#, r#"{"index":2,"count":2}"#, r#"{"index":4294967295,"count":3}"#]
-        {
+        for text in [
+            r#"{"index":0,"count":0}"#,
+            r#"{"index":2,"count":2}"#,
+            r#"{"index":4294967295,"count":3}"#,
+            r#"{"index":0,"count":2147483648}"#,
+        ] {
             assert_eq!(read(text), None, "{text}");
         }
+    }
+
+    #[test]
+    fn samples_of_the_most_shards_differ() {
+        let last = Shard::new(Shard::MOST, Shard::MOST).unwrap();
+        let pairs: HashSet<u32> = (0..1 << 15).map(|pair| last.sequence_index(2 * pair)).collect();
+        assert_eq!(pairs.len(), 1 << 15);
+        assert_eq!(Shard::new(1, Shard::MOST + 1), None);
     }
 
     #[test]
