@@ -9,6 +9,10 @@
 set -euo pipefail
 here=$(dirname "$0")
 scene=$1 folder=$2 shards=$3 spp=$4 image=$5
+if ! [[ "$shards $spp" =~ ^[1-9][0-9]*\ [1-9][0-9]*$ ]] || ((spp < 8 * shards)); then
+    echo "rounds.sh: found $shards shards and $spp samples per pixel; accepted are at least 8 samples for each shard" >&2
+    exit 2
+fi
 
 first=$((spp / 4))
 samples=$first

@@ -10,6 +10,10 @@ set -euo pipefail
 here=$(dirname "$(realpath "$0")")
 scene=$(realpath "$1") image=$(realpath -m "$2") shards=$3 spp=$4
 shift 4
+if ! [[ "$shards $spp" =~ ^[1-9][0-9]*\ [1-9][0-9]*$ ]] || ((spp < 8 * shards)); then
+    echo "slurm_rounds.sh: found $shards shards and $spp samples per pixel; accepted are at least 8 samples for each shard" >&2
+    exit 2
+fi
 folder=$image.rounds
 mkdir -p "$folder"
 
