@@ -21,9 +21,10 @@ first=$((spp / 4))
 samples=$first
 after=()
 for total in "$((2 * first))" "$spp" ''; do
+    # Before 4.4 bash takes an empty array as unset.
     # A minute before the time limit Slurm sends SIGTERM, at which prpf writes its state.
     array=$(sbatch --parsable --job-name=prpf-shard --array="1-$shards" --requeue --signal=TERM@60 --kill-on-invalid-dep=yes \
-        "${after[@]}" --output="$folder/%a.log" --open-mode=append "$@" "$here/slurm_shard.sh" \
+        ${after[@]+"${after[@]}"} --output="$folder/%a.log" --open-mode=append "$@" "$here/slurm_shard.sh" \
         "$here" "$scene" "$folder" "$shards" "$samples")
     samples=$folder/counts-$total.exr
     output=("$samples" "$total")
