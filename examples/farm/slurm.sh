@@ -16,5 +16,6 @@ mkdir -p "$folder"
 array=$(sbatch --parsable --job-name=prpf-shard --array="1-$shards" --requeue --signal=TERM@60 \
     --output="$folder/%a.log" --open-mode=append "$@" "$here/slurm_shard.sh" \
     "$here" "$scene" "$folder" "$shards" "$spp")
-sbatch --parsable --job-name=prpf-merge --kill-on-invalid-dep=yes --dependency="afterok:$array" \
+# Where there are several clusters, sbatch prints ID;CLUSTER.
+sbatch --parsable --job-name=prpf-merge --kill-on-invalid-dep=yes --dependency="afterok:${array%%;*}" \
     --output="$folder/merge.log" "$@" "$here/merge.sh" "$folder" "$shards" "$image"

@@ -21,16 +21,18 @@ first=$((spp / 4))
 samples=$first
 after=()
 for total in "$((2 * first))" "$spp" ''; do
-    # Before 4.4 bash takes an empty array as unset.
-    # A minute before the time limit Slurm sends SIGTERM, at which prpf writes its state.
+    # A minute before the time limit Slurm sends SIGTERM, at which prpf writes its state. Before 4.4 bash takes an empty array
+    # as unset.
     array=$(sbatch --parsable --job-name=prpf-shard --array="1-$shards" --requeue --signal=TERM@60 --kill-on-invalid-dep=yes \
         ${after[@]+"${after[@]}"} --output="$folder/%a.log" --open-mode=append "$@" "$here/slurm_shard.sh" \
         "$here" "$scene" "$folder" "$shards" "$samples")
     samples=$folder/counts-$total.exr
     output=("$samples" "$total")
     [[ -n $total ]] || output=("$image")
-    merge=$(sbatch --parsable --job-name=prpf-merge --kill-on-invalid-dep=yes --dependency="afterok:$array" \
+    merge=$(sbatch --parsable --job-name=prpf-merge --kill-on-invalid-dep=yes --dependency="afterok:${array%%;*}" \
         --output="$folder/merge.log" --open-mode=append "$@" "$here/merge.sh" "$folder" "$shards" "${output[@]}")
+    # Where there are several clusters, sbatch prints ID;CLUSTER.
+    merge=${merge%%;*}
     after=(--dependency="afterok:$merge")
 done
 echo "$merge"
