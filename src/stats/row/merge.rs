@@ -51,22 +51,29 @@ impl Row {
     /// Fills the reservoir by sampling without replacement from the union of both pixels' samples. Each
     /// vector in a reservoir represents an equal fraction of its pixel's samples.
     fn merge_reservoir(&mut self, x: usize, other: &Self) {
+        if self.capacity == 0 {
+            return;
+        }
         let (mut left_a, mut left_b) =
             (u64::from(self.count(x, Part::Whole)), u64::from(other.count(x, Part::Whole)));
+        // With the count, several stores of one seed are merged by different random numbers.
+        let key = hash(hash(self.keys[x] ^ other.keys[x].rotate_left(1)) ^ (left_a + left_b));
         let (a, b) = (self.reservoir(x).to_vec(), other.reservoir(x));
-        let (mut a, mut b) = (a.chunks_exact(self.dims), b.chunks_exact(self.dims));
+        let mut a: Vec<&[f32]> = a.chunks_exact(self.dims).collect();
+        let mut b: Vec<&[f32]> = b.chunks_exact(self.dims).collect();
         let mut merged = Vec::with_capacity(self.capacity * self.dims);
         for slot in 0..self.capacity as u64 {
             let total = left_a + left_b;
             if total == 0 {
                 break;
             }
-            // Choose the source in proportion to the samples that are left in each.
-            let from_a = hash(self.keys[x] ^ other.keys[x].rotate_left(1) ^ slot) % total < left_a;
-            let vector = if from_a { a.next() } else { b.next() };
-            let left = if from_a { &mut left_a } else { &mut left_b };
+            // Choose the source in proportion to the samples that are left in each, and any of its vectors: the first ones are
+            // more often early samples.
+            let is_from_a = hash(key ^ (2 * slot)) % total < left_a;
+            let (vectors, left) = if is_from_a { (&mut a, &mut left_a) } else { (&mut b, &mut left_b) };
+            let chosen = hash(key ^ (2 * slot + 1)) % vectors.len() as u64;
+            merged.extend_from_slice(vectors.swap_remove(chosen as usize));
             *left -= 1;
-            merged.extend_from_slice(vector.expect("a reservoir holds all samples, up to its capacity"));
         }
         self.reservoir[x * self.capacity * self.dims..][..merged.len()].copy_from_slice(&merged);
     }

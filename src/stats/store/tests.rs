@@ -325,6 +325,28 @@ fn a_merged_reservoir_samples_both_in_proportion_to_their_counts() {
 }
 
 #[test]
+fn every_sample_of_merged_stores_is_kept_with_equal_probability() {
+    let layout = Layout::with_blocks(|_| false);
+    let (pixels, capacity) = (4000, 4);
+    let made = |values: std::ops::Range<u32>, seed: u64| {
+        let mut store = Store::new(pixels, 1, layout.clone(), capacity, seed);
+        (0..pixels).for_each(|x| values.clone().for_each(|value| store.push(x, 0, &[value as f32; 5])));
+        store
+    };
+    let mut merged = made(0..30, 1);
+    merged.merge(&made(30..40, 2));
+    merged.merge(&made(40..60, 2));
+    let mut kept = [0_u32; 60];
+    for x in 0..pixels {
+        merged.rows()[0].reservoir(x).chunks(5).for_each(|sample| kept[sample[0] as usize] += 1);
+    }
+    let expected = (pixels * capacity) as f64 / 60.0;
+    let chi2: f64 = kept.iter().map(|&n| (f64::from(n) - expected).powi(2) / expected).sum();
+    // 59 degrees of freedom: 1 in 10⁵ exceed 117.
+    assert!(chi2 < 117.0, "{chi2}");
+}
+
+#[test]
 fn pushing_a_block_equals_pushing_its_pixels_one_by_one() {
     const WIDTH: usize = 37;
     let layout = layout();
