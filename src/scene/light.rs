@@ -69,7 +69,7 @@ impl SpotFalloff {
 /// An environment light: constant, or an image.
 #[derive(Clone, Debug)]
 pub struct Environment {
-    /// Rotates light space to render space.
+    /// Maps directions of light space to render space: a rotation, or a transform that stretches the image.
     pub to_render: Affine3A,
     /// Radiance, or scale factor of the image.
     pub scale: Vec3,

@@ -81,7 +81,7 @@ impl EnvironmentLight {
         };
         let (local, value, pdf) = image.sample(u)?;
         let direction = Vec3::from(self.to_render * Vec3A::from(local)).normalize();
-        Some((direction, self.scale * value, pdf))
+        Some((direction, self.scale * value, pdf * self.jacobian(direction)))
     }
 
     /// Density per solid angle with which [`Self::sample`] samples a unit direction.
@@ -89,7 +89,7 @@ impl EnvironmentLight {
     pub fn pdf(&self, reference: Vec3, direction: Vec3) -> f32 {
         match (&self.portal, &self.image) {
             (Some(portal), _) => portal.pdf(reference, direction),
-            (None, Some(image)) => image.pdf(self.to_local(direction)),
+            (None, Some(image)) => image.pdf(self.to_local(direction)) * self.jacobian(direction),
             (None, None) => UNIFORM_SPHERE_PDF,
         }
     }
@@ -102,13 +102,21 @@ impl EnvironmentLight {
         }
     }
 
-    /// Mean irradiance over the channels and over surfaces of all orientations, regardless of the portal.
+    /// Mean irradiance over the channels and over surfaces of all orientations, regardless of the portal and
+    /// of a non-uniform scale: an estimate that chooses between lights.
     pub fn mean_irradiance(&self) -> f32 {
         PI * average(self.image.as_ref().map_or(self.scale, |image| self.scale * image.mean()))
     }
 
     fn to_local(&self, direction: Vec3) -> Vec3 {
         Vec3::from(self.from_render * Vec3A::from(direction)).normalize()
+    }
+
+    /// Solid angle in light space per solid angle in render space, around a unit direction of render space;
+    /// 1 for rotations and uniform scales.
+    fn jacobian(&self, direction: Vec3) -> f32 {
+        let local = self.from_render * Vec3A::from(direction);
+        self.from_render.determinant().abs() / (local.length_squared() * local.length())
     }
 }
 

@@ -3,7 +3,10 @@ use crate::render::chi_squared::{p_value, significance};
 use crate::render::sphere_map::SphereMap;
 
 fn light(image: Option<EnvironmentImage>) -> EnvironmentLight {
-    let to_render = Mat3A::from_rotation_x(0.7) * Mat3A::from_rotation_z(2.0);
+    transformed_light(Mat3A::from_rotation_x(0.7) * Mat3A::from_rotation_z(2.0), image)
+}
+
+fn transformed_light(to_render: Mat3A, image: Option<EnvironmentImage>) -> EnvironmentLight {
     EnvironmentLight {
         to_render,
         from_render: to_render.inverse(),
@@ -13,16 +16,29 @@ fn light(image: Option<EnvironmentImage>) -> EnvironmentLight {
     }
 }
 
-/// A constant light, and one for each map with a bright spot, a dark half and a black corner.
-fn lights() -> Vec<EnvironmentLight> {
+/// For each map an image with a bright spot, a dark half and a black corner.
+fn images() -> [EnvironmentImage; 2] {
     let texel = |x: usize, y: usize| match (x, y) {
         (5, 3) => Vec3::splat(200.0),
         (0..6, 0..4) => Vec3::ZERO,
         (_, 8..) => Vec3::new(0.1, 0.2, 0.1),
         _ => Vec3::splat(1.0 + (x * y % 7) as f32),
     };
-    let image = |map| Some(EnvironmentImage::new(map, 16, 16, texel));
-    vec![light(None), light(image(SphereMap::LatLong)), light(image(SphereMap::EqualArea))]
+    [SphereMap::LatLong, SphereMap::EqualArea].map(|map| EnvironmentImage::new(map, 16, 16, texel))
+}
+
+/// A constant light, and one for each image.
+fn lights() -> Vec<EnvironmentLight> {
+    std::iter::once(light(None)).chain(images().map(|image| light(Some(image)))).collect()
+}
+
+/// [`lights`], and lights with the images under a shear and a mirroring scale.
+fn lights_and_stretched_lights() -> Vec<EnvironmentLight> {
+    let sheared = Mat3A::from_cols(Vec3A::X, Vec3A::new(0.8, 1.0, 0.0), Vec3A::new(0.3, -0.2, 1.0));
+    let scaled = Mat3A::from_rotation_y(0.4) * Mat3A::from_diagonal(Vec3::new(2.0, -0.7, 1.2));
+    let stretched =
+        [sheared, scaled].map(|to_render| images().map(|image| transformed_light(to_render, Some(image))));
+    lights().into_iter().chain(stretched.into_iter().flatten()).collect()
 }
 
 /// Bin of a direction: 8 in azimuth by 8 in height, of equal solid angle.
@@ -47,8 +63,8 @@ fn uniform_directions(n: u32) -> impl Iterator<Item = Vec3> {
 
 #[test]
 fn the_density_integrates_to_one() {
-    let n = 200_000;
-    for (k, light) in lights().iter().enumerate() {
+    let n = 800_000;
+    for (k, light) in lights_and_stretched_lights().iter().enumerate() {
         let sum: f64 = uniform_directions(n).map(|d| f64::from(light.pdf(Vec3::ZERO, d))).sum();
         let integral = sum / f64::from(n) * f64::from(4.0 * PI);
         assert!((integral - 1.0).abs() < 0.01, "light {k}: {integral}");
@@ -59,7 +75,8 @@ fn the_density_integrates_to_one() {
 fn sampled_directions_follow_the_density() {
     use rand::{RngExt, SeedableRng};
     let n = 100_000;
-    for (k, light) in lights().iter().enumerate() {
+    let lights = lights_and_stretched_lights();
+    for (k, light) in lights.iter().enumerate() {
         let mut expected = [0.0; 64];
         let m = 2_000_000;
         for d in uniform_directions(m) {
@@ -78,7 +95,7 @@ fn sampled_directions_follow_the_density() {
         }
         assert!(misplaced < n / 1000, "light {k}: {misplaced} samples of another density");
         let p = p_value(&counts, &expected);
-        assert!(p > significance(lights().len()), "light {k}: p = {p}");
+        assert!(p > significance(lights.len()), "light {k}: p = {p}");
     }
 }
 

@@ -33,7 +33,7 @@ impl SceneBuilder {
             }
             _ => {}
         }
-        // Remove the scale of the transform
+        // Remove the uniform part of the transform's scale
         let to_render = self.to_render().matrix3;
         let to_render = to_render * to_render.determinant().abs().cbrt().recip();
         Ok(Light::Environment(Environment {
