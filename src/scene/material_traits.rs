@@ -141,10 +141,8 @@ mod tests {
 
     /// The traits of a material, given as a pbrt-v4 directive's type and parameters.
     fn traits(material: &str) -> MaterialTraits {
-        let scene =
-            read_str(&format!("WorldBegin Material {material} Shape \"sphere\""), Path::new("")).unwrap();
-        let material = &scene.materials[scene.primitives[0].material.0 as usize];
-        MaterialTraits::new(&scene.textures, material)
+        let scene = read_str(&format!("WorldBegin Material {material}"), Path::new("")).unwrap();
+        MaterialTraits::new(&scene.textures, scene.materials.last().unwrap())
     }
 
     #[test]

@@ -29,8 +29,10 @@ pub struct PathTracer<'s> {
     pub(super) simd_materials: Vec<Option<SimdMaterial>>,
     /// For each primitive, whether it is shaded by its SIMD material.
     pub(super) has_simd_material: Vec<bool>,
-    /// Some material is an interface, which transmits light unchanged.
+    /// Some surface is an interface, which transmits light unchanged.
     pub(super) has_interfaces: bool,
+    /// Some surface is an interface, or a mix that may choose one: paths may pass their last hit.
+    pub(super) may_pass_surfaces: bool,
     pub(super) records_albedo: bool,
     pub(super) inverse_diameter: f32,
 }
@@ -74,6 +76,14 @@ impl<'s> PathTracer<'s> {
             roulette: !direct_only && max_depth >= ROULETTE_DEPTH,
         });
 
+        // Find out whether paths may pass surfaces
+        let some_surface = |has: fn(&MaterialTraits) -> bool| {
+            scene.primitives.iter().any(|primitive| has(&material_traits[primitive.material.0 as usize]))
+        };
+        let has_interfaces = some_surface(|traits| traits.is_interface);
+        let may_pass_surfaces = has_interfaces
+            || some_surface(|traits| traits.is_mix) && some_material(|traits| traits.is_interface);
+
         // Find the SIMD versions of materials
         let simd_materials: Vec<_> =
             scene.materials.iter().map(|material| SimdMaterial::new(&scene.textures, material)).collect();
@@ -96,7 +106,8 @@ impl<'s> PathTracer<'s> {
             samples_bsdfs,
             has_simd_material: scene.primitives.iter().map(has_simd_material).collect(),
             simd_materials,
-            has_interfaces: some_material(|traits| traits.is_interface),
+            has_interfaces,
+            may_pass_surfaces,
             material_traits,
             records_albedo: is_recorded(Block::Albedo),
             inverse_diameter: 1.0 / diameter(accel),
@@ -131,4 +142,32 @@ impl<'s> PathTracer<'s> {
 fn diameter(accel: &Accel) -> f32 {
     let diagonal = accel.bounds().map_or(0.0, |(min, max)| (max - min).length());
     if diagonal > 0.0 && diagonal.is_finite() { diagonal } else { 1.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+    use crate::render::sample_layout::sample_layout;
+    use crate::scene::MaterialId;
+    use crate::scene::pbrt::read_str;
+
+    #[test]
+    fn only_materials_of_surfaces_let_paths_pass() {
+        let text = "WorldBegin MakeNamedMaterial \"nothing\" \"string type\" \"interface\"
+            Material \"mix\" \"string materials\" [\"nothing\" \"nothing\"] Material \"diffuse\" Shape \"sphere\"";
+        let mut scene = read_str(text, Path::new("")).unwrap();
+        let [interface, mix, diffuse] = [1, 2, 3].map(MaterialId);
+        for (material, expected) in
+            [(diffuse, (false, false)), (mix, (false, true)), (interface, (true, true))]
+        {
+            scene.primitives[0].material = material;
+            let accel = Accel::build(&scene);
+            let effects = scene.effects();
+            let layout = sample_layout(&effects);
+            let tracer = PathTracer::new(&scene, &accel, Arc::new(Lights::new(&scene)), &effects, &layout);
+            assert_eq!((tracer.has_interfaces, tracer.may_pass_surfaces), expected, "{material:?}");
+        }
+    }
 }

@@ -40,10 +40,10 @@ impl<'s> PathTracer<'s> {
         }
 
         // Find the lanes whose materials are needed
-        // Nothing scatters at the last hit, but light may pass an interface there.
+        // Nothing scatters at the last hit, but light may pass the surface there.
         let last = all & lane_mask(|lane| self.ends_at_hit(packet, lane));
         let first = lane_mask(|lane| packet.depth[lane] == 0);
-        let evaluated = if self.has_interfaces { all } else { all & !(last & !first) };
+        let evaluated = if self.may_pass_surfaces { all } else { all & !(last & !first) };
         for lane in lanes_in(all & !evaluated) {
             self.record_second_hit(packet, lane, &interactions, &mut wave.records);
         }

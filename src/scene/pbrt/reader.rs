@@ -66,7 +66,9 @@ fn build(mut builder: SceneBuilder, text: &[u8]) -> Result<Scene, SceneError> {
         builder.check_forward_materials()?;
         builder.place_forward_instances()?;
         builder.load_images()?;
-        builder.scale_lights_to_power()
+        builder.scale_lights_to_power()?;
+        builder.remove_interfaces();
+        Ok(())
     };
     match run() {
         Ok(()) => Ok(builder.into_scene()),

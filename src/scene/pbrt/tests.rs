@@ -16,6 +16,7 @@ mod coordinate_systems;
 mod dialects;
 mod ignored_input;
 mod image_textures;
+mod interfaces;
 mod lights;
 mod older_dialects;
 mod overflow;

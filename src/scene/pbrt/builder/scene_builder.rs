@@ -66,6 +66,8 @@ pub struct SceneBuilder {
     pub measured_brdfs: HashMap<PathBuf, Arc<MeasuredBrdf>>,
 
     pub lights: Vec<Light>,
+    /// Primitives of the static group with an area light, and their locations.
+    pub area_light_locs: Vec<(usize, FileLoc)>,
     /// Primitives of the static group whose area light has an image and a given power. The image is
     /// needed to scale them.
     pub area_lights_with_power: Vec<(usize, FileLoc)>,
@@ -118,6 +120,7 @@ impl SceneBuilder {
             forward_materials: HashMap::new(),
             measured_brdfs: HashMap::new(),
             lights: Vec::new(),
+            area_light_locs: Vec::new(),
             area_lights_with_power: Vec::new(),
             environments_with_illuminance: Vec::new(),
             projectors_with_power: Vec::new(),

@@ -108,17 +108,14 @@ impl SceneBuilder {
         let alpha = self.alpha(params)?;
         let material = self.shape_material(params)?;
 
-        // Drop area lights that cannot emit
+        // Drop area lights that are not simulated
         let mut area_light = self.state.area_light;
         if area_light.is_some() && group != 0 {
             self.warnings.add(params.loc, "area lights on moving or instanced shapes are not simulated");
             area_light = None;
         }
-        if area_light.is_some() && matches!(self.materials[material.0 as usize].kind, MaterialKind::Interface)
-        {
-            // As in pbrt-v4, interfaces do not emit
-            self.warnings.add(params.loc, "an area light on the material \"interface\" is ignored");
-            area_light = None;
+        if area_light.is_some() {
+            self.area_light_locs.push((self.groups[group].primitives.len(), params.loc));
         }
 
         // Scale the radiance to a given power
@@ -143,6 +140,26 @@ impl SceneBuilder {
         (self.report_progress)(self.progress);
         self.groups[group].primitives.push(Primitive { shape, material, alpha, area_light, flip_normal });
         Ok(())
+    }
+
+    /// Removes the primitives of interfaces between media, and the instances that this leaves without any:
+    /// media are not simulated, so light passes interfaces unchanged. Call it when all materials are defined.
+    pub fn remove_interfaces(&mut self) {
+        let materials = &self.materials;
+        let is_interface = |primitive: &Primitive| {
+            matches!(materials[primitive.material.0 as usize].kind, MaterialKind::Interface)
+        };
+        for &(index, loc) in &self.area_light_locs {
+            if is_interface(&self.groups[0].primitives[index]) {
+                // As in pbrt-v4, interfaces do not emit
+                self.warnings.add(loc, "an area light on the material \"interface\" is ignored");
+            }
+        }
+        for group in &mut self.groups {
+            group.primitives.retain(|primitive| !is_interface(primitive));
+        }
+        let groups = &self.groups;
+        self.instances.retain(|instance| !groups[instance.object].primitives.is_empty());
     }
 
     /// The alpha texture of a shape, unless it is opaque.
