@@ -11,7 +11,7 @@ use crate::scene::pbrt::builder::{AreaLightSource, SceneBuilder};
 use crate::scene::pbrt::dialect::Dialect;
 use crate::scene::pbrt::directives::objects::ShapePlacement;
 use crate::scene::pbrt::lights::scale_light;
-use crate::scene::pbrt::parser::{ParameterDictionary, ParameterType, ParseError, Result};
+use crate::scene::pbrt::parser::{FileLoc, ParameterDictionary, ParameterType, ParseError, Result};
 use crate::scene::shape::LARGEST_COORDINATE;
 use crate::scene::texture::{FloatTextureId, Texture};
 use crate::scene::{Disk, Primitive, Shape, Sphere};
@@ -59,11 +59,7 @@ impl SceneBuilder {
         make: impl FnOnce(DAffine3) -> Shape,
     ) -> Result<()> {
         let ShapePlacement { group, to_group } = self.place_shape(reference, params.loc)?;
-        // A mirrored sphere of v2 keeps its front outside. In v3 and v4 it has it inside where rays hit it, and outside where light is
-        // sampled from it, which is most of the light that it gives
-        let reverse = self.state.reverse_orientation;
-        let keeps_front = self.dialect == Dialect::V2 || self.state.area_light.is_some();
-        let flip_normal = if keeps_front { reverse } else { reverse != mirrors(to_group) };
+        let flip_normal = self.reverses_quadric(to_group);
         let shape = make(to_group);
         if !shape.max_coordinate().is_some_and(|coordinate| coordinate < LARGEST_COORDINATE) {
             let message = format!("a shape with coordinates beyond {LARGEST_COORDINATE:e} is ignored");
@@ -73,6 +69,15 @@ impl SceneBuilder {
         self.add_primitive(params, group, shape, flip_normal)
     }
 
+    /// Whether the front of a sphere or another quadric is opposite to its normal ∂p/∂u × ∂p/∂v in its own space.
+    fn reverses_quadric(&self, to_group: DAffine3) -> bool {
+        // A mirrored sphere of v2 keeps its front outside. In v3 and v4 it has it inside where rays hit it, and outside where light is
+        // sampled from it, which is most of the light that it gives
+        let reverse = self.state.reverse_orientation;
+        let keeps_front = self.dialect == Dialect::V2 || self.state.area_light.is_some();
+        if keeps_front { reverse } else { reverse != mirrors(to_group) }
+    }
+
     /// Adds a mesh; `error` locates an error in it.
     pub fn add_mesh(
         &mut self,
@@ -80,9 +85,36 @@ impl SceneBuilder {
         mesh: &MeshDescription,
         error: impl Fn(String) -> ParseError,
     ) -> Result<()> {
+        let placement = self.place_mesh(mesh, params.loc)?;
+        self.add_placed_mesh(params, mesh, placement, self.state.reverse_orientation, error)
+    }
+
+    /// Adds the mesh of a tessellated quadric, with the quadric's front.
+    pub fn add_tessellated_quadric(
+        &mut self,
+        params: &ParameterDictionary,
+        mesh: &MeshDescription,
+        error: impl Fn(String) -> ParseError,
+    ) -> Result<()> {
+        let placement = self.place_mesh(mesh, params.loc)?;
+        let reverse = self.reverses_quadric(placement.to_group);
+        self.add_placed_mesh(params, mesh, placement, reverse, error)
+    }
+
+    fn place_mesh(&mut self, mesh: &MeshDescription, loc: FileLoc) -> Result<ShapePlacement> {
         let reference = mesh.positions.first().copied().filter(|p| p.is_finite()).unwrap_or_default();
-        let ShapePlacement { group, to_group } = self.place_shape(reference, params.loc)?;
-        let reverse = self.state.reverse_orientation;
+        self.place_shape(reference, loc)
+    }
+
+    /// Adds a mesh to a group. `reverse` says whether its front is opposite to its normals.
+    fn add_placed_mesh(
+        &mut self,
+        params: &ParameterDictionary,
+        mesh: &MeshDescription,
+        ShapePlacement { group, to_group }: ShapePlacement,
+        reverse: bool,
+        error: impl Fn(String) -> ParseError,
+    ) -> Result<()> {
         let flip_normal = reverse != mirrors(to_group);
         let mut baked = mesh.bake(to_group, flip_normal, reverse).map_err(error)?;
         if baked.remove_triangles_beyond(LARGEST_COORDINATE) {

@@ -46,7 +46,7 @@ impl SceneBuilder {
                 self.add_mesh(params, &curve::mesh(params)?, error)?
             }
             "cylinder" | "cone" | "paraboloid" | "hyperboloid" => {
-                self.add_mesh(params, &revolution::mesh(kind, params)?, error)?;
+                self.add_tessellated_quadric(params, &revolution::mesh(kind, params)?, error)?;
             }
             "heightfield" => self.add_mesh(params, &height_field::mesh(params)?, error)?,
             // Unsupported shapes

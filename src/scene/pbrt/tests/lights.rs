@@ -3,7 +3,7 @@
 use glam::Vec3;
 
 use super::image_textures::dialect_world;
-use super::scene;
+use super::{mesh, scene};
 use crate::scene::Light;
 use crate::scene::light::{Environment, EnvironmentMap};
 use crate::scene::pbrt::dialect::Dialect::{self, V2, V3, V4};
@@ -64,6 +64,21 @@ fn a_mirrored_sphere_that_is_a_light_shines_outwards() {
         assert!(flips(dialect, "ReverseOrientation AreaLightSource \"diffuse\""), "{dialect:?}");
     }
     assert_eq!([V2, V3, V4].map(|dialect| flips(dialect, "")), [false, true, true]);
+}
+
+#[test]
+fn a_mirrored_cylinder_has_its_front_where_a_mirrored_sphere_has_it() {
+    let is_front_inside = |dialect, text: &str| {
+        let text = format!("Scale -1 1 1 {text} Shape \"cylinder\"");
+        let scene = dialect_world(dialect, "".as_ref(), &text);
+        let mesh = mesh(&scene, 0);
+        mesh.positions[0].truncate().dot(mesh.normals[0].truncate()) < 0.0
+    };
+    assert_eq!([V2, V3, V4].map(|dialect| is_front_inside(dialect, "")), [false, true, true]);
+    for dialect in [V2, V3, V4] {
+        assert!(!is_front_inside(dialect, "AreaLightSource \"diffuse\""), "{dialect:?}");
+        assert!(is_front_inside(dialect, "ReverseOrientation AreaLightSource \"diffuse\""), "{dialect:?}");
+    }
 }
 
 #[test]
