@@ -9,8 +9,10 @@ use super::{AnimatedTransform, AreaLight, FloatTextureId, MaterialId};
 /// Triangles in the space of the object they belong to (render space for the static object).
 ///
 /// `normals` and `uvs` are empty or as long as `positions`; every index is in range; positions are
-/// finite. Every triangle has an area. Normals are of unit length and on the front side of the
-/// triangle, after [`Primitive::flip_normal`]. The reader guarantees this.
+/// finite. Every triangle has an area. Normals are of unit length. The reader guarantees this.
+///
+/// Normals determine the front side of a triangle, whatever its winding. Without normals, the winding
+/// and [`Primitive::flip_normal`] determine it.
 #[derive(Clone, Debug, Default)]
 pub struct TriangleMesh {
     pub positions: Vec<Vec3>,
@@ -121,7 +123,7 @@ pub struct Primitive {
     pub area_light: Option<AreaLight>,
     /// Whether the geometric normal is flipped (`ReverseOrientation` xor a mirroring transform). The
     /// unflipped normal is (p1 − p0) × (p2 − p0) for a triangle and ∂p/∂u × ∂p/∂v for other shapes,
-    /// in object space.
+    /// in object space. Without effect on meshes with normals.
     pub flip_normal: bool,
 }
 

@@ -19,9 +19,10 @@ pub struct MeshDescription {
 impl MeshDescription {
     /// Transforms the mesh, validates it and drops triangles without area.
     ///
-    /// As in pbrt, normals determine the front of a triangle; triangles with the opposite winding are
-    /// flipped. `flip_normal` says whether the front is opposite to the winding's normal, and
-    /// `reverse` whether the given normals are reversed.
+    /// As in pbrt, normals determine the front of a triangle, and its corners keep their order, by which
+    /// default texture coordinates are assigned. `flip_normal` says whether the front of a triangle
+    /// without normals is opposite to the winding's normal, and `reverse` whether the given normals are
+    /// reversed.
     ///
     /// # Errors
     /// One sentence, if a value is not finite, an index is out of range, or a list has the wrong
@@ -51,7 +52,7 @@ impl MeshDescription {
             return Err(format!("index {index} of {count} vertices; expected 0 to {}", count as i64 - 1));
         }
 
-        // Transform the normals and orient the triangles
+        // Transform the normals and add the triangles
         let to_normal = transform.matrix3.inverse().transpose();
         let sign = if reverse { -1.0 } else { 1.0 };
         let normals: Vec<Vec3> =
@@ -76,25 +77,20 @@ impl TriangleMesh {
         self.indices.len() < count
     }
 
-    /// Adds a triangle unless it has no area, with its front on the side of the normals.
+    /// Adds a triangle unless it has no area. Zero normals of its vertices are replaced by its own.
     fn add(&mut self, [a, b, c]: [u32; 3], flip_normal: bool) {
         let [pa, pb, pc] = [a, b, c].map(|i| self.positions[i as usize].as_dvec3());
         // The area of a small triangle may underflow in f32
         let Some(cross) = (pb - pa).cross(pc - pa).try_normalize() else { return };
         let normal = (if flip_normal { -cross } else { cross }).as_vec3();
-        if self.normals.is_empty() {
-            self.indices.push([a, b, c]);
-            return;
-        }
-        // Replace zero normals by the triangle's
         for vertex in [a, b, c] {
-            let stored = &mut self.normals[vertex as usize];
-            if *stored == Vec3::ZERO {
+            if let Some(stored) = self.normals.get_mut(vertex as usize)
+                && *stored == Vec3::ZERO
+            {
                 *stored = normal;
             }
         }
-        let mean: Vec3 = [a, b, c].iter().map(|&i| self.normals[i as usize]).sum();
-        self.indices.push(if mean.dot(normal) < 0.0 { [a, c, b] } else { [a, b, c] });
+        self.indices.push([a, b, c]);
     }
 }
 
@@ -128,12 +124,14 @@ mod tests {
     }
 
     #[test]
-    fn normals_determine_the_front() {
+    fn normals_leave_the_corners_in_their_order() {
         let mut mesh = triangle();
         mesh.normals = vec![-DVec3::Z; 3];
-        assert_eq!(mesh.bake(DAffine3::IDENTITY, false, false).unwrap().indices, [[0, 2, 1]]);
-        assert_eq!(mesh.bake(DAffine3::IDENTITY, true, true).unwrap().indices, [[0, 2, 1]]);
-        assert_eq!(mesh.bake(DAffine3::IDENTITY, true, false).unwrap().indices, [[0, 1, 2]]);
+        for (flip_normal, reverse) in [(false, false), (true, true), (true, false)] {
+            let baked = mesh.bake(DAffine3::IDENTITY, flip_normal, reverse).unwrap();
+            assert_eq!(baked.indices, [[0, 1, 2]]);
+            assert_eq!(baked.normals[0], if reverse { Vec3::Z } else { Vec3::NEG_Z });
+        }
     }
 
     #[test]
