@@ -94,6 +94,10 @@ impl SphereMap {
     /// sphere.
     #[inline]
     pub fn wrap(self, x: isize, y: isize, width: usize, height: usize) -> (usize, usize) {
+        // Nearly all texels are inside; as unsigned numbers, negative coordinates are beyond every border
+        if (x as usize) < width && (y as usize) < height {
+            return (x as usize, y as usize);
+        }
         let (w, h) = (width as isize, height as isize);
         let (x, y) = match self {
             // Columns wrap around; the rows at the poles repeat.

@@ -2,6 +2,7 @@
 //! proportion to its values (pbrt-v4, section 12.5.2).
 
 use glam::{DVec3, Vec2, Vec3};
+use rayon::prelude::*;
 
 use super::emission_bounds::average;
 use super::piecewise_constant_2d::PiecewiseConstant2d;
@@ -17,41 +18,60 @@ pub struct EnvironmentImage {
     width: usize,
     height: usize,
     texels: Vec<Vec3>,
-    /// `None` for a black image.
+    /// `None` for a black image, and for an image that is not sampled.
     distribution: Option<PiecewiseConstant2d>,
     /// Mean over the sphere.
     mean: Vec3,
 }
 
+/// Texels whose radiances are held at once while an image is prepared.
+const BLOCK: usize = 1 << 16;
+
 impl EnvironmentImage {
-    pub fn from_textures(textures: &Textures, map: EnvironmentMap) -> Self {
+    /// An image of the scene's textures, with a distribution if it `is_sampled`.
+    pub fn from_textures(textures: &Textures, map: EnvironmentMap, is_sampled: bool) -> Self {
         let (map, id) = match map {
             EnvironmentMap::LatLong(id) => (SphereMap::LatLong, id),
             EnvironmentMap::EqualArea(id) => (SphereMap::EqualArea, id),
         };
         let image = textures.image(id);
-        Self::new(map, image.width(), image.height(), |x, y| image.rgb(x, y))
+        Self::new(map, image.width(), image.height(), is_sampled, |x, y| image.rgb(x, y))
     }
 
     /// Texels that are negative or not finite count as 0.
-    pub fn new(map: SphereMap, width: usize, height: usize, texel: impl Fn(usize, usize) -> Vec3) -> Self {
-        let pixels = || (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
+    pub fn new(
+        map: SphereMap,
+        width: usize,
+        height: usize,
+        is_sampled: bool,
+        texel: impl Fn(usize, usize) -> Vec3 + Sync,
+    ) -> Self {
+        // Copy the texels
+        let count = width * height;
         let clean = |t: Vec3| if t.is_finite() { t.max(Vec3::ZERO) } else { Vec3::ZERO };
-        let texels: Vec<Vec3> = pixels().map(|(x, y)| clean(texel(x, y))).collect();
+        let texels: Vec<Vec3> =
+            (0..count).into_par_iter().map(|i| clean(texel(i % width, i / width))).collect();
         let mut image = Self { map, width, height, texels, distribution: None, mean: Vec3::ZERO };
-        let centre = |x: usize, y: usize| {
-            Vec2::new(x as f32 + 0.5, y as f32 + 0.5) / Vec2::new(width as f32, height as f32)
-        };
+
+        // Add up the radiance, and weight the texels by it
+        let solid_angles: Vec<f32> =
+            (0..height).map(|y| map.solid_angle(Vec2::new(0.5, (y as f32 + 0.5) / height as f32))).collect();
         let mut sum = DVec3::ZERO;
-        let weights: Vec<f32> = pixels()
-            .map(|(x, y)| {
-                let radiance = image.texel_mean(x, y) * map.solid_angle(centre(x, y));
+        let mut weights: Vec<f32> = Vec::new();
+        for first in (0..count).step_by(BLOCK) {
+            let block = first..count.min(first + BLOCK);
+            let radiance = |i: usize| image.texel_mean(i % width, i / width) * solid_angles[i / width];
+            let radiances: Vec<Vec3> = block.into_par_iter().map(radiance).collect();
+            // One by one, so that rounding does not depend on the threads
+            for radiance in &radiances {
                 sum += radiance.as_dvec3();
-                average(radiance)
-            })
-            .collect();
+            }
+            if is_sampled {
+                weights.extend(radiances.into_iter().map(average));
+            }
+        }
         image.distribution = PiecewiseConstant2d::new(width, &weights);
-        image.mean = (sum / (weights.len().max(1) as f64 * 4.0 * std::f64::consts::PI)).as_vec3();
+        image.mean = (sum / (count.max(1) as f64 * 4.0 * std::f64::consts::PI)).as_vec3();
         image
     }
 
@@ -115,5 +135,25 @@ impl EnvironmentImage {
     fn texel(&self, x: isize, y: isize) -> Vec3 {
         let (x, y) = self.map.wrap(x, y, self.width, self.height);
         self.texels[y * self.width + x]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_image_of_several_blocks_has_the_mean_of_its_texels_in_their_order() {
+        let (map, width, height) = (SphereMap::LatLong, 400, 200);
+        assert!(width * height > BLOCK);
+        let texel = |x: usize, y: usize| Vec3::new(1.0, 0.1, 0.01) * (x * y % 7) as f32;
+        let image = EnvironmentImage::new(map, width, height, true, texel);
+        let mut sum = DVec3::ZERO;
+        for (x, y) in (0..height).flat_map(|y| (0..width).map(move |x| (x, y))) {
+            let centre = Vec2::new(x as f32 + 0.5, y as f32 + 0.5) / Vec2::new(width as f32, height as f32);
+            sum += (image.texel_mean(x, y) * map.solid_angle(centre)).as_dvec3();
+        }
+        let solid_angle = (width * height) as f64 * 4.0 * std::f64::consts::PI;
+        assert_eq!(image.mean(), (sum / solid_angle).as_vec3());
     }
 }

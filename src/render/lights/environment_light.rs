@@ -31,7 +31,7 @@ const CONSTANT_ROWS: usize = 64;
 impl EnvironmentLight {
     pub fn new(images: &mut LightImages, environment: &Environment) -> Self {
         let to_render = environment.to_render.matrix3;
-        let image = environment.map.map(|map| images.environment(map));
+        let image = environment.map.map(|map| images.environment(map, environment.portal.is_none()));
         let rows = image.as_ref().map_or(CONSTANT_ROWS, |image| image.height());
         let mut light = Self {
             to_render,

@@ -13,7 +13,8 @@ use crate::scene::{ImageId, Textures};
 /// The images of a scene's lights.
 pub struct LightImages<'s> {
     textures: &'s Textures,
-    environments: HashMap<EnvironmentMap, Arc<EnvironmentImage>>,
+    /// By map, and whether the image is sampled.
+    environments: HashMap<(EnvironmentMap, bool), Arc<EnvironmentImage>>,
     projections: HashMap<ImageId, ProjectionImage>,
 }
 
@@ -29,11 +30,11 @@ impl<'s> LightImages<'s> {
         Self { textures, environments: HashMap::new(), projections: HashMap::new() }
     }
 
-    /// The image of an environment or a goniometric light.
-    pub fn environment(&mut self, map: EnvironmentMap) -> Arc<EnvironmentImage> {
+    /// The image of an environment or a goniometric light; `is_sampled` if directions are sampled from it.
+    pub fn environment(&mut self, map: EnvironmentMap, is_sampled: bool) -> Arc<EnvironmentImage> {
         let textures = self.textures;
-        let from_textures = || Arc::new(EnvironmentImage::from_textures(textures, map));
-        self.environments.entry(map).or_insert_with(from_textures).clone()
+        let from_textures = || Arc::new(EnvironmentImage::from_textures(textures, map, is_sampled));
+        self.environments.entry((map, is_sampled)).or_insert_with(from_textures).clone()
     }
 
     /// The image of a projection light.
@@ -45,6 +46,8 @@ impl<'s> LightImages<'s> {
 
 #[cfg(test)]
 mod tests {
+    use glam::Vec2;
+
     use super::*;
 
     #[test]
@@ -53,7 +56,10 @@ mod tests {
         let id = textures.add_image(TextureImage::from_floats(2, 1, 1, vec![1.0, 3.0]));
         let mut images = LightImages::new(&textures);
         let map = EnvironmentMap::LatLong(id);
-        assert!(Arc::ptr_eq(&images.environment(map), &images.environment(map)));
+        let [sampled, unsampled] = [true, false].map(|is_sampled| images.environment(map, is_sampled));
+        assert!(Arc::ptr_eq(&sampled, &images.environment(map, true)));
+        assert!(sampled.sample(Vec2::splat(0.5)).is_some() && unsampled.sample(Vec2::splat(0.5)).is_none());
+        assert_eq!(sampled.mean(), unsampled.mean());
         let projection = images.projection(id);
         assert_eq!(projection.mean, Vec3::splat(2.0));
         assert!(std::ptr::eq(&*projection.image, textures.image(id)), "no copy");

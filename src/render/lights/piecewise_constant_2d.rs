@@ -4,6 +4,7 @@
 //! The inversion is continuous within a row, so that the samples keep the stratification of the sample values.
 
 use glam::Vec2;
+use rayon::prelude::*;
 
 /// A piecewise-constant density over a grid of `width` × `height` cells of the unit square.
 #[derive(Clone, Debug)]
@@ -21,11 +22,11 @@ impl PiecewiseConstant2d {
         if width == 0 {
             return None;
         }
-        let mut conditional = Vec::with_capacity(weights.len() / width * (width + 1));
-        let sums: Vec<f64> =
-            weights.chunks_exact(width).map(|row| append_cdf(&mut conditional, row)).collect();
-        let mut marginal = Vec::with_capacity(sums.len() + 1);
-        let total = append_cdf(&mut marginal, &sums);
+        let mut conditional = vec![0.0_f32; weights.len() / width * (width + 1)];
+        let rows = conditional.par_chunks_exact_mut(width + 1).zip(weights.par_chunks_exact(width));
+        let sums: Vec<f64> = rows.map(|(cdf, row)| write_cdf(cdf, row)).collect();
+        let mut marginal = vec![0.0_f32; sums.len() + 1];
+        let total = write_cdf(&mut marginal, &sums);
         (total > 0.0).then_some(Self { width, marginal, conditional })
     }
 
@@ -58,17 +59,16 @@ impl PiecewiseConstant2d {
     }
 }
 
-/// Appends the normalised distribution function of `weights` (all 0 if the weights are) and returns the sum
-/// of the weights.
-fn append_cdf<T: Copy + Into<f64>>(cdf: &mut Vec<f32>, weights: &[T]) -> f64 {
+/// Writes the normalised distribution function of `weights` (all 0 if the weights are) to `cdf`, which has one
+/// element more and begins with 0. Returns the sum of the weights.
+fn write_cdf<T: Copy + Into<f64>>(cdf: &mut [f32], weights: &[T]) -> f64 {
     let total: f64 = weights.iter().map(|&w| w.into()).sum();
     let scale = if total > 0.0 { 1.0 / total } else { 0.0 };
     let mut sum = 0.0;
-    cdf.push(0.0);
-    cdf.extend(weights.iter().map(|&w| {
-        sum += w.into();
-        (sum * scale).min(1.0) as f32
-    }));
+    for (value, &weight) in cdf[1..].iter_mut().zip(weights) {
+        sum += weight.into();
+        *value = (sum * scale).min(1.0) as f32;
+    }
     total
 }
 

@@ -28,7 +28,7 @@ enum Map {
 impl ProjectedImage {
     pub fn new(images: &mut LightImages, from_render: Mat3, image: ImageProjection) -> Self {
         let map = match image {
-            ImageProjection::Spherical(map) => Map::Goniometric(images.environment(map)),
+            ImageProjection::Spherical(map) => Map::Goniometric(images.environment(map, false)),
             ImageProjection::Perspective { image, tan_half_fov } => {
                 let projection = images.projection(image);
                 let (width, height) = (projection.image.width(), projection.image.height());

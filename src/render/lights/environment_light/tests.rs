@@ -24,7 +24,7 @@ fn images() -> [EnvironmentImage; 2] {
         (_, 8..) => Vec3::new(0.1, 0.2, 0.1),
         _ => Vec3::splat(1.0 + (x * y % 7) as f32),
     };
-    [SphereMap::LatLong, SphereMap::EqualArea].map(|map| EnvironmentImage::new(map, 16, 16, texel))
+    [SphereMap::LatLong, SphereMap::EqualArea].map(|map| EnvironmentImage::new(map, 16, 16, true, texel))
 }
 
 /// A constant light, and one for each image.
@@ -112,7 +112,7 @@ fn the_mean_irradiance_is_a_quarter_of_the_integral_of_the_radiance() {
 
 #[test]
 fn a_black_image_is_never_sampled() {
-    let black = light(Some(EnvironmentImage::new(SphereMap::LatLong, 4, 2, |_, _| Vec3::ZERO)));
+    let black = light(Some(EnvironmentImage::new(SphereMap::LatLong, 4, 2, true, |_, _| Vec3::ZERO)));
     assert!(black.sample(Vec3::ZERO, Vec2::splat(0.5)).is_none());
     assert_eq!((black.pdf(Vec3::ZERO, Vec3::Z), black.mean_irradiance()), (0.0, 0.0));
 }
