@@ -89,7 +89,8 @@ impl Quantiles {
     /// Cells of the numerical integration.
     const CELLS: usize = 1 << 15;
 
-    /// Tabulates the quantiles of the positive part of `density` over [-radius, radius].
+    /// Tabulates the quantiles of the positive part of `density` over [-radius, radius]. A density that is
+    /// too narrow for the cells is sampled at 0.
     fn new(steps: usize, radius: f32, density: impl Fn(f64) -> f64) -> Self {
         // Integrate the density over each cell
         let radius = f64::from(radius);
@@ -97,6 +98,9 @@ impl Quantiles {
         let edge = |i: usize| i as f64 * cell - radius;
         let masses: Vec<f64> = (0..Self::CELLS).map(|i| density(edge(i) + 0.5 * cell).max(0.0)).collect();
         let total: f64 = masses.iter().sum();
+        if total <= 0.0 {
+            return Self { values: vec![0.0; steps + 1] };
+        }
 
         // Find the quantile at the end of each step
         let mut values = Vec::with_capacity(steps + 1);
@@ -177,8 +181,13 @@ mod tests {
     }
 
     #[test]
-    fn a_filter_of_radius_0_samples_the_centre() {
-        let sampler = FilterSampler::new(&PixelFilter::Triangle { radius: [0.0, 0.0] });
-        assert_eq!(sampler.sample(Vec2::new(0.3, 0.9)), Vec2::ZERO);
+    fn filters_without_width_sample_the_centre() {
+        for filter in [
+            PixelFilter::Triangle { radius: [0.0, 0.0] },
+            PixelFilter::Gaussian { radius: [1.5, 1.5], sigma: 1e-7 },
+            PixelFilter::Gaussian { radius: [1.5, 1.5], sigma: 0.0 },
+        ] {
+            assert_eq!(FilterSampler::new(&filter).sample(Vec2::new(0.3, 0.9)), Vec2::ZERO, "{filter:?}");
+        }
     }
 }
