@@ -116,37 +116,44 @@ fn bspline(points: &[DVec3]) -> Bezier {
 }
 
 /// A cross-section along the curve.
+#[derive(Clone, Copy)]
 struct CrossSection {
     at: DVec3,
     tangent: DVec3,
     /// Normal of a ribbon; unused for tubes.
     normal: DVec3,
     width: f64,
-    /// Curve parameter in [0, 1].
+    /// Texture coordinate along the segment, in [0, 1].
     u: f64,
 }
 
-/// Cross-sections along a curve, close enough that the chords meet [`TOLERANCE`].
+/// Cross-sections along a curve, close enough that the chords meet [`TOLERANCE`]. As in pbrt, u runs from 0
+/// to 1 in every segment, so two segments meet in two cross-sections that differ in u alone.
 fn sections(segments: &[Bezier], widths: [f64; 2], ribbon: Option<&[DVec3]>) -> Vec<CrossSection> {
-    let mut sections = Vec::new();
+    let mut sections: Vec<CrossSection> = Vec::new();
     let width_at = |u: f64| widths[0] + (widths[1] - widths[0]) * u;
     for (i, &[a, b, c, d]) in segments.iter().enumerate() {
         // The distance of a cubic from its chord is at most an eighth of its largest second derivative
         let bend = 6.0 * (a - 2.0 * b + c).length().max((b - 2.0 * c + d).length());
         let middle = width_at((i as f64 + 0.5) / segments.len() as f64);
         let pieces = (bend / (8.0 * TOLERANCE * middle)).sqrt().ceil().clamp(1.0, MAX_PIECES) as u32;
-        let first = u32::from(i > 0);
+        let first = match sections.last() {
+            Some(&last) => {
+                sections.push(CrossSection { u: 0.0, ..last });
+                1
+            }
+            None => 0,
+        };
         for k in first..=pieces {
             let t = f64::from(k) / f64::from(pieces);
             let s = 1.0 - t;
-            let u = (i as f64 + t) / segments.len() as f64;
             let tangent = (b - a) * (s * s) + (c - b) * (2.0 * s * t) + (d - c) * (t * t);
             sections.push(CrossSection {
                 at: a * s.powi(3) + b * (3.0 * s * s * t) + c * (3.0 * s * t * t) + d * t.powi(3),
                 tangent: tangent.try_normalize().unwrap_or((d - a).normalize_or(DVec3::Z)),
                 normal: ribbon.map_or(DVec3::ZERO, |normals| normals[i].lerp(normals[i + 1], t)),
-                width: width_at(u),
-                u,
+                width: width_at((i as f64 + t) / segments.len() as f64),
+                u: t,
             });
         }
     }
@@ -160,8 +167,11 @@ fn sweep(sections: &[CrossSection], ribbon: bool) -> MeshDescription {
     let mut side = sections[0].tangent.any_orthonormal_vector();
     for section in sections {
         let CrossSection { at, tangent, normal, width, u } = *section;
-        // Transport the frame along the curve without twist
-        side = (side - tangent * side.dot(tangent)).normalize_or(tangent.any_orthonormal_vector());
+        // Transport the frame along the curve without twist. Where two segments meet, it stays the same, so that
+        // the triangles between have no area and are dropped with others of that kind
+        if u > 0.0 {
+            side = (side - tangent * side.dot(tangent)).normalize_or(tangent.any_orthonormal_vector());
+        }
         for column in 0..=columns {
             let v = f64::from(column) / f64::from(columns);
             let (offset, facing) = if ribbon {
@@ -279,6 +289,21 @@ mod tests {
         assert_eq!(ends(&spline), (1.0, 3.0));
         let quadratic = curve("\"integer degree\" 2 \"point3 P\" [0 0 0 1 0 0 2 0 0]").unwrap();
         assert_eq!(ends(&quadratic), (0.0, 2.0));
+    }
+
+    #[test]
+    fn u_runs_over_each_segment_and_the_width_over_the_whole_curve() {
+        let mesh = curve(
+            "\"point3 P\" [0 0 0 1 0 0 2 0 0 3 0 0 4 0 0 5 0 0 6 0 0] \"float width0\" .2 \"float width1\" .1",
+        )
+        .unwrap();
+        assert_eq!(mesh.indices.len(), 2 * 12);
+        let rings: Vec<&[Vec3]> = mesh.positions.chunks(7).collect();
+        assert_eq!(rings[1], rings[2], "no gap between the segments");
+        let at = |ring: usize| (mesh.positions[7 * ring].x, mesh.uvs[7 * ring].x);
+        assert_eq!([0, 1, 2, 3].map(at), [(0.0, 0.0), (3.0, 1.0), (3.0, 0.0), (6.0, 1.0)]);
+        let radius = mesh.positions[7].with_x(0.0).length();
+        assert!((radius - WIDENING as f32 * 0.075).abs() < 1e-6, "{radius}");
     }
 
     #[test]
