@@ -15,17 +15,24 @@ const BOUNDARY: f64 = 1.0 / 8.0;
 const BOUNDARY_LIMIT: f64 = 1.0 / 5.0;
 
 /// Subdivides a control mesh `levels` times and moves the vertices to the limit surface. The result has
-/// the limit surface's normals.
+/// the limit surface's normals. Also returns the number of vertices added by [`separate_fans`].
 ///
 /// # Errors
-/// One sentence, if an index is out of range or the mesh is not an oriented manifold.
-pub fn subdivide(control: &[DVec3], triangles: &[[u32; 3]], levels: u32) -> Result<MeshDescription, String> {
+/// One sentence, if an index is out of range, or an edge belongs to more than two triangles or to two of
+/// opposite orientation.
+pub fn subdivide(
+    control: &[DVec3],
+    triangles: &[[u32; 3]],
+    levels: u32,
+) -> Result<(MeshDescription, usize), String> {
     if let Some(index) = triangles.as_flattened().iter().find(|&&index| index as usize >= control.len()) {
         return Err(format!("index {index} of {} vertices; expected a smaller index", control.len()));
     }
     let mut positions = control.to_vec();
     let mut indices: Vec<[u32; 3]> =
         triangles.iter().copied().filter(|[a, b, c]| a != b && b != c && c != a).collect();
+    separate_fans(&mut positions, &mut indices);
+    let copies = positions.len() - control.len();
     for _ in 0..levels {
         (positions, indices) = refine(&positions, &indices)?;
     }
@@ -42,7 +49,54 @@ pub fn subdivide(control: &[DVec3], triangles: &[[u32; 3]], levels: u32) -> Resu
         });
         normals.push(limit_normal(position, &ring, closed));
     }
-    Ok(MeshDescription { positions: limit, normals, uvs: Vec::new(), indices })
+    Ok((MeshDescription { positions: limit, normals, uvs: Vec::new(), indices }, copies))
+}
+
+/// From one corner of a fan to the next in one direction; corners are numbered through all triangles.
+type Step<'l> = &'l dyn Fn(usize) -> Option<usize>;
+
+/// Gives a copy of the vertex to every fan of triangles but the first around a vertex where several fans
+/// meet. Leaves meshes with an edge that occurs twice in the same direction as they are.
+fn separate_fans(positions: &mut Vec<DVec3>, triangles: &mut [[u32; 3]]) {
+    // Find the corner at the start of each edge
+    let vertices = triangles.as_flattened().to_vec();
+    let next = |corner: usize| corner / 3 * 3 + (corner + 1) % 3;
+    let edges = (0..vertices.len()).map(|corner| ((vertices[corner], vertices[next(corner)]), corner));
+    let corner_of_edge: HashMap<(u32, u32), usize> = edges.collect();
+    if corner_of_edge.len() < vertices.len() {
+        return;
+    }
+
+    // Find the corners of the adjacent triangles at the same vertex
+    let after = |corner: usize| {
+        let previous = vertices[next(next(corner))];
+        corner_of_edge.get(&(vertices[corner], previous)).copied()
+    };
+    let before = |corner: usize| {
+        let opposite = corner_of_edge.get(&(vertices[next(corner)], vertices[corner]));
+        opposite.map(|&opposite| next(opposite))
+    };
+
+    // Visit each fan once, from one of its corners in both directions
+    let mut has_fan = vec![false; positions.len()];
+    let mut is_visited = vec![false; vertices.len()];
+    for (start, mut vertex) in vertices.iter().copied().enumerate() {
+        if is_visited[start] {
+            continue;
+        }
+        if std::mem::replace(&mut has_fan[vertex as usize], true) {
+            positions.push(positions[vertex as usize]);
+            vertex = (positions.len() - 1) as u32;
+        }
+        for (first, step) in [(Some(start), &after as Step), (before(start), &before as Step)] {
+            let mut corner = first;
+            while let Some(unvisited) = corner.filter(|&corner| !is_visited[corner]) {
+                is_visited[unvisited] = true;
+                triangles[unvisited / 3][unvisited % 3] = vertex;
+                corner = step(unvisited);
+            }
+        }
+    }
 }
 
 /// One level of subdivision: every triangle becomes four.
@@ -237,7 +291,7 @@ mod tests {
     #[test]
     fn each_level_quarters_the_triangles_and_keeps_the_surface_closed() {
         let (positions, triangles) = octahedron();
-        let mesh = subdivide(&positions, &triangles, 3).unwrap();
+        let (mesh, _) = subdivide(&positions, &triangles, 3).unwrap();
         assert_eq!(mesh.indices.len(), 8 * 64);
         // Euler: V − E + F = 2 with E = 3F/2.
         assert_eq!(mesh.positions.len(), 2 + mesh.indices.len() / 2);
@@ -246,7 +300,7 @@ mod tests {
     #[test]
     fn the_limit_of_an_octahedron_is_round_and_its_normals_are_radial() {
         let (positions, triangles) = octahedron();
-        let mesh = subdivide(&positions, &triangles, 4).unwrap();
+        let (mesh, _) = subdivide(&positions, &triangles, 4).unwrap();
         let radii = mesh.positions.iter().map(|p| p.length());
         let (low, high) = radii.fold((f64::MAX, 0.0f64), |(l, h), r| (l.min(r), h.max(r)));
         assert!(low > 0.4 && high <= 0.5, "{low} to {high}");
@@ -259,8 +313,8 @@ mod tests {
     #[test]
     fn limit_positions_do_not_depend_on_the_level() {
         let (positions, triangles) = octahedron();
-        let coarse = subdivide(&positions, &triangles, 0).unwrap();
-        let fine = subdivide(&positions, &triangles, 2).unwrap();
+        let (coarse, _) = subdivide(&positions, &triangles, 0).unwrap();
+        let (fine, _) = subdivide(&positions, &triangles, 2).unwrap();
         for (a, b) in coarse.positions.iter().zip(&fine.positions) {
             assert!((*a - *b).length() < 1e-12);
         }
@@ -271,7 +325,8 @@ mod tests {
         let positions: Vec<_> = (0..9).map(|i| DVec3::new(f64::from(i % 3), f64::from(i / 3), 0.0)).collect();
         let triangles: Vec<[u32; 3]> =
             [0, 1, 3, 4].into_iter().flat_map(|i| [[i, i + 1, i + 4], [i, i + 4, i + 3]]).collect();
-        let mesh = subdivide(&positions, &triangles, 2).unwrap();
+        let (mesh, copies) = subdivide(&positions, &triangles, 2).unwrap();
+        assert_eq!(copies, 0);
         assert!(mesh.positions.iter().all(|p| p.z == 0.0 && p.x >= 0.0 && p.x <= 2.0));
         for (position, normal) in mesh.positions.iter().zip(&mesh.normals) {
             assert!((normal.normalize() + DVec3::Z).length() < 1e-12, "{normal} at {position}");
@@ -284,15 +339,23 @@ mod tests {
         let book = [[0, 1, 2], [0, 1, 3], [0, 1, 4]];
         assert!(subdivide(&positions, &book, 1).unwrap_err().contains("manifold"));
         assert!(subdivide(&positions, &[[0, 1, 9]], 1).unwrap_err().contains("index 9"));
+    }
+
+    #[test]
+    fn fans_that_meet_at_a_vertex_are_subdivided_like_separate_meshes() {
         let tetrahedron = |[a, b, c, d]: [u32; 4]| [[a, b, c], [a, c, d], [a, d, b], [b, d, c]];
-        let positions: Vec<DVec3> = (0..7).map(|i| DVec3::splat(f64::from(i * i))).collect();
-        let at_one_point = [tetrahedron([0, 1, 2, 3]), tetrahedron([0, 4, 5, 6])].concat();
-        assert!(
-            subdivide(&positions, &at_one_point, 1).unwrap_err().contains("around vertex 0"),
-            "two rings"
-        );
-        let two_fans = [[0, 1, 2], [0, 3, 4]];
-        assert!(subdivide(&positions, &two_fans, 1).unwrap_err().contains("around vertex 0"), "two chains");
+        let rings = |first: u32| [tetrahedron([0, 1, 2, 3]), tetrahedron([first, 4, 5, 6])].concat();
+        let chains = |first: u32| vec![[0, 1, 2], [first, 3, 4], [0, 2, 5], [first, 4, 6]];
+        let mut positions: Vec<DVec3> =
+            (0..7).map(|i| DVec3::new(f64::from(i), f64::from(i * i), f64::from(i * i * i))).collect();
+        let joined = [rings(0), chains(0)].map(|triangles| subdivide(&positions, &triangles, 2).unwrap());
+        positions.push(positions[0]);
+        let separate = [rings(7), chains(7)].map(|triangles| subdivide(&positions, &triangles, 2).unwrap());
+        for ((joined, copies), (separate, none)) in joined.iter().zip(&separate) {
+            assert_eq!((*copies, *none), (1, 0));
+            assert_eq!(joined.positions, separate.positions);
+            assert_eq!(joined.indices, separate.indices);
+        }
     }
 
     #[test]

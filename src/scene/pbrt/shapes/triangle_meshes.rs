@@ -53,8 +53,14 @@ impl SceneBuilder {
             );
             return Err(ParseError::new(params.loc, message));
         }
-        loop_subdivision::subdivide(&positions, &indices, levels)
-            .map_err(|message| ParseError::new(params.loc, message))
+        let (mesh, copies) = loop_subdivision::subdivide(&positions, &indices, levels)
+            .map_err(|message| ParseError::new(params.loc, message))?;
+        if copies > 0 {
+            let message =
+                "\"loopsubdiv\" with separate surfaces that meet at a vertex; each has a vertex of its own";
+            self.warnings.add(params.loc, message);
+        }
+        Ok(mesh)
     }
 
     /// The vertex indices of faces with `N` corners. As in pbrt, an empty list counts as not given,
