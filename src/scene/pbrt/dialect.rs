@@ -81,6 +81,12 @@ impl Dialect {
         self != Dialect::V4
     }
 
+    /// Whether cylindrical mappings take the height of the unit vector in a point's direction; otherwise that
+    /// of the point.
+    pub(super) fn normalises_cylindrical_mappings(self) -> bool {
+        self != Dialect::V4
+    }
+
     /// Whether the amount of a mix of materials is a spectrum; otherwise it is a float.
     pub(super) fn mix_amount_is_spectrum(self) -> bool {
         self != Dialect::V4

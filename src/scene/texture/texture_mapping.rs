@@ -23,9 +23,9 @@ pub enum TextureMapping {
     /// (s, t) = polar angle from z and azimuth in texture space, as fractions of their ranges. `flip`
     /// replaces t by 1 − t.
     Spherical { to_texture: Affine3A, flip: bool },
-    /// (s, t) = azimuth as a fraction of its range and height along z, in texture space. `flip`
-    /// replaces t by 1 − t.
-    Cylindrical { to_texture: Affine3A, flip: bool },
+    /// (s, t) = azimuth as a fraction of its range and height along z, in texture space; if `normalised`,
+    /// the height of the unit vector in the point's direction. `flip` replaces t by 1 − t.
+    Cylindrical { to_texture: Affine3A, normalised: bool, flip: bool },
 }
 
 impl TextureMapping {
@@ -40,9 +40,10 @@ impl TextureMapping {
                 let polar = p.truncate().length().atan2(p.z) / PI;
                 st(polar, if azimuth < 0.0 { azimuth + 1.0 } else { azimuth }, *flip)
             }
-            TextureMapping::Cylindrical { to_texture, flip } => {
+            TextureMapping::Cylindrical { to_texture, normalised, flip } => {
                 let p = to_texture.transform_point3(at.position);
-                st(0.5 + p.y.atan2(p.x) / TAU, p.z, *flip)
+                let height = if *normalised { p.normalize_or_zero().z } else { p.z };
+                st(0.5 + p.y.atan2(p.x) / TAU, height, *flip)
             }
         }
     }
@@ -65,7 +66,7 @@ mod tests {
             mapping.coordinates(TexturePoint { uv: Vec2::ZERO, position }).truncate()
         };
         let sphere = |flip| TextureMapping::Spherical { to_texture, flip };
-        let cylinder = |flip| TextureMapping::Cylindrical { to_texture, flip };
+        let cylinder = |flip| TextureMapping::Cylindrical { to_texture, normalised: false, flip };
         assert_eq!(at(sphere(false), 2.0, 0.0, 1.0), Vec2::new(0.5, 0.0));
         assert_eq!(at(sphere(false), 0.0, -2.0, 1.0), Vec2::new(0.5, 0.75));
         assert_eq!(at(sphere(true), 0.0, 0.1, 1.0), Vec2::new(0.5, 0.75));

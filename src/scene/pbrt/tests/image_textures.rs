@@ -223,6 +223,17 @@ fn a_float_texture_of_the_older_dialects_is_the_encoded_luminance() {
 }
 
 #[test]
+fn cylindrical_mappings_of_the_older_dialects_use_the_height_of_a_direction() {
+    // t is 4.2 in v4 and 0.81 in the others.
+    let at = TexturePoint { uv: Vec2::ZERO, position: Vec3::new(0.0, 3.0, 4.2) };
+    for (dialect, is_lower_row) in [(V2, true), (V3, false), (V4, true)] {
+        let params = format!("{} \"string mapping\" \"cylindrical\"", as_linear(dialect));
+        let value = colour(dialect, four_texels(), &params, at).x;
+        assert_eq!(value > 0.6, is_lower_row, "{dialect:?}: {value}");
+    }
+}
+
+#[test]
 fn float_images_are_decoded_by_gamma_in_the_older_dialects() {
     for (dialect, params, expected) in [
         (V2, "\"float gamma\" 2 \"float scale\" 3", [2.25, 36.0, 0.0]),

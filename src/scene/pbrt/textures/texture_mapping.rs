@@ -21,7 +21,8 @@ impl SceneBuilder {
             }
             Some("cylindrical") => {
                 let to_texture = self.to_texture(params.loc)?.as_affine3a();
-                return Ok(TextureMapping::Cylindrical { to_texture, flip });
+                let normalised = self.dialect.normalises_cylindrical_mappings();
+                return Ok(TextureMapping::Cylindrical { to_texture, normalised, flip });
             }
             Some(other) => {
                 self.warnings
