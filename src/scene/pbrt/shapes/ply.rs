@@ -12,7 +12,7 @@ use super::mesh_description::MeshDescription;
 use crate::memory::check_available;
 use crate::scene::pbrt::files::{self, Source};
 
-/// Reads a mesh. Polygons are triangulated as fans.
+/// Reads a mesh. Quads become two triangles, whose corners are in pbrt-v3's order; other polygons become fans.
 ///
 /// # Errors
 /// One sentence, without the file's name.
@@ -209,7 +209,11 @@ impl Gather for Faces {
             check_available(2 * triangles as u64 * TRIANGLE_BYTES)
                 .map_err(|problem| format!("too many triangles: {problem}"))?;
         }
-        self.0.extend(rest.windows(2).map(|pair| [*first, pair[0], pair[1]]));
+        match corners[..] {
+            // Default texture coordinates follow the order of the corners
+            [a, b, c, d] => self.0.extend([[a, b, c], [d, a, c]]),
+            _ => self.0.extend(rest.windows(2).map(|pair| [*first, pair[0], pair[1]])),
+        }
         Ok(())
     }
 }
@@ -285,7 +289,7 @@ mod tests {
 
     fn assert_square(mesh: &MeshDescription) {
         assert_eq!(mesh.positions, [DVec3::ZERO, DVec3::X, DVec3::new(1.0, 1.0, 0.0), DVec3::Y]);
-        assert_eq!(mesh.indices, [[0, 1, 2], [0, 2, 3]]);
+        assert_eq!(mesh.indices, [[0, 1, 2], [3, 0, 2]]);
         assert!(mesh.normals.is_empty());
     }
 
