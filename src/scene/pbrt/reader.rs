@@ -64,6 +64,7 @@ fn build(mut builder: SceneBuilder, text: &[u8]) -> Result<Scene, SceneError> {
         builder.read_text(text, 0)?;
         builder.check_end()?;
         builder.check_forward_materials()?;
+        builder.check_forward_mixes()?;
         builder.place_forward_instances()?;
         builder.load_images()?;
         builder.scale_lights_to_power()?;

@@ -204,15 +204,46 @@ fn v4_allows_forward_references_to_materials_and_objects() {
     assert_eq!((scene.instances.len(), scene.instances[0].object), (1, 1));
     assert_eq!(scene.instances[0].transform.at(0.0).translation, Vec3::X.into());
 
-    // What is never made is an error at its first name, and a mix is made of what there is.
+    // What is never made is an error at its first name.
     let error_of = |text: &str| error(&format!("WorldBegin\n{text}"));
     let never = error_of("NamedMaterial \"b\" NamedMaterial \"a\"\nNamedMaterial \"b\"");
     assert_eq!((never.line, never.column), (2, 1));
     assert!(never.message.contains("material \"b\""), "{never}");
-    let own = "NamedMaterial \"m\" MakeNamedMaterial \"m\" \"string type\" \"mix\" \"string materials\" [\"m\" \"m\"]";
-    assert!(error_of(own).message.contains("material \"m\""));
     // The older dialects go by what is there.
     assert!(read_str(&format!("WorldBegin {late} WorldEnd"), Path::new("")).is_err());
+}
+
+#[test]
+fn a_mix_of_v4_may_name_later_materials_but_not_itself() {
+    let mix = |name: &str, first: &str, second: &str| {
+        let parts = format!("\"string materials\" [\"{first}\" \"{second}\"]");
+        format!("MakeNamedMaterial \"{name}\" \"string type\" \"mix\" {parts}\n")
+    };
+    let glass = |name: &str| format!("MakeNamedMaterial \"{name}\" \"string type\" \"dielectric\"\n");
+    let scene = world(&(mix("m", "n", "a") + &mix("n", "a", "a") + &glass("a")));
+    let index = |name: &str| scene.materials.iter().position(|material| material.name == name).unwrap();
+    let parts = |name: &str| match scene.materials[index(name)].kind {
+        MaterialKind::Mix { first, second, .. } => [first.0 as usize, second.0 as usize],
+        ref other => panic!("{other:?}"),
+    };
+    assert_eq!(scene.materials.len(), 4);
+    assert_eq!((parts("m"), parts("n")), ([index("n"), index("a")], [index("a"); 2]));
+
+    let error_of = |text: &str| error(&format!("WorldBegin\n{text}"));
+    for cycle in [mix("m", "m", "m"), mix("m", "n", "n") + &mix("n", "m", "m")] {
+        let error = error_of(&cycle);
+        assert!(error.line == 2 && error.message.contains("nested too deep"), "{error}");
+    }
+    assert!(error_of(&mix("m", "x", "x")).message.contains("material \"x\""));
+
+    // Each of several mixes is made of the next
+    let nested = |levels: usize| {
+        let next = |i: usize| (i + 1).to_string();
+        let mixes: String = (0..levels).map(|i| mix(&i.to_string(), &next(i), &next(i))).collect();
+        mixes + &glass(&levels.to_string())
+    };
+    assert_eq!(world(&nested(8)).materials.len(), 10);
+    assert!(error_of(&nested(9)).message.contains("nested too deep"));
 }
 
 #[test]

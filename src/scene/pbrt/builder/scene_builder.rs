@@ -63,6 +63,8 @@ pub struct SceneBuilder {
     /// Materials that are referenced before they are defined: their slot in `materials` and the
     /// location of the first reference.
     pub forward_materials: HashMap<String, (MaterialId, FileLoc)>,
+    /// Location of the first mix that names a material before its definition.
+    pub forward_mix: Option<FileLoc>,
     pub measured_brdfs: HashMap<PathBuf, Arc<MeasuredBrdf>>,
 
     pub lights: Vec<Light>,
@@ -118,6 +120,7 @@ impl SceneBuilder {
             mix_depths: Vec::new(),
             named_materials: HashMap::new(),
             forward_materials: HashMap::new(),
+            forward_mix: None,
             measured_brdfs: HashMap::new(),
             lights: Vec::new(),
             area_light_locs: Vec::new(),

@@ -99,9 +99,8 @@ impl SceneBuilder {
         slot
     }
 
-    /// A slot for a material that is referenced before its definition. Mixes do not accept such
-    /// references, so that no mix can contain itself.
-    fn declare_material(&mut self, name: &str, loc: FileLoc) -> MaterialRef {
+    /// A slot for a material that is referenced before its definition.
+    pub fn declare_material(&mut self, name: &str, loc: FileLoc) -> MaterialRef {
         let id = match self.forward_materials.get(name) {
             Some(&(id, _)) => id,
             None => {

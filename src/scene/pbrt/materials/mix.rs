@@ -2,6 +2,7 @@
 
 use glam::Vec3;
 
+use crate::scene::MaterialId;
 use crate::scene::material::MaterialKind;
 use crate::scene::pbrt::builder::SceneBuilder;
 use crate::scene::pbrt::parser::{FileLoc, ParameterDictionary, ParseError, Result};
@@ -10,14 +11,18 @@ use crate::scene::texture::Texture;
 /// Nesting limit of mixes.
 const MAX_MIX_DEPTH: usize = 8;
 
+fn too_deep(loc: FileLoc) -> ParseError {
+    let expected = format!("expected at most {MAX_MIX_DEPTH} levels, none of which contains itself");
+    ParseError::new(loc, format!("mixes are nested too deep; {expected}"))
+}
+
 impl SceneBuilder {
     /// `mix` of two named materials.
     pub fn mix(&mut self, params: &ParameterDictionary, loc: FileLoc) -> Result<MaterialKind> {
         let [first, second] = self.mix_material_names(params, loc)?;
-        let (first, second) = (self.find_material(first, loc)?.id, self.find_material(second, loc)?.id);
+        let (first, second) = (self.part_of_mix(first, loc)?, self.part_of_mix(second, loc)?);
         if [first, second].iter().any(|id| self.mix_depths[id.0 as usize] >= MAX_MIX_DEPTH) {
-            let message = format!("mixes are nested too deep; expected at most {MAX_MIX_DEPTH} levels");
-            return Err(ParseError::new(loc, message));
+            return Err(too_deep(loc));
         }
         let amount = if self.dialect.mix_amount_is_spectrum() {
             let colour = self.rgb_texture_or(params, "amount", Vec3::splat(0.5))?;
@@ -30,6 +35,39 @@ impl SceneBuilder {
             self.float_texture_or(params, "amount", 0.5)?
         };
         Ok(MaterialKind::Mix { first, second, amount })
+    }
+
+    /// A named material as a part of a mix. In v4 it may be defined later.
+    fn part_of_mix(&mut self, name: &str, loc: FileLoc) -> Result<MaterialId> {
+        match self.find_material(name, loc) {
+            Ok(material) => Ok(material.id),
+            Err(_) if self.dialect.allows_forward_references() => {
+                self.forward_mix.get_or_insert(loc);
+                Ok(self.declare_material(name, loc).id)
+            }
+            Err(error) => Err(error),
+        }
+    }
+
+    /// Checks the nesting of mixes once all materials are defined.
+    ///
+    /// # Errors
+    /// Located at the first mix that names a later material, if mixes are nested too deep or contain
+    /// themselves.
+    pub fn check_forward_mixes(&self) -> Result<()> {
+        let Some(loc) = self.forward_mix else { return Ok(()) };
+        let mut ids = (0..self.materials.len() as u32).map(MaterialId);
+        if ids.all(|id| self.is_nested_at_most(id, MAX_MIX_DEPTH)) { Ok(()) } else { Err(too_deep(loc)) }
+    }
+
+    /// Whether a material is at most this many mixes within each other.
+    fn is_nested_at_most(&self, id: MaterialId, levels: usize) -> bool {
+        match self.materials[id.0 as usize].kind {
+            MaterialKind::Mix { first, second, .. } => {
+                levels > 0 && [first, second].iter().all(|&part| self.is_nested_at_most(part, levels - 1))
+            }
+            _ => true,
+        }
     }
 
     /// The names of the two materials; an `amount` of 0 selects the first.
