@@ -71,6 +71,7 @@ impl Denoiser for BoxFilter {
             risk,
             reliability: Reliability::SELF_FILTERED,
             interpolation: None,
+            failure: None,
         }
     }
 }
