@@ -11,10 +11,10 @@ use crate::filter::{DENOISERS, Denoiser, find, presets};
 
 #[derive(Clone, Args)]
 pub(super) struct DenoiserOptions {
-    /// The denoiser [default: learned; nlm where a time budget or memory is short; of `denoise`: the render's; of `allocate`: nlm draft]
+    /// The denoiser [default: learned; nlm where a time budget or memory is short; of `denoise`: the render's, of images learned; of `allocate`: nlm draft]
     #[arg(long, value_name = "NAME", value_parser = methods())]
     denoiser: Option<String>,
-    /// Preset of the denoiser, e.g. draft [default: its first]
+    /// Preset of the denoiser, e.g. draft; without --denoiser of the default, if it has this preset [default: its first]
     #[arg(long, value_name = "PRESET")]
     quality: Option<String>,
     /// Weights of --denoiser learned, as training/export.py writes them [default: those of this version]
@@ -39,6 +39,13 @@ fn methods_with_presets() -> String {
     let methods = methods();
     let names = methods.iter().map(PossibleValue::get_name).filter(|name| !presets(name).is_empty());
     names.collect::<Vec<_>>().join(", ")
+}
+
+/// Returns the method that a preset alone means: the default's, or the first one that has the preset if the default's has not.
+fn method_with_preset(preset: &str, default: &dyn Denoiser) -> &'static str {
+    let default = default.name().method;
+    let mut methods = std::iter::once(default).chain(DENOISERS.map(|denoiser| denoiser.name().method));
+    methods.find(|method| presets(method).contains(&preset)).unwrap_or(default)
 }
 
 impl DenoiserOptions {
@@ -66,10 +73,7 @@ impl DenoiserOptions {
             let chosen = self.denoiser.as_deref().and_then(|method| find(method, None));
             return Ok(chosen.unwrap_or(default));
         };
-        // A preset alone means the method that has it.
-        let preset_of = DENOISERS.into_iter().map(Denoiser::name).find(|name| name.preset == Some(quality));
-        let implied = preset_of.map_or(default.name().method, |name| name.method);
-        let method = self.denoiser.as_deref().unwrap_or(implied);
+        let method = self.denoiser.as_deref().unwrap_or_else(|| method_with_preset(quality, default));
         if let Some(found) = find(method, Some(quality)) {
             return Ok(found);
         }
@@ -95,8 +99,15 @@ mod tests {
     #[test]
     fn a_preset_alone_chooses_its_method() {
         let options = DenoiserOptions { denoiser: None, quality: Some("draft".to_owned()), weights: None };
-        let chosen = options.choose(crate::filter::UNFILTERED).unwrap();
-        assert_eq!(chosen.name().to_string(), "learned draft");
+        for (default, name) in [
+            ("none", "learned draft"),
+            ("prpf", "learned draft"),
+            ("nlm", "nlm draft"),
+            ("learned", "learned draft"),
+        ] {
+            let chosen = options.choose(find(default, None).unwrap()).unwrap();
+            assert_eq!(chosen.name().to_string(), name, "default {default}");
+        }
     }
 
     fn choose(denoiser: Option<&str>, quality: Option<&str>) -> Result<String, String> {
