@@ -35,10 +35,6 @@ impl Denoiser for BoxFilter {
         Cost { core_seconds: 3e-6, bytes: 200, pass_time: 1.0, is_per_sample: false }
     }
 
-    fn reach(&self) -> usize {
-        RADIUS
-    }
-
     fn stand_in(&self) -> &'static dyn Denoiser {
         &BoxFilter
     }

@@ -515,6 +515,12 @@ fn info_shows_effects_and_alive_dimensions() {
     let output = prpf(folder.path(), &["info", "scene.pbrt"]);
     let said = String::from_utf8_lossy(&output.stdout).into_owned();
     assert!(output.status.success() && said.contains("environment") && !said.contains("lens.u"), "{said}");
+    let denoiser = |name: &str| said.lines().find(|line| line.starts_with(name)).unwrap_or_default();
+    assert!(
+        denoiser("nlm standard").contains("filters parts of an image with a margin of 68 pixels"),
+        "{said}"
+    );
+    assert!(!denoiser("rpf ").contains("margin"), "{said}");
 }
 
 /// The real scenes that stand beside the project on some machines.

@@ -112,7 +112,7 @@ fn describe_statistics(scene: &Scene) -> String {
     )
 }
 
-/// Describes what a denoiser reads of the store, and from how far.
+/// Describes what a denoiser reads of the store, and the margin with which it filters parts of an image, if it can.
 fn describe_denoiser(denoiser: &dyn Denoiser, layout: &Layout) -> String {
     let Reads { blocks, sample_vectors } = denoiser.reads();
     let read: usize = blocks.iter().filter_map(|&block| layout.block(block)).map(|dims| dims.len()).sum();
@@ -124,8 +124,10 @@ fn describe_denoiser(denoiser: &dyn Denoiser, layout: &Layout) -> String {
         }
         SampleVectors::All { .. } => format!(" and all sample vectors of {vector_bytes} bytes"),
     };
-    let (name, reach) = (denoiser.name().to_string(), denoiser.reach());
-    format!("{name:<17}reads statistics of {read} dimensions{vectors}, from {reach} pixels around\n")
+    let margin = denoiser.parts().map_or_else(String::new, |parts| {
+        format!(", filters parts of an image with a margin of {} pixels", parts.margin())
+    });
+    format!("{:<17}reads statistics of {read} dimensions{vectors}{margin}\n", denoiser.name().to_string())
 }
 
 /// Returns the number of triangles stored, and with every instance counted.

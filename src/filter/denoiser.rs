@@ -1,7 +1,6 @@
 //! The interface of a denoiser: a reconstruction method with one of its presets.
 //!
-//! A denoiser filters a store. It also states its name, the data that it reads, its cost, its reach across pixels
-//! and the cheaper denoiser that replaces it in interim passes. `denoisers` lists all of them.
+//! A denoiser filters a store. It also states its name, the data that it reads, its cost and the cheaper denoiser that replaces it in interim passes. `denoisers` lists all of them.
 
 use super::denoiser_name::DenoiserName;
 use super::result::FilterResult;
@@ -22,9 +21,6 @@ pub trait Denoiser: Send + Sync {
 
     /// Returns what a filter pass costs.
     fn cost(&self) -> Cost;
-
-    /// Returns the distance, in pixels, from which samples contribute to a filtered pixel.
-    fn reach(&self) -> usize;
 
     /// Returns the cheaper denoiser for interim passes; itself if there is none.
     fn stand_in(&self) -> &'static dyn Denoiser;

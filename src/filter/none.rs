@@ -35,10 +35,6 @@ impl Denoiser for NoDenoiser {
         Cost { core_seconds: 2e-6, bytes: 300, pass_time: 0.2, is_per_sample: false }
     }
 
-    fn reach(&self) -> usize {
-        0
-    }
-
     fn stand_in(&self) -> &'static dyn Denoiser {
         &NONE
     }

@@ -100,11 +100,6 @@ impl Denoiser for Learned {
         self.cost
     }
 
-    fn reach(&self) -> usize {
-        // Of the filter; what the network sees reaches further.
-        affinity::DILATIONS.iter().sum()
-    }
-
     fn stand_in(&self) -> &'static dyn Denoiser {
         // Half the time of the network alone, and its maps place the samples as well or better.
         &nlm::DRAFT
@@ -135,7 +130,8 @@ impl PartFilter for Learned {
     fn margin(&self) -> usize {
         // Margins are completed between the steps, which all read values with clamped fireflies
         let scale_and_error = brightness::reach() + residual_fireflies::REACH + blur::reach(ERROR_SIGMA);
-        let steps = [self.reach(), network::REACH, safeguard::reach(), scale_and_error];
+        let kernels: usize = affinity::DILATIONS.iter().sum();
+        let steps = [kernels, network::REACH, safeguard::reach(), scale_and_error];
         let widest = steps.into_iter().fold(0, usize::max) + fireflies::REACH;
         widest.max(self.nlm.margin()).next_multiple_of(ALIGNMENT)
     }

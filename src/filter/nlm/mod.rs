@@ -89,11 +89,6 @@ impl Denoiser for Nlm {
         self.cost
     }
 
-    fn reach(&self) -> usize {
-        let NlmSettings { radius, fit_radius, emission_radius, .. } = self.settings;
-        radius.max(fit_radius).max(emission_radius)
-    }
-
     fn stand_in(&self) -> &'static dyn Denoiser {
         &DRAFT
     }

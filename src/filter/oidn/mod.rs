@@ -62,11 +62,6 @@ impl Denoiser for Oidn {
         self.cost
     }
 
-    fn reach(&self) -> usize {
-        // The coarsest of the network's five levels has pixels of 32, of which it sees some.
-        128
-    }
-
     fn stand_in(&self) -> &'static dyn Denoiser {
         &DRAFT
     }

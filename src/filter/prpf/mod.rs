@@ -128,10 +128,6 @@ impl Denoiser for Prpf {
         self.cost
     }
 
-    fn reach(&self) -> usize {
-        (self.settings)().windows.iter().map(|window| window / 2).sum()
-    }
-
     fn stand_in(&self) -> &'static dyn Denoiser {
         &INTERIM
     }

@@ -88,10 +88,6 @@ impl Denoiser for Rpf {
         Cost { core_seconds: 3.3e-4, bytes: 700, pass_time: 100.0, is_per_sample: true }
     }
 
-    fn reach(&self) -> usize {
-        RpfSettings::energy_kept().passes.iter().map(|pass| pass.window / 2).sum()
-    }
-
     fn stand_in(&self) -> &'static dyn Denoiser {
         &nlm::DRAFT
     }

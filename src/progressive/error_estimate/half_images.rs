@@ -183,10 +183,6 @@ mod tests {
             Cost { core_seconds: 0.0, bytes: 0, pass_time: 1.0, is_per_sample: false }
         }
 
-        fn reach(&self) -> usize {
-            3
-        }
-
         fn stand_in(&self) -> &'static dyn Denoiser {
             &RangeFilter
         }
