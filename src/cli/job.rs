@@ -161,7 +161,7 @@ impl Job<'_> {
     fn outputs(&self) -> BlockSet {
         let layers = Layers::blocks_read(self.options.layers.as_deref());
         match self.options.state.state {
-            // `prpf denoise` filters every state with the default denoiser.
+            // So that `prpf denoise --denoiser learned` can filter any state.
             Some(_) => layers | DENOISERS[0].reads().blocks.iter().copied().collect(),
             None => layers,
         }
