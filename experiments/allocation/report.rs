@@ -5,7 +5,7 @@ use super::own_loop;
 use super::scene_results::SceneResults;
 use super::settings::Settings;
 use crate::configuration::CONFIGURATIONS;
-use crate::curves::{EqualCost, Metric, Point, curve, ratios};
+use crate::curves::{Curves, EqualCost, Metric, Point, curve, ratios};
 use crate::plot::{Panel, Plot, Series};
 use crate::report::{Report, number, range};
 use crate::session::Session;
@@ -151,20 +151,33 @@ fn finding(all: &[SceneResults], spp: u32) -> String {
         )
     });
     let ratio = |m: &SceneResults| ratio(m, spp, FILTERED, EqualCost::Seconds);
-    let list = |chosen: &dyn Fn(&Interval) -> bool| {
-        let names: Vec<_> =
-            all.iter().filter(|m| chosen(&ratio(m))).map(|m| format!("`{}`", m.scene)).collect();
+    let names = |chosen: &dyn Fn(&SceneResults) -> bool| {
+        let names: Vec<_> = all.iter().filter(|m| chosen(m)).map(|m| format!("`{}`", m.scene)).collect();
         if names.is_empty() { "none".to_owned() } else { names.join(", ") }
     };
+    let list =
+        |chosen: &dyn Fn(&Interval) -> bool| names(&|m| !chose_uniform(&m.curves, spp) && chosen(&ratio(m)));
     format!(
         "**At equal time and {spp} samples per pixel the relMSE of adaptive sampling relative to that of uniform sampling is {}.** \
          In filtered images adaptive sampling is better, with 95 % confidence, on {}; it is worse, likewise, on {}; its \
-         error is more than {WORSE_RATIO} times as large on {}.",
+         error is more than {WORSE_RATIO} times as large on {}. It chose uniform sampling by itself, so that only the times \
+         differ, on {}.",
         gains.collect::<Vec<_>>().join("; "),
         list(&|interval| interval.high < 1.0),
         list(&|interval| interval.low > 1.0),
         list(&|interval| interval.mean > WORSE_RATIO),
+        names(&|m| chose_uniform(&m.curves, spp)),
     )
+}
+
+/// Returns whether adaptive sampling gave the images of uniform sampling with every seed, since it predicted too small a gain. A
+/// ratio of their errors at equal time tells the clock's noise alone.
+fn chose_uniform(curves: &Curves, spp: u32) -> bool {
+    let [uniform, adaptive] = FILTERED.map(|i| {
+        let points = points_of_spp(&curves.points[i], spp);
+        points.iter().map(|point| (point.seed, point.error)).collect::<Vec<_>>()
+    });
+    uniform == adaptive
 }
 
 /// Formats an interval as `0.81 (0.77 to 0.85)`.
@@ -325,4 +338,26 @@ fn maps(report: &mut Report, settings: &Settings, all: &[&SceneResults]) {
     });
     report.paragraph("Ratios to the error of uniform sampling at equal samples:");
     report.table(&head, &rows.collect::<Vec<_>>());
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_scene_chose_uniform_sampling_if_the_images_of_all_seeds_are_the_same() {
+        let points = |errors: [f64; 2]| {
+            let point = |(seed, error): (u64, f64)| {
+                let seconds = 1.0 + error;
+                Point { spp: 64, seed, seconds, error, trimmed: error, flip: error }
+            };
+            (0..).zip(errors).map(point).collect::<Vec<_>>()
+        };
+        for (adaptive, is_uniform) in [([0.1, 0.2], true), ([0.1, 0.15], false)] {
+            let mut curves = Curves::default();
+            curves.points[FILTERED[0]] = points([0.1, 0.2]);
+            curves.points[FILTERED[1]] = points(adaptive);
+            assert_eq!(chose_uniform(&curves, 64), is_uniform);
+        }
+    }
 }
