@@ -1,4 +1,4 @@
-//! `prpf render`.
+//! Renders scenes from the command line, one after the other while a preview asks for more, and writes images, report and state.
 
 use std::path::PathBuf;
 use std::time::Instant;
@@ -103,7 +103,7 @@ fn run_in_pool(
     }
 }
 
-/// What viewers are told when a preview ends.
+/// The notice to viewers when a preview ends.
 const CLOSED: &str = "The preview was closed.";
 
 /// How the render of a scene ends.

@@ -1,4 +1,4 @@
-//! What a denoiser needs of a render, and the names by which renderers call it.
+//! Finds the layers that a denoiser reads by the names that renderers give them.
 //!
 //! Sources: pbrt-v4's gbuffer film (`film.cpp`), Blender's passes of Cycles, Mitsuba 3's `aov` integrator, Arnold's AOVs
 //! (also with the endings `_noice` and `_denoise`), RenderMan's display channels for its denoiser.

@@ -1,14 +1,7 @@
-//! What the render loop does next: a pure function of the situation.
+//! Decides what the render loop does next: a pure function of the situation.
 //!
-//! ```text
-//!            ┌─────────────────────────────────────────────┐
-//!            ▼                                             │
-//! Plan ── Allocate ──► Render ── EndBatch ──► Filter ── Filter
-//!                      │    ▲                   │
-//!                      └────┘ Render, Calibrate └── Finish
-//! ```
-//!
-//! The names beside the arrows are actions, those at their ends positions. `Save` comes anywhere.
+//! Takes the position of the checkpoint, settings and measurements; gives an action. `docs/loop.md` draws positions and actions
+//! ("Positions and actions").
 
 use super::schedule::{Plan, Schedule};
 use super::situation::{Mark, Situation, can_fall_back};

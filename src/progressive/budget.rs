@@ -1,4 +1,4 @@
-//! The limits of a render.
+//! Limits the samples, the time and the error of a render.
 
 /// Limits of a render; the first one reached ends it. `None` is off.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]

@@ -1,4 +1,4 @@
-//! The settings of a render.
+//! Describes what a render is asked for, checks it, and says which statistics and sample vectors it calls for.
 
 use super::budget::Budget;
 use crate::adaptive::{self, NO_CEILING, PrioritySettings, SampleMap, Sampling};

@@ -1,4 +1,4 @@
-//! What ends a render.
+//! Names the limit that ended a render.
 
 /// The limit that ended a render.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
