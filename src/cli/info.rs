@@ -11,7 +11,7 @@ use crate::filter::{DENOISERS, Denoiser, Reads, SampleVectors};
 use crate::output::Layers;
 use crate::progressive::{RecordedStatistics, Settings};
 use crate::render::sample_layout;
-use crate::scene::{Integrator, Light, Scene, Shape, pbrt};
+use crate::scene::{Integrator, Light, PixelFilter, Scene, Shape, pbrt};
 use crate::stats::{Group, Layout, Store};
 
 /// `prpf info`.
@@ -55,7 +55,7 @@ fn describe_scene(scene: &Scene) -> String {
     format!(
         "scene            {}\n\
          dialect          {}\n\
-         film             {}x{}, pixels {x0},{x1},{y0},{y1}, {:?}\n\
+         film             {}x{}, pixels {x0},{x1},{y0},{y1}, {}\n\
          integrator       {integrator}, {} samples per pixel\n\
          geometry         {stored} triangles stored, {instanced} with instances; {} primitives, {} objects, {} instances\n\
          lights           {emissive} emissive shapes, {} without a surface ({environments} environment)\n\
@@ -66,7 +66,7 @@ fn describe_scene(scene: &Scene) -> String {
         scene.dialect.map_or_else(String::new, |dialect| dialect.to_string()),
         film.width,
         film.height,
-        film.filter,
+        describe_filter(&film.filter),
         scene.spp,
         scene.primitives.len(),
         scene.objects.len(),
@@ -78,6 +78,19 @@ fn describe_scene(scene: &Scene) -> String {
         image_bytes as f64 / 1e6,
         scene.effects().names().join(", "),
     )
+}
+
+/// Describes the pixel filter: its name, its radius in pixels, and its shape.
+fn describe_filter(filter: &PixelFilter) -> String {
+    let (name, [x, y], shape) = match *filter {
+        PixelFilter::Box { radius } => ("box", radius, String::new()),
+        PixelFilter::Triangle { radius } => ("triangle", radius, String::new()),
+        PixelFilter::Gaussian { radius, sigma } => ("Gaussian", radius, format!(", sigma {sigma}")),
+        PixelFilter::Mitchell { radius, b, c } => ("Mitchell", radius, format!(", B {b}, C {c}")),
+        PixelFilter::Sinc { radius, tau } => ("sinc", radius, format!(", tau {tau}")),
+    };
+    let radius = if x == y { x.to_string() } else { format!("{x} x {y}") };
+    format!("{name} filter, radius {radius}{shape}")
 }
 
 /// Describes the sample vector, the store, and what each denoiser reads of it.
@@ -143,4 +156,17 @@ fn triangles(scene: &Scene) -> (usize, usize) {
     let sizes: Vec<usize> = (0..scene.objects.len()).map(of_object).collect();
     let instanced: usize = scene.instances.iter().map(|instance| sizes[instance.object]).sum();
     (sizes.iter().sum(), sizes.first().unwrap_or(&0) + instanced)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_pixel_filter_is_described_in_words() {
+        let filter = PixelFilter::Box { radius: [0.5, 0.5] };
+        assert_eq!(describe_filter(&filter), "box filter, radius 0.5");
+        let filter = PixelFilter::Gaussian { radius: [1.5, 2.0], sigma: 0.5 };
+        assert_eq!(describe_filter(&filter), "Gaussian filter, radius 1.5 x 2, sigma 0.5");
+    }
 }
