@@ -43,7 +43,7 @@ pub(super) struct RenderOptions {
     #[arg(long, value_name = "DURATION", value_parser = parse::duration, allow_hyphen_values = true)]
     pub time: Option<f64>,
     /// Budget: stop when the image's estimated relMSE falls to this
-    #[arg(long, value_name = "E", value_parser = parse::positive, allow_negative_numbers = true)]
+    #[arg(long, value_name = "E", value_parser = parse::non_negative, allow_negative_numbers = true)]
     pub target_error: Option<f64>,
     /// How samples are spread over the pixels [default: adaptive]
     #[arg(long, value_enum)]

@@ -34,7 +34,7 @@ pub(super) fn duration(text: &str) -> Result<f64, String> {
     if seconds.is_finite() { Ok(seconds) } else { Err(error()) }
 }
 
-pub(super) fn positive(text: &str) -> Result<f64, String> {
+pub(super) fn non_negative(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(value) if value >= 0.0 && value.is_finite() => Ok(value),
         _ => Err(format!("found `{text}`; accepted are numbers from 0 (off) up")),
