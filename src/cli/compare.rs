@@ -63,7 +63,7 @@ pub fn run(args: &CompareArgs) -> anyhow::Result<u8> {
     // Read the images
     if let Some(path) = &args.error_image {
         let is_png = OutputFormat::from_path(path).is_ok_and(|format| format == OutputFormat::Png);
-        ensure!(is_png, "{}: --error-image is a PNG, .png expected", path.display());
+        ensure!(is_png, "--error-image {}: unknown extension; accepted is .png", path.display());
         can_be_written(path)?;
         are_distinct([&*args.image, &*args.reference], &[path])?;
     }

@@ -34,7 +34,7 @@ pub(super) struct ExportOptions {
 
 pub(super) fn run(options: &ExportOptions) -> Result<u8, Failure> {
     if !options.outfile.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("npz")) {
-        let error = anyhow!("{}: unknown extension, .npz expected", options.outfile.display());
+        let error = anyhow!("{}: unknown extension; accepted is .npz", options.outfile.display());
         return Err(Failure::Input(error));
     }
     can_be_written(&options.outfile).map_err(Failure::Input)?;
