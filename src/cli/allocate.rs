@@ -9,8 +9,8 @@ use super::denoise::filter;
 use super::denoiser_options::DenoiserOptions;
 use super::failure::Failure;
 use super::output_paths::{are_distinct, can_be_written, replaces_no_state};
-use super::terminal;
 use super::workers::in_pool;
+use super::{parse, terminal};
 use crate::adaptive::{NO_CEILING, Sampling};
 use crate::filter::DENOISERS;
 use crate::image::exr_file::{self, Channel, Precision, Windows};
@@ -42,6 +42,9 @@ pub(super) struct AllocateOptions {
     outfile: PathBuf,
     #[command(flatten)]
     denoiser: DenoiserOptions,
+    /// Worker threads [default: all cores]
+    #[arg(long, visible_alias = "nthreads", value_name = "N", value_parser = parse::threads)]
+    threads: Option<std::num::NonZeroUsize>,
     /// No summary
     #[arg(long)]
     quiet: bool,
@@ -51,7 +54,7 @@ pub(super) fn run(options: &AllocateOptions) -> Result<u8, Failure> {
     check(options).map_err(Failure::Input)?;
     let state = RenderState::read(&options.state).map_err(|error| Failure::Input(error.into()))?;
     let size = [state.checkpoint.store.width(), state.checkpoint.store.height()];
-    let counts = in_pool(None, || allocate(options, state).map_err(Failure::Input))?;
+    let counts = in_pool(options.threads, || allocate(options, state).map_err(Failure::Input))?;
     write(&options.outfile, size, &counts)?;
     if !options.quiet {
         let [least, most] = [counts.iter().min(), counts.iter().max()].map(|count| count.unwrap_or(&0));

@@ -8,7 +8,7 @@ use clap::Args;
 use super::failure::Failure;
 use super::output_paths::{are_distinct, can_be_written, replaces_no_state};
 use super::workers::in_pool;
-use super::{denoise, terminal};
+use super::{denoise, parse, terminal};
 use crate::files::replace_file;
 use crate::state::{self, RenderState};
 
@@ -27,6 +27,9 @@ pub(super) struct ExportOptions {
     /// The archive of arrays
     #[arg(short, long, value_name = "FILE.npz")]
     outfile: PathBuf,
+    /// Worker threads [default: all cores]
+    #[arg(long, visible_alias = "nthreads", value_name = "N", value_parser = parse::threads)]
+    threads: Option<std::num::NonZeroUsize>,
     /// No summary
     #[arg(long)]
     quiet: bool,
@@ -47,7 +50,7 @@ pub(super) fn run(options: &ExportOptions) -> Result<u8, Failure> {
             anyhow!("{}: rendered with --denoiser {}: {reason}", options.state.display(), denoiser.name());
         return Err(Failure::Input(error));
     }
-    in_pool(None, || {
+    in_pool(options.threads, || {
         let filtered = denoise::filter(&state.checkpoint, &state.settings).map_err(Failure::Input)?;
         // A writer that may seek, which archives need.
         replace_file(&options.outfile, |out| state::export(&state, &filtered, out))
