@@ -164,7 +164,7 @@ fn render_time(path: &Path) -> Option<f64> {
 /// too bright, blue where it is too dark, full at a relative error of 1.
 fn error_map(image: &Planes, reference: &Planes) -> Vec<u8> {
     let pixel = |i: usize| {
-        let [x, r] = [image, reference].map(|planes| (0..3).map(|c| planes.plane(c)[i]).sum::<f32>() / 3.0);
+        let [x, r] = [image, reference].map(|planes| planes.channel_mean(i));
         let relative = (x - r) / (r * r + 0.01).sqrt();
         let strength = (255.0 * relative.abs().sqrt().min(1.0)) as u8;
         if relative > 0.0 { [strength, strength / 4, 0] } else { [0, strength / 4, strength] }

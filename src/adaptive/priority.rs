@@ -82,8 +82,8 @@ pub fn priority(maps: Maps, settings: &PrioritySettings) -> Vec<f32> {
     let average = level.iter().map(|&v| f64::from(v)).sum::<f64>() / level.len().max(1) as f64;
     let epsilon = (f64::from(settings.epsilon) * average * average) as f32;
     let relative = |variance: &Planes| {
-        let sum = |i: usize| (0..3).map(|c| variance.plane(c)[i]).sum::<f32>() / 3.0;
-        let value = |i: usize| sum(i) / (level[i] * level[i] + epsilon).max(f32::MIN_POSITIVE);
+        let value =
+            |i: usize| variance.channel_mean(i) / (level[i] * level[i] + epsilon).max(f32::MIN_POSITIVE);
         smooth(&(0..width * height).map(value).collect::<Vec<_>>())
     };
     let mut filtered = relative(maps.filtered_variance);
@@ -125,8 +125,7 @@ pub fn expected_ratio(priority: &[f32]) -> f64 {
 /// Returns the mean of the channels that errors are relative to, or that of the pixels around if it is smaller: a pixel
 /// that is dark beside a light counts as dark; one that is bright by noise does not count as bright.
 fn level(image: &Planes, sigma: f32) -> Vec<f32> {
-    let mean = |i: usize| (image.plane(0)[i] + image.plane(1)[i] + image.plane(2)[i]) / 3.0;
-    let own: Vec<f32> = (0..image.pixels()).map(mean).collect();
+    let own: Vec<f32> = (0..image.pixels()).map(|i| image.channel_mean(i)).collect();
     let mut around = blur::gaussian(image.width(), image.height(), &own, sigma);
     around.iter_mut().zip(&own).for_each(|(around, &own)| *around = around.min(own));
     around

@@ -82,7 +82,7 @@ fn read_values(path: &Path) -> anyhow::Result<Planes> {
     let colours = exr_file::read_channels(path, &["R", "G", "B"])?;
     let mut mean = Planes::new(colours.width(), colours.height(), 1);
     for (i, mean) in mean.data_mut().iter_mut().enumerate() {
-        *mean = (0..3).map(|c| colours.plane(c)[i]).sum::<f32>() / 3.0;
+        *mean = colours.channel_mean(i);
     }
     Ok(mean)
 }

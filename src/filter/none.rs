@@ -67,7 +67,7 @@ pub fn unfiltered(store: &Store) -> FilterResult {
     let mut residual = error.clone();
     residual.data_mut().fill(1.0);
     for (i, error) in error.data_mut().iter_mut().enumerate() {
-        *error = (0..3).map(|c| variance.plane(c)[i]).sum::<f32>() / 3.0;
+        *error = variance.channel_mean(i);
     }
     let image = filled_means(store, radiance.clone());
     let halves = [0, 1].map(|h| store.means(Part::Half(h), radiance.clone()));

@@ -93,6 +93,11 @@ impl Planes {
         }
     }
 
+    /// Returns the mean of the first three planes at a pixel: the mean of an image's channels.
+    pub fn channel_mean(&self, pixel: usize) -> f32 {
+        (0..3).map(|channel| self.plane(channel)[pixel]).sum::<f32>() / 3.0
+    }
+
     /// The value of a pixel.
     pub fn at(&self, plane: usize, x: usize, y: usize) -> f32 {
         self.plane(plane)[y * self.width + x]
@@ -111,5 +116,12 @@ mod tests {
         image.paste(&other, [1, 0], [2, 1], [2, 2]);
         assert_eq!(image.plane(0), [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 2.0, 3.0, 0.0, 0.0, 5.0, 6.0]);
         assert_eq!(image.row(1, 2), [0.0, 0.0, 14.0, 15.0]);
+    }
+
+    #[test]
+    fn the_mean_of_the_channels_is_that_of_a_pixel() {
+        let mut image = Planes::new(2, 1, 3);
+        image.data_mut().copy_from_slice(&[1.0, 2.0, 3.0, 4.0, 8.0, 9.0]);
+        assert_eq!([image.channel_mean(0), image.channel_mean(1)], [4.0, 5.0]);
     }
 }

@@ -183,8 +183,7 @@ pub fn fractions(n_a: f32, n_b: f32) -> Option<[f32; 2]> {
 fn error(variance: &Planes, risk: &Planes) -> Planes {
     let (width, height) = (variance.width(), variance.height());
     let blurred_mean = |planes: &Planes| {
-        let mean = |i: usize| (0..3).map(|c| planes.plane(c)[i]).sum::<f32>() / 3.0;
-        let plane: Vec<f32> = (0..planes.pixels()).into_par_iter().map(mean).collect();
+        let plane: Vec<f32> = (0..planes.pixels()).into_par_iter().map(|i| planes.channel_mean(i)).collect();
         blur::gaussian(width, height, &plane, ERROR_SIGMA)
     };
     let [variance, risk] = [variance, risk].map(blurred_mean);
