@@ -197,7 +197,7 @@ struct Rays {
 }
 
 impl Rays {
-    fn of(accel: &Accel, primary: Vec<Ray>, light: Vec3, bounds: [Vec3; 2]) -> Self {
+    fn new(accel: &Accel, primary: Vec<Ray>, light: Vec3, bounds: [Vec3; 2]) -> Self {
         let shadow = shadow_rays(accel, &primary, light);
         let bounce = bounce_rays(accel, &primary);
         Self { primary, shadow, bounce, incoherent: random_rays(bounds) }
@@ -205,7 +205,7 @@ impl Rays {
 
     /// Of the scene's own camera: the light is half way to what it sees, and rays without order go from any of
     /// that to any other.
-    fn of_camera(accel: &Accel, camera: &Camera) -> Self {
+    fn from_camera(accel: &Accel, camera: &Camera) -> Self {
         let to_render = camera.to_render.at_f64(0.0);
         let Projection::Perspective { tan_half_fov } = camera.projection else {
             panic!("a perspective camera")
@@ -217,7 +217,7 @@ impl Rays {
         let bounds = seen.iter().fold(nowhere, |[min, max], &p| [min.min(p), max.max(p)]);
         let mean = seen.iter().sum::<Vec3>() / seen.len() as f32;
         let light = to_render.translation.as_vec3().midpoint(mean);
-        Self::of(accel, primary, light, bounds)
+        Self::new(accel, primary, light, bounds)
     }
 
     /// Writes what another program needs to trace the same rays, as plain numbers.
@@ -283,7 +283,7 @@ fn generated(criterion: &mut Criterion) {
         DVec3::new(0.1, 0.2, 6.0),
     );
     let bounds = [Vec3::splat(-2.5), Vec3::splat(2.5)];
-    let rays = Rays::of(&accel, camera_rays(camera_to_render, 0.5), Vec3::new(4.0, 6.0, 8.0), bounds);
+    let rays = Rays::new(&accel, camera_rays(camera_to_render, 0.5), Vec3::new(4.0, 6.0, 8.0), bounds);
     write_for_embree("million", &rays, &mesh);
     measure(criterion, "million", &accel, &rays);
     criterion.bench_function("build", |bencher| {
@@ -296,7 +296,7 @@ fn instanced(criterion: &mut Criterion) {
         return println!("San Miguel is left out: PRPF_SCENES names no folder with {SAN_MIGUEL}");
     };
     let accel = Accel::build(&scene);
-    let rays = Rays::of_camera(&accel, &scene.camera);
+    let rays = Rays::from_camera(&accel, &scene.camera);
     let mesh = flattened(&scene);
     write_for_embree("sanmiguel", &rays, &mesh);
     measure(criterion, "sanmiguel", &accel, &rays);

@@ -66,10 +66,10 @@ impl FrameStore {
                 check_pair(a, b)?;
                 let aovs = a.aovs.iter().zip(&b.aovs);
                 let aovs = aovs.map(|((name, a), (_, b))| (name.clone(), [a.clone(), b.clone()])).collect();
-                (of_pair(a, b), aovs)
+                (halves_from_pair(a, b), aovs)
             }
             [frame] => {
-                let halves = of_one(frame, seed)?;
+                let halves = halves_from_one(frame, seed)?;
                 let divide = |planes: &Planes| {
                     halves.each_ref().map(|half| in_proportion(planes, &half.colour, &frame.colour))
                 };
@@ -104,7 +104,7 @@ impl FrameStore {
     }
 }
 
-fn of_pair(a: &Frame, b: &Frame) -> [Half; 2] {
+fn halves_from_pair(a: &Frame, b: &Frame) -> [Half; 2] {
     // The difference of the frames tells more than the variance of another quantity
     let has_variance = [a, b].iter().all(|frame| frame.variance.is_some() && !frame.is_variance_of_luminance);
     [a, b].map(|frame| Half {
@@ -114,7 +114,7 @@ fn of_pair(a: &Frame, b: &Frame) -> [Half; 2] {
     })
 }
 
-fn of_one(frame: &Frame, seed: u64) -> Result<[Half; 2], ImportError> {
+fn halves_from_one(frame: &Frame, seed: u64) -> Result<[Half; 2], ImportError> {
     let Some(variance) = &frame.variance else {
         return Err(ImportError::Layers {
             path: frame.path.clone(),

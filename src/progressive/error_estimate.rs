@@ -148,7 +148,7 @@ fn average(estimates: [(Mean, f64); 2]) -> (f64, f64) {
 
 /// Returns the errors of the tiles: the variance, or the risk where it is larger, in a scale in which their mean is `value`.
 fn tile_errors([risk, variance]: &[TileMeans; 2], value: f64) -> Planes {
-    let errors: Vec<f64> = (0..risk.len()).map(|i| variance.of(i).max(risk.of(i))).collect();
+    let errors: Vec<f64> = (0..risk.len()).map(|i| variance.tile_mean(i).max(risk.tile_mean(i))).collect();
     let mean = errors.iter().enumerate().map(|(i, error)| risk.pixels_of(i) * error).sum::<f64>()
         / risk.pixels().max(1) as f64;
     let scale = if mean > 0.0 { value / mean } else { 0.0 };

@@ -24,14 +24,14 @@ pub struct Excerpt {
 
 impl Excerpt {
     /// Chooses the excerpt of an image.
-    pub fn of_image(width: usize, height: usize) -> Self {
+    pub fn new(width: usize, height: usize) -> Self {
         let pixels = (width * height).max(1) as f64;
         let fraction = (excerpt_pixels(pixels) / pixels).sqrt();
         Self { columns: middles(width, fraction), rows: middles(height, fraction) }
     }
 
-    /// Returns the excerpt of planes.
-    pub fn of_planes(&self, planes: &Planes) -> Planes {
+    /// Copies the excerpt out of planes.
+    pub fn copy_planes(&self, planes: &Planes) -> Planes {
         let mut excerpt = Planes::new(length(&self.columns), length(&self.rows), planes.count());
         for (from, to) in self.blocks() {
             let corner = |rectangle: Rectangle| [rectangle.x[0], rectangle.y[0]];
@@ -40,8 +40,8 @@ impl Excerpt {
         excerpt
     }
 
-    /// Returns the excerpt of a store.
-    pub fn of_store(&self, store: &Store) -> Store {
+    /// Copies the excerpt out of a store.
+    pub fn copy_store(&self, store: &Store) -> Store {
         let (width, height) = (length(&self.columns), length(&self.rows));
         let mut excerpt = Store::new(width, height, store.layout().clone(), store.capacity(), 0);
         for (from, to) in self.blocks() {
@@ -102,7 +102,7 @@ mod tests {
         for (width, height, fraction) in
             [(256, 256, 1.0), (512, 512, 0.25), (3840, 2160, 0.125), (1, 1, 1.0), (0, 0, 1.0)]
         {
-            let excerpt = Excerpt::of_image(width, height);
+            let excerpt = Excerpt::new(width, height);
             let found = (length(&excerpt.columns) * length(&excerpt.rows)) as f64;
             let expected = fraction * (width * height) as f64;
             assert!((found - expected).abs() <= 0.01 * expected, "{width}x{height}: {found}");
@@ -113,7 +113,7 @@ mod tests {
             }
         }
         // A narrow image is taken whole across.
-        assert_eq!(Excerpt::of_image(40, 20_000).columns, [[0, 40]]);
+        assert_eq!(Excerpt::new(40, 20_000).columns, [[0, 40]]);
     }
 
     #[test]
@@ -125,9 +125,9 @@ mod tests {
         for (x, y) in (0..height).flat_map(|y| (0..width).map(move |x| (x, y))) {
             store.push(x, y, &vec![value(x, y); layout.len()]);
         }
-        let excerpt = Excerpt::of_image(width, height);
-        let planes = excerpt.of_planes(&store.means(Part::Whole, layout.colour()));
-        assert_eq!(planes, excerpt.of_store(&store).means(Part::Whole, layout.colour()));
+        let excerpt = Excerpt::new(width, height);
+        let planes = excerpt.copy_planes(&store.means(Part::Whole, layout.colour()));
+        assert_eq!(planes, excerpt.copy_store(&store).means(Part::Whole, layout.colour()));
         assert_eq!(planes.at(1, 0, 0), value(excerpt.columns[0][0], excerpt.rows[0][0]));
     }
 }

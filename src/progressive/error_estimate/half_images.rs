@@ -56,8 +56,8 @@ impl HalfImages {
             return None;
         }
         let spp = store.samples() as f64 / store.pixels() as f64;
-        let excerpt = Excerpt::of_image(store.width(), store.height());
-        let store = excerpt.of_store(store);
+        let excerpt = Excerpt::new(store.width(), store.height());
+        let store = excerpt.copy_store(store);
         let [a, b] = [0, 1].map(|half| store.counts(Part::Half(half)));
         let is_known: Vec<bool> = a.iter().zip(&b).map(|(&a, &b)| a > 0 && b > 0).collect();
         if 2 * is_known.iter().filter(|&&is_known| is_known).count() < store.pixels() {
@@ -83,7 +83,7 @@ impl HalfImages {
         mean_variance: Mean,
     ) -> Option<[(Mean, f64); 2]> {
         // Compute the differences, relative to the image
-        let image = self.excerpt.of_planes(image);
+        let image = self.excerpt.copy_planes(image);
         let (width, height, pixels) = (image.width(), image.height(), image.pixels());
         let level = within_neighbours(&image);
         let relative = |(image, base): (&Planes, &Planes)| {
@@ -115,7 +115,7 @@ impl HalfImages {
 
     /// Returns a function that scales a mean over the excerpt to the image, by the ratio of their variances.
     fn scale(&self, variance: &Planes, whole: Mean) -> Option<impl Fn(Mean) -> Mean> {
-        let part = self.excerpt.of_planes(variance);
+        let part = self.excerpt.copy_planes(variance);
         let size = [part.width(), part.height()];
         let part_mean = TileMeans::new(size, |i| part.data()[i].into(), |i| self.is_known[i]).mean();
         let is_whole = part.pixels() == variance.pixels();

@@ -46,7 +46,7 @@ impl TileMeans {
     }
 
     /// Returns the mean of a tile; 0 without pixels.
-    pub fn of(&self, tile: usize) -> f64 {
+    pub fn tile_mean(&self, tile: usize) -> f64 {
         self.sums[tile] / self.pixels_of(tile).max(1.0)
     }
 
