@@ -460,7 +460,7 @@ fn a_pixel_whose_indices_are_used_up_gets_no_more_samples() {
     let row = &mut store.rows_mut()[0];
     let mut bytes = vec![0; Row::byte_len(SIDE, renderer.layout(), 0).unwrap()];
     row.to_bytes(&mut bytes);
-    // Numbers drawn, then rejected, of all pixels of the row: all but three of the second pixel's.
+    // Numbers of samples taken, then rejected, of all pixels of the row: all but three of the second pixel's.
     for counts in bytes.chunks_exact_mut(4 * SIDE).take(2) {
         counts[4..8].copy_from_slice(&(u32::MAX - 3).to_le_bytes());
     }
