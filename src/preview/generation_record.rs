@@ -20,7 +20,7 @@ pub struct CoarseImage {
 /// The record of a generation.
 #[derive(Default)]
 pub struct GenerationRecord {
-    /// The newest filter result, and its number of samples.
+    /// The newest filter result, and its number of samples, 0 without one.
     pub shown: Option<FilterResult>,
     pub shown_samples: u64,
     /// The newest coarse image, which stands in for it.
@@ -48,7 +48,7 @@ impl GenerationRecord {
     pub fn forget_image(&mut self) {
         self.estimate = None;
         self.curve.clear();
-        self.shown = None;
+        (self.shown, self.shown_samples) = (None, 0);
         self.coarse = None;
     }
 }

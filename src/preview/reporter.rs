@@ -144,7 +144,7 @@ impl Reporter {
         self.record.shown.as_ref()
     }
 
-    /// Returns the number of samples behind it.
+    /// Returns the number of samples behind it; 0 without one.
     pub fn shown_samples(&self) -> u64 {
         self.record.shown_samples
     }

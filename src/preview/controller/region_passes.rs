@@ -67,14 +67,17 @@ impl Controller<'_> {
         (y0..y1).flat_map(taken).sum()
     }
 
-    /// Returns the region if a pass over it is due: all its pixels have samples, and it is shown within an image.
+    /// Returns the region if a pass over it is due: all its pixels have samples, and it is shown within an image of fewer
+    /// samples than there are. A draft must not be pasted into an image of all samples, which may be the last one.
     pub(super) fn region_to_filter(&self, store: &Store) -> Option<Rectangle> {
         let region = self.pixel_region(store)?;
         let elapsed = self.reporter.progress()?.elapsed;
         let filters = self.configuration.settings.denoiser != UNFILTERED;
         let is_shown = self.reporter.has_image() && self.reporter.wants(|view| view == View::Filtered);
+        let is_newer = self.reporter.shown_samples() < store.samples();
         let is_due = filters
             && is_shown
+            && is_newer
             && !self.pass_threads.is_busy()
             && self.region_passes.is_due(self.region_samples(store), elapsed)
             && store.empty_pixels(&region) == 0;

@@ -11,6 +11,8 @@ use crate::preview::command::Command;
 use crate::preview::configuration::SavedImage;
 use crate::preview::history::HistoryStep;
 use crate::preview::settings_change::SettingsChange;
+use crate::preview::view::View;
+use crate::preview::viewer::Viewer;
 use crate::progressive::{Budget, Progress};
 use crate::render::Renderer;
 use crate::scene::pbrt;
@@ -22,7 +24,7 @@ const SPP: u32 = 8;
 
 /// Reactions to the events of a render.
 struct Reactions<'a> {
-    stepped: &'a dyn Fn(&Progress, &Hub, &Arc<AtomicBool>),
+    stepped: &'a dyn Fn(&Progress, &Arc<Hub>, &Arc<AtomicBool>),
     checkpoint: &'a dyn Fn(&Settings, Checkpoint, &Hub),
     saved: &'a dyn Fn(&SavedImage),
 }
@@ -483,4 +485,38 @@ fn what_a_restart_replaces_comes_back_with_all_its_samples() {
     });
     assert_eq!(outcome.store.samples(), all);
     assert_eq!(at_restart.get(), all);
+}
+
+/// A command after the end, and time for it, before the program is closed.
+fn command_after_the_end(hub: Arc<Hub>, interrupt: Arc<AtomicBool>, command: Command) {
+    std::thread::spawn(move || {
+        let mut viewer = Viewer::new(hub.clone());
+        viewer.select(&[View::Filtered]);
+        viewer.set_ready(true);
+        while !hub.status().borrow().contains(r#""phase":"finished""#) {
+            std::thread::sleep(Duration::from_millis(5));
+        }
+        assert!(hub.send(Command::Save) && hub.send(command));
+        std::thread::sleep(Duration::from_millis(600));
+        assert!(hub.send(Command::Save));
+        interrupt.store(true, Ordering::Relaxed);
+    });
+}
+
+#[test]
+fn a_region_of_a_finished_render_leaves_its_image_as_it_is() {
+    let (begun, saved) = (Cell::new(false), RefCell::new(Vec::new()));
+    let reactions = Reactions {
+        stepped: &|_, hub, interrupt| {
+            if !begun.replace(true) {
+                let region = Command::SetRegion(Some([[0.2, 0.7], [0.2, 0.7]]));
+                command_after_the_end(hub.clone(), interrupt.clone(), region);
+            }
+        },
+        checkpoint: &|_, _, _| (),
+        saved: &|image| saved.borrow_mut().push(image.result.image.clone()),
+    };
+    assert!(render_with(&with_spp(SPP), true, reactions).is_none());
+    let saved = saved.into_inner();
+    assert!(saved.len() == 2 && saved[0] == saved[1], "{} images", saved.len());
 }
