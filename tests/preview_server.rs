@@ -52,14 +52,27 @@ fn send(socket: &mut Socket, message: &str) {
     socket.send(Message::text(message)).expect("an open socket");
 }
 
+/// Returns the bytes of the image that begins with this piece.
+fn image_length(piece: &[u8]) -> usize {
+    let side = |at: usize| usize::from(u16::from_le_bytes([piece[at], piece[at + 1]]));
+    24 + 2 * usize::from(piece[2]) * side(4) * side(6)
+}
+
 /// Reads until the status says that the render has finished, and takes all images; returns their number.
 fn watch_to_the_end(socket: &mut Socket) -> u32 {
-    let mut images = 0;
+    let (mut images, mut missing) = (0, 0);
     loop {
         match socket.read().expect("an open socket") {
-            Message::Binary(_) => {
-                images += 1;
-                send(socket, r#"{"type":"ready"}"#);
+            Message::Binary(piece) => {
+                assert!(piece.len() <= 256 << 10, "a slow link takes a piece in time");
+                if missing == 0 {
+                    missing = image_length(&piece);
+                }
+                missing -= piece.len();
+                if missing == 0 {
+                    images += 1;
+                    send(socket, r#"{"type":"ready"}"#);
+                }
             }
             Message::Text(text) if text.contains(r#""phase":"finished""#) => return images,
             _ => {}

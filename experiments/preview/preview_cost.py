@@ -24,6 +24,13 @@ import urllib.parse
 
 # Offset of the view in a frame's header, and its value for the unfiltered image, which changes with every batch.
 VIEW_BYTE, RAW = 1, 1
+HEADER = 24
+
+
+def frame_length(piece):
+    """Returns the bytes of the frame that begins with this piece."""
+    channels, width, height = struct.unpack("<2xBxHH", piece[:8])
+    return HEADER + 2 * channels * width * height
 
 
 class Socket:
@@ -52,6 +59,14 @@ class Socket:
         self.stream.sendall(b"\x81" + length + mask + bytes(b ^ mask[i % 4] for i, b in enumerate(data)))
 
     def receive(self):
+        """Returns the kind (1 text, 2 frame) and the bytes of a text or a whole frame, or None when the connection closes."""
+        message = self.receive_message()
+        while message is not None and message[0] == 2 and len(message[1]) < frame_length(message[1]):
+            piece = self.receive_message()
+            message = piece and (2, message[1] + piece[1])
+        return message
+
+    def receive_message(self):
         """Returns a message's kind (1 text, 2 binary) and bytes, or None when the connection closes."""
         kind, data = 0, b""
         while True:

@@ -1,4 +1,9 @@
 //! The messages that the page sends: short JSON texts, which are checked before anything acts on them.
+//!
+//! The server sends texts (status, values of a pixel, reasons) and frames. A frame comes in pieces of at most 256 KiB, each a
+//! binary message, with no other message between two of them; the header at the start of the first one tells the length of the
+//! whole (see [`super::preview_frame`]). On a slow link a ping waits behind the pieces: the page sends signs of life by itself
+//! while they arrive.
 
 use serde::Deserialize;
 use tokio::sync::mpsc;
@@ -20,6 +25,8 @@ pub enum Message {
     Views { views: Vec<View> },
     /// Asks for one more image: the page has drawn the one before.
     Ready {},
+    /// A sign of life, while an image arrives.
+    Alive {},
     /// Pauses the render or resumes it.
     Pause { paused: bool },
     /// Changes settings.
@@ -63,7 +70,7 @@ impl Message {
     /// Converts the message to a command; an answer goes to `reply`.
     pub fn into_command(self, reply: &mpsc::Sender<String>) -> Command {
         match self {
-            Message::Views { .. } | Message::Ready {} => Command::Wake,
+            Message::Views { .. } | Message::Ready {} | Message::Alive {} => Command::Wake,
             Message::Pause { paused } => Command::Pause(paused),
             Message::Settings(change) => Command::ChangeSettings(change),
             Message::Camera(step) => Command::MoveCamera(step),
@@ -126,6 +133,7 @@ mod tests {
             Message::PriorityRegion { region: None }
         );
         assert_eq!(read(r#"{"type":"ready"}"#), Message::Ready {});
+        assert_eq!(read(r#"{"type":"alive"}"#), Message::Alive {});
     }
 
     #[test]

@@ -1,6 +1,7 @@
 //! Serves one viewer over its WebSocket: images and status out, messages in.
 //!
-//! A viewer gets one image at a time, and the next when it says that it is ready: a slow one gets fewer.
+//! A viewer gets one image at a time, and the next when it says that it is ready: a slow one gets fewer. An image comes in
+//! pieces, each of which a slow link takes within the time-outs.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -14,6 +15,8 @@ use super::hub::{Frames, Hub};
 use super::protocol::Message;
 use super::viewer::Viewer;
 
+/// Longest packet of an image, in bytes.
+const LONGEST_PIECE: usize = 256 << 10;
 /// A viewer that does not take a packet within this time is disconnected.
 const SEND_TIMEOUT: Duration = Duration::from_secs(20);
 /// Time between two signs of life, and the longest silence of a viewer: a browser answers pings by itself.
@@ -43,7 +46,7 @@ struct Session {
 
 /// What to do after an event.
 enum Next {
-    Send(Packet),
+    Send(Vec<Packet>),
     /// Send a sign of life, and ask for one.
     Ping,
     /// Say why there will be nothing more.
@@ -57,11 +60,11 @@ pub async fn serve_viewer(mut socket: WebSocket, hub: Arc<Hub>) {
     let mut session = Session::new(hub);
     loop {
         let next = match session.next_frame() {
-            Some(packet) => Next::Send(packet),
+            Some(frame) => Next::Send(pieces(&frame)),
             None => session.next_event(&mut socket).await,
         };
         let packets = match next {
-            Next::Send(packet) => vec![packet],
+            Next::Send(packets) => packets,
             // A page does not see pings.
             Next::Ping => vec![Packet::Ping(Bytes::new()), message("alive", "")],
             Next::End(reason) => return end(&mut socket, &reason).await,
@@ -114,11 +117,11 @@ impl Session {
     }
 
     /// Returns a frame that the viewer has not had, if it is ready for one.
-    fn next_frame(&mut self) -> Option<Packet> {
+    fn next_frame(&mut self) -> Option<Bytes> {
         let frame = self.is_ready.then(|| self.viewer.take(&mut self.frames)).flatten()?;
         self.is_ready = false;
         self.viewer.set_ready(false);
-        Some(Packet::Binary(frame.bytes.clone()))
+        Some(frame.bytes.clone())
     }
 
     /// Waits for a message, a new frame, a new status or an answer.
@@ -148,7 +151,7 @@ impl Session {
                 true => Next::Disconnect,
                 false => Next::Ping,
             },
-            Some(reply) = self.replies.recv() => Next::Send(Packet::Text(reply.into())),
+            Some(reply) = self.replies.recv() => Next::Send(vec![Packet::Text(reply.into())]),
         }
     }
 
@@ -160,6 +163,7 @@ impl Session {
                 self.viewer.set_ready(self.is_ready);
                 Next::Wait
             }
+            Ok(Message::Alive {}) => Next::Wait,
             Ok(Message::Ready {}) => {
                 self.is_ready = true;
                 self.viewer.set_ready(true);
@@ -175,10 +179,31 @@ impl Session {
 
     fn current_status(&mut self) -> Next {
         let status = self.status.borrow_and_update().clone();
-        if status.is_empty() { Next::Wait } else { Next::Send(Packet::Text((&*status).into())) }
+        if status.is_empty() { Next::Wait } else { Next::Send(vec![Packet::Text((&*status).into())]) }
     }
 }
 
 fn refuse(reason: &str) -> Next {
-    Next::Send(message("refused", reason))
+    Next::Send(vec![message("refused", reason)])
+}
+
+/// Returns the packets of a frame.
+fn pieces(frame: &Bytes) -> Vec<Packet> {
+    let piece = |start: usize| Packet::Binary(frame.slice(start..frame.len().min(start + LONGEST_PIECE)));
+    (0..frame.len()).step_by(LONGEST_PIECE).map(piece).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pieces_are_short_and_make_up_the_frame() {
+        let frame = Bytes::from((0..2 * LONGEST_PIECE + 7).map(|i| (i % 251) as u8).collect::<Vec<_>>());
+        let pieces = pieces(&frame);
+        let lengths: Vec<_> = pieces.iter().map(|piece| piece.clone().into_data().len()).collect();
+        assert_eq!(lengths, [LONGEST_PIECE, LONGEST_PIECE, 7]);
+        let joined: Vec<u8> = pieces.into_iter().flat_map(Packet::into_data).collect();
+        assert!(joined == frame);
+    }
 }

@@ -1,10 +1,12 @@
 // The WebSocket to the render: frames, status and answers in, messages out. Reconnects when it breaks, and finds out why.
 
-import { decodeFrame } from "./frame.js";
+import { FramePieces, decodeFrame } from "./frame.js";
 
 const RETRY_MILLISECONDS = 1000;
 // The render gives a sign of life every two seconds.
 const LONGEST_SILENCE = 8000; // milliseconds
+// Between two of the page's own, while a frame arrives.
+const ALIVE_MILLISECONDS = 1000;
 const REASONS = {
   204: "connection lost, reconnecting",
   403: "this address is no longer valid: open the one that prpf has printed last",
@@ -29,11 +31,12 @@ export class Connection {
     socket.onmessage = ({ data }) => {
       this.heard = performance.now();
       if (typeof data === "string") this.receiveMessage(JSON.parse(data));
-      else this.receiveFrame(data);
+      else this.receivePiece(data);
     };
     socket.onclose = () => this.lose();
     this.socket = socket;
-    this.heard = performance.now();
+    this.heard = this.sent = performance.now();
+    this.pieces = new FramePieces();
   }
 
   // Finds out why there is no connection, and tries again.
@@ -60,6 +63,7 @@ export class Connection {
   // Sends a message; returns false if there is no connection.
   send(type, content = {}) {
     if (!this.isOpen()) return false;
+    this.sent = performance.now();
     this.socket.send(JSON.stringify({ type, ...content }));
     return true;
   }
@@ -75,7 +79,13 @@ export class Connection {
     this.on[message.type]?.(message);
   }
 
-  receiveFrame(data) {
+  receivePiece(piece) {
+    const data = this.pieces.add(piece);
+    if (!data) {
+      // On a slow link the render's ping waits behind the other pieces.
+      if (performance.now() - this.sent > ALIVE_MILLISECONDS) this.send("alive");
+      return;
+    }
     const frame = decodeFrame(data);
     if (frame) this.on.frame(frame);
     else this.ready();

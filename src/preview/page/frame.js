@@ -1,12 +1,43 @@
-// Decodes a frame: a header, then half floats, pixel by pixel.
+// Decodes a frame: a header, then half floats, pixel by pixel. It arrives in pieces.
 
 const HEADER = 24; // bytes
 const VERSION = 1;
 // Views by their index in a frame's header.
 const VIEWS = ["filtered", "raw", "samples", "error", "variance", "residual", "failure", "albedo", "normal", "reference", "difference", "flip"];
 
+// Joins the pieces of frames, which arrive in order.
+export class FramePieces {
+  constructor() {
+    this.bytes = null; // of the frame whose pieces arrive
+    this.length = 0; // of its pieces so far
+  }
+
+  // Takes a piece; returns the frame's bytes if it is the last one, else null.
+  add(piece) {
+    this.bytes ??= new Uint8Array(frameLength(piece));
+    this.bytes.set(new Uint8Array(piece), this.length);
+    this.length += piece.byteLength;
+    if (this.length < this.bytes.length) return null;
+    const { buffer } = this.bytes;
+    Object.assign(this, { bytes: null, length: 0 });
+    return buffer;
+  }
+}
+
+// Returns the length in bytes of the frame that begins with this piece; that of the piece if it has another format.
+function frameLength(piece) {
+  const head = decodeHead(piece);
+  return head ? HEADER + 2 * head.width * head.height * head.channels : piece.byteLength;
+}
+
 // Returns the frame in a buffer; null if it has another format.
 export function decodeFrame(data) {
+  const head = decodeHead(data);
+  return head && { ...head, halves: new Uint16Array(data, HEADER) };
+}
+
+// Returns the values of a frame's header; null if it has another format.
+function decodeHead(data) {
   if (data.byteLength < HEADER) return null;
   const head = new DataView(data);
   if (head.getUint8(0) !== VERSION) return null;
@@ -20,6 +51,5 @@ export function decodeFrame(data) {
     sequence: head.getUint32(12, true),
     spp: head.getFloat32(16, true),
     seconds: head.getFloat32(20, true),
-    halves: new Uint16Array(data, HEADER),
   };
 }
