@@ -12,6 +12,7 @@ use crossbeam::channel::{Receiver, Sender, TrySendError, bounded};
 use tokio::sync::watch;
 
 use super::command::Command;
+use super::notices::Notices;
 use super::preview_frame::PreviewFrame;
 use super::saved_images::SavedImages;
 use super::view::View;
@@ -32,6 +33,7 @@ pub struct Hub {
     /// Why there will be nothing more, once that is so.
     end: watch::Sender<Option<Arc<str>>>,
     saves: SavedImages,
+    notices: Notices,
     /// Scenes that a viewer may open.
     scenes: OnceLock<Vec<PathBuf>>,
     /// Count the generations and the frames of all scenes.
@@ -62,6 +64,7 @@ impl Default for Hub {
             status: watch::Sender::new(Arc::from("")),
             end: watch::Sender::new(None),
             saves: SavedImages::default(),
+            notices: Notices::default(),
             scenes: OnceLock::new(),
             generation: AtomicU32::new(0),
             sequence: AtomicU32::new(0),
@@ -122,6 +125,11 @@ impl Hub {
     /// Returns the images that were saved.
     pub fn saves(&self) -> &SavedImages {
         &self.saves
+    }
+
+    /// Returns the notices to the user.
+    pub fn notices(&self) -> &Notices {
+        &self.notices
     }
 
     /// Lets viewers open these scenes.

@@ -13,7 +13,7 @@
 //! | file | holds |
 //! | --- | --- |
 //! | `controller`, `controller_end`, `scene_session`, `pending`, `configuration`, `image_request`, `history`, `background_pass` | control of the render |
-//! | `reporter`, `generation_record`, `status` | the status of the render |
+//! | `reporter`, `generation_record`, `status`, `notices` | the status of the render |
 //! | `publisher`, `preview_frame`, `enlargement` | encoded images for the viewers |
 //! | `view`, `colour_scale`, `pixel_values`, `comparison`, `saved_images` | what the page shows |
 //! | `orbit_camera`, `camera_move` | the camera and its movements |
@@ -37,6 +37,7 @@ mod generation_record;
 mod history;
 mod hub;
 mod image_request;
+mod notices;
 mod orbit_camera;
 mod page;
 mod pending;

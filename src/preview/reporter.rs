@@ -1,6 +1,5 @@
 //! Reports a render to its viewers: frames through the publisher, and its status.
 
-use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -9,9 +8,7 @@ use super::comparison::Comparison;
 use super::generation_record::{CoarseImage, GenerationRecord};
 use super::hub::Hub;
 use super::publisher::Publisher;
-use super::status::{
-    CameraStatus, DenoiserInfo, Expectation, HistoryStatus, Notice, Phase, RenderProgress, Status,
-};
+use super::status::{CameraStatus, DenoiserInfo, Expectation, HistoryStatus, Phase, RenderProgress, Status};
 use super::view::{View, ViewSource};
 use crate::filter::{DenoiserName, FilterResult};
 use crate::image::Planes;
@@ -23,8 +20,6 @@ use crate::stats::{Layout, Part, Store};
 const STATUS_INTERVAL: Duration = Duration::from_millis(250);
 /// Time over which samples per second are counted, in seconds.
 const RATE_WINDOW: f64 = 2.0;
-/// Number of the latest notices that every report repeats, since viewers may miss reports.
-const NOTICES: usize = 6;
 
 /// The parts of a report that the reporter does not know.
 pub struct Subject<'a> {
@@ -51,8 +46,6 @@ pub struct Reporter {
     comparison: Option<Comparison>,
     /// The record of the current generation.
     record: GenerationRecord,
-    /// The latest [`NOTICES`], newest last.
-    notices: VecDeque<Notice>,
     /// Time of the latest report; `None` if the next one is urgent.
     reported: Option<Instant>,
 }
@@ -66,7 +59,6 @@ impl Reporter {
             stopped_by: None,
             comparison: None,
             record: GenerationRecord::default(),
-            notices: VecDeque::new(),
             reported: None,
         }
     }
@@ -171,11 +163,7 @@ impl Reporter {
 
     /// Adds a notice to the user.
     pub fn notice(&mut self, text: String, is_problem: bool) {
-        let number = self.notices.back().map_or(0, |last| last.number) + 1;
-        self.notices.push_back(Notice { number, text, is_problem });
-        if self.notices.len() > NOTICES {
-            self.notices.pop_front();
-        }
+        self.hub.notices().add(text, is_problem);
         self.hasten();
     }
 
@@ -329,7 +317,7 @@ impl Reporter {
             bookmarks: &subject.bookmarks,
             saves: self.hub.saves().list(),
             region: subject.region,
-            notices: &self.notices,
+            notices: self.hub.notices().list(),
         };
         // Numbers that JSON cannot hold do not occur: all are finite or absent.
         self.hub.publish_status(serde_json::to_string(&status).unwrap_or_default());

@@ -1,11 +1,10 @@
 //! The status of a render, as the page shows it: phase, settings, statistics, error curve, notices.
 
-use std::collections::VecDeque;
-
 use serde::Serialize;
 
 use super::colour_scale::ColourScale;
 use super::command::Rectangle;
+use super::notices::Notice;
 use super::saved_images::ListedFile;
 use super::view::View;
 use crate::filter::DenoiserName;
@@ -52,7 +51,7 @@ pub struct Status<'a> {
     /// The region that is rendered first.
     pub region: Option<Rectangle>,
     /// The latest notices, newest last.
-    pub notices: &'a VecDeque<Notice>,
+    pub notices: Vec<Notice>,
 }
 
 /// A denoiser that the page offers, and what choosing it costs.
@@ -127,13 +126,4 @@ pub struct CameraStatus {
     pub distance: f64,
     /// The camera as directives of a scene file.
     pub directives: String,
-}
-
-/// A notice to the user, such as where an image was saved.
-#[derive(Clone, Debug, Serialize)]
-pub struct Notice {
-    /// Counts the notices, from 1.
-    pub number: u32,
-    pub text: String,
-    pub is_problem: bool,
 }

@@ -41,13 +41,11 @@ fn another_scene_is_opened_and_the_first_comes_back_with_its_samples() {
     page.wait("document.querySelectorAll('#bookmarks li').length === 0");
     page.wait("document.getElementById('undo').disabled");
     page.key("s");
-    page.wait("window.prpf.state.status.notices.some((n) => n.text.includes('wide-0001.exr'))");
+    page.wait("document.getElementById('notices').textContent.includes('wide-0001.exr')");
 
     // A scene that cannot be read leads back, and the page says why
     open_scene(&mut page, "broken.pbrt");
-    page.wait(
-        "window.prpf.state.status?.notices.some((n) => n.text.startsWith('not opened: broken.pbrt:1:'))",
-    );
+    page.wait("document.getElementById('notices').textContent.includes('not opened: broken.pbrt:1:')");
     assert_eq!(page.value(SCENE_NAME), "wide.pbrt");
 
     open_scene(&mut page, "scene.pbrt");
