@@ -28,6 +28,8 @@ fn a_loss_and_an_old_token_are_told_apart_and_nothing_is_lost_silently() {
     );
     page.click("input[name=sampling][value=uniform]");
     page.wait("document.querySelector('input[name=sampling]:checked').value === 'adaptive'");
+    let lines = "[...document.querySelectorAll('#notices p')].filter((p) => p.textContent.includes('was not sent')).length";
+    assert_eq!(page.value(lines), 1, "the same is not shown twice");
 
     // Another run at the same address has another token
     let port = address.rsplit(':').next().and_then(|rest| rest.split('/').next()).expect("a port");

@@ -14,6 +14,7 @@ import { FILTERED, VIEW_NAMES } from "./views.js";
 
 const $ = (id) => document.getElementById(id);
 const NOTICE_MILLISECONDS = 6000;
+const MOST_LINES = 6; // of notices
 const INSPECT_MILLISECONDS = 100;
 
 const viewport = new Viewport($("viewport"));
@@ -136,17 +137,19 @@ function sendNow(type, content) {
   if (state.status) panel.restore();
 }
 
-// Shows a line for some seconds.
+// Shows a line for some seconds. One that is on show already stays for as long again.
 function notify(text, isProblem) {
-  const line = addLine(text, isProblem);
-  setTimeout(() => line.remove(), NOTICE_MILLISECONDS);
+  const line = [...$("notices").children].find((other) => other.dataset.text === text) ?? addLine(text, isProblem);
+  clearTimeout(line.timer);
+  line.timer = setTimeout(() => line.remove(), NOTICE_MILLISECONDS);
 }
 
-// Shows a line until it is removed; returns it.
+// Shows a line until it is removed; returns it. The oldest makes room for it.
 function addLine(text, isProblem) {
   const line = document.createElement("p");
-  line.textContent = text;
+  line.textContent = line.dataset.text = text;
   line.classList.toggle("problem", isProblem);
+  if ($("notices").children.length === MOST_LINES) $("notices").firstChild.remove();
   $("notices").append(line);
   return line;
 }
