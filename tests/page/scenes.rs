@@ -6,6 +6,7 @@ use crate::live::{SCENE, folder_with_scene, start_in};
 
 const SCENE_NAME: &str = "document.getElementById('scene').textContent";
 const SAMPLES: &str = "window.prpf.state.status?.statistics.samples";
+const PROBLEM: &str = "document.getElementById('notices').textContent.includes('not opened: broken.pbrt:1:')";
 
 fn open_scene(page: &mut Page, name: &str) {
     page.click("#show-scenes");
@@ -45,8 +46,14 @@ fn another_scene_is_opened_and_the_first_comes_back_with_its_samples() {
 
     // A scene that cannot be read leads back, and the page says why
     open_scene(&mut page, "broken.pbrt");
-    page.wait("document.getElementById('notices').textContent.includes('not opened: broken.pbrt:1:')");
+    page.wait(PROBLEM);
     assert_eq!(page.value(SCENE_NAME), "wide.pbrt");
+
+    // It stays until a user removes it, also on a page that is opened later
+    page.reload();
+    page.wait(PROBLEM);
+    page.click("#notices .problem button");
+    page.wait(&format!("!{PROBLEM}"));
 
     open_scene(&mut page, "scene.pbrt");
     page.wait(&format!("{SCENE_NAME} === 'scene.pbrt' && {SAMPLES} === {samples}"));

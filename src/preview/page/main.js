@@ -34,7 +34,7 @@ const connection = new Connection({
   open: () => {
     $("save").disabled = $("restart").disabled = false;
     viewport.clearRender();
-    state.requestedViews = "";
+    Object.assign(state, { requestedViews: "", notice: null });
     requestViews();
   },
   lost: (reason) => {
@@ -71,14 +71,12 @@ const connection = new Connection({
     comparison.show(status);
     if (!status.views.some(({ view }) => view === state.view)) state.view = "filtered";
     panel.markView(state.view);
-    // Notices from before the page was opened are not shown.
-    const newest = status.notices.at(-1)?.number ?? 0;
-    if (state.notice !== null) {
-      const latest = status.notices.filter(({ number }) => number > state.notice);
-      if (latest.some(({ text }) => /^(not )?saved/.test(text))) state.saving?.remove();
-      latest.forEach((n) => notify(n.text, n.is_problem));
-    }
-    state.notice = newest;
+    // Of the notices from before the page was opened only problems are shown.
+    const isNew = (n) => state.notice === null ? n.is_problem : n.number > state.notice;
+    const latest = status.notices.filter(isNew);
+    if (latest.some(({ text }) => /^(not )?saved/.test(text))) state.saving?.remove();
+    latest.forEach((n) => notify(n.text, n.is_problem));
+    state.notice = status.notices.at(-1)?.number ?? 0;
     updateViews();
     placeOverlays();
   },
@@ -137,11 +135,12 @@ function sendNow(type, content) {
   if (state.status) panel.restore();
 }
 
-// Shows a line for some seconds. One that is on show already stays for as long again.
+// Shows a line: a problem until the user removes it, another one for some seconds. One that is on show already stays for as
+// long again.
 function notify(text, isProblem) {
   const line = [...$("notices").children].find((other) => other.dataset.text === text) ?? addLine(text, isProblem);
   clearTimeout(line.timer);
-  line.timer = setTimeout(() => line.remove(), NOTICE_MILLISECONDS);
+  if (!isProblem) line.timer = setTimeout(() => line.remove(), NOTICE_MILLISECONDS);
 }
 
 // Shows a line until it is removed; returns it. The oldest makes room for it.
@@ -149,7 +148,12 @@ function addLine(text, isProblem) {
   const line = document.createElement("p");
   line.textContent = line.dataset.text = text;
   line.classList.toggle("problem", isProblem);
-  if ($("notices").children.length === MOST_LINES) $("notices").firstChild.remove();
+  if (isProblem) {
+    const remove = Object.assign(document.createElement("button"), { textContent: "×", title: "Remove", onclick: () => line.remove() });
+    remove.setAttribute("aria-label", "Remove this notice");
+    line.append(remove);
+  }
+  if ($("notices").children.length === MOST_LINES) $("notices").firstElementChild.remove();
   $("notices").append(line);
   return line;
 }
