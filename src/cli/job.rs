@@ -41,6 +41,8 @@ pub(super) struct Job<'a> {
 /// What a render leaves to the command.
 pub(super) struct Rendered {
     pub end: ControllerEnd,
+    /// Why images were not saved that viewers have asked for in the end.
+    pub unsaved: Vec<String>,
     pub checkpoints: Option<Checkpoints>,
     pub samples: Option<SampleFile>,
 }
@@ -123,7 +125,7 @@ impl Job<'_> {
             bar: bar.clone(),
             start,
         };
-        let end = if has_viewers {
+        let (end, unsaved) = if has_viewers {
             let hub = self.connect(viewers, &bar)?;
             hub.drop_commands();
             let configuration = Configuration {
@@ -141,11 +143,11 @@ impl Job<'_> {
             };
             Controller::new(hub, configuration).run()
         } else {
-            self.run_alone(settings, renderer, checkpoint, &mut host)
+            (self.run_alone(settings, renderer, checkpoint, &mut host), Vec::new())
         };
         bar.finish_and_clear();
         let RenderHost { checkpoints, samples, .. } = host;
-        Ok(Rendered { end, checkpoints, samples })
+        Ok(Rendered { end, unsaved, checkpoints, samples })
     }
 
     fn process_count(&self) -> usize {

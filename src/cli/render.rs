@@ -168,7 +168,7 @@ fn render_until(
             return Ok(SceneEnd::Done(0));
         }
     }
-    let Rendered { end, checkpoints, samples } =
+    let Rendered { end, unsaved, checkpoints, samples } =
         job.render(&settings, signals.begin_render(), (session, notice), viewers)?;
     let (outcome, metadata) = match end {
         ControllerEnd::Finished(outcome, camera) => (outcome, metadata.with_camera(&camera)),
@@ -176,7 +176,7 @@ fn render_until(
         ControllerEnd::Closed => {
             let finished = checkpoints.map_or(Ok(()), Checkpoints::finish);
             close(viewers, CLOSED);
-            return finished.map(|()| SceneEnd::Done(0));
+            return finished.and(check_saved(&unsaved)).map(|()| SceneEnd::Done(0));
         }
         ControllerEnd::Opens(scene, made) => {
             *session = Some(*made);
@@ -206,8 +206,13 @@ fn render_until(
         let text = summary::summary(&outcome, seconds, &inputs.outfiles, options.verbose);
         print(&text).map_err(Failure::Run)?;
     }
-    checkpoints.and(samples)?;
+    checkpoints.and(samples).and(check_saved(&unsaved))?;
     Ok(SceneEnd::Done(if outcome.stopped_by == StoppedBy::Interrupt { INTERRUPTED } else { 0 }))
+}
+
+/// Checks that all images were saved that viewers have asked for in the end: they may not hear of it any more.
+fn check_saved(unsaved: &[String]) -> Result<(), Failure> {
+    if unsaved.is_empty() { Ok(()) } else { Err(Failure::Run(anyhow::anyhow!("{}", unsaved.join("; ")))) }
 }
 
 /// Disconnects the viewers, and tells them why.

@@ -79,6 +79,8 @@ pub struct Controller<'a> {
     requests: VecDeque<ImageRequest>,
     /// Images that are being made in the background, to be saved.
     background: Vec<(ImageRequest, BackgroundPass)>,
+    /// Why images were not saved while the render ended: viewers may not hear of it.
+    unsaved: Vec<String>,
 }
 
 /// The host of one generation.
@@ -136,14 +138,15 @@ impl<'a> Controller<'a> {
             viewer_pass_seconds: 0.0,
             requests: VecDeque::new(),
             background: Vec::new(),
+            unsaved: Vec::new(),
         };
         controller.take_session();
         controller
     }
 
-    /// Renders until a budget is spent or, if the preview stays, until it is interrupted or another scene is opened. Must
-    /// not be called on a thread that others need.
-    pub fn run(mut self) -> ControllerEnd {
+    /// Renders until a budget is spent or, if the preview stays, until it is interrupted or another scene is opened. Returns also
+    /// why images were not saved that viewers have asked for in the end. Must not be called on a thread that others need.
+    pub fn run(mut self) -> (ControllerEnd, Vec<String>) {
         for path in self.configuration.host.earlier_images() {
             self.hub.saves().add(SavedFile { path, spp: None });
         }
@@ -163,7 +166,7 @@ impl<'a> Controller<'a> {
         for (request, pass) in std::mem::take(&mut self.background) {
             self.write_image(&request, pass.wait().ok().map(|filtered| filtered.result).as_ref());
         }
-        end
+        (end, self.unsaved)
     }
 
     /// Renders one view with one set of samples.

@@ -34,8 +34,7 @@ impl Controller<'_> {
                 // A generation with the statistics that this denoiser needs is about to begin.
                 self.pending.request_save(&request.settings);
             } else if !suffices(&request.settings) {
-                let text = "not saved: another denoiser was chosen before there were statistics for this one";
-                self.reporter.notice(text.to_owned(), true);
+                self.notice_unsaved("another denoiser was chosen before there were statistics for this one");
             } else if !self.requests.iter().any(is_same) {
                 self.requests.push_back(request);
             }
@@ -52,10 +51,8 @@ impl Controller<'_> {
             if let Some(shown) = self.reporter.shown().filter(matches).cloned() {
                 self.write_image(&request, Some(&shown));
             } else if self.background.len() == MOST_IN_BACKGROUND {
-                self.reporter.notice(
-                    "not saved: earlier images are still being filtered; save again when they are there"
-                        .to_owned(),
-                    true,
+                self.notice_unsaved(
+                    "earlier images are still being filtered; save again when they are there",
                 );
             } else {
                 let pass = self.pass_threads.start(self.viewer_pass(&request.store, &request.settings));
@@ -89,7 +86,17 @@ impl Controller<'_> {
                 }
                 self.reporter.notice(text, false);
             }
-            Err(problem) => self.reporter.notice(format!("not saved: {problem}"), true),
+            Err(problem) => self.notice_unsaved(&problem),
         }
+    }
+
+    /// Tells why an image was not saved: the viewers, and in the end the command.
+    fn notice_unsaved(&mut self, reason: &str) {
+        let text = format!("not saved: {reason}");
+        let is_end = !self.configuration.stays && self.reporter.phase() == Phase::Finished;
+        if is_end || self.is_interrupted() {
+            self.unsaved.push(text.clone());
+        }
+        self.reporter.notice(text, true);
     }
 }

@@ -58,7 +58,7 @@ impl Host for TestHost<'_> {
 impl PreviewHost for TestHost<'_> {
     fn write_image(&mut self, image: &SavedImage) -> Result<Vec<PathBuf>, String> {
         (self.reactions.saved)(image);
-        Ok(Vec::new())
+        (self.disk)().map(|()| Vec::new())
     }
 
     fn checkpoint_problem(&mut self) -> Option<String> {
@@ -82,16 +82,25 @@ fn with_spp(spp: u32) -> Settings {
 
 /// As [`render`]; a preview that `stays` has no outcome.
 fn render_with(settings: &Settings, stays: bool, reactions: Reactions) -> Option<Outcome> {
-    render_on(&|| Ok(()), settings, stays, reactions).0
+    render_on(&|| Ok(()), settings, stays, reactions).outcome
 }
 
-/// As [`render_with`], with a disk that may be full; and the last status.
+/// How a render has ended.
+struct Ended {
+    outcome: Option<Outcome>,
+    /// The last status.
+    status: Arc<str>,
+    /// Why images were not saved in the end.
+    unsaved: Vec<String>,
+}
+
+/// As [`render_with`], with a disk that may be full.
 fn render_on(
     disk: &dyn Fn() -> Result<(), String>,
     settings: &Settings,
     stays: bool,
     reactions: Reactions,
-) -> (Option<Outcome>, Arc<str>) {
+) -> Ended {
     let text = include_str!("../../../experiments/stability/cases/noisy.pbrt");
     let scene = pbrt::read_str(text, Path::new(".")).unwrap();
     let accel = Accel::build(&scene);
@@ -112,12 +121,13 @@ fn render_on(
         stays,
         host: &mut host,
     };
-    let outcome = match Controller::new(hub.clone(), configuration).run() {
+    let (end, unsaved) = Controller::new(hub.clone(), configuration).run();
+    let outcome = match end {
         ControllerEnd::Finished(outcome, _) => Some(*outcome),
         ControllerEnd::Closed | ControllerEnd::Opens(..) => None,
     };
     let status = hub.status().borrow().clone();
-    (outcome, status)
+    Ended { outcome, status, unsaved }
 }
 
 /// Chooses a method, or a method and a preset.
@@ -257,7 +267,7 @@ fn a_state_that_could_not_be_kept_is_not_said_to_be() {
         checkpoint: &|_, _, _| (),
         saved: &|_| unreachable!("nobody asked for it"),
     };
-    let (_, told) = render_on(&|| Err("the disk is full".to_owned()), &with_spp(SPP), false, moments);
+    let told = render_on(&|| Err("the disk is full".to_owned()), &with_spp(SPP), false, moments).status;
     assert!(
         told.contains(r#""text":"the disk is full; the new render is not saved to it","is_problem":true"#),
         "{told}"
@@ -519,4 +529,20 @@ fn a_region_of_a_finished_render_leaves_its_image_as_it_is() {
     assert!(render_with(&with_spp(SPP), true, reactions).is_none());
     let saved = saved.into_inner();
     assert!(saved.len() == 2 && saved[0] == saved[1], "{} images", saved.len());
+}
+
+#[test]
+fn the_command_learns_of_an_image_that_was_not_saved_when_the_preview_was_closed() {
+    let reactions = Reactions {
+        stepped: &|progress, hub, interrupt| {
+            if progress.spp >= 4.0 && !interrupt.swap(true, Ordering::Relaxed) {
+                assert!(hub.send(Command::Save));
+            }
+        },
+        checkpoint: &|_, _, _| (),
+        saved: &|_| (),
+    };
+    let closed = render_on(&|| Err("the disk is full".to_owned()), &with_spp(SPP), true, reactions);
+    assert!(closed.outcome.is_none());
+    assert_eq!(closed.unsaved, ["not saved: the disk is full"]);
 }
