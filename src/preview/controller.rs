@@ -400,7 +400,8 @@ impl<'a> Controller<'a> {
         let (denoisers, history) = (self.denoiser_infos(store), self.history_status(store));
         let bookmarks = self.bookmarks.iter().map(|bookmark| self.directives(bookmark.camera())).collect();
         let camera = self.camera_status();
-        let subject = Subject { scene, settings, denoisers, history, camera, bookmarks, region: self.region };
+        let (is_paused, region) = (self.is_paused, self.region);
+        let subject = Subject { scene, is_paused, settings, denoisers, history, camera, bookmarks, region };
         self.reporter.report(&subject, store, at_once);
     }
 }

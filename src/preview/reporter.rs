@@ -24,6 +24,7 @@ const RATE_WINDOW: f64 = 2.0;
 /// The parts of a report that the reporter does not know.
 pub struct Subject<'a> {
     pub scene: &'a str,
+    pub is_paused: bool,
     pub settings: &'a Settings,
     pub camera: CameraStatus,
     pub denoisers: Vec<DenoiserInfo>,
@@ -125,6 +126,11 @@ impl Reporter {
     pub fn finish(&mut self, stopped_by: StoppedBy) {
         self.enter(Phase::Finished);
         self.stopped_by = Some(stopped_by);
+    }
+
+    /// Returns whether the render has ended, also while a filter pass over its samples runs.
+    pub fn is_finished(&self) -> bool {
+        self.stopped_by.is_some()
     }
 
     pub fn progress(&self) -> Option<&Progress> {
@@ -304,6 +310,7 @@ impl Reporter {
             height: store.height(),
             generation: self.publisher.generation(),
             phase: self.phase,
+            is_paused: subject.is_paused,
             stopped_by: self.stopped_by,
             settings: subject.settings,
             denoisers: &subject.denoisers,
@@ -346,5 +353,21 @@ impl Reporter {
             true_error: self.comparison.as_ref().and_then(Comparison::relmse),
             flip: self.comparison.as_ref().and_then(Comparison::mean_flip),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_render_is_finished_until_it_goes_on() {
+        let mut reporter = Reporter::new(Arc::new(Hub::default()));
+        assert!(!reporter.is_finished());
+        reporter.finish(StoppedBy::Interrupt);
+        assert_eq!(reporter.enter(Phase::Filtering), Phase::Finished);
+        assert!(reporter.is_finished(), "a pass for a viewer does not change that");
+        reporter.enter(Phase::Rendering);
+        assert!(!reporter.is_finished());
     }
 }

@@ -30,7 +30,9 @@ pub struct Status<'a> {
     pub height: usize,
     pub generation: u32,
     pub phase: Phase,
-    /// The limit that ended a finished render.
+    /// Whether the render is paused, also while a filter pass runs.
+    pub is_paused: bool,
+    /// The limit that ended a finished render, also while a filter pass runs.
     pub stopped_by: Option<crate::progressive::StoppedBy>,
     pub settings: &'a Settings,
     /// All denoisers, for the page to choose from.

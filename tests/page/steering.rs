@@ -204,6 +204,7 @@ fn space_pauses_unless_a_button_has_the_focus() {
     let Some(program) = chromium() else { return };
     let (mut page, _render, _folder) = recording_page(program, [1024, 768]);
     page.key(" ");
+    page.wait("document.getElementById('pause').textContent === 'Resume'");
     page.wait(&format!("{PHASE} === 'paused'"));
     page.value("document.getElementById('pause').focus()");
     page.key(" ");

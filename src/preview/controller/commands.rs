@@ -10,7 +10,6 @@ use crate::memory::{available_bytes, format_bytes};
 use crate::preview::command::Command;
 use crate::preview::pixel_values::describe_pixel;
 use crate::preview::settings_change::SettingsChange;
-use crate::preview::status::Phase;
 use crate::progressive::{Host, Settings, memory_needed};
 use crate::stats::Store;
 
@@ -41,7 +40,7 @@ impl Controller<'_> {
         match command {
             Command::Wake => {}
             Command::Pause(is_paused) => {
-                self.is_paused = is_paused && self.reporter.phase() != Phase::Finished;
+                self.is_paused = is_paused && !self.reporter.is_finished();
                 self.reporter.hasten();
             }
             Command::ChangeSettings(change) => self.change_settings(&change, store),

@@ -274,7 +274,7 @@ function takeTool(tool) {
 }
 
 const actualSize = () => viewport.zoomBy(1 / viewport.zoom);
-const togglePause = () => state.status && state.status.phase !== "finished" && send("pause", { paused: state.status.phase !== "paused" });
+const togglePause = () => state.status && !state.status.stopped_by && send("pause", { paused: !state.status.is_paused });
 const restart = () => send("restart", {});
 const undo = () => $("undo").disabled || send("undo", {});
 const redo = () => $("redo").disabled || send("redo", {});

@@ -59,10 +59,9 @@ export class Panel {
     $("phase").className = $("phase").title = "";
     $("phase").textContent = `${PHASES[status.phase]}${end} · ${status.width}×${status.height}`;
     $("progress").firstElementChild.style.transform = `scaleX(${statistics.fraction})`;
-    const paused = status.phase === "paused";
-    $("pause").textContent = paused ? "Resume" : "Pause";
-    $("pause").setAttribute("aria-pressed", String(paused));
-    $("pause").disabled = status.phase === "finished";
+    $("pause").textContent = status.is_paused ? "Resume" : "Pause";
+    $("pause").setAttribute("aria-pressed", String(status.is_paused));
+    $("pause").disabled = Boolean(status.stopped_by);
     for (const [way, keys] of [["undo", "U"], ["redo", "Shift+U"]]) {
       const render = status.history[way];
       $(way).disabled = !render;
