@@ -400,8 +400,17 @@ impl<'a> Controller<'a> {
         let (denoisers, history) = (self.denoiser_infos(store), self.history_status(store));
         let bookmarks = self.bookmarks.iter().map(|bookmark| self.directives(bookmark.camera())).collect();
         let camera = self.camera_status();
-        let (is_paused, region) = (self.is_paused, self.region);
-        let subject = Subject { scene, is_paused, settings, denoisers, history, camera, bookmarks, region };
+        let subject = Subject {
+            scene,
+            is_paused: self.is_paused,
+            settings,
+            denoisers,
+            most_spp_kept: self.most_spp_kept(store),
+            history,
+            camera,
+            bookmarks,
+            region: self.region,
+        };
         self.reporter.report(&subject, store, at_once);
     }
 }

@@ -8,7 +8,9 @@ use super::comparison::Comparison;
 use super::generation_record::{CoarseImage, GenerationRecord};
 use super::hub::Hub;
 use super::publisher::Publisher;
-use super::status::{CameraStatus, DenoiserInfo, Expectation, HistoryStatus, Phase, RenderProgress, Status};
+use super::status::{
+    CameraStatus, DenoiserInfo, Expectation, HistoryStatus, MostSpp, Phase, RenderProgress, Status,
+};
 use super::view::{View, ViewSource};
 use crate::filter::{DenoiserName, FilterResult};
 use crate::image::Planes;
@@ -28,6 +30,7 @@ pub struct Subject<'a> {
     pub settings: &'a Settings,
     pub camera: CameraStatus,
     pub denoisers: Vec<DenoiserInfo>,
+    pub most_spp_kept: MostSpp,
     pub history: HistoryStatus,
     /// As directives.
     pub bookmarks: Vec<String>,
@@ -314,6 +317,7 @@ impl Reporter {
             stopped_by: self.stopped_by,
             settings: subject.settings,
             denoisers: &subject.denoisers,
+            most_spp_kept: subject.most_spp_kept,
             history: &subject.history,
             made_by: self.record.shown.as_ref().map(|shown| shown.made_by),
             views: self.publisher.views(),

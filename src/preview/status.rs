@@ -37,6 +37,7 @@ pub struct Status<'a> {
     pub settings: &'a Settings,
     /// All denoisers, for the page to choose from.
     pub denoisers: &'a [DenoiserInfo],
+    pub most_spp_kept: MostSpp,
     pub history: &'a HistoryStatus,
     /// The denoiser that made the image that is shown.
     pub made_by: Option<DenoiserName>,
@@ -66,6 +67,14 @@ pub struct DenoiserInfo {
     pub begins_anew: bool,
     /// Memory of a render with it; `None` if it has no bound.
     pub memory_bytes: Option<f64>,
+}
+
+/// The largest budgets in samples per pixel with which the render goes on, by sampling; `None` where it does with any. A denoiser
+/// that needs every sample vector begins anew with a larger one.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct MostSpp {
+    pub uniform: Option<u32>,
+    pub adaptive: Option<u32>,
 }
 
 /// The renders to which a user can return.

@@ -174,13 +174,26 @@ impl Settings {
 
     /// Returns the samples that a pixel can get, as far as budgets limit them.
     fn most_samples(&self) -> usize {
-        let ratio_to_mean = match (self.sampling, &self.sample_map) {
+        let ratio = self.ratio_to_mean();
+        let budget = self.budget.spp.map_or(u32::MAX, |spp| (f64::from(spp) * ratio).ceil() as u32);
+        budget.min(self.max_spp) as usize
+    }
+
+    /// Returns the largest ratio of a pixel's samples to their mean over the image.
+    fn ratio_to_mean(&self) -> f64 {
+        match (self.sampling, &self.sample_map) {
             (Sampling::Uniform, None) => 1.0,
             (Sampling::Uniform, Some(map)) => map.peak(),
             (Sampling::Adaptive, _) => adaptive::CEILING,
-        };
-        let budget = self.budget.spp.map_or(u32::MAX, |spp| (f64::from(spp) * ratio_to_mean).ceil() as u32);
-        budget.min(self.max_spp) as usize
+        }
+    }
+
+    /// Returns the largest budget, in samples per pixel, of which reservoirs of this capacity keep the sample vectors that the
+    /// denoiser needs; `None` if there is no largest one.
+    pub fn most_spp_kept(&self, capacity: usize) -> Option<u32> {
+        let keeps_all = matches!(self.denoiser.reads().sample_vectors, SampleVectors::All { .. });
+        let is_limited = keeps_all && capacity < self.max_spp as usize;
+        is_limited.then(|| (capacity as f64 / self.ratio_to_mean()) as u32)
     }
 }
 
@@ -214,6 +227,7 @@ impl PixelMemory {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::filter::rpf;
 
     #[test]
     fn settings_out_of_range_are_named() {
@@ -232,6 +246,19 @@ mod tests {
         assert_eq!(field(Settings { priority, ..Settings::default() }), Some("cap_quantile"));
         let priority = PrioritySettings { blur: f32::NAN, ..PrioritySettings::default() };
         assert_eq!(field(Settings { priority, ..Settings::default() }), Some("blur"));
+    }
+
+    #[test]
+    fn the_largest_budget_that_is_kept_fits_into_the_reservoir() {
+        for (sampling, most) in [(Sampling::Uniform, 64), (Sampling::Adaptive, 8)] {
+            let budget = |spp| Budget { spp: Some(spp), ..Budget::default() };
+            let of =
+                |spp| Settings { denoiser: &rpf::RPF, sampling, budget: budget(spp), ..Settings::default() };
+            assert_eq!(of(1).most_spp_kept(64), Some(most));
+            assert!(of(most).reservoir_capacity() <= 64 && of(most + 1).reservoir_capacity() > 64);
+            assert_eq!(Settings { max_spp: 64, ..of(1) }.most_spp_kept(64), None);
+        }
+        assert_eq!(Settings::default().most_spp_kept(0), None);
     }
 
     #[test]

@@ -107,3 +107,20 @@ fn a_render_that_cannot_be_kept_is_discarded_after_a_question_only() {
     page.click("#question button[value=yes]");
     page.wait(&format!("{GENERATION} > {generation}"));
 }
+
+/// A denoiser that needs every sample has no room for more of them.
+#[test]
+fn more_samples_for_rpf_discard_a_render_after_a_question_only() {
+    let Some(program) = chromium() else { return };
+    let arguments = ["--resolution", "24x16", "--spp", "2", "--denoiser", "rpf", "--sampling", "uniform"];
+    let (_render, address, _folder) = preview(&arguments);
+    let mut page = Page::open(program, &address, [1280, 800]);
+    page.wait(&format!("window.prpf && window.prpf.state.status && {PHASE} === 'finished'"));
+    let generation = page.value(GENERATION);
+    page.value("window.prpf.state.status.history.has_room = false");
+    enter(&mut page, "spp", "8");
+    page.wait("document.getElementById('question').open");
+    page.key("Escape");
+    page.wait("!document.getElementById('question').open && document.getElementById('spp').value === '2'");
+    assert_eq!(page.value(GENERATION), generation);
+}

@@ -5,13 +5,14 @@ use std::time::{Duration, Instant};
 
 use super::Controller;
 use super::region_passes::RegionPasses;
+use crate::adaptive::Sampling;
 use crate::image::Planes;
 use crate::memory::format_bytes;
 use crate::preview::generation_record::GenerationRecord;
 use crate::preview::history::{HistoryStep, KeptRender, MOST_KEPT};
 use crate::preview::orbit_camera::OrbitCamera;
 use crate::preview::scene_session::SceneSession;
-use crate::preview::status::{DenoiserInfo, HistoryStatus, Phase};
+use crate::preview::status::{DenoiserInfo, HistoryStatus, MostSpp, Phase};
 use crate::progressive::{Checkpoint, RenderLoop, Settings, memory_needed};
 use crate::render::Renderer;
 use crate::stats::Store;
@@ -157,6 +158,14 @@ impl Controller<'_> {
             }
         };
         self.denoisers.iter().map(info).collect()
+    }
+
+    pub(super) fn most_spp_kept(&self, store: &Store) -> MostSpp {
+        let most = |sampling| {
+            let settings = Settings { sampling, ..self.configuration.settings.clone() };
+            settings.most_spp_kept(store.capacity())
+        };
+        MostSpp { uniform: most(Sampling::Uniform), adaptive: most(Sampling::Adaptive) }
     }
 
     pub(super) fn history_status(&self, store: &Store) -> HistoryStatus {

@@ -6,8 +6,16 @@ const WORTH_SECONDS = 10;
 // Returns whether a message discards the samples so far.
 function discards(type, content, status) {
   if (type === "restart" || type === "camera") return true;
-  if (type !== "settings" || !content.denoiser) return false;
-  return status.denoisers.find(({ denoiser }) => denoiser === content.denoiser)?.begins_anew ?? false;
+  if (type !== "settings") return false;
+  const { settings, denoisers, most_spp_kept } = status;
+  if (content.denoiser || content.quality) {
+    const method = content.denoiser ?? settings.denoiser;
+    const isChosen = ({ denoiser, quality }) => denoiser === method && (!content.quality || quality === content.quality);
+    return denoisers.find(isChosen)?.begins_anew ?? false;
+  }
+  const spp = content.spp ?? settings.budget.spp;
+  const most = most_spp_kept[content.sampling ?? settings.sampling];
+  return most !== null && !(spp > 0 && spp <= most);
 }
 
 export class Discarding {
