@@ -93,16 +93,17 @@ impl Controller<'_> {
         self.reporter.filtered_coarsely(coarse, started.elapsed().as_secs_f64());
     }
 
-    /// Collects movements of the camera, until it rests or there is another command that matters.
+    /// Collects movements of the camera: those that have come, once there is one. Ends when there is none for [`REST`], whatever
+    /// else comes, or when another command matters.
     fn await_moves(&mut self) {
         let commands = self.hub.commands().clone();
-        let mut rest = REST;
+        let mut end = Instant::now() + REST;
         while !self.is_deferred()
-            && let Ok(command) = commands.recv_timeout(rest)
+            && let Ok(command) = commands.recv_deadline(end)
         {
             self.set_aside(command);
             if !self.pending.moves.is_empty() {
-                rest = Duration::ZERO;
+                end = Instant::now();
             }
         }
     }
@@ -122,9 +123,9 @@ impl Controller<'_> {
         }
     }
 
-    /// Returns whether a command waits that matters more than a first image.
+    /// Returns whether a command waits that matters more than a first image, or the render is to end.
     fn is_called_away(&self) -> bool {
-        !self.pending.moves.is_empty() || self.is_deferred()
+        !self.pending.moves.is_empty() || self.is_deferred() || self.is_interrupted()
     }
 
     /// Returns whether a command other than a movement waits. A page whose pointer is on the image inspects a pixel after
