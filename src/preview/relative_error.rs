@@ -9,10 +9,15 @@ pub fn relative_error(squares: &Planes, image: &Planes) -> Planes {
     for channel in 0..3 {
         let squares = squares.plane(channel.min(squares.count() - 1));
         for ((out, square), value) in map.data_mut().iter_mut().zip(squares).zip(image.plane(channel)) {
-            *out += square / (value * value + RELMSE_EPSILON as f32) / 3.0;
+            *out += relative(*square, *value) / 3.0;
         }
     }
     map
+}
+
+/// Returns the squared error of one value relative to it, as in relMSE.
+pub fn relative(square: f32, value: f32) -> f32 {
+    square / (value * value + RELMSE_EPSILON as f32)
 }
 
 #[cfg(test)]

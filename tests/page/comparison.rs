@@ -33,6 +33,10 @@ fn a_reference_has_views_and_an_error() {
     }
     page.wait("document.querySelector('[data-value=true_error]').textContent.includes('FLIP')");
     assert_eq!(page.value("document.querySelector('#legend p').textContent"), "visible difference (FLIP)");
+    // Its value stays beside those of the render
+    let middle = on_image(&mut page, [0.0, 0.0]);
+    page.hover(middle);
+    page.wait("((text) => text.includes('albedo') && text.includes('flip'))(document.getElementById('values').textContent)");
     save_screenshot(&mut page, "flip.png");
 
     // Wipe against the reference

@@ -3,27 +3,28 @@
 import { short } from "./colour_scale.js";
 import { VIEW_NAMES } from "./views.js";
 
-// Shows the values of `pixel` ([x, y]). `own` are those of the view on screen, at once; `all` come from the render.
+// The values that the render sends, by the views that show them.
+const SENT = ["raw", "filtered", "samples", "variance", "error", "residual", "failure", "albedo", "normal"];
+
+// Formats a value: a number, or a list of one or three of them.
+function format(view, value) {
+  if (view === "samples") return String(value);
+  if (view === "normal") return value.map((c) => c.toFixed(3)).join("  ");
+  const list = [value].flat();
+  return list.length === 1 ? short(list[0]) : list.map((c) => (c === null ? "–" : Number(c).toPrecision(4))).join("  ");
+}
+
+// Shows the values of `pixel` ([x, y]). `own` are those of the view on screen, at once; `all` come from the render, which does
+// not send those of a comparison.
 export function showValues(pixel, view, own, all) {
   if (!pixel) return;
-  const three = (v) => v.map((c) => (c === null ? "–" : Number(c).toPrecision(4))).join("  ");
-  const entries = [["pixel", pixel.join(", ")]];
-  const same = all && all.x === pixel[0] && all.y === pixel[1];
-  if (same) {
-    if (all.raw) entries.push(["unfiltered", three(all.raw)]);
-    if (all.filtered) entries.push(["filtered", three(all.filtered)]);
-    entries.push(["samples", all.samples]);
-    if (all.variance !== null) entries.push(["variance", short(all.variance)]);
-    for (const name of ["error", "residual"]) if (all[name] !== null) entries.push([name, short(all[name])]);
-    if (all.failure !== null) entries.push(["interpolation failure", short(all.failure)]);
-    if (all.albedo) entries.push(["albedo", three(all.albedo)]);
-    if (all.normal) entries.push(["normal", all.normal.map((c) => c.toFixed(3)).join("  ")]);
-  } else if (own) {
-    entries.push([(VIEW_NAMES[view] ?? "saved").toLowerCase(), own.length === 1 ? short(own[0]) : three(own)]);
-  }
-  document.getElementById("values").replaceChildren(...entries.map(([name, value]) => {
+  const isOfPixel = all && all.x === pixel[0] && all.y === pixel[1];
+  const values = isOfPixel ? SENT.filter((name) => all[name] !== null).map((name) => [name, all[name]]) : [];
+  if (own && !values.some(([name]) => name === view)) values.push([view, own]);
+  const entries = values.map(([name, value]) => [(VIEW_NAMES[name] ?? "saved").toLowerCase(), format(name, value)]);
+  document.getElementById("values").replaceChildren(...[["pixel", pixel.join(", ")], ...entries].map(([name, value]) => {
     const item = document.createElement("span");
-    item.append(name, Object.assign(document.createElement("b"), { textContent: String(value) }));
+    item.append(name, Object.assign(document.createElement("b"), { textContent: value }));
     return item;
   }));
 }
