@@ -219,8 +219,10 @@ impl Reporter {
     pub fn filtered(&mut self, filtered: Option<&Filtered>, seconds: f64, store: &Store) {
         self.record.filter_seconds += seconds;
         if let Some(Filtered { result, estimate, .. }) = filtered {
-            self.record.estimate = estimate.as_ref().map(ErrorEstimate::summary);
-            self.extend_curve(result.made_by);
+            if !self.is_last_image(result, store) {
+                self.record.estimate = estimate.as_ref().map(ErrorEstimate::summary);
+                self.extend_curve(result.made_by);
+            }
             let mut result = result.clone();
             // Not every pass makes the map of interpolation failures: the latest one stays on show.
             let earlier = self.record.shown.take().and_then(|shown| shown.interpolation);
@@ -231,6 +233,15 @@ impl Reporter {
             self.publisher.filtered();
             self.publish(store);
         }
+    }
+
+    /// Returns whether a pass has made the last image of a finished render again, as for a map. The last pass has estimated the error
+    /// from more.
+    fn is_last_image(&self, result: &FilterResult, store: &Store) -> bool {
+        let is_same = |shown: &FilterResult| shown.made_by == result.made_by;
+        self.is_finished()
+            && self.record.shown_samples == store.samples()
+            && self.record.shown.as_ref().is_some_and(is_same)
     }
 
     /// Adds the latest estimate, of an image by this denoiser, to the curve.
@@ -363,6 +374,7 @@ impl Reporter {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::filter::unfiltered;
 
     #[test]
     fn a_render_is_finished_until_it_goes_on() {
@@ -373,5 +385,27 @@ mod tests {
         assert!(reporter.is_finished(), "a pass for a viewer does not change that");
         reporter.enter(Phase::Rendering);
         assert!(!reporter.is_finished());
+    }
+
+    /// Returns an unfiltered image of a store, with an estimate of its error.
+    fn filtered(store: &Store, error: f64) -> Filtered {
+        let (tiles, samples) = (Planes::new(1, 1, 1), store.samples());
+        let estimate = Some(ErrorEstimate { value: error, deviation: 0.1, samples, tiles });
+        Filtered { result: unfiltered(store), estimate, seconds: 0.0 }
+    }
+
+    #[test]
+    fn a_pass_for_a_map_leaves_the_error_of_the_last_image() {
+        let mut store = Store::new(2, 2, Layout::with_blocks(|_| false), 0, 0);
+        let sample = vec![0.5; store.layout().len()];
+        (0..4).for_each(|i| store.push(i % 2, i / 2, &sample));
+        let mut reporter = Reporter::new(Arc::new(Hub::default()));
+        let error = |reporter: &Reporter| reporter.statistics(&store).estimate.map(|found| found.error);
+        reporter.filtered(Some(&filtered(&store, 0.1)), 0.0, &store);
+        reporter.filtered(Some(&filtered(&store, 0.2)), 0.0, &store);
+        assert_eq!(error(&reporter), Some(0.2));
+        reporter.finish(StoppedBy::Spp);
+        reporter.filtered(Some(&filtered(&store, 0.3)), 0.0, &store);
+        assert_eq!(error(&reporter), Some(0.2));
     }
 }
