@@ -271,6 +271,7 @@ impl<'a> Controller<'a> {
                     let is_shown = self.shows_interim_passes();
                     let filtered = self.filter(render_loop.interim_pass(denoiser), is_shown)?;
                     render_loop.complete_interim(filtered);
+                    self.reporter.progressed(render_loop.progress());
                 }
                 Action::Finish(stopped_by) => {
                     self.save_checkpoint(render_loop);

@@ -15,7 +15,9 @@ use super::view::{View, ViewSource};
 use crate::filter::{DenoiserName, FilterResult};
 use crate::image::Planes;
 use crate::memory::held_bytes;
-use crate::progressive::{ErrorEstimate, Filtered, Point, Progress, Settings, StoppedBy, forecast};
+use crate::progressive::{
+    ErrorEstimate, EstimateSummary, Filtered, Point, Progress, Settings, StoppedBy, forecast,
+};
 use crate::stats::{Layout, Part, Store};
 
 /// Shortest time between two reports.
@@ -50,6 +52,8 @@ pub struct Reporter {
     comparison: Option<Comparison>,
     /// The record of the current generation.
     record: GenerationRecord,
+    /// Since when the render's time goes on beyond that of the latest progress; `None` at a pause or after the end.
+    counts_since: Option<Instant>,
     /// Time of the latest report; `None` if the next one is urgent.
     reported: Option<Instant>,
 }
@@ -63,6 +67,7 @@ impl Reporter {
             stopped_by: None,
             comparison: None,
             record: GenerationRecord::default(),
+            counts_since: None,
             reported: None,
         }
     }
@@ -79,6 +84,7 @@ impl Reporter {
         self.publisher.begin(layout, settings, reference.is_some());
         self.comparison = reference.map(Comparison::new);
         self.compare(record.shown.as_ref());
+        self.counts_since = None;
         self.enter(Phase::Rendering);
         self.reported = None;
         if record.progress.is_some() {
@@ -119,8 +125,14 @@ impl Reporter {
 
     /// Sets the phase; returns the one before.
     pub fn enter(&mut self, phase: Phase) -> Phase {
-        if phase == Phase::Rendering {
-            self.stopped_by = None;
+        match phase {
+            Phase::Rendering => {
+                self.stopped_by = None;
+                self.counts_since.get_or_insert_with(Instant::now);
+            }
+            // The time of a pass counts if that of the phase before does.
+            Phase::Filtering => {}
+            Phase::Paused | Phase::Finished => self.counts_since = None,
         }
         std::mem::replace(&mut self.phase, phase)
     }
@@ -181,10 +193,16 @@ impl Reporter {
         self.reported = None;
     }
 
+    /// Takes the progress after a pass.
+    pub fn progressed(&mut self, progress: Progress) {
+        self.record.progress = Some(progress);
+        self.counts_since = Some(Instant::now());
+    }
+
     /// Takes the progress after a step.
     pub fn stepped(&mut self, progress: Progress, store: &Store) {
         self.enter(Phase::Rendering);
-        self.record.progress = Some(progress);
+        self.progressed(progress);
         self.record.recent.push_back((progress.elapsed, progress.samples));
         while self.record.recent.len() > 2 && progress.elapsed - self.record.recent[0].0 > RATE_WINDOW {
             self.record.recent.pop_front();
@@ -217,11 +235,12 @@ impl Reporter {
 
     /// Takes the result of a filter pass that took `seconds` seconds; `None` if it was given up.
     pub fn filtered(&mut self, filtered: Option<&Filtered>, seconds: f64, store: &Store) {
-        self.record.filter_seconds += seconds;
+        self.add_filter_seconds(seconds);
         if let Some(Filtered { result, estimate, .. }) = filtered {
             if !self.is_last_image(result, store) {
-                self.record.estimate = estimate.as_ref().map(ErrorEstimate::summary);
-                self.extend_curve(result.made_by);
+                let summary = estimate.as_ref().map(ErrorEstimate::summary);
+                let earlier = std::mem::replace(&mut self.record.estimate, summary);
+                self.extend_curve(result.made_by, earlier);
             }
             let mut result = result.clone();
             // Not every pass makes the map of interpolation failures: the latest one stays on show.
@@ -244,13 +263,20 @@ impl Reporter {
             && self.record.shown.as_ref().is_some_and(is_same)
     }
 
-    /// Adds the latest estimate, of an image by this denoiser, to the curve.
-    fn extend_curve(&mut self, made_by: DenoiserName) {
+    /// Adds the time of a pass to that of all, if the render's time counts it.
+    fn add_filter_seconds(&mut self, seconds: f64) {
+        if self.counts_since.is_some() {
+            self.record.filter_seconds += seconds;
+        }
+    }
+
+    /// Adds the latest estimate, of an image by this denoiser, to the curve, in place of the `earlier` one of as many samples.
+    fn extend_curve(&mut self, made_by: DenoiserName, earlier: Option<EstimateSummary>) {
         let Some(estimate) = self.record.estimate else { return };
         let Some(seconds) = self.record.seconds_of(estimate.samples) else { return };
         // The same image again
-        if self.record.curve.last().is_some_and(|(last, point)| *last == made_by && point.seconds == seconds)
-        {
+        let has_same_samples = earlier.is_some_and(|earlier| earlier.samples == estimate.samples);
+        if has_same_samples && self.record.curve.last().is_some_and(|(last, _)| *last == made_by) {
             self.record.curve.pop();
         }
         self.record.curve.push((made_by, Point { seconds, error: estimate.error }));
@@ -287,7 +313,7 @@ impl Reporter {
 
     /// Takes a coarse image, in place of a filtered one, of a pass that took `seconds` seconds; `None` if it was given up.
     pub fn filtered_coarsely(&mut self, coarse: Option<CoarseImage>, seconds: f64) {
-        self.record.filter_seconds += seconds;
+        self.add_filter_seconds(seconds);
         if let Some(coarse) = coarse {
             self.publisher.publish_coarse_filtered(&coarse, self.record.progress.as_ref());
             self.record.coarse = Some(coarse);
@@ -297,7 +323,7 @@ impl Reporter {
     /// Takes the image of some pixels, of a pass that took `seconds` seconds: `paste` writes it into the filtered image, or into
     /// the coarse one that stands in for it.
     pub fn filtered_part(&mut self, paste: impl FnOnce(&mut Planes), seconds: f64, store: &Store) {
-        self.record.filter_seconds += seconds;
+        self.add_filter_seconds(seconds);
         let record = &mut self.record;
         if let Some(shown) = &mut record.shown {
             paste(&mut shown.image);
@@ -349,7 +375,8 @@ impl Reporter {
         let counts = store.counts(Part::Whole);
         let (first, last) = (self.record.recent.front(), self.record.recent.back());
         let rate = first.zip(last).map_or(0.0, |(a, b)| (b.1 - a.1) as f64 / (b.0 - a.0).max(1e-6));
-        let seconds = self.record.progress.map_or(0.0, |p| p.elapsed);
+        let seconds = self.record.progress.map_or(0.0, |p| p.elapsed)
+            + self.counts_since.map_or(0.0, |since| since.elapsed().as_secs_f64());
         RenderProgress {
             seconds,
             fraction: self.record.progress.map_or(0.0, |p| p.fraction),
@@ -385,6 +412,28 @@ mod tests {
         assert!(reporter.is_finished(), "a pass for a viewer does not change that");
         reporter.enter(Phase::Rendering);
         assert!(!reporter.is_finished());
+    }
+
+    #[test]
+    fn time_counts_while_the_render_goes_on() {
+        let store = Store::new(1, 1, Layout::with_blocks(|_| false), 0, 0);
+        let mut reporter = Reporter::new(Arc::new(Hub::default()));
+        let progress = Progress { fraction: 0.5, elapsed: 8.0, samples: 0, spp: 0.0, estimate: None };
+        let seconds = |reporter: &Reporter| reporter.statistics(&store).seconds;
+        reporter.stepped(progress, &store);
+        reporter.enter(Phase::Filtering);
+        std::thread::sleep(Duration::from_millis(5));
+        assert!(seconds(&reporter) > 8.004, "a pass takes time");
+        reporter.filtered(None, 2.0, &store);
+        reporter.progressed(Progress { elapsed: 10.0, ..progress });
+        // At a pause neither waiting nor passes for viewers count.
+        for phase in [Phase::Paused, Phase::Filtering, Phase::Paused] {
+            reporter.enter(phase);
+            std::thread::sleep(Duration::from_millis(5));
+            reporter.filtered(None, 1.0, &store);
+        }
+        assert_eq!(seconds(&reporter), 10.0);
+        assert_eq!(reporter.statistics(&store).filter_fraction, 0.2);
     }
 
     /// Returns an unfiltered image of a store, with an estimate of its error.

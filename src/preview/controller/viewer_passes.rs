@@ -91,6 +91,7 @@ impl Controller<'_> {
             None => self.filter(pass, true)?,
         };
         render_loop.complete_final(&filtered);
+        self.reporter.progressed(render_loop.progress());
         Some(filtered)
     }
 
