@@ -34,7 +34,6 @@ use super::orbit_camera::OrbitCamera;
 use super::pending::Pending;
 use super::publisher;
 use super::reporter::{Reporter, Subject};
-use super::saved_images::SavedFile;
 use super::status::Phase;
 use crate::filter::{DENOISERS, Denoiser, FilterResult};
 use crate::progressive::{
@@ -148,7 +147,7 @@ impl<'a> Controller<'a> {
     /// why images were not saved that viewers have asked for in the end. Must not be called on a thread that others need.
     pub fn run(mut self) -> (ControllerEnd, Vec<String>) {
         for path in self.configuration.host.earlier_images() {
-            self.hub.saves().add(SavedFile { path, spp: None });
+            self.hub.saves().add_earlier(path);
         }
         let mut start = self.next_start().unwrap_or(self.configuration.start);
         let end = loop {

@@ -25,37 +25,54 @@ pub struct ListedFile {
     pub spp: Option<f64>,
 }
 
-/// The saved images, oldest first.
+/// The saved images.
 #[derive(Default)]
-pub struct SavedImages(Mutex<Vec<SavedFile>>);
+pub struct SavedImages(Mutex<NumberedFiles>);
+
+#[derive(Default)]
+struct NumberedFiles {
+    /// Oldest first.
+    files: Vec<(usize, SavedFile)>,
+    /// Number of the next one.
+    next: usize,
+}
 
 impl SavedImages {
-    fn files(&self) -> MutexGuard<'_, Vec<SavedFile>> {
+    fn files(&self) -> MutexGuard<'_, NumberedFiles> {
         // A panic of another thread leaves the list intact.
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Adds an image, unless it is there.
+    /// Adds an image that a viewer has saved. One that had its path before, and was removed, leaves the list.
     pub fn add(&self, file: SavedFile) {
-        let mut files = self.files();
-        if files.iter().all(|known| known.path != file.path) {
-            files.push(file);
+        let NumberedFiles { files, next } = &mut *self.files();
+        files.retain(|(_, known)| known.path != file.path);
+        files.push((*next, file));
+        // A page has kept the earlier image under its number.
+        *next += 1;
+    }
+
+    /// Adds an image of an earlier run, unless it is there.
+    pub fn add_earlier(&self, path: PathBuf) {
+        if self.files().files.iter().all(|(_, known)| known.path != path) {
+            self.add(SavedFile { path, spp: None });
         }
     }
 
     /// Returns the path of an image by its number.
     pub fn path(&self, number: usize) -> Option<PathBuf> {
-        self.files().get(number).map(|file| file.path.clone())
+        let NumberedFiles { files, .. } = &*self.files();
+        files.iter().find(|(known, _)| *known == number).map(|(_, file)| file.path.clone())
     }
 
     /// Returns the latest images, newest first.
     pub fn list(&self) -> Vec<ListedFile> {
-        let entry = |(number, file): (usize, &SavedFile)| ListedFile {
-            number,
+        let entry = |(number, file): &(usize, SavedFile)| ListedFile {
+            number: *number,
             name: file.path.file_stem().unwrap_or_default().to_string_lossy().into_owned(),
             spp: file.spp,
         };
-        self.files().iter().enumerate().rev().take(MOST_LISTED).map(entry).collect()
+        self.files().files.iter().rev().take(MOST_LISTED).map(entry).collect()
     }
 }
 
@@ -66,9 +83,13 @@ mod tests {
     #[test]
     fn an_image_is_listed_once_and_keeps_its_samples() {
         let saves = SavedImages::default();
-        for spp in [Some(4.0), None] {
-            saves.add(SavedFile { path: "a-0001.exr".into(), spp });
-        }
-        assert_eq!(saves.list().iter().map(|file| file.spp).collect::<Vec<_>>(), [Some(4.0)]);
+        saves.add(SavedFile { path: "a-0001.exr".into(), spp: Some(4.0) });
+        saves.add_earlier("a-0001.exr".into());
+        let listed = || saves.list().iter().map(|file| (file.number, file.spp)).collect::<Vec<_>>();
+        assert_eq!(listed(), [(0, Some(4.0))]);
+        // After the file was removed, another image has its name.
+        saves.add(SavedFile { path: "a-0001.exr".into(), spp: Some(8.0) });
+        assert_eq!(listed(), [(1, Some(8.0))]);
+        assert_eq!((saves.path(0), saves.path(1)), (None, Some("a-0001.exr".into())));
     }
 }

@@ -52,6 +52,11 @@ export class Comparison {
     this.start();
   }
 
+  // Lets the next list load the saved image again.
+  forget() {
+    this.list = "";
+  }
+
   // Loads the saved image of a comparison that is on.
   async start() {
     const { against, viewport } = this;
@@ -83,5 +88,6 @@ export class Comparison {
     const isThere = entries.some(([value]) => value === this.against);
     if (!isThere) this.against = "raw";
     $("against").value = this.against;
+    this.start();
   }
 }

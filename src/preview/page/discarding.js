@@ -24,6 +24,11 @@ export class Discarding {
     this.allowed = null; // generation for which the user has agreed
   }
 
+  // Forgets what the user has agreed to: the generations of another program have the same numbers.
+  forget() {
+    this.allowed = null;
+  }
+
   // Calls `act` at once, or once the user has agreed to what it costs; `refuse` otherwise.
   ask(type, content, status, act, refuse) {
     const isWorthIt = status && (status.phase === "finished" || status.statistics.seconds > WORTH_SECONDS);

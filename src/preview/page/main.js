@@ -33,9 +33,8 @@ const connection = new Connection({
   // After a reconnection it may be another program.
   open: () => {
     $("save").disabled = $("restart").disabled = false;
-    viewport.clearRender();
     Object.assign(state, { requestedViews: "", notice: null });
-    requestViews();
+    forgetScene();
   },
   lost: (reason) => {
     $("phase").textContent = $("phase").title = reason;
@@ -51,16 +50,14 @@ const connection = new Connection({
   },
   // With a problem, until another scene is opened.
   loading: ({ scene, problem }) => {
-    Object.assign(state, { status: null, awaitsScene: problem !== null, isPinned: false, pixel: null, values: null });
-    viewport.clearRender();
+    forgetScene();
+    state.awaitsScene = problem !== null;
     state.saving?.remove();
     $("scene").textContent = scene.split("/").pop();
     $("phase").textContent = problem ? "not open" : "loading";
     $("phase").className = problem ? "lost" : "";
     if (problem) notify(problem, true);
     scenes.show({ scene: problem ? null : scene });
-    updateViews();
-    placeOverlays();
   },
   status: (status) => {
     state.status = status;
@@ -119,6 +116,14 @@ function pin(pixel, isPinned) {
 }
 
 const discarding = new Discarding($("question"));
+
+// Forgets what belongs to the scene so far.
+function forgetScene() {
+  Object.assign(state, { status: null, awaitsScene: false, movedGeneration: undefined, isPinned: false, pixel: null, values: null });
+  [viewport, comparison, discarding, pointer].forEach((part) => part.forget());
+  updateViews();
+  placeOverlays();
+}
 
 // Sends a message, after a question where it would discard a render that cannot be kept.
 function send(type, content) {

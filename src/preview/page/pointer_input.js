@@ -167,6 +167,12 @@ export class PointerInput {
     if (this.corner) this.act.region(this.rectangleOfPixels(this.corner, this.cursor), false);
   }
 
+  // Forgets what belongs to another image.
+  forget() {
+    this.cursor = null;
+    this.dropCorner();
+  }
+
   // Gives up a region begun with Enter.
   dropCorner() {
     if (this.corner) this.act.region(NO_REGION, true);

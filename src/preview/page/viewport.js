@@ -125,13 +125,11 @@ export class Viewport {
     this.redraw();
   }
 
-  // Forgets the images of a render; saved images stay.
-  clearRender() {
-    for (const view of [...this.frames.keys()].filter((view) => !view.startsWith("save:"))) {
-      this.frames.delete(view);
-      if (this.gl) this.gl.deleteTexture(this.textures.get(view)?.texture ?? null);
-      this.textures?.delete(view);
-    }
+  // Forgets all images.
+  forget() {
+    this.frames.clear();
+    this.textures?.forEach(({ texture }) => this.gl.deleteTexture(texture));
+    this.textures?.clear();
   }
 
   // Returns the values of a view at a pixel, or null.
