@@ -5,6 +5,7 @@ use crate::browser::chromium;
 
 const SAMPLES: &str = "window.prpf.state.status.statistics.samples";
 const DENOISER: &str = "window.prpf.state.status.settings.denoiser";
+const CURVE: &str = "window.prpf.state.status.curve";
 
 /// A page with a finished render of 16 samples per pixel, which records what it sends.
 fn finished_page(program: &str) -> (Page, Running, tempfile::TempDir) {
@@ -19,6 +20,8 @@ fn a_finished_render_that_another_denoiser_replaces_can_be_had_back() {
     let Some(program) = chromium() else { return };
     let (mut page, _render, _folder) = finished_page(program);
     let (samples, generation) = (page.value(SAMPLES), page.value(GENERATION));
+    let curve = page.value(CURVE);
+    assert!(curve.as_array().is_some_and(|points| !points.is_empty()));
     assert_eq!(page.value("document.getElementById('undo').disabled"), true);
 
     // The page says what the click costs before it
@@ -41,6 +44,7 @@ fn a_finished_render_that_another_denoiser_replaces_can_be_had_back() {
     page.wait("window.prpf.viewport.shown.right === 'filtered'");
     page.wait(&format!("{PHASE} === 'finished'"));
     page.wait("document.querySelector('[data-value=made_by]').textContent === 'learned standard'");
+    assert_eq!(page.value(CURVE), curve, "its image and its errors come back as well");
 
     // And the other one again
     page.shift_key("U");

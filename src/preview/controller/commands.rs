@@ -73,13 +73,13 @@ impl Controller<'_> {
         if settings == self.configuration.settings {
             return;
         }
-        if !settings.are_met_by(store)
-            && let Err(problem) = self.has_memory_for(&settings, store)
-        {
+        let begins_anew = !settings.are_met_by(store);
+        if begins_anew && let Err(problem) = self.has_memory_for(&settings, store) {
             return self.reporter.notice(problem, true);
         }
         self.configuration.settings = settings;
-        if is_other_method {
+        // A render that another one replaces is kept with its image.
+        if is_other_method && !begins_anew {
             self.reporter.forget_image();
         }
         self.reporter.change(&self.configuration.settings);
