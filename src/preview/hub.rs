@@ -144,8 +144,9 @@ impl Hub {
     }
 
     /// Tells all viewers that a scene is being read or, with a problem, that it cannot be; what they command meanwhile is
-    /// dropped by [`Self::drop_commands`].
+    /// dropped by [`Self::drop_commands`]. The frames of the scene before are dropped here.
     pub fn begin_loading(&self, scene: &str, problem: Option<&str>) {
+        self.frames.send_replace(Frames::default());
         let status = serde_json::json!({ "type": "loading", "scene": scene, "problem": problem });
         self.publish_status(status.to_string());
     }
@@ -261,6 +262,14 @@ mod tests {
         hub.publish(frame(View::Filtered, 2, 2));
         hub.drop_before(2);
         assert_eq!((hub.newest(View::Raw), hub.newest(View::Filtered)), (None, Some(2)));
+    }
+
+    #[test]
+    fn no_image_of_the_scene_before_is_sent_while_another_one_is_loaded() {
+        let hub = Hub::default();
+        hub.publish(frame(View::Raw, 1, 1));
+        hub.begin_loading("b.pbrt", None);
+        assert_eq!(hub.newest(View::Raw), None);
     }
 
     #[test]
