@@ -23,7 +23,7 @@ pub struct CameraMove {
     pub aperture: Option<f32>,
     /// Focal distance, in scene units.
     pub focus: Option<f32>,
-    /// Index of the bookmark to go to first.
+    /// Number of the bookmark to go to first.
     pub bookmark: Option<usize>,
     /// Pixel whose visible point comes into focus.
     pub focus_at: Option<[u32; 2]>,

@@ -20,7 +20,7 @@ pub enum Command {
     MoveCamera(CameraMove),
     /// Keeps the camera as a bookmark.
     AddBookmark,
-    /// Removes the bookmark with this index.
+    /// Removes the bookmark with this number.
     RemoveBookmark(usize),
     /// Renders this region first; `None` ends that.
     SetRegion(Option<Rectangle>),

@@ -23,6 +23,7 @@ use crossbeam::channel::RecvTimeoutError;
 
 use self::region_passes::RegionPasses;
 use super::background_pass::{BackgroundPass, PassThreads};
+use super::bookmarks::Bookmarks;
 use super::command::{Command, Rectangle};
 use super::configuration::{Configuration, PreviewHost, recorded_blocks};
 use super::controller_end::ControllerEnd;
@@ -65,8 +66,7 @@ pub struct Controller<'a> {
     /// Commands that wait for a store.
     deferred: VecDeque<Command>,
     denoisers: Vec<&'static dyn Denoiser>,
-    /// Cameras to return to.
-    bookmarks: Vec<OrbitCamera>,
+    bookmarks: Bookmarks,
     pending: Pending,
     is_paused: bool,
     region: Option<Rectangle>,
@@ -128,7 +128,7 @@ impl<'a> Controller<'a> {
             spare: None,
             deferred: VecDeque::new(),
             denoisers: DENOISERS.into_iter().filter(|denoiser| denoiser.missing().is_none()).collect(),
-            bookmarks: Vec::new(),
+            bookmarks: Bookmarks::default(),
             pending: Pending::default(),
             is_paused: false,
             region: None,
@@ -398,7 +398,7 @@ impl<'a> Controller<'a> {
     fn report(&mut self, store: &Store, at_once: bool) {
         let (scene, settings) = (&self.configuration.scene.source, &self.configuration.settings);
         let (denoisers, history) = (self.denoiser_infos(store), self.history_status(store));
-        let bookmarks = self.bookmarks.iter().map(|bookmark| self.directives(bookmark.camera())).collect();
+        let bookmarks = self.listed_bookmarks();
         let camera = self.camera_status();
         let subject = Subject {
             scene,

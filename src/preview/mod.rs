@@ -16,7 +16,7 @@
 //! | `reporter`, `generation_record`, `status`, `notices` | the status of the render |
 //! | `publisher`, `preview_frame`, `enlargement` | encoded images for the viewers |
 //! | `view`, `colour_scale`, `pixel_values`, `comparison`, `saved_images` | what the page shows |
-//! | `orbit_camera`, `camera_move` | the camera and its movements |
+//! | `orbit_camera`, `camera_move`, `bookmarks` | the camera, its movements and its bookmarks |
 //! | `hub`, `viewer` | between the render thread and its viewers |
 //! | `protocol`, `command`, `settings_change` | messages from the page |
 //! | `server`, `connections`, `session`, `access`, `page` | the web server |
@@ -24,6 +24,7 @@
 
 mod access;
 mod background_pass;
+mod bookmarks;
 mod camera_move;
 mod colour_scale;
 mod command;

@@ -4,12 +4,14 @@ use std::path::PathBuf;
 
 use super::camera_move::CameraMove;
 use super::history::HistoryStep;
+use super::orbit_camera::OrbitCamera;
 use crate::progressive::Settings;
 
 /// The pending commands.
 #[derive(Default)]
 pub struct Pending {
-    pub moves: Vec<CameraMove>,
+    /// Movements, each from the camera of a bookmark if it goes to one.
+    pub moves: Vec<(Option<OrbitCamera>, CameraMove)>,
     pub restart: bool,
     /// Another scene to open.
     pub scene: Option<PathBuf>,

@@ -36,7 +36,7 @@ pub enum Message {
     /// Keeps the camera as a bookmark.
     AddBookmark {},
     /// Removes a bookmark.
-    RemoveBookmark { index: usize },
+    RemoveBookmark { number: usize },
     /// Sets the region that is rendered first; `null` ends that.
     PriorityRegion { region: Option<Rectangle> },
     /// Discards all samples.
@@ -75,7 +75,7 @@ impl Message {
             Message::Settings(change) => Command::ChangeSettings(change),
             Message::Camera(step) => Command::MoveCamera(step),
             Message::AddBookmark {} => Command::AddBookmark,
-            Message::RemoveBookmark { index } => Command::RemoveBookmark(index),
+            Message::RemoveBookmark { number } => Command::RemoveBookmark(number),
             Message::PriorityRegion { region } => Command::SetRegion(region),
             Message::Restart {} => Command::Restart,
             Message::OpenScene { index } => Command::OpenScene(index),

@@ -9,7 +9,8 @@ use super::generation_record::{CoarseImage, GenerationRecord};
 use super::hub::Hub;
 use super::publisher::Publisher;
 use super::status::{
-    CameraStatus, DenoiserInfo, Expectation, HistoryStatus, MostSpp, Phase, RenderProgress, Status,
+    CameraStatus, DenoiserInfo, Expectation, HistoryStatus, ListedBookmark, MostSpp, Phase, RenderProgress,
+    Status,
 };
 use super::view::{View, ViewSource};
 use crate::filter::{DenoiserName, FilterResult};
@@ -34,8 +35,7 @@ pub struct Subject<'a> {
     pub denoisers: Vec<DenoiserInfo>,
     pub most_spp_kept: MostSpp,
     pub history: HistoryStatus,
-    /// As directives.
-    pub bookmarks: Vec<String>,
+    pub bookmarks: Vec<ListedBookmark>,
     pub region: Option<Rectangle>,
 }
 

@@ -47,8 +47,7 @@ pub struct Status<'a> {
     pub curve: Vec<Point>,
     pub forecast: Option<Expectation>,
     pub camera: &'a CameraStatus,
-    /// Cameras to return to, as directives.
-    pub bookmarks: &'a [String],
+    pub bookmarks: &'a [ListedBookmark],
     /// Images to compare with, newest first.
     pub saves: Vec<ListedFile>,
     /// The region that is rendered first.
@@ -92,6 +91,14 @@ pub struct HistoryStatus {
 pub struct ViewInfo {
     pub view: View,
     pub scale: Option<ColourScale>,
+}
+
+/// A camera to return to.
+#[derive(Clone, Debug, Serialize)]
+pub struct ListedBookmark {
+    pub number: usize,
+    /// The camera as directives of a scene file.
+    pub directives: String,
 }
 
 /// What was sampled so far.

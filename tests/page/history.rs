@@ -108,6 +108,19 @@ fn a_render_that_cannot_be_kept_is_discarded_after_a_question_only() {
     assert_eq!(page.value(GENERATION), generation);
     page.click("#restart");
     page.wait("document.getElementById('question').open");
+
+    // As if another viewer had replaced the render meanwhile: the answer does not concern the new one
+    page.value(&format!(
+        "window.prpf.state.status = {{ ...window.prpf.state.status, generation: {generation} + 1 }}; 0"
+    ));
+    page.click("#question button[value=yes]");
+    page.wait(
+        "document.getElementById('notices').textContent.includes('another render has begun meanwhile')",
+    );
+    page.value(&format!("window.prpf.state.status.generation = {generation}"));
+
+    page.click("#restart");
+    page.wait("document.getElementById('question').open");
     page.click("#question button[value=yes]");
     page.wait(&format!("{GENERATION} > {generation}"));
 }

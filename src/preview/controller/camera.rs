@@ -1,15 +1,13 @@
 //! The camera: its movements, its bookmarks, and its part of the status.
 
 use super::Controller;
+use crate::preview::bookmarks::MOST_BOOKMARKS;
 use crate::preview::camera_move::CameraMove;
 use crate::preview::orbit_camera::OrbitCamera;
-use crate::preview::status::CameraStatus;
+use crate::preview::status::{CameraStatus, ListedBookmark};
 use crate::render::Renderer;
 use crate::scene::Camera;
 use crate::scene::pbrt::camera_directives;
-
-/// Most bookmarks: every status repeats them.
-const MOST_BOOKMARKS: usize = 16;
 
 impl Controller<'_> {
     /// Returns the camera that renders: the scene's own before the first generation.
@@ -34,11 +32,18 @@ impl Controller<'_> {
         self.camera.as_ref().is_none_or(|camera| camera.is_equivalent(own))
     }
 
+    /// Lets a movement wait. The camera of a bookmark is found now: a later command may remove it.
+    pub(super) fn add_move(&mut self, step: CameraMove) {
+        let start = step.bookmark.and_then(|number| self.bookmarks.camera(number)).cloned();
+        self.pending.moves.push((start, step));
+    }
+
     /// Moves the camera by the pending movements; returns whether the image changes.
     pub(super) fn moves_camera(&mut self, renderer: &Renderer) -> bool {
         let Some(mut camera) = self.camera.take() else { return false };
         let before = camera.camera().clone();
-        for step in std::mem::take(&mut self.pending.moves) {
+        for (start, step) in std::mem::take(&mut self.pending.moves) {
+            camera = start.unwrap_or(camera);
             self.apply_move(&mut camera, &step, renderer);
         }
         let has_moved = !camera.is_equivalent(&before);
@@ -47,9 +52,6 @@ impl Controller<'_> {
     }
 
     fn apply_move(&mut self, camera: &mut OrbitCamera, step: &CameraMove, renderer: &Renderer) {
-        if let Some(bookmark) = step.bookmark.and_then(|index| self.bookmarks.get(index)) {
-            *camera = bookmark.clone();
-        }
         // Find the point to focus on
         let (width, height) = renderer.resolution();
         let pixel = step.focus_at.map(|[x, y]| [x as usize, y as usize]);
@@ -76,23 +78,25 @@ impl Controller<'_> {
     /// Keeps the camera as a bookmark.
     pub(super) fn add_bookmark(&mut self) {
         let Some(camera) = &self.camera else { return };
-        if self.bookmarks.iter().any(|bookmark| bookmark.camera() == camera.camera()) {
+        if self.bookmarks.contains(camera.camera()) {
             self.reporter.notice("there is a bookmark of this camera already".to_owned(), false);
-        } else if self.bookmarks.len() == MOST_BOOKMARKS {
+        } else if self.bookmarks.is_full() {
             let text = format!("there are {MOST_BOOKMARKS} bookmarks: remove one first");
             self.reporter.notice(text, true);
         } else {
-            self.bookmarks.push(camera.clone());
+            self.bookmarks.add(camera.clone());
             self.reporter.hasten();
         }
     }
 
-    /// Removes a bookmark, by its index.
-    pub(super) fn remove_bookmark(&mut self, index: usize) {
-        if index < self.bookmarks.len() {
-            self.bookmarks.remove(index);
-            self.reporter.hasten();
-        }
+    pub(super) fn listed_bookmarks(&self) -> Vec<ListedBookmark> {
+        let bookmarks = self.bookmarks.list().iter();
+        bookmarks
+            .map(|bookmark| ListedBookmark {
+                number: bookmark.number,
+                directives: self.directives(bookmark.camera.camera()),
+            })
+            .collect()
     }
 
     /// Returns the directives of a camera.

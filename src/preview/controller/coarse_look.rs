@@ -112,7 +112,7 @@ impl Controller<'_> {
     fn set_aside(&mut self, command: Command) {
         match command {
             Command::Wake => {}
-            Command::MoveCamera(step) => self.pending.moves.push(step),
+            Command::MoveCamera(step) => self.add_move(step),
             command => {
                 // Of the pixels under a pointer the latest counts
                 if is_inspection(&command) {

@@ -44,9 +44,12 @@ impl Controller<'_> {
                 self.reporter.hasten();
             }
             Command::ChangeSettings(change) => self.change_settings(&change, store),
-            Command::MoveCamera(step) => self.pending.moves.push(step),
+            Command::MoveCamera(step) => self.add_move(step),
             Command::AddBookmark => self.add_bookmark(),
-            Command::RemoveBookmark(index) => self.remove_bookmark(index),
+            Command::RemoveBookmark(number) => {
+                self.bookmarks.remove(number);
+                self.reporter.hasten();
+            }
             Command::SetRegion(region) => {
                 self.region = region;
                 self.region_passes = RegionPasses::default();

@@ -52,20 +52,20 @@ export class CameraPanel {
     const list = JSON.stringify(bookmarks);
     if (list !== this.list) {
       this.list = list;
-      $("bookmarks").replaceChildren(...bookmarks.map((directives, index) => {
+      $("bookmarks").replaceChildren(...bookmarks.map(({ number, directives }, index) => {
         const item = document.createElement("li");
         const go = Object.assign(document.createElement("button"), { textContent: String(index + 1), title: directives });
         go.setAttribute("aria-label", `Bookmark ${index + 1}`);
-        go.onclick = () => this.send("camera", { bookmark: index });
+        go.onclick = () => this.send("camera", { bookmark: number });
         const remove = Object.assign(document.createElement("button"), { textContent: "×", title: "Remove" });
         remove.setAttribute("aria-label", `Remove bookmark ${index + 1}`);
-        remove.onclick = () => this.send("remove-bookmark", { index });
+        remove.onclick = () => this.send("remove-bookmark", { number });
         item.append(go, remove);
         return item;
       }));
     }
     [...$("bookmarks").children].forEach((item, index) => {
-      item.firstChild.setAttribute("aria-pressed", String(bookmarks[index] === current));
+      item.firstChild.setAttribute("aria-pressed", String(bookmarks[index].directives === current));
     });
   }
 }

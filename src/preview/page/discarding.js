@@ -19,18 +19,21 @@ function discards(type, content, status) {
 }
 
 export class Discarding {
-  constructor(dialog) {
-    this.dialog = dialog;
+  // `current()` returns the newest status, or null; `notify(text, isProblem)` tells the user something.
+  constructor(dialog, current, notify) {
+    Object.assign(this, { dialog, current, notify });
     this.allowed = null; // generation for which the user has agreed
   }
 
-  // Forgets what the user has agreed to: the generations of another program have the same numbers.
+  // Forgets the question, and what the user has agreed to: the generations of another program have the same numbers.
   forget() {
     this.allowed = null;
+    if (this.dialog.open) this.dialog.close("no");
   }
 
   // Calls `act` at once, or once the user has agreed to what it costs; `refuse` otherwise.
-  ask(type, content, status, act, refuse) {
+  ask(type, content, act, refuse) {
+    const status = this.current();
     const isWorthIt = status && (status.phase === "finished" || status.statistics.seconds > WORTH_SECONDS);
     const isSafe = !isWorthIt || status.history.has_room || this.allowed === status.generation;
     if (isSafe || !discards(type, content, status)) return act();
@@ -40,6 +43,10 @@ export class Discarding {
       `There is not enough memory to keep this render of ${mean.toFixed(1)} samples per pixel beside a new one. Discard it?`;
     this.dialog.onclose = () => {
       if (this.dialog.returnValue !== "yes") return refuse();
+      if (this.current()?.generation !== status.generation) {
+        this.notify("another render has begun meanwhile: the command was not sent", true);
+        return refuse();
+      }
       this.allowed = status.generation;
       act();
     };

@@ -115,7 +115,7 @@ function pin(pixel, isPinned) {
   placeOverlays();
 }
 
-const discarding = new Discarding($("question"));
+const discarding = new Discarding($("question"), () => state.status, notify);
 
 // Forgets what belongs to the scene so far.
 function forgetScene() {
@@ -127,7 +127,7 @@ function forgetScene() {
 
 // Sends a message, after a question where it would discard a render that cannot be kept.
 function send(type, content) {
-  discarding.ask(type, content, state.status, () => sendNow(type, content), () => state.status && panel.restore());
+  discarding.ask(type, content, () => sendNow(type, content), () => state.status && panel.restore());
 }
 
 function sendNow(type, content) {
