@@ -61,9 +61,11 @@ pub struct Controller<'a> {
     /// Renders that commands have replaced, and the one that comes back.
     history: History,
     returning: Option<KeptRender>,
+    /// Whether the current render has come back.
+    has_returned: bool,
     /// A store that nobody needs any more: new memory would take longer to get than its samples to clear.
     spare: Option<Store>,
-    /// Commands that wait for a store.
+    /// Commands that wait for a store, or for a generation that is about to begin.
     deferred: VecDeque<Command>,
     denoisers: Vec<&'static dyn Denoiser>,
     bookmarks: Bookmarks,
@@ -125,6 +127,7 @@ impl<'a> Controller<'a> {
             camera: None,
             history: History::default(),
             returning: None,
+            has_returned: false,
             spare: None,
             deferred: VecDeque::new(),
             denoisers: DENOISERS.into_iter().filter(|denoiser| denoiser.missing().is_none()).collect(),
@@ -171,6 +174,7 @@ impl<'a> Controller<'a> {
     /// Renders one view with one set of samples.
     fn run_generation(&mut self, start: Instant) -> GenerationEnd {
         // Set up the camera and the loop
+        self.has_returned = self.returning.is_some();
         let (checkpoint, record) = match self.returning.take() {
             Some(kept) => (Some(kept.checkpoint), kept.record),
             None => (self.configuration.checkpoint.take(), GenerationRecord::default()),

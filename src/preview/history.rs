@@ -26,7 +26,8 @@ pub struct KeptRender {
     pub record: GenerationRecord,
     /// Whether its checkpoints go to the state file.
     pub keeps_checkpoints: bool,
-    pub is_finished: bool,
+    /// Whether it is kept however short it was.
+    pub is_kept_if_short: bool,
 }
 
 /// A way through the history.
@@ -48,7 +49,7 @@ pub struct History {
 impl KeptRender {
     /// Returns whether it is worth keeping.
     pub fn is_worth_it(&self) -> bool {
-        self.is_finished || self.seconds() >= SHORTEST
+        self.is_kept_if_short || self.seconds() >= SHORTEST
     }
 
     /// Returns the seconds of its render.
@@ -153,7 +154,7 @@ mod tests {
             checkpoint: Checkpoint::new(store),
             record: GenerationRecord::default(),
             keeps_checkpoints: false,
-            is_finished: true,
+            is_kept_if_short: true,
         }
     }
 
@@ -187,7 +188,7 @@ mod tests {
     #[test]
     fn short_renders_are_not_kept() {
         let mut history = History::default();
-        let short = KeptRender { is_finished: false, ..finished(1) };
+        let short = KeptRender { is_kept_if_short: false, ..finished(1) };
         assert_eq!(history.keep(short).len(), 1);
         assert!(!history.leads(HistoryStep::Undo));
     }

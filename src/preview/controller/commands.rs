@@ -16,10 +16,14 @@ use crate::stats::Store;
 impl Controller<'_> {
     /// Handles all commands that have come before; those that come meanwhile wait, or a flood of them would stop the render.
     pub(super) fn receive(&mut self, store: &Arc<Store>) {
-        while let Some(command) = self.deferred.pop_front() {
+        for command in std::mem::take(&mut self.deferred) {
             self.handle(command, store);
         }
         for _ in 0..self.hub.commands().len() {
+            // The hub's queue is bounded, and that of the commands that wait is not.
+            if !self.deferred.is_empty() {
+                break;
+            }
             let Ok(command) = self.hub.commands().try_recv() else { break };
             self.handle(command, store);
         }
@@ -36,6 +40,9 @@ impl Controller<'_> {
         if steers && self.is_interrupted() {
             // The user wants the image as it is, and not the start of another.
             return;
+        }
+        if self.has_to_wait(&command, store) {
+            return self.deferred.push_back(command);
         }
         match command {
             Command::Wake => {}
@@ -67,6 +74,21 @@ impl Controller<'_> {
                 // A viewer that does not read its answers misses them.
                 let _ = reply.try_send(describe_pixel(pixel, store, self.reporter.shown()));
             }
+        }
+    }
+
+    /// Returns whether a command concerns a generation that is about to begin: whatever follows a return to another render, and a
+    /// return or a bookmark after a movement, a restart or settings that this store does not meet.
+    fn has_to_wait(&self, command: &Command, store: &Store) -> bool {
+        let is_other_render = self.pending.history.is_some() || !self.deferred.is_empty();
+        match command {
+            Command::Wake | Command::Inspect { .. } => false,
+            Command::Return(_) | Command::AddBookmark => {
+                let is_new_render =
+                    self.pending.starts_generation() || !self.configuration.settings.are_met_by(store);
+                is_other_render || is_new_render
+            }
+            _ => is_other_render,
         }
     }
 

@@ -138,7 +138,8 @@ impl Controller<'_> {
             camera,
             settings,
             checkpoint: render_loop.into_checkpoint(),
-            is_finished: self.reporter.phase() == Phase::Finished,
+            // One that came back may be left before it is finished again.
+            is_kept_if_short: self.has_returned || self.reporter.phase() == Phase::Finished,
             record: self.reporter.take_record(),
             keeps_checkpoints: self.keeps_checkpoints,
         }
