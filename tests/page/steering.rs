@@ -197,6 +197,10 @@ fn keys_select_views_and_tools() {
     assert_eq!(page.value(STOPS), "+0.3");
     page.shift_key("r");
     assert_eq!(sent(&mut page, "restart"), 1);
+
+    // A key that is held down saves once.
+    page.value("document.body.dispatchEvent(new KeyboardEvent('keydown', { key: 's', repeat: true, bubbles: true }))");
+    assert_eq!(sent(&mut page, "save"), 1);
 }
 
 #[test]

@@ -340,6 +340,8 @@ const KEYS = {
   Escape: letGo, "?": toggleHelp,
 };
 
+// Keys that act once however long they are held.
+const SINGLE_KEYS = new Set([" ", "s", "R", "u", "U", "b"]);
 const FIELD_KEYS = new Set([" ", "Enter", "Home", "End", "PageUp", "PageDown", "ArrowLeft", "ArrowRight", "ArrowUp", "ArrowDown"]);
 
 document.addEventListener("keydown", (event) => {
@@ -350,7 +352,7 @@ document.addEventListener("keydown", (event) => {
   if (event.defaultPrevented) return;
   if ((event.ctrlKey || event.metaKey) && !event.altKey && event.key.toLowerCase() === "z" && !field?.inputMode) {
     event.preventDefault();
-    return event.shiftKey ? redo() : undo();
+    return event.repeat || (event.shiftKey ? redo() : undo());
   }
   if (event.ctrlKey || event.metaKey || event.altKey) return;
   // Fields keep the keys that they use themselves.
@@ -361,7 +363,7 @@ document.addEventListener("keydown", (event) => {
   const view = number >= 1 && number <= 9 ? state.status?.views[number - 1]?.view : null;
   const act = view ? () => selectView(view) : KEYS[key];
   if (!act) return;
-  act();
+  if (!event.repeat || !SINGLE_KEYS.has(key)) act();
   event.preventDefault();
 });
 

@@ -6,11 +6,14 @@ const PAN_STEP = 0.03; // image heights
 const LARGE_STEP = 10; // pixels
 const DOLLY_PER_WHEEL = 0.0015;
 const DOLLY_STEP = 0.1;
-const LARGEST_DOLLY = 4; // of one message
+// Of one message, as the render accepts it.
+const LARGEST_TURN = 6.28; // radians
+const LARGEST_SHIFT = 4; // image heights, or natural logarithm of a distance
 const CLICK_DISTANCE = 4; // CSS pixels that a click may move
 const NO_REGION = [[0, 0], [0, 0]];
 
 const clampToUnit = (v) => Math.min(1, Math.max(0, v));
+const limit = (v, largest) => Math.min(largest, Math.max(-largest, v));
 
 // `act`: callbacks { camera(move), focus(pixel), region(rectangle, isDone), hover(pixel), pin(pixel), click(pixel) }.
 export class PointerInput {
@@ -126,9 +129,9 @@ export class PointerInput {
       const { orbit, pan, dolly } = this.moves;
       this.moves = { orbit: [0, 0], pan: [0, 0], dolly: 0 };
       const move = {};
-      if (orbit.some(Boolean)) move.orbit = orbit;
-      if (pan.some(Boolean)) move.pan = pan;
-      if (dolly) move.dolly = Math.max(-LARGEST_DOLLY, Math.min(LARGEST_DOLLY, dolly));
+      if (orbit.some(Boolean)) move.orbit = orbit.map((v) => limit(v, LARGEST_TURN));
+      if (pan.some(Boolean)) move.pan = pan.map((v) => limit(v, LARGEST_SHIFT));
+      if (dolly) move.dolly = limit(dolly, LARGEST_SHIFT);
       if (Object.keys(move).length) this.act.camera(move);
     });
   }
