@@ -67,6 +67,28 @@ fn a_large_image_is_filtered_coarsely_first() {
     assert!(page.value("window.prpf.state.status.statistics.mean").as_f64().unwrap() < 2.0);
 }
 
+/// A finished render sends no image again.
+#[test]
+fn the_image_survives_a_lost_context_and_a_small_graphics_card() {
+    let Some(program) = chromium() else { return };
+    let (_render, address, _folder) = preview(&["--spp", "4"]);
+    let mut page = Page::open(program, &address, [900, 600]);
+    page.wait("window.prpf && window.prpf.viewport.frames.has('filtered')");
+    page.wait(&format!("{PHASE} === 'finished'"));
+    page.value(
+        "window.loss = window.prpf.viewport.gl.getExtension('WEBGL_lose_context'); window.loss.loseContext()",
+    );
+    page.wait("document.getElementById('notices').textContent.includes('has lost the graphics context')");
+    page.value("window.loss.restoreContext()");
+    page.wait("!window.prpf.viewport.gl.isContextLost()");
+    assert!(brightness(&mut page) > 1.0);
+
+    // The image of 96×64 pixels as on a card that takes 32
+    page.value("(({ viewport }) => { viewport.largest = 32; viewport.setFrame('filtered', viewport.frames.get('filtered')); })(window.prpf)");
+    page.wait("document.getElementById('notices').textContent.includes('32×22 of this one')");
+    assert!(brightness(&mut page) > 1.0);
+}
+
 #[test]
 fn screenshots_of_another_scene() {
     let (Some(program), Some(folder), Some(scene)) =

@@ -254,6 +254,7 @@ function placeOverlays() {
   $("factor").textContent = `${Math.round(100 * viewport.zoom)} %`;
 }
 viewport.onlayout = placeOverlays;
+viewport.onproblem = (text) => notify(text, true);
 
 function setWipe(fraction) {
   state.wipe = Math.min(1, Math.max(0, fraction));

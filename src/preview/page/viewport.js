@@ -43,6 +43,22 @@ void main() {
   colour = vec4(toColour(v, kind, isLeft ? leftScale : rightScale), 1.0);
 }`;
 
+// Returns a frame, or every k-th of its pixels if a side is longer than `largest`.
+function thinned(frame, largest) {
+  const k = Math.ceil(Math.max(frame.width, frame.height) / largest);
+  if (k <= 1) return frame;
+  const [width, height] = [frame.width, frame.height].map((side) => Math.ceil(side / k));
+  const { channels } = frame;
+  const halves = new Uint16Array(width * height * channels);
+  for (let y = 0; y < height; y++) {
+    for (let x = 0; x < width; x++) {
+      const first = (y * k * frame.width + x * k) * channels;
+      halves.set(frame.halves.subarray(first, first + channels), (y * width + x) * channels);
+    }
+  }
+  return { width, height, channels, halves };
+}
+
 export class Viewport {
   constructor(canvas) {
     this.canvas = canvas;
@@ -55,11 +71,15 @@ export class Viewport {
     this.wipe = null; // fraction of the image's width, or null
     this.shown = { left: null, right: "filtered" };
     this.scales = {};
+    this.isThinned = false; // whether the user was told that pixels are left out
     this.drawn = 0;
     this.onlayout = () => {};
+    this.onproblem = () => {};
     const context = { alpha: true, antialias: false, depth: false, preserveDrawingBuffer: true };
     this.gl = canvas.getContext("webgl2", context);
     if (this.gl) this.initialise();
+    canvas.addEventListener("webglcontextlost", (event) => this.lose(event));
+    canvas.addEventListener("webglcontextrestored", () => this.restore());
     new ResizeObserver(() => this.resize()).observe(canvas);
   }
 
@@ -79,10 +99,24 @@ export class Viewport {
     this.uniforms = Object.fromEntries(names.map((name) => [name, gl.getUniformLocation(program, name)]));
     gl.pixelStorei(gl.UNPACK_ALIGNMENT, 1);
     this.textures = new Map();
+    this.largest = gl.getParameter(gl.MAX_TEXTURE_SIZE);
     this.colours = gl.createTexture();
     gl.bindTexture(gl.TEXTURE_2D, this.colours);
     gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA, COLOURS.length / 4, 1, 0, gl.RGBA, gl.UNSIGNED_BYTE, COLOURS);
     this.setFilter(gl.LINEAR, gl.LINEAR);
+  }
+
+  // Asks the browser to restore the graphics context, as after the graphics driver has been restarted.
+  lose(event) {
+    event.preventDefault();
+    this.onproblem("the browser has lost the graphics context: the image is shown again when it has restored it");
+  }
+
+  // Uploads everything again.
+  restore() {
+    this.initialise();
+    for (const [view, frame] of this.frames) this.upload(view, frame);
+    this.redraw();
   }
 
   // Sets how the bound texture is sampled.
@@ -104,30 +138,39 @@ export class Viewport {
   // Replaces the frame of a view and uploads it.
   setFrame(view, frame) {
     this.frames.set(view, frame);
-    const { width, height, channels } = frame;
-    this.setSize(width, height);
+    this.setSize(frame.width, frame.height);
+    if (this.gl) this.upload(view, frame);
+    this.redraw();
+  }
+
+  // Uploads a frame, thinned out if it is larger than the graphics card takes.
+  upload(view, frame) {
     const gl = this.gl;
-    if (!gl) return;
+    const { width, height, channels, halves } = thinned(frame, this.largest);
+    if (width < frame.width && !this.isThinned) {
+      this.isThinned = true;
+      this.onproblem(`this graphics card takes images of at most ${this.largest} pixels a side: ${width}×${height} of this one's are shown`);
+    }
     const [inside, format] = channels === 3 ? [gl.RGB16F, gl.RGB] : [gl.R16F, gl.RED];
     const old = this.textures.get(view);
     gl.activeTexture(gl.TEXTURE0);
     if (old && old.width === width && old.height === height) {
       gl.bindTexture(gl.TEXTURE_2D, old.texture);
-      gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, width, height, format, gl.HALF_FLOAT, frame.halves);
+      gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, width, height, format, gl.HALF_FLOAT, halves);
     } else {
       if (old) gl.deleteTexture(old.texture);
       const texture = gl.createTexture();
       gl.bindTexture(gl.TEXTURE_2D, texture);
-      gl.texImage2D(gl.TEXTURE_2D, 0, inside, width, height, 0, format, gl.HALF_FLOAT, frame.halves);
+      gl.texImage2D(gl.TEXTURE_2D, 0, inside, width, height, 0, format, gl.HALF_FLOAT, halves);
       this.setFilter(gl.LINEAR, gl.NEAREST);
       this.textures.set(view, { texture, width, height });
     }
-    this.redraw();
   }
 
   // Forgets all images.
   forget() {
     this.frames.clear();
+    this.isThinned = false;
     this.textures?.forEach(({ texture }) => this.gl.deleteTexture(texture));
     this.textures?.clear();
   }
