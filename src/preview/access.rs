@@ -59,6 +59,12 @@ impl Access {
         self.token.is_some() || self.admits(host, None)
     }
 
+    /// Tests whether a request comes from a page of this server or from the user, as far as the browser tells by the
+    /// `Sec-Fetch-Site` header. Another page may not read the answer, but it could make the server work.
+    pub fn is_own_request(site: Option<&str>) -> bool {
+        matches!(site, None | Some("same-origin" | "none"))
+    }
+
     /// Tests whether a WebSocket may be opened: only by a page of this server, according to the `Origin` header that
     /// browsers send.
     pub fn admits_socket(&self, origin: Option<&str>, host: Option<&str>, query: Option<&str>) -> bool {
@@ -155,5 +161,11 @@ mod tests {
             assert!(!access.admits(Some("192.168.0.7:8080"), wrong), "{wrong:?}");
         }
         assert_ne!(Access::with_token().unwrap().token, access.token);
+    }
+
+    #[test]
+    fn requests_of_other_pages_are_known_by_their_header() {
+        assert!([None, Some("none"), Some("same-origin")].into_iter().all(Access::is_own_request));
+        assert!(!["cross-site", "same-site"].map(Some).into_iter().any(Access::is_own_request));
     }
 }

@@ -8,9 +8,10 @@ use std::time::{Duration, Instant};
 use axum::Router;
 use axum::extract::ws::WebSocketUpgrade;
 use axum::extract::{Path, State};
-use axum::http::{HeaderMap, StatusCode, Uri, header};
+use axum::http::{HeaderMap, HeaderName, StatusCode, Uri, header};
 use axum::response::{IntoResponse, Response};
 use axum::routing::get;
+use tokio::sync::Semaphore;
 
 use super::access::Access;
 use super::connections;
@@ -26,6 +27,8 @@ use crate::image::read_rgb;
 const DEFAULT_PORT: u16 = 7377;
 /// Most viewers at a time.
 const MOST_VIEWERS: usize = 16;
+/// Most saved images that are decoded at a time: each takes the memory of an image.
+const MOST_DECODERS: usize = 2;
 /// Longest time to wait until the viewers have heard of the end.
 const FAREWELL: Duration = Duration::from_millis(300);
 /// Content security policy: the page loads nothing from other hosts, and no other page may embed it.
@@ -53,6 +56,7 @@ struct Shared {
     hub: Arc<Hub>,
     access: Arc<Access>,
     viewers: Arc<AtomicUsize>,
+    decoders: Arc<Semaphore>,
 }
 
 impl Server {
@@ -75,7 +79,8 @@ impl Server {
 
         // Serve on a thread of its own
         let address = access.url(listener.local_addr()?);
-        let shared = Shared { hub, access: Arc::new(access), viewers: Arc::default() };
+        let decoders = Arc::new(Semaphore::new(MOST_DECODERS));
+        let shared = Shared { hub, access: Arc::new(access), viewers: Arc::default(), decoders };
         let state = shared.clone();
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
         std::thread::Builder::new().name("preview".to_owned()).spawn(move || {
@@ -107,7 +112,7 @@ impl Server {
 }
 
 /// Returns the text of a header.
-fn text(headers: &HeaderMap, name: header::HeaderName) -> Option<&str> {
+fn text(headers: &HeaderMap, name: HeaderName) -> Option<&str> {
     headers.get(name)?.to_str().ok()
 }
 
@@ -163,13 +168,19 @@ async fn saved_image(
     uri: Uri,
     Path(number): Path<usize>,
 ) -> Response {
-    if !shared.access.admits(text(&headers, header::HOST), uri.query()) {
+    let is_own = Access::is_own_request(text(&headers, HeaderName::from_static("sec-fetch-site")));
+    if !is_own || !shared.access.admits(text(&headers, header::HOST), uri.query()) {
         return StatusCode::FORBIDDEN.into_response();
     }
     let Some(path) = shared.hub.saves().path(number) else {
         return StatusCode::NOT_FOUND.into_response();
     };
+    let Ok(permit) = shared.decoders.acquire_owned().await else {
+        return StatusCode::INTERNAL_SERVER_ERROR.into_response();
+    };
     let read = move || {
+        // Held until the image is decoded, also where the client has gone.
+        let _permit = permit;
         let planes = read_rgb(&path).map_err(|error| error.to_string())?;
         let info = FrameInfo { generation: 0, sequence: 0, spp: 0.0, seconds: 0.0, side: 1 };
         Ok::<_, String>(PreviewFrame::new(View::Raw, &planes, None, info).bytes)

@@ -9,7 +9,8 @@ const $ = (id) => document.getElementById(id);
 export class Comparison {
   // `viewport` gets the saved images; `update()` is called when another image has to be shown.
   constructor(viewport, notify, update) {
-    Object.assign(this, { viewport, notify, update, against: "raw", isWiping: false, isFlickering: false, showsOther: false, list: "" });
+    Object.assign(this, { viewport, notify, update, against: "raw", isWiping: false, isFlickering: false, showsOther: false });
+    this.forget();
     $("against").onchange = ({ target }) => this.compareWith(target.value);
     $("wiping").onchange = ({ target }) => this.wipe(target.checked);
     $("flickering").onchange = ({ target }) => this.flicker(target.checked);
@@ -52,25 +53,40 @@ export class Comparison {
     this.start();
   }
 
-  // Lets the next list load the saved image again.
+  // Lets the next list load the saved image again; one that is being loaded is not shown.
   forget() {
-    this.list = "";
+    Object.assign(this, { list: "", loading: new Set() });
   }
 
-  // Loads the saved image of a comparison that is on.
-  async start() {
-    const { against, viewport } = this;
+  // Shows the comparison, and loads its saved image if that is not there.
+  start() {
+    const { against, viewport, loading } = this;
     this.update();
-    if (!this.isOn() || !against.startsWith("save:") || viewport.frames.has(against)) return;
+    const isMissing = against.startsWith("save:") && !viewport.frames.has(against);
+    if (!this.isOn() || !isMissing || loading.has(against)) return;
+    loading.add(against);
+    this.load(against, loading)
+      .catch(({ message }) => {
+        if (this.loading !== loading) return;
+        this.notify(`cannot compare with the saved image: ${message}`, true);
+        if (this.against === against) this.compareWith("raw");
+      })
+      .finally(() => loading.delete(against));
+  }
+
+  // Loads a saved image; throws why it cannot.
+  async load(against, loading) {
     const answer = await fetch(`/saves/${against.slice("save:".length)}${location.search}`).catch(() => null);
-    if (!answer) return this.notify("cannot read the saved image: no answer from prpf", true);
-    const frame = answer.ok ? decodeFrame(await answer.arrayBuffer()) : null;
-    if (!frame) return this.notify(`cannot read the saved image: ${answer.ok ? "it is no frame" : await answer.text()}`, true);
-    const [width, height] = viewport.size;
+    if (!answer) throw new Error("no answer from prpf");
+    if (!answer.ok) throw new Error(await answer.text() || `prpf answered with status ${answer.status}`);
+    const frame = decodeFrame(await answer.arrayBuffer());
+    if (!frame) throw new Error("it is no frame");
+    if (this.loading !== loading) return;
+    const [width, height] = this.viewport.size;
     if (frame.width !== width || frame.height !== height) {
-      return this.notify(`cannot compare: the saved image has ${frame.width}×${frame.height} pixels, the render ${width}×${height}`, true);
+      throw new Error(`it has ${frame.width}×${frame.height} pixels, the render ${width}×${height}`);
     }
-    viewport.setFrame(against, frame);
+    this.viewport.setFrame(against, frame);
     this.update();
   }
 
