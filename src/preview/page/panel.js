@@ -14,7 +14,7 @@ const STOP_REASONS = { spp: "sample budget reached", time: "time budget reached"
 // Formats a large number with three digits and a unit prefix.
 function count(value) {
   for (const [size, letter] of [[1e9, "G"], [1e6, "M"], [1e3, "k"]]) {
-    if (value >= size) return `${(value / size).toPrecision(3)} ${letter}`;
+    if (value >= size) return `${Number((value / size).toPrecision(3))} ${letter}`;
   }
   return String(Math.round(value));
 }
