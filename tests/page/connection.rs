@@ -31,6 +31,11 @@ fn a_loss_and_an_old_token_are_told_apart_and_nothing_is_lost_silently() {
     let lines = "[...document.querySelectorAll('#notices p')].filter((p) => p.textContent.includes('was not sent')).length";
     assert_eq!(page.value(lines), 1, "the same is not shown twice");
 
+    // Neither are other scenes said not to exist
+    page.key("o");
+    page.wait("document.getElementById('notices').textContent.includes('cannot list the scenes')");
+    page.wait("document.getElementById('scenes').hidden && document.title.startsWith('not connected')");
+
     // Another run at the same address has another token
     let port = address.rsplit(':').next().and_then(|rest| rest.split('/').next()).expect("a port");
     let (_second, _) = start(port);

@@ -39,6 +39,7 @@ const connection = new Connection({
   lost: (reason) => {
     $("phase").textContent = $("phase").title = reason;
     $("phase").className = "lost";
+    document.title = `not connected · ${$("scene").textContent}`;
     $("save").disabled = $("pause").disabled = $("restart").disabled = true;
     state.saving?.remove();
   },
@@ -56,6 +57,7 @@ const connection = new Connection({
     $("scene").textContent = scene.split("/").pop();
     $("phase").textContent = problem ? "not open" : "loading";
     $("phase").className = problem ? "lost" : "";
+    document.title = `${$("phase").textContent} · ${$("scene").textContent}`;
     if (problem) notify(problem, true);
     scenes.show({ scene: problem ? null : scene });
   },
@@ -85,7 +87,7 @@ const connection = new Connection({
 });
 
 const comparison = new Comparison(viewport, notify, () => { updateViews(); placeOverlays(); });
-const scenes = new Scenes((index) => send("open-scene", { index }));
+const scenes = new Scenes((index) => send("open-scene", { index }), notify);
 const panel = new Panel((type, content) => send(type, content), notify, selectView);
 
 const pointer = new PointerInput($("viewport"), viewport, {
@@ -201,6 +203,7 @@ function showBadge(right) {
   $("badge").hidden = !isMissing && !isCoarse && !comparison.isFlickering;
   if (isCoarse && !comparison.isFlickering) $("badge").textContent = `filtered at ${Math.ceil(frame.width / frame.side)}×${Math.ceil(frame.height / frame.side)} so far`;
   else if (comparison.isFlickering) $("badge").textContent = comparison.showsOther ? comparison.name() : VIEW_NAMES[right];
+  else if (!FILTERED.includes(right)) $("badge").textContent = "not here yet";
   else if (right !== "filtered") $("badge").textContent = "available after the next filter pass";
   else $("badge").textContent = state.status?.settings.denoiser === "none" ? "denoiser is off" : "not filtered yet";
 }

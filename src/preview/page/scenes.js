@@ -5,9 +5,9 @@ import { Sheet } from "./sheet.js";
 const $ = (id) => document.getElementById(id);
 
 export class Scenes {
-  // `open(index)` opens a scene.
-  constructor(open) {
-    this.open = open;
+  // `open(index)` opens a scene; `notify(text, isProblem)` tells the user something.
+  constructor(open, notify) {
+    Object.assign(this, { open, notify });
     this.sheet = new Sheet($("scenes"), $("show-scenes"));
     $("show-scenes").onclick = () => this.toggle();
   }
@@ -15,7 +15,9 @@ export class Scenes {
   async toggle() {
     if (!this.sheet.toggle()) return;
     const answer = await fetch(`/scenes${location.search}`).catch(() => null);
-    this.list(answer?.ok ? await answer.json() : []);
+    if (answer?.ok) return this.list(await answer.json());
+    this.notify("cannot list the scenes: no answer from prpf", true);
+    if (this.sheet.isOpen()) this.sheet.toggle();
   }
 
   // Builds a button for each scene; the part of the path that all have in common is left out.
