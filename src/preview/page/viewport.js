@@ -81,6 +81,7 @@ export class Viewport {
     canvas.addEventListener("webglcontextlost", (event) => this.lose(event));
     canvas.addEventListener("webglcontextrestored", () => this.restore());
     new ResizeObserver(() => this.resize()).observe(canvas);
+    this.followRatio();
   }
 
   // Compiles the shaders and uploads the colour map.
@@ -183,6 +184,12 @@ export class Viewport {
     return Array.from(frame.halves.subarray(first, first + frame.channels), fromHalf);
   }
 
+  // Follows the ratio of device pixels to CSS pixels, which another screen or the browser's zoom changes.
+  followRatio() {
+    const isSame = matchMedia(`(resolution: ${window.devicePixelRatio || 1}dppx)`);
+    isSame.addEventListener("change", () => { this.resize(); this.followRatio(); }, { once: true });
+  }
+
   // Follows the size of the element.
   resize() {
     const ratio = window.devicePixelRatio || 1;
@@ -192,22 +199,30 @@ export class Viewport {
     this.redraw();
   }
 
+  // Returns the zoom by which the whole image is shown.
+  fittedZoom() {
+    const { clientWidth: width, clientHeight: height } = this.canvas;
+    const [w, h] = this.size;
+    const margin = Math.min(width, height) > 500 ? 48 : 8;
+    const zoom = Math.max(0.01, Math.min((width - 2 * margin) / w, (height - 2 * margin) / h));
+    // Quarters keep the pixels of an enlarged image at nearly one size.
+    return zoom > 2 ? Math.floor(zoom * 4) / 4 : zoom;
+  }
+
   // Shows the whole image.
   fit() {
     this.isFitted = true;
     const { clientWidth: width, clientHeight: height } = this.canvas;
     const [w, h] = this.size;
-    const margin = Math.min(width, height) > 500 ? 48 : 8;
-    this.zoom = Math.max(0.01, Math.min((width - 2 * margin) / w, (height - 2 * margin) / h));
-    // Quarters keep the pixels of an enlarged image at nearly one size.
-    if (this.zoom > 2) this.zoom = Math.floor(this.zoom * 4) / 4;
+    this.zoom = this.fittedZoom();
     this.corner = [(width - w * this.zoom) / 2, (height - h * this.zoom) / 2];
     this.redraw();
   }
 
   // Zooms by a factor around a point of the canvas.
   zoomBy(factor, [x, y] = [this.canvas.clientWidth / 2, this.canvas.clientHeight / 2]) {
-    const zoom = Math.min(64, Math.max(0.05, this.zoom * factor));
+    const fitted = this.fittedZoom();
+    const zoom = Math.min(Math.max(64, fitted), Math.max(Math.min(0.05, fitted), this.zoom * factor));
     this.corner = [x, y].map((p, k) => p - ((p - this.corner[k]) * zoom) / this.zoom);
     this.zoom = zoom;
     this.isFitted = false;
