@@ -327,6 +327,9 @@ impl Reporter {
         let record = &mut self.record;
         if let Some(shown) = &mut record.shown {
             paste(&mut shown.image);
+            if let Some(comparison) = &mut self.comparison {
+                comparison.update(Some(shown));
+            }
             self.publisher.filtered();
             self.publish(store);
         } else if let Some(coarse) = &mut record.coarse {

@@ -203,7 +203,7 @@ function showBadge(right) {
   $("badge").hidden = !isMissing && !isCoarse && !comparison.isFlickering;
   if (isCoarse && !comparison.isFlickering) $("badge").textContent = `filtered at ${Math.ceil(frame.width / frame.side)}×${Math.ceil(frame.height / frame.side)} so far`;
   else if (comparison.isFlickering) $("badge").textContent = comparison.showsOther ? comparison.name() : VIEW_NAMES[right];
-  else if (!FILTERED.includes(right)) $("badge").textContent = "not here yet";
+  else if (!FILTERED.includes(right)) $("badge").textContent = "not available yet";
   else if (right !== "filtered") $("badge").textContent = "available after the next filter pass";
   else $("badge").textContent = state.status?.settings.denoiser === "none" ? "denoiser is off" : "not filtered yet";
 }
