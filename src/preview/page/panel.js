@@ -81,6 +81,9 @@ export class Panel {
   restore() {
     this.showSettings(this.status.settings);
     this.camera.show(this.status);
+    // A refused number is taken back although its field has the focus again
+    const { value } = document.activeElement.dataset;
+    if (value !== undefined) document.activeElement.value = value;
   }
 
   showSettings(settings) {

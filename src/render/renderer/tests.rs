@@ -98,7 +98,8 @@ fn samples_match_the_scalar_reference() {
         }
         let samples = (WIDTH * HEIGHT) as u64 * SEEDS;
         let fraction = |count: u32| f64::from(count) / samples as f64;
-        assert!(fraction(lit) > 0.8, "{integrator}: {} of the samples are lit", fraction(lit));
+        // Of the others the light that was chosen is hidden: what is compared must not be black
+        assert!(fraction(lit) > 0.75, "{integrator}: {} of the samples are lit", fraction(lit));
         assert!(fraction(mismatches) <= max_mismatches, "{integrator} {sampler}: {}", fraction(mismatches));
     }
 }

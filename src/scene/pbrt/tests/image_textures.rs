@@ -183,7 +183,8 @@ fn planar_and_spherical_mappings_are_flipped() {
         (r#""planar" "float udelta" .5 "float vdelta" -.5"#, [-0.25, 0.75, 3.0]),
         (r#""planar" "vector v1" [0 0 1] "vector v2" [2 0 0]"#, [0.125, 9.0, 0.25]),
         (r#""spherical""#, [0.0, 1.0, 1.0]),
-        (r#""cylindrical""#, [0.0, -1.0, 0.25]),
+        // At distance 1 the height of the point is that of its direction
+        (r#""cylindrical""#, [0.0, -0.968_245_8, 0.25]),
     ] {
         let at = TexturePoint { uv: Vec2::ZERO, position: place.into() };
         for (dialect, expected) in [(V2, 0.2), (V3, 0.6), (V4, 0.6)] {
