@@ -517,7 +517,7 @@ fn info_shows_effects_and_alive_dimensions() {
     assert!(output.status.success() && said.contains("environment") && !said.contains("lens.u"), "{said}");
     let denoiser = |name: &str| said.lines().find(|line| line.starts_with(name)).unwrap_or_default();
     assert!(
-        denoiser("nlm standard").contains("filters parts of an image with a margin of 68 pixels"),
+        denoiser("nlm standard").contains("filters parts of an image with a margin of 70 pixels"),
         "{said}"
     );
     assert!(!denoiser("rpf ").contains("margin"), "{said}");
