@@ -298,7 +298,8 @@ PrpfStatus prpf_filter_set_progress(PrpfFilter *filter,
  * Filters a store, and keeps the result until the filter's next completed pass. The calling thread waits. Others may add
  * samples to the store meanwhile; the pass does not see them, but the store is then copied.
  *
- * A store with fewer samples than pixels is filtered by a faster denoiser; see prpf_filter_made_by().
+ * A store with fewer samples than pixels is filtered by a faster denoiser, and not at all if the library of "oidn" fails; see
+ * prpf_filter_made_by().
  *
  * Pointers are null or point to a filter and a store.
  */
