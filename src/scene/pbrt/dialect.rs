@@ -70,6 +70,11 @@ impl Dialect {
         self == Dialect::V3
     }
 
+    /// Whether area lights on interfaces between media emit; otherwise these lights are left out.
+    pub(super) fn interfaces_emit(self) -> bool {
+        self != Dialect::V4
+    }
+
     /// Whether a surface is opaque wherever its alpha is not 0; otherwise alpha is its opacity.
     pub(super) fn alpha_is_binary(self) -> bool {
         self != Dialect::V4

@@ -174,21 +174,23 @@ impl SceneBuilder {
         Ok(())
     }
 
-    /// Removes the primitives of interfaces between media, and the instances that this leaves without any:
-    /// media are not simulated, so light passes interfaces unchanged. Call it when all materials are defined.
+    /// Removes the primitives of interfaces between media that do not emit, and the instances that this leaves
+    /// without any: media are not simulated, so light passes interfaces unchanged. Call it when all materials are
+    /// defined.
     pub fn remove_interfaces(&mut self) {
-        let materials = &self.materials;
-        let is_interface = |primitive: &Primitive| {
-            matches!(materials[primitive.material.0 as usize].kind, MaterialKind::Interface)
+        let (materials, interfaces_emit) = (&self.materials, self.dialect.interfaces_emit());
+        let is_removed = |primitive: &Primitive| {
+            let material = &materials[primitive.material.0 as usize];
+            matches!(material.kind, MaterialKind::Interface)
+                && !(interfaces_emit && primitive.area_light.is_some())
         };
         for &(index, loc) in &self.area_light_locs {
-            if is_interface(&self.groups[0].primitives[index]) {
-                // As in pbrt-v4, interfaces do not emit
+            if is_removed(&self.groups[0].primitives[index]) {
                 self.warnings.add(loc, "an area light on the material \"interface\" is ignored");
             }
         }
         for group in &mut self.groups {
-            group.primitives.retain(|primitive| !is_interface(primitive));
+            group.primitives.retain(|primitive| !is_removed(primitive));
         }
         let groups = &self.groups;
         self.instances.retain(|instance| !groups[instance.object].primitives.is_empty());

@@ -1,6 +1,9 @@
-//! Interfaces between media, which are left out.
+//! Interfaces between media, which are left out unless they emit.
+
+use glam::Vec3;
 
 use super::{TRIANGLE, scene, world};
+use crate::scene::MaterialKind;
 
 #[test]
 fn interfaces_are_left_out_even_if_their_material_is_made_later() {
@@ -18,6 +21,22 @@ fn interfaces_of_the_older_dialects_are_left_out() {
     for kind in ["", "none"] {
         let text = format!("Integrator \"path\" WorldBegin Material \"{kind}\" {TRIANGLE} WorldEnd");
         assert!(scene(&text).primitives.is_empty(), "{kind}");
+    }
+}
+
+#[test]
+fn area_lights_on_interfaces_of_v3_emit() {
+    for kind in ["", "none"] {
+        let scene = scene(&format!(
+            "Integrator \"path\" WorldBegin Material \"{kind}\" {TRIANGLE} Translate 1 0 0
+             AreaLightSource \"diffuse\" \"rgb L\" [1 2 3] {TRIANGLE} WorldEnd"
+        ));
+        assert!(scene.warnings.is_empty(), "{:?}", scene.warnings);
+        assert_eq!((scene.primitives.len(), scene.objects[0].primitives.clone()), (1, 0..1), "{kind}");
+        let light = scene.primitives[0].area_light.expect("the second shape emits");
+        assert_eq!(light.radiance, Vec3::new(1.0, 2.0, 3.0));
+        let material = &scene.materials[scene.primitives[0].material.0 as usize];
+        assert!(matches!(material.kind, MaterialKind::Interface), "{material:?}");
     }
 }
 
