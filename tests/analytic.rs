@@ -51,6 +51,7 @@ fn scene(max_depth: u32) -> Scene {
             filter: PixelFilter::Box { radius: [0.5, 0.5] },
             filename: None,
             scale: 1.0,
+            white_balance: None,
         },
         integrator: Integrator::Path { max_depth },
         sampler: SamplerKind::Sobol,

@@ -69,6 +69,7 @@ pub fn static_scene(shapes: Vec<Shape>) -> Scene {
             filter: PixelFilter::Box { radius: [0.5, 0.5] },
             filename: None,
             scale: 1.0,
+            white_balance: None,
         },
         integrator: Integrator::Path { max_depth: 1 },
         sampler: SamplerKind::Independent,

@@ -189,6 +189,7 @@ mod tests {
             filter: PixelFilter::Box { radius: [0.5, 0.5] },
             filename: None,
             scale: 1.0,
+            white_balance: None,
         }
     }
 

@@ -81,6 +81,7 @@ impl<'s> Renderer<'s> {
                 shard: Shard::WHOLE,
                 corner: [x0, y0],
                 exposure: scene.film.scale,
+                white_balance: scene.film.white_balance,
                 filter: FilterSampler::new(&scene.film.filter),
                 camera: CameraRays::new(camera, &scene.film),
                 tracer: PathTracer::new(scene, accel, lights, &effects, &layout),
@@ -134,8 +135,8 @@ impl<'s> Renderer<'s> {
         self.rows.tracer.accel.intersect(&ray).map(|hit| ray.origin + hit.t * ray.direction)
     }
 
-    /// Returns the radiance of the `index`-th sample of a pixel of [`Self::resolution`], before the film's factor
-    /// from radiance to pixel value. The scalar reference path tracer computes it, which tests compare with
+    /// Returns the radiance of the `index`-th sample of a pixel of [`Self::resolution`], before the film's exposure
+    /// and white balance. The scalar reference path tracer computes it, which tests compare with
     /// [`Self::render_batch`]. `events` is called with every event of the path.
     pub fn reference_radiance(
         &self,

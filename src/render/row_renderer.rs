@@ -3,7 +3,7 @@
 //! Pixels are sampled in the blocks in which the store takes them: one sample of each pixel of a block, then a
 //! second of those that get one, and so on. Wavefronts of samples are traced together.
 
-use glam::Vec2;
+use glam::{Mat3, Vec2};
 
 use super::camera_rays::CameraRays;
 use super::filter_sampler::FilterSampler;
@@ -31,6 +31,8 @@ pub struct RowRenderer<'s> {
     pub corner: [usize; 2],
     /// Factor from radiance to pixel value.
     pub exposure: f32,
+    /// Matrix that the radiance of a sample is multiplied by, if any.
+    pub white_balance: Option<Mat3>,
     pub filter: FilterSampler,
     pub camera: CameraRays,
     pub tracer: PathTracer<'s>,
@@ -144,7 +146,12 @@ impl<'s> RowRenderer<'s> {
         values.resize(self.enabled.len(), [0.0; LANES]);
         self.tracer.trace::<S>(wave);
         for (records, &(block, mask)) in wave.records().iter().zip(&*origins) {
-            records.sample_vectors(self.exposure, &self.enabled, values);
+            match &self.white_balance {
+                None => records.sample_vectors(self.exposure, &self.enabled, values),
+                Some(matrix) => {
+                    records.white_balanced(matrix).sample_vectors(self.exposure, &self.enabled, values);
+                }
+            }
             if let Some(recorded) = recorded {
                 append_records(recorded, *y, row, block, mask, values);
             }

@@ -1,5 +1,7 @@
 //! Records of samples: all values that a sample vector can hold, one path a lane.
 
+use glam::{Mat3, Vec3};
+
 use crate::simd::{LANES, Lanes, Lanes3, apply, multiversioned};
 use crate::stats::{Layout, MAX_DIMENSIONS};
 
@@ -57,6 +59,20 @@ impl SampleRecords {
         sample_vectors(self, exposure, enabled, values);
     }
 
+    /// Returns the records with the radiance multiplied by a matrix. Channels below 0 become 0, because stores have no
+    /// negative radiance.
+    pub fn white_balanced(&self, matrix: &Mat3) -> Self {
+        let mut balanced = Self { bsdf_sampled: Lanes3::ZERO, ..*self };
+        for lane in 0..LANES {
+            // Scattered light is clamped as a whole
+            let scattered = self.light_sampled.at(lane) + self.bsdf_sampled.at(lane);
+            balanced.light_sampled.set(lane, without_negative_channels(*matrix * scattered));
+            let visible = self.visible_emission.at(lane);
+            balanced.visible_emission.set(lane, without_negative_channels(*matrix * visible));
+        }
+        balanced
+    }
+
     /// Returns the index of each of a layout's dimensions in the layout that has every block.
     pub fn enabled_dimensions(layout: &Layout) -> Vec<usize> {
         let all = Layout::with_blocks(|_| true);
@@ -64,6 +80,11 @@ impl SampleRecords {
         let dimensions = layout.dimensions().iter();
         dimensions.map(|d| index(d.name).expect("a layout with every block has every dimension")).collect()
     }
+}
+
+/// Returns a colour with its negative channels set to 0. A channel that is not a number stays, for the store to reject.
+fn without_negative_channels(colour: Vec3) -> Vec3 {
+    Vec3::select(colour.cmplt(Vec3::ZERO), Vec3::ZERO, colour)
 }
 
 /// See [`SampleRecords::sample_vectors`]. All loads and stores are of whole vectors, because a store of another
@@ -139,8 +160,6 @@ fn sample_vectors(records: &SampleRecords, exposure: f32, enabled: &[usize], val
 
 #[cfg(test)]
 mod tests {
-    use glam::Vec3;
-
     use super::*;
     use crate::stats::Block;
 
@@ -188,6 +207,20 @@ mod tests {
         for (block, expected) in expected {
             assert_eq!(values[layout.block(block).unwrap()], *expected, "{block:?}");
         }
+    }
+
+    #[test]
+    fn white_balance_multiplies_the_radiance_and_clamps_negative_channels() {
+        let mut records = SampleRecords::NONE;
+        records.light_sampled.set(3, Vec3::new(1.0, 2.0, 3.0));
+        records.bsdf_sampled.set(3, Vec3::new(0.0, 1.0, 0.0));
+        records.visible_emission.set(3, Vec3::new(0.0, 4.0, f32::NAN));
+        let matrix = Mat3::from_cols(Vec3::new(1.0, 0.0, 0.0), Vec3::new(-1.0, 2.0, 0.0), Vec3::Z);
+        let balanced = records.white_balanced(&matrix);
+        assert_eq!(balanced.light_sampled.at(3), Vec3::new(0.0, 6.0, 3.0));
+        assert_eq!(balanced.bsdf_sampled.at(3), Vec3::ZERO);
+        assert!(balanced.visible_emission.at(3).z.is_nan());
+        assert_eq!(balanced.light_sampled.at(0), Vec3::ZERO);
     }
 
     #[test]

@@ -1,5 +1,7 @@
 //! The film: resolution, the part of it that is rendered, the pixel filter.
 
+use glam::Mat3;
+
 /// The image plane and its sampling.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Film {
@@ -13,6 +15,9 @@ pub struct Film {
     pub filename: Option<String>,
     /// Factor from radiance to pixel value (pbrt-v4's imaging ratio).
     pub scale: f32,
+    /// Matrix that the linear RGB radiance of a sample is multiplied by, if any (pbrt-v4's white balance). Channels
+    /// below 0 become 0.
+    pub white_balance: Option<Mat3>,
 }
 
 /// Largest width or height of a film in pixels, the limit of the live preview's frames.

@@ -189,9 +189,20 @@ fn xyz(spectrum: impl Fn(f64) -> f64) -> DVec3 {
     WAVELENGTHS.map(f64::from).map(|nm| matching_functions(nm) * spectrum(nm)).sum()
 }
 
+/// XYZ of a blackbody with a luminance of 1.
+pub fn blackbody_xyz(kelvin: f64) -> DVec3 {
+    let xyz = xyz(|nm| planck(nm, kelvin));
+    xyz / xyz.y
+}
+
+/// The matrix from XYZ to linear sRGB.
+pub fn rgb_from_xyz_matrix() -> DMat3 {
+    DMat3::from_cols_array_2d(&RGB_FROM_XYZ).transpose()
+}
+
 /// Converts XYZ to linear sRGB.
 pub fn rgb_from_xyz(xyz: DVec3) -> DVec3 {
-    DMat3::from_cols_array_2d(&RGB_FROM_XYZ).transpose() * xyz
+    rgb_from_xyz_matrix() * xyz
 }
 
 /// Index of refraction (eta) and absorption (k) by channel.

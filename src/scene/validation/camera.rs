@@ -28,7 +28,7 @@ pub fn check_camera(camera: &Camera) -> Result {
     require(valid, || "camera.shutter_close".into(), close, "a finite time not before shutter_open")
 }
 
-/// Checks resolution, pixel bounds, filter and exposure of a film.
+/// Checks resolution, pixel bounds, filter, exposure and white balance of a film.
 pub fn check_film(film: &Film) -> Result {
     // Check the resolution
     for (name, side) in [("film.width", film.width), ("film.height", film.height)] {
@@ -45,6 +45,9 @@ pub fn check_film(film: &Film) -> Result {
     require(valid, || "film.pixel_bounds".into(), value, "x0 < x1 and y0 < y1 inside the film")?;
 
     positive(film.scale, || "film.scale".into())?;
+    for element in film.white_balance.iter().flat_map(|matrix| matrix.to_cols_array()) {
+        finite(element, || "film.white_balance".into())?;
+    }
     check_pixel_filter(&film.filter)
 }
 

@@ -56,6 +56,8 @@ fn invalid_films_and_cameras_are_named() {
     assert_eq!(invalid_field(|s| s.film.pixel_bounds[1] = 0), "film.pixel_bounds");
     assert_eq!(invalid_field(|s| s.film.pixel_bounds[3] += 1), "film.pixel_bounds");
     assert_eq!(invalid_field(|s| s.film.scale = f32::INFINITY), "film.scale");
+    let balance = Some(glam::Mat3::from_diagonal(glam::Vec3::new(1.0, f32::NAN, 1.0)));
+    assert_eq!(invalid_field(|s| s.film.white_balance = balance), "film.white_balance");
     let filter = PixelFilter::Box { radius: [0.5, 0.0] };
     assert_eq!(invalid_field(|s| s.film.filter = filter), "film.filter.radius[1]");
     let filter = PixelFilter::Mitchell { radius: [2.0; 2], b: f32::NAN, c: 0.3 };

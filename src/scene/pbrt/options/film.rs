@@ -1,9 +1,12 @@
-//! `Film`: resolution, pixel bounds and exposure.
+//! `Film`: resolution, pixel bounds, exposure and white balance.
+
+use glam::Mat3;
 
 use super::option_entity::OptionEntity;
+use super::white_balance::white_balance;
 use crate::scene::film::{MAX_PIXELS, MAX_SIDE};
 use crate::scene::pbrt::builder::SceneBuilder;
-use crate::scene::pbrt::parser::{ParseError, Result};
+use crate::scene::pbrt::parser::{ParameterDictionary, ParseError, Result};
 use crate::scene::{Film, PixelFilter};
 
 /// Exposure time in seconds, from the camera's shutter. A shutter interval of length 0 freezes motion
@@ -44,7 +47,15 @@ pub fn make_film(
         }
     }
     let filename = params.string("filename")?.filter(|name| !name.is_empty()).map(String::from);
-    Ok(Film { width: width as usize, height: height as usize, pixel_bounds, filter, filename, scale })
+    Ok(Film {
+        width: width as usize,
+        height: height as usize,
+        pixel_bounds,
+        filter,
+        filename,
+        scale,
+        white_balance: white_balance_matrix(params)?,
+    })
 }
 
 /// The part of the film that is rendered: x0, x1, y0, y1 in pixels, half open.
@@ -86,4 +97,13 @@ fn imaging_ratio(entry: &OptionEntity, exposure_time: f64) -> Result<f32> {
         return Err(ParseError::new(*loc, message));
     }
     Ok(scale)
+}
+
+/// The matrix of the parameter `whitebalance`, a temperature in kelvin, if it is above 0.
+fn white_balance_matrix(params: &ParameterDictionary) -> Result<Option<Mat3>> {
+    // pbrt-v4's named sensors default to 6500 K, which is the white of sRGB
+    let Some(param) = params.get("whitebalance") else { return Ok(None) };
+    let Some(kelvin) = params.positive("whitebalance")? else { return Ok(None) };
+    let matrix = white_balance(kelvin);
+    if matrix.is_finite() { Ok(Some(matrix)) } else { Err(param.error(kelvin, "a temperature such as 6500")) }
 }

@@ -5,3 +5,4 @@ mod film;
 mod option_entity;
 mod options_block;
 mod pixel_filter;
+mod white_balance;
