@@ -55,6 +55,12 @@ impl Dialect {
         self == Dialect::V4
     }
 
+    /// Whether pbrt goes on after unknown names and missing files, without the directive or with a default;
+    /// otherwise it ends.
+    pub(super) fn goes_on_after_errors(self) -> bool {
+        self != Dialect::V4
+    }
+
     /// Whether `NamedMaterial` with an unknown name keeps the current material.
     pub(super) fn ignores_unknown_materials(self) -> bool {
         self != Dialect::V4

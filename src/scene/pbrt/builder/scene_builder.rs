@@ -17,7 +17,7 @@ use super::{
 use crate::scene::measured_brdf::MeasuredBrdf;
 use crate::scene::pbrt::dialect::Dialect;
 use crate::scene::pbrt::files;
-use crate::scene::pbrt::parser::{FileLoc, Warnings};
+use crate::scene::pbrt::parser::{FileLoc, ParseError, Result, Warnings};
 use crate::scene::pbrt::read_progress::ReadProgress;
 use crate::scene::texture::Textures;
 use crate::scene::{Instance, Light, Material, MaterialId, Object, Primitive, Scene};
@@ -135,6 +135,18 @@ impl SceneBuilder {
             report_progress: Box::new(|_| {}),
             progress: ReadProgress::default(),
         }
+    }
+
+    /// Turns an error into a warning in the dialects whose pbrt goes on; `consequence` says with what.
+    ///
+    /// # Errors
+    /// `error` itself in v4.
+    pub fn warn_or_fail(&mut self, error: ParseError, consequence: &str) -> Result<()> {
+        if !self.dialect.goes_on_after_errors() {
+            return Err(error);
+        }
+        self.warnings.add(error.loc, format!("{}; {consequence}", error.message));
+        Ok(())
     }
 
     /// World position of render space's origin.

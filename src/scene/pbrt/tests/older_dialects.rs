@@ -176,3 +176,19 @@ fn exinfinite_is_an_infinite_light_of_v3() {
     let lights = v3_world("LightSource \"exinfinite\" \"rgb L\" [1 2 3]").lights;
     assert!(matches!(lights[..], [Light::Environment(_)]), "{lights:?}");
 }
+
+#[test]
+fn unknown_textures_of_the_older_dialects_stand_for_the_default() {
+    let text = "\nMaterial \"matte\" \"texture Kd\" \"a\" \"texture bumpmap\" \"b\"
+        Shape \"sphere\" \"texture alpha\" \"c\"";
+    for header in ["SurfaceIntegrator", "Integrator"] {
+        let scene = scene(&format!("{header} \"path\" WorldBegin {text} WorldEnd"));
+        assert_eq!(scene.warnings.len(), 3, "{:?}", scene.warnings);
+        let expected = "<text>:2:18: parameter \"Kd\" is the unknown texture \"a\"; expected a spectrum texture that is \
+            defined before; using the default";
+        assert_eq!(scene.warnings[0], expected);
+        let MaterialKind::Diffuse { reflectance } = scene.materials[1].kind else { panic!() };
+        assert_eq!(scene.textures.constant_rgb(reflectance), Some(Vec3::splat(0.5)));
+        assert_eq!((scene.materials[1].displacement, scene.primitives[0].alpha), (None, None));
+    }
+}

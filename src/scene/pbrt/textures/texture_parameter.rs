@@ -77,7 +77,8 @@ impl SceneBuilder {
         self.texture_or::<Vec3>(params, name, default)
     }
 
-    /// The texture that a parameter names, or a constant texture of its value.
+    /// The texture that a parameter names, or a constant texture of its value. In the older dialects an unknown name
+    /// stands for `default`.
     pub fn texture_or<V: TextureParameter>(
         &mut self,
         params: &ParameterDictionary,
@@ -93,7 +94,9 @@ impl SceneBuilder {
                 };
                 let Some(&(id, depth)) = V::names(&mut self.named_textures).get(wanted) else {
                     let expected = format!("a {} texture that is defined before", V::KIND);
-                    return Err(param.error(format_args!("the unknown texture \"{wanted}\""), &expected));
+                    let error = param.error(format_args!("the unknown texture \"{wanted}\""), &expected);
+                    self.warn_or_fail(error, "using the default")?;
+                    return Ok(self.textures.add(Texture::Constant(default)));
                 };
                 self.named_textures.depth = self.named_textures.depth.max(depth + 1);
                 Ok(id)
