@@ -66,6 +66,24 @@ impl Dialect {
         self != Dialect::V4
     }
 
+    /// The material types of the dialect, for messages.
+    pub(super) fn material_names(self) -> &'static str {
+        match self {
+            Dialect::V2 => {
+                "matte, plastic, translucent, glass, mirror, mix, metal, shinymetal, substrate, uber, measured, \
+                 subsurface or kdsubsurface"
+            }
+            Dialect::V3 => {
+                "matte, plastic, translucent, glass, mirror, hair, disney, mix, metal, substrate, uber, subsurface, \
+                 kdsubsurface, fourier or none"
+            }
+            Dialect::V4 => {
+                "diffuse, coateddiffuse, conductor, coatedconductor, dielectric, thindielectric, diffusetransmission, \
+                 measured, hair, subsurface, mix or interface"
+            }
+        }
+    }
+
     /// Whether parameters of a shape override those of its material.
     pub(super) fn shapes_override_materials(self) -> bool {
         self != Dialect::V4

@@ -13,7 +13,7 @@ const DEFAULT_ETA: f64 = 1.5;
 const DEFAULT_THICKNESS: f64 = 0.01;
 
 impl SceneBuilder {
-    /// The scattering model of the material type `kind`.
+    /// The scattering model of the material type `kind`; of an unknown type `matte` in the older dialects.
     pub fn material_kind(
         &mut self,
         kind: &str,
@@ -85,11 +85,10 @@ impl SceneBuilder {
             other => match self.older_material(other, params, loc)? {
                 Some(kind) => kind,
                 None => {
-                    let message = format!(
-                        "unknown material \"{other}\"; expected diffuse, coateddiffuse, conductor, coatedconductor, dielectric, \
-                         thindielectric, diffusetransmission, measured, hair, mix or interface"
-                    );
-                    return Err(ParseError::new(loc, message));
+                    let expected = self.dialect.material_names();
+                    let message = format!("unknown material \"{other}\"; expected {expected}");
+                    self.warn_or_fail(ParseError::new(loc, message), "using \"matte\"")?;
+                    self.material_kind("matte", params, loc)?
                 }
             },
         })

@@ -192,3 +192,20 @@ fn unknown_textures_of_the_older_dialects_stand_for_the_default() {
         assert_eq!((scene.materials[1].displacement, scene.primitives[0].alpha), (None, None));
     }
 }
+
+#[test]
+fn unknown_materials_of_the_older_dialects_are_matte() {
+    let text = "\nMaterial \"glossy\" \"rgb Kd\" [.1 .2 .3]";
+    for (header, known) in [("SurfaceIntegrator", "shinymetal"), ("Integrator", "disney")] {
+        let scene = scene(&format!("{header} \"path\" WorldBegin {text} WorldEnd"));
+        let [warning] = &scene.warnings[..] else { panic!("{:?}", scene.warnings) };
+        assert!(
+            warning.starts_with("<text>:2:1: unknown material \"glossy\"; expected matte, "),
+            "{warning}"
+        );
+        assert!(warning.contains(known) && warning.ends_with("; using \"matte\""), "{warning}");
+        let MaterialKind::Diffuse { reflectance } = scene.materials[1].kind else { panic!() };
+        assert_eq!(scene.textures.constant_rgb(reflectance), Some(Vec3::new(0.1, 0.2, 0.3)));
+    }
+    assert!(error(&format!("WorldBegin {text}")).message.contains("expected diffuse"));
+}
