@@ -176,6 +176,20 @@ impl Dialect {
         (self != Dialect::V4).then_some(Encoding::Linear)
     }
 
+    /// Encoded value of a texture whose image cannot be read; `None` where that is an error.
+    pub(super) fn missing_texture_value(self) -> Option<f32> {
+        match self {
+            Dialect::V2 => Some(1.0),
+            Dialect::V3 => Some(0.5),
+            Dialect::V4 => None,
+        }
+    }
+
+    /// Like [`Self::missing_texture_value`], of the image of a light.
+    pub(super) fn missing_light_value(self) -> Option<f32> {
+        (self != Dialect::V4).then_some(1.0)
+    }
+
     /// Channels of an image that a float texture uses.
     pub(super) fn scalar_channels(self) -> Channels {
         if self == Dialect::V4 { Channels::All } else { Channels::Luminance }

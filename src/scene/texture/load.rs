@@ -127,6 +127,11 @@ pub fn load(path: &Path, encoding: Encoding, channels: Channels) -> Result<Textu
     }
 }
 
+/// An image of one grey texel with an encoded value.
+pub fn one_texel(value: f32, encoding: Encoding) -> TextureImage {
+    TextureImage::from_floats(1, 1, 1, vec![encoding.decode(value)])
+}
+
 /// Decodes texels with `count` channels; alpha is already linear.
 fn decode(data: &mut [f32], count: usize, encoding: Encoding) {
     if encoding != Encoding::Linear {

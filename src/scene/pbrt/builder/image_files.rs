@@ -8,7 +8,7 @@ use std::path::PathBuf;
 
 use rayon::prelude::*;
 
-use crate::scene::pbrt::parser::{FileLoc, ParseError, Result};
+use crate::scene::pbrt::parser::{FileLoc, ParseError, Result, Warnings};
 use crate::scene::texture::{self, Channels, Encoding};
 use crate::scene::{ImageId, TextureImage};
 
@@ -18,6 +18,8 @@ struct ImageFile {
     channels: Channels,
     /// Whether the image is flipped vertically after decoding.
     flip_rows: bool,
+    /// Encoded value of the image if it cannot be read; `None` if that is an error.
+    replacement: Option<f32>,
     /// Location of the first reference.
     loc: FileLoc,
     /// Whether an image that is not square is an error.
@@ -39,12 +41,21 @@ impl ImageFiles {
         encoding: Encoding,
         channels: Channels,
         flip_rows: bool,
+        replacement: Option<f32>,
         loc: FileLoc,
     ) -> ImageId {
         let list = &mut self.list;
-        let key = (path.clone(), format!("{encoding:?} {channels:?}"));
+        let key = (path.clone(), format!("{encoding:?} {channels:?} {replacement:?}"));
         *self.ids.entry(key).or_insert_with(|| {
-            list.push(ImageFile { path, encoding, channels, flip_rows, loc, must_be_square: false });
+            list.push(ImageFile {
+                path,
+                encoding,
+                channels,
+                flip_rows,
+                replacement,
+                loc,
+                must_be_square: false,
+            });
             ImageId((list.len() - 1) as u32)
         })
     }
@@ -54,13 +65,21 @@ impl ImageFiles {
         self.list[id.0 as usize].must_be_square = true;
     }
 
-    /// Decodes all images, in the order of their ids.
+    /// Decodes all images, in the order of their ids. A warning names each that a constant replaces.
     ///
     /// # Errors
-    /// If a file is missing, damaged or not square where it must be.
-    pub fn load(self) -> Result<Vec<TextureImage>> {
+    /// If a file without a replacement is missing, damaged or not square where it must be.
+    pub fn load(self, warnings: &mut Warnings) -> Result<Vec<TextureImage>> {
         let images: Vec<_> = self.list.par_iter().map(ImageFile::load).collect();
-        images.into_iter().collect()
+        let or_replacement =
+            |(file, image): (&ImageFile, Result<TextureImage>)| match (image, file.replacement) {
+                (Err(error), Some(value)) => {
+                    warnings.add(error.loc, format!("{}; using the constant {value}", error.message));
+                    Ok(texture::one_texel(value, file.encoding))
+                }
+                (image, _) => image,
+            };
+        self.list.iter().zip(images).map(or_replacement).collect()
     }
 }
 

@@ -124,7 +124,7 @@ impl SceneBuilder {
     fn place_object(&mut self, InstanceEntity { name, transforms, loc }: &InstanceEntity) -> Result<()> {
         let Some(parts) = self.objects.get(name).cloned() else {
             let message = format!("unknown object \"{name}\"; expected an object that ObjectBegin defines");
-            return Err(ParseError::new(*loc, message));
+            return self.warn_or_fail(ParseError::new(*loc, message), "the instance is ignored");
         };
         for part in parts {
             self.add_instance(

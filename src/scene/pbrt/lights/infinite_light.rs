@@ -47,7 +47,7 @@ impl SceneBuilder {
     /// The image of a light.
     pub fn light_image(&mut self, file: &str, params: &ParameterDictionary) -> Result<ImageId> {
         let encoding = image_encoding(params, self.dialect)?.or(self.dialect.light_encoding());
-        Ok(self.image(file, encoding, Channels::All, params.loc))
+        Ok(self.image(file, encoding, Channels::All, self.dialect.missing_light_value(), params.loc))
     }
 
     /// The mapping of an image to the sphere in this dialect.

@@ -20,7 +20,10 @@ impl SceneBuilder {
         let kind = &statement.strings[0];
         if !["diffuse", "area"].contains(&kind.as_str()) {
             let message = format!("unknown area light \"{kind}\"; expected diffuse");
-            return Err(ParseError::new(statement.loc, message));
+            self.warn_or_fail(ParseError::new(statement.loc, message), "the light is ignored")?;
+            statement.params.mark_all_used();
+            self.state.area_light = None;
+            return Ok(());
         }
         params.get("nsamples");
         params.get("samples");
@@ -28,7 +31,8 @@ impl SceneBuilder {
         let two_sided = params.bool_or("twosided", false)?;
         let power = params.positive("power")?;
         let image = params.string("filename")?.filter(|file| !file.is_empty());
-        let image = image.map(|file| self.image(file, None, Channels::All, params.loc));
+        let replacement = self.dialect.missing_light_value();
+        let image = image.map(|file| self.image(file, None, Channels::All, replacement, params.loc));
         let light = AreaLight { radiance, image, two_sided };
         self.state.area_light = (radiance != Vec3::ZERO).then_some(AreaLightSource { light, power });
         statement.params.mark_used_from(&params);
@@ -58,7 +62,8 @@ impl SceneBuilder {
             other => {
                 let expected = "point, spot, goniometric, projection, distant or infinite";
                 let message = format!("unknown light \"{other}\"; expected {expected}");
-                return Err(ParseError::new(statement.loc, message));
+                statement.params.mark_all_used();
+                return self.warn_or_fail(ParseError::new(statement.loc, message), "the light is ignored");
             }
         };
         if !has_finite_geometry(&light) {

@@ -183,7 +183,8 @@ impl SceneBuilder {
                 // pbrt-v4 decodes those of JPEG and TGA files as sRGB, which tilts all normals
                 let path = self.resolve_content(&file);
                 let flip_rows = self.dialect.flips_rows(&path);
-                let image = self.images.add(path, Encoding::Linear, Channels::All, flip_rows, params.loc);
+                let (encoding, channels) = (Encoding::Linear, Channels::All);
+                let image = self.images.add(path, encoding, channels, flip_rows, None, params.loc);
                 let mapping = TextureMapping::Uv { scale: glam::Vec2::new(1.0, -1.0), offset: glam::Vec2::Y };
                 let texture =
                     ImageTexture { image, mapping, wrap: WrapMode::Repeat, scale: 1.0, invert: false };

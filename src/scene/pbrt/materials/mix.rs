@@ -10,6 +10,8 @@ use crate::scene::texture::Texture;
 
 /// Nesting limit of mixes.
 const MAX_MIX_DEPTH: usize = 8;
+/// The material that is added before all others.
+const DEFAULT_MATERIAL: MaterialId = MaterialId(0);
 
 fn too_deep(loc: FileLoc) -> ParseError {
     let expected = format!("expected at most {MAX_MIX_DEPTH} levels, none of which contains itself");
@@ -37,7 +39,8 @@ impl SceneBuilder {
         Ok(MaterialKind::Mix { first, second, amount })
     }
 
-    /// A named material as a part of a mix. In v4 it may be defined later.
+    /// A named material as a part of a mix. In v4 it may be defined later; in the older dialects the default material
+    /// takes its place if it is not defined.
     fn part_of_mix(&mut self, name: &str, loc: FileLoc) -> Result<MaterialId> {
         match self.find_material(name, loc) {
             Ok(material) => Ok(material.id),
@@ -45,7 +48,10 @@ impl SceneBuilder {
                 self.forward_mix.get_or_insert(loc);
                 Ok(self.declare_material(name, loc).id)
             }
-            Err(error) => Err(error),
+            Err(error) => {
+                self.warn_or_fail(error, "using \"matte\"")?;
+                Ok(DEFAULT_MATERIAL)
+            }
         }
     }
 

@@ -146,9 +146,6 @@ impl SceneBuilder {
             self.warnings.add(params.loc, "area lights on moving or instanced shapes are not simulated");
             area_light = None;
         }
-        if area_light.is_some() {
-            self.area_light_locs.push((self.groups[group].primitives.len(), params.loc));
-        }
 
         // Scale the radiance to a given power
         let area_light = match area_light {
@@ -165,6 +162,9 @@ impl SceneBuilder {
         };
 
         // Report progress and add the primitive
+        if area_light.is_some() {
+            self.area_light_locs.push((self.groups[group].primitives.len(), params.loc));
+        }
         self.progress.shapes += 1;
         if let Shape::Mesh(mesh) = &shape {
             self.progress.triangles += mesh.indices.len();

@@ -2,14 +2,23 @@
 
 use super::{curve, height_field, ply, revolution};
 use crate::scene::pbrt::builder::SceneBuilder;
-use crate::scene::pbrt::parser::{ParseError, Result, Statement};
+use crate::scene::pbrt::parser::{ParameterDictionary, ParseError, Result, Statement};
 
 impl SceneBuilder {
-    /// `Shape`.
+    /// `Shape`. In the older dialects a shape with an error is left out.
     pub fn shape(&mut self, statement: &Statement) -> Result<()> {
-        let kind = statement.strings[0].as_str();
         let params = &*self.params_for("shape", statement);
-        let error = |message: String| ParseError::new(statement.loc, message);
+        if let Err(error) = self.add_shape_of_kind(&statement.strings[0], params) {
+            self.warn_or_fail(error, "the shape is ignored")?;
+            statement.params.mark_all_used();
+        }
+        statement.params.mark_used_from(params);
+        Ok(())
+    }
+
+    /// Adds a shape of the type `kind`.
+    fn add_shape_of_kind(&mut self, kind: &str, params: &ParameterDictionary) -> Result<()> {
+        let error = |message: String| ParseError::new(params.loc, message);
         match kind {
             // Analytic shapes
             "sphere" => self.sphere(params)?,
@@ -51,8 +60,8 @@ impl SceneBuilder {
             "heightfield" => self.add_mesh(params, &height_field::mesh(params)?, error)?,
             // Unsupported shapes
             "nurbs" => {
-                self.warnings.add(statement.loc, format!("shape \"{kind}\" is not supported and is ignored"));
-                statement.params.mark_all_used();
+                self.warnings.add(params.loc, format!("shape \"{kind}\" is not supported and is ignored"));
+                params.mark_all_used();
             }
             other => {
                 return Err(error(format!(
@@ -61,7 +70,6 @@ impl SceneBuilder {
                 )));
             }
         }
-        statement.params.mark_used_from(params);
         Ok(())
     }
 }

@@ -209,3 +209,58 @@ fn unknown_materials_of_the_older_dialects_are_matte() {
     }
     assert!(error(&format!("WorldBegin {text}")).message.contains("expected diffuse"));
 }
+
+#[test]
+fn unknown_names_of_the_older_dialects_are_ignored() {
+    for (directive, part) in [
+        ("LightSource \"sun\" \"rgb L\" [1 1 1]", "unknown light \"sun\""),
+        ("AreaLightSource \"glow\" \"rgb L\" [1 1 1] Shape \"sphere\"", "unknown area light \"glow\""),
+        ("Shape \"cube\" \"float side\" 1", "unknown shape \"cube\""),
+        ("Texture \"t\" \"vector\" \"constant\" \"float value\" 1", "unknown texture type \"vector\""),
+        ("ObjectInstance \"tree\"", "unknown object \"tree\""),
+        (
+            "Material \"mix\" \"string namedmaterial1\" \"a\" \"string namedmaterial2\" \"a\"",
+            "material \"a\"",
+        ),
+    ] {
+        let scene = v3_world(&format!("\n {directive}"));
+        let [warning] = &scene.warnings[..] else { panic!("{:?}", scene.warnings) };
+        assert!(warning.starts_with("<text>:2:2: ") && warning.contains(part), "{warning}");
+        assert!(!scene.is_lit() && scene.instances.is_empty(), "{directive}");
+        assert!(error(&format!("WorldBegin {directive}")).message.contains(part), "{directive}");
+    }
+}
+
+#[test]
+fn shapes_of_the_older_dialects_with_an_error_are_ignored() {
+    for shape in [
+        "\"plymesh\" \"string filename\" \"nowhere.ply\"",
+        "\"trianglemesh\" \"integer indices\" [0 1 2]",
+        "\"trianglemesh\" \"point P\" [0 0 0 1 0 0 0 1 0] \"integer indices\" [0 1 3]",
+    ] {
+        let scene = v3_world(&format!("\n Shape {shape} AreaLightSource \"diffuse\" Shape \"sphere\""));
+        let [warning] = &scene.warnings[..] else { panic!("{:?}", scene.warnings) };
+        assert!(warning.starts_with("<text>:2:2: "), "{warning}");
+        assert!(warning.ends_with("; the shape is ignored"), "{warning}");
+        assert_eq!((scene.primitives.len(), scene.is_lit()), (1, true));
+        assert_eq!(error(&format!("WorldBegin Shape {shape}")).line, 1);
+    }
+}
+
+#[test]
+fn constants_replace_the_missing_images_of_the_older_dialects() {
+    let text = "\n Texture \"t\" \"color\" \"imagemap\" \"string filename\" \"nowhere.tga\"
+        Material \"matte\" \"texture Kd\" \"t\" LightSource \"infinite\" \"string mapname\" \"sky.exr\"";
+    // In v3 the value is decoded as sRGB
+    for (header, expected) in [("SurfaceIntegrator", 1.0), ("Integrator", 0.214_041)] {
+        let scene = scene(&format!("{header} \"path\" WorldBegin {text} WorldEnd"));
+        assert_eq!(scene.warnings.len(), 2, "{:?}", scene.warnings);
+        assert!(scene.warnings[0].starts_with("<text>:2:2: image \"nowhere.tga\": "), "{:?}", scene.warnings);
+        let MaterialKind::Diffuse { reflectance } = scene.materials[1].kind else { panic!() };
+        let at = TexturePoint { uv: Vec2::splat(0.3), position: Vec3::ZERO };
+        let colour = scene.textures.rgb(reflectance, at);
+        assert!((colour - expected).abs().max_element() < 1e-5, "{colour}");
+        let sky = scene.textures.images().last().expect("two images");
+        assert_eq!((sky.width(), sky.height(), sky.rgb(0, 0)), (1, 1, Vec3::ONE));
+    }
+}

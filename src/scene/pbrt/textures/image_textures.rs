@@ -39,8 +39,9 @@ impl SceneBuilder {
             let message = format!("the scale of the imagemap is {scale}; expected a finite number");
             return Err(ParseError::new(params.loc, message));
         }
+        let replacement = self.dialect.missing_texture_value();
         Ok(ImageTexture {
-            image: self.image(file, encoding, channels, params.loc),
+            image: self.image(file, encoding, channels, replacement, params.loc),
             mapping: self.texture_mapping(params, self.dialect.v_starts_at_bottom_row())?,
             wrap,
             scale,
@@ -48,23 +49,25 @@ impl SceneBuilder {
         })
     }
 
-    /// The id of an image file; `encoding` is what the parameters ask for, if anything.
+    /// The id of an image file; `encoding` is what the parameters ask for, if anything, and `replacement` the encoded
+    /// value of an image that cannot be read.
     pub fn image(
         &mut self,
         file: &str,
         encoding: Option<Encoding>,
         channels: Channels,
+        replacement: Option<f32>,
         loc: FileLoc,
     ) -> ImageId {
         let path = self.resolve_content(file);
         let encoding = self.dialect.image_encoding(&path, encoding);
         let flip_rows = self.dialect.flips_rows(&path);
-        self.images.add(path, encoding, channels, flip_rows, loc)
+        self.images.add(path, encoding, channels, flip_rows, replacement, loc)
     }
 
     /// Decodes the scene's images.
     pub fn load_images(&mut self) -> Result<()> {
-        for image in std::mem::take(&mut self.images).load()? {
+        for image in std::mem::take(&mut self.images).load(&mut self.warnings)? {
             self.textures.add_image(image);
         }
         Ok(())

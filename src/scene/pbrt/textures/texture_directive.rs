@@ -21,7 +21,8 @@ impl SceneBuilder {
             "spectrum" | "color" => self.make_texture::<Vec3>(statement, &params)?,
             other => {
                 let message = format!("unknown texture type \"{other}\"; expected float or spectrum");
-                return Err(ParseError::new(statement.loc, message));
+                statement.params.mark_all_used();
+                return self.warn_or_fail(ParseError::new(statement.loc, message), "the texture is ignored");
             }
         }
         statement.params.mark_used_from(&params);
