@@ -72,14 +72,30 @@ impl SceneBuilder {
 
     /// `Transform`: replaces the current transform.
     pub fn transform(&mut self, statement: &Statement) -> Result<()> {
-        let transform = affine(statement)?;
+        let transform = self.affine(statement)?;
         self.change_ctm(statement, |_, _| transform)
     }
 
     /// `ConcatTransform`.
     pub fn concat_transform(&mut self, statement: &Statement) -> Result<()> {
-        let transform = affine(statement)?;
+        let transform = self.affine(statement)?;
         self.concat(statement, transform)
+    }
+
+    /// Converts 16 numbers in column-major order to an affine transform. The projective part of a matrix is dropped
+    /// with a warning.
+    fn affine(&mut self, statement: &Statement) -> Result<DAffine3> {
+        let mut columns: [f64; 16] = statement.numbers[..].try_into().expect("the table says 16 numbers");
+        let w = columns[15];
+        if w == 0.0 {
+            let message = "the last element of the matrix is 0; expected a last row of 0 0 0 1";
+            return Err(ParseError::new(statement.loc, message));
+        }
+        if [columns[3], columns[7], columns[11]] != [0.0; 3] {
+            self.warnings.add(statement.loc, "the matrix is projective; its last row is taken for 0 0 0 1");
+            (columns[3], columns[7], columns[11]) = (0.0, 0.0, 0.0);
+        }
+        Ok(DAffine3::from_mat4(DMat4::from_cols_array(&columns) * w.recip()))
     }
 
     /// `CoordinateSystem`: names the current transform.
@@ -140,13 +156,28 @@ pub fn normalized(vector: DVec3) -> Option<DVec3> {
     (vector / vector.abs().max_element()).try_normalize()
 }
 
-/// Converts 16 numbers in column-major order to an affine transform.
-fn affine(statement: &Statement) -> Result<DAffine3> {
-    let columns: [f64; 16] = statement.numbers[..].try_into().expect("the table says 16 numbers");
-    let [.., w] = columns;
-    if [columns[3], columns[7], columns[11]] != [0.0; 3] || w == 0.0 {
-        let message = "the matrix is projective; expected a last row of 0 0 0 1";
-        return Err(ParseError::new(statement.loc, message));
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use glam::{DAffine3, DVec3};
+
+    use crate::scene::Shape;
+    use crate::scene::pbrt::read_str;
+
+    #[test]
+    fn the_projective_part_of_a_matrix_is_dropped() {
+        let read = |matrix: &str| {
+            read_str(&format!("WorldBegin\n ConcatTransform [{matrix}] Shape \"sphere\""), Path::new(""))
+        };
+        let scene = read("2 0 0 .1 0 2 0 0 0 0 2 0 2 4 6 2").unwrap();
+        assert_eq!(
+            scene.warnings,
+            ["<text>:2:2: the matrix is projective; its last row is taken for 0 0 0 1"]
+        );
+        let Shape::Sphere(sphere) = &scene.primitives[0].shape else { panic!() };
+        assert_eq!(sphere.to_object, DAffine3::from_translation(DVec3::new(1.0, 2.0, 3.0)));
+        let error = read("1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 0").unwrap_err();
+        assert!(error.message.contains("last element"), "{error}");
     }
-    Ok(DAffine3::from_mat4(DMat4::from_cols_array(&columns) * w.recip()))
 }
