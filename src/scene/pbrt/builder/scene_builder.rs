@@ -52,6 +52,8 @@ pub struct SceneBuilder {
     pub camera_file: Option<CameraFile>,
     /// Set by `WorldBegin`.
     pub options: Option<RenderOptions>,
+    /// Set by `WorldEnd`.
+    pub world_has_ended: bool,
 
     pub textures: Textures,
     pub named_textures: NamedTextures,
@@ -113,6 +115,7 @@ impl SceneBuilder {
             option_statements: BTreeMap::new(),
             camera_file: None,
             options: None,
+            world_has_ended: false,
             textures: Textures::default(),
             named_textures: NamedTextures::default(),
             images: ImageFiles::default(),

@@ -89,18 +89,27 @@ const TABLE: &[Directive] = {
         directive("Volume", Parameters(1), World, SceneBuilder::medium),
         directive("VolumeIntegrator", Parameters(1), Options, SceneBuilder::ignore),
         directive("WorldBegin", Nothing, Options, SceneBuilder::world_begin),
-        directive("WorldEnd", Nothing, World, |_, _| Ok(())),
+        directive("WorldEnd", Nothing, World, |builder, _| {
+            builder.world_has_ended = true;
+            Ok(())
+        }),
     ]
 };
 
 impl SceneBuilder {
-    /// Carries out the directives of a scene file; `file` is its index.
+    /// Carries out the directives of a scene file up to `WorldEnd`; `file` is its index.
     pub fn read_text(&mut self, text: &[u8], file: u32) -> Result<()> {
         // The length separates the files in the digest
         self.digest.update((text.len() as u64).to_le_bytes());
         self.digest.update(text);
         let mut lexer = Lexer::new(text, file);
         while let Some(token) = lexer.next()? {
+            // A scene has one world
+            if self.world_has_ended {
+                self.warnings.add(token.loc, "everything after WorldEnd is ignored");
+                break;
+            }
+
             // Look up the directive
             let found = match &token.kind {
                 TokenKind::Word(word) => TABLE.iter().find(|directive| directive.name == word),
@@ -114,8 +123,11 @@ impl SceneBuilder {
             };
 
             // Parse its arguments and carry it out
-            self.check_phase(directive, token.loc)?;
+            let is_misplaced = self.is_misplaced(directive, token.loc)?;
             let statement = Statement::parse(&mut lexer, directive.name, directive.arguments, token.loc)?;
+            if is_misplaced {
+                continue;
+            }
             (directive.run)(self, &statement)?;
 
             // Parameters of options are looked up at WorldBegin
@@ -126,15 +138,16 @@ impl SceneBuilder {
         Ok(())
     }
 
-    /// Checks that a directive stands on the right side of `WorldBegin`.
-    fn check_phase(&self, directive: &Directive, loc: FileLoc) -> Result<()> {
+    /// Whether a directive is on the wrong side of `WorldBegin`: an error in v4, and ignored in the older dialects.
+    fn is_misplaced(&mut self, directive: &Directive, loc: FileLoc) -> Result<bool> {
         let expected = match (directive.phase, self.options.is_some()) {
             (Phase::Options, true) => "before",
             (Phase::World, false) => "after",
-            _ => return Ok(()),
+            _ => return Ok(false),
         };
-        let name = directive.name;
-        Err(ParseError::new(loc, format!("misplaced {name}; expected it {expected} WorldBegin")))
+        let message = format!("misplaced {}; expected it {expected} WorldBegin", directive.name);
+        self.warn_or_fail(ParseError::new(loc, message), "it is ignored")?;
+        Ok(true)
     }
 
     /// Warns about parameters that were never looked up.

@@ -264,3 +264,31 @@ fn constants_replace_the_missing_images_of_the_older_dialects() {
         assert_eq!((sky.width(), sky.height(), sky.rgb(0, 0)), (1, 1, Vec3::ONE));
     }
 }
+
+#[test]
+fn misplaced_directives_of_the_older_dialects_are_ignored() {
+    let scene = scene(
+        "Integrator \"path\" Shape \"sphere\"
+         WorldBegin Film \"image\" \"integer xresolution\" 20 Shape \"disk\" WorldEnd",
+    );
+    assert_eq!(
+        scene.warnings,
+        [
+            "<text>:1:19: misplaced Shape; expected it after WorldBegin; it is ignored",
+            "<text>:2:21: misplaced Film; expected it before WorldBegin; it is ignored",
+        ]
+    );
+    assert_eq!((scene.primitives.len(), scene.film.width), (1, 1280));
+}
+
+#[test]
+fn a_file_has_one_world() {
+    let (_folder, main) = folder(&[
+        ("main.pbrt", "Include \"a.pbrt\"\n Film \"image\" WorldBegin Shape \"disk\" WorldEnd"),
+        ("a.pbrt", "Integrator \"path\" WorldBegin Shape \"sphere\" WorldEnd"),
+    ]);
+    let scene = read(&main).unwrap();
+    let [warning] = &scene.warnings[..] else { panic!("{:?}", scene.warnings) };
+    assert!(warning.ends_with("main.pbrt:2:2: everything after WorldEnd is ignored"), "{warning}");
+    assert_eq!(scene.primitives.len(), 1);
+}
