@@ -26,7 +26,8 @@ struct DialectClues {
     /// A directive of v2, or of v3 and later, that the other does not have.
     v2: bool,
     v3: bool,
-    /// A name that v3 has and v2 does not; a material or a texture of v2 may be called so, too.
+    /// A name that v3 has and v2 does not, or an image that v2 cannot read; a material or a texture of v2 may be called
+    /// so, too.
     v3_name: bool,
 }
 
@@ -35,16 +36,21 @@ impl DialectClues {
     fn scan(&mut self, text: &[u8]) -> Vec<String> {
         let mut lexer = Lexer::new(text, 0);
         let mut included = Vec::new();
+        let mut is_film = false;
         // Errors are reported when the file is read
         while let Ok(Some(token)) = lexer.next() {
             let word = match token.kind {
                 TokenKind::Word(word) => word,
                 TokenKind::Quoted(name) => {
-                    self.v3_name |= V3_NAMES.contains(&&*name) || name.ends_with(" remaproughness");
+                    // v2 writes PNG files, but reads none
+                    let is_image = !is_film && name.to_ascii_lowercase().ends_with(".png");
+                    self.v3_name |=
+                        is_image || V3_NAMES.contains(&&*name) || name.ends_with(" remaproughness");
                     continue;
                 }
                 _ => continue,
             };
+            is_film = word == "Film";
             match &*word {
                 "WorldEnd" => self.world_end = true,
                 "SurfaceIntegrator" | "VolumeIntegrator" | "Renderer" => self.v2 = true,
@@ -129,6 +135,10 @@ mod tests {
         for v3 in ["Shape \"plymesh\"", "Material \"metal\" \"bool remaproughness\" \"false\""] {
             assert_eq!(detect(&format!("WorldBegin {v3} WorldEnd")), Dialect::V3);
         }
+        assert_eq!(detect("Film \"image\" \"string filename\" \"a.png\" WorldBegin WorldEnd"), Dialect::V2);
+        let image = "Texture \"t\" \"color\" \"imagemap\" \"string filename\" \"a.PNG\"";
+        assert_eq!(detect(&format!("WorldBegin {image} WorldEnd")), Dialect::V3);
+        assert_eq!(detect(&format!("Renderer \"sampler\" WorldBegin {image} WorldEnd")), Dialect::V2);
         let named = "VolumeIntegrator \"single\" WorldBegin NamedMaterial \"hair\" WorldEnd";
         assert_eq!(detect(named), Dialect::V2);
     }

@@ -286,7 +286,7 @@ fn v_0_is_the_bottom_row_except_in_v2() {
     assert_eq!((value(text, 0.25), value(text, 0.75)), (0.0, 1.0));
     let v3 = format!("Integrator \"path\" {text} WorldEnd");
     assert_eq!((value(&v3, 0.25), value(&v3, 0.75)), (0.0, 1.0));
-    let v2 = format!("{text} WorldEnd");
+    let v2 = format!("Renderer \"sampler\" {text} WorldEnd");
     assert_eq!((value(&v2, 0.25), value(&v2, 0.75)), (1.0, 0.0));
 }
 

@@ -13,7 +13,7 @@ use crate::scene::{MaterialKind, Scene};
 /// A world of a dialect, of which the files are in a folder.
 pub(super) fn dialect_world(dialect: Dialect, folder: &Path, text: &str) -> Scene {
     let (header, end) = match dialect {
-        V2 => ("", "WorldEnd"),
+        V2 => ("Renderer \"sampler\"", "WorldEnd"),
         V3 => ("Integrator \"path\"", "WorldEnd"),
         V4 => ("", ""),
     };
