@@ -67,7 +67,7 @@ const TABLE: &[Directive] = {
         directive("ObjectBegin", Strings(1), World, SceneBuilder::object_begin),
         directive("ObjectEnd", Nothing, World, SceneBuilder::object_end),
         directive("ObjectInstance", Strings(1), World, SceneBuilder::object_instance),
-        directive("Option", Parameters(0), Options, SceneBuilder::option),
+        directive("Option", NameAndValue, Options, SceneBuilder::option),
         directive("PixelFilter", Parameters(1), Options, SceneBuilder::keep_option),
         directive("Renderer", Parameters(1), Options, SceneBuilder::ignore),
         directive("ReverseOrientation", Nothing, World, SceneBuilder::reverse_orientation),

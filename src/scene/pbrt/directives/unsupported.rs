@@ -39,6 +39,13 @@ impl SceneBuilder {
             statement.params.get(name);
         }
         self.report_unused(statement);
+        if let Some(name) = statement.strings.first() {
+            // As in pbrt-v4, case and separators do not count
+            let plain = name.replace(['_', '-'], "").to_lowercase();
+            if !IGNORED_OPTIONS.contains(&plain.as_str()) {
+                self.warnings.add(statement.loc, format!("Option \"{name}\" is not used"));
+            }
+        }
         Ok(())
     }
 }

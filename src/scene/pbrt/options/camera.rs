@@ -234,6 +234,14 @@ mod tests {
         assert!(scene.warnings.is_empty(), "{:?}", scene.warnings);
         let scene = header("Option \"string forcediffuse\" \"x\"");
         assert!(scene.warnings[0].contains("forcediffuse"), "{:?}", scene.warnings);
+        let scene = header(
+            "Option \"seed\" 42 Option \"MSE_reference-out\" \"a\" Option \"disablepixeljitter\" true",
+        );
+        assert!(scene.warnings.is_empty(), "{:?}", scene.warnings);
+        let scene = header("Option \"forcediffuse\" true");
+        assert_eq!(scene.warnings, ["<text>:1:1: Option \"forcediffuse\" is not used"]);
+        let error = read_str("Option \"seed\" [42] WorldBegin", Path::new("")).unwrap_err();
+        assert!(error.message.contains("expected a value"), "{error}");
     }
 
     #[test]

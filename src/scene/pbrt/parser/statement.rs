@@ -26,6 +26,9 @@ pub enum Arguments {
     OneOrTwoStrings,
     /// This many quoted strings, then parameters.
     Parameters(usize),
+    /// A quoted name and one value of any type, as pbrt-v4 reads an `Option`, or parameters. The name becomes the only
+    /// string.
+    NameAndValue,
 }
 
 impl Statement {
@@ -56,6 +59,22 @@ impl Statement {
             Arguments::Parameters(count) => {
                 statement.strings = parse_strings(lexer, name, count, loc)?;
                 statement.params = ParameterDictionary::parse(lexer, loc)?;
+            }
+            Arguments::NameAndValue => {
+                let name_only = lexer.next_if(|kind| match kind {
+                    TokenKind::Quoted(text) if !text.contains(char::is_whitespace) => Some(text.to_string()),
+                    _ => None,
+                })?;
+                match name_only {
+                    Some(option) => {
+                        statement.strings.push(option);
+                        let value = lexer.next_if(|kind| {
+                            (!matches!(kind, TokenKind::Open | TokenKind::Close)).then_some(())
+                        })?;
+                        value.ok_or_else(|| missing(lexer, name, "a value", loc))?;
+                    }
+                    None => statement.params = ParameterDictionary::parse(lexer, loc)?,
+                }
             }
         }
         Ok(statement)
