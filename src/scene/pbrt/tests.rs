@@ -206,9 +206,13 @@ fn v4_allows_forward_references_to_materials_and_objects() {
 
     // What is never made is an error at its first name.
     let error_of = |text: &str| error(&format!("WorldBegin\n{text}"));
-    let never = error_of("NamedMaterial \"b\" NamedMaterial \"a\"\nNamedMaterial \"b\"");
+    let never = error_of(
+        "NamedMaterial \"b\" Shape \"sphere\" NamedMaterial \"a\" Shape \"disk\"\nNamedMaterial \"b\"",
+    );
     assert_eq!((never.line, never.column), (2, 1));
     assert!(never.message.contains("material \"b\""), "{never}");
+    // Without a shape it does no harm.
+    assert!(world("NamedMaterial \"a\" Material \"diffuse\" Shape \"sphere\"").warnings.is_empty());
     // The older dialects ignore names that are not yet defined.
     let older = read_str(&format!("WorldBegin {late} WorldEnd"), Path::new("")).unwrap();
     assert_eq!((older.instances.len(), older.warnings.len()), (0, 2), "{:?}", older.warnings);
@@ -326,7 +330,7 @@ fn errors_have_a_location_and_a_cause() {
         ("WorldBegin Shape \"sphere\" \"float radius\" -1", (1, 27), "a number above 0"),
         ("WorldBegin Translate 1 2 Scale 1 1 1", (1, 26), "`Scale` after Translate"),
         ("WorldBegin Translate [1 2 3 4]", (1, 29), "`]` after 3 numbers"),
-        ("WorldBegin NamedMaterial \"x\"", (1, 12), "material \"x\""),
+        ("WorldBegin NamedMaterial \"x\" Shape \"sphere\"", (1, 12), "material \"x\""),
         ("WorldBegin Material \"diffuse\" \"texture reflectance\" \"x\"", (1, 31), "texture \"x\""),
         ("WorldBegin ObjectInstance \"x\"", (1, 12), "object \"x\""),
         ("WorldBegin\n\nAttributeBegin", (3, 1), "AttributeBegin without an end"),

@@ -112,12 +112,27 @@ impl SceneBuilder {
         MaterialRef { id, entity: None }
     }
 
-    /// Checks that every forward reference was resolved.
+    /// Checks that every forward reference of a shape or a mix was resolved. As in pbrt-v4, other references do not
+    /// count.
     ///
     /// # Errors
     /// Located at the first reference to a material that is never defined.
     pub fn check_forward_materials(&self) -> Result<()> {
-        match self.forward_materials.iter().min_by_key(|(_, (id, _))| id.0) {
+        if self.forward_materials.is_empty() {
+            return Ok(());
+        }
+        let mut is_used = vec![false; self.materials.len()];
+        for primitive in self.groups.iter().flat_map(|group| &group.primitives) {
+            is_used[primitive.material.0 as usize] = true;
+        }
+        for material in &self.materials {
+            if let MaterialKind::Mix { first, second, .. } = material.kind {
+                is_used[first.0 as usize] = true;
+                is_used[second.0 as usize] = true;
+            }
+        }
+        let used = self.forward_materials.iter().filter(|(_, (id, _))| is_used[id.0 as usize]);
+        match used.min_by_key(|(_, (id, _))| id.0) {
             Some((name, (_, loc))) => Err(unknown_material(name, *loc)),
             None => Ok(()),
         }
