@@ -89,8 +89,9 @@ impl SceneBuilder {
             },
             "dots" => Texture::Dots {
                 mapping: self.texture_mapping(params, false)?,
-                inside: self.texture_or(params, "inside", one)?,
-                outside: self.texture_or(params, "outside", zero)?,
+                // pbrt passes the two in the opposite order, in all versions
+                outside: self.texture_or(params, "inside", one)?,
+                inside: self.texture_or(params, "outside", zero)?,
             },
             "bilerp" => {
                 let corners = [("v00", zero), ("v01", one), ("v10", zero), ("v11", one)]
@@ -187,6 +188,12 @@ mod tests {
             \"string mapping\" \"spherical\"";
         let value = colour(dots, Vec3::X, Vec2::ZERO);
         assert!(value == Vec3::X || value == Vec3::Z, "{value}");
+        // As in pbrt, the value called "inside" is that around the dots, which cover less than half
+        let dots = "\"spectrum\" \"dots\" \"rgb inside\" [1 0 0] \"rgb outside\" [0 0 1]
+            \"float uscale\" 20 \"float vscale\" 20";
+        let place = |i: u32| Vec2::new((i % 16) as f32, (i / 16) as f32) / 16.0;
+        let around = (0..256).filter(|&i| colour(dots, Vec3::ZERO, place(i)) == Vec3::X).count();
+        assert!((128..256).contains(&around), "{around}");
         let board = "\"spectrum\" \"checkerboard\" \"string mapping\" \"cylindrical\"";
         let at = |z: f32| colour(board, Vec3::new(1.0, 0.0, z), Vec2::ZERO);
         assert_eq!([at(0.5), at(1.5)], [Vec3::ONE, Vec3::ZERO]);
