@@ -26,7 +26,7 @@ pub fn make_camera(
 ) -> Result<(Camera, DVec3)> {
     // Evaluate the parameters
     let [shutter_open, shutter_close] = shutter(builder, entry)?;
-    let screen_window = screen_window(entry, film)?;
+    let screen_window = screen_window(builder, entry, film)?;
     let projection = projection(builder, entry, half_short_side(film, diagonal))?;
     let (lens_radius, focal_distance) = lens(entry, &projection)?;
 
@@ -64,23 +64,29 @@ fn shutter(builder: &mut SceneBuilder, entry: &OptionEntity) -> Result<[f32; 2]>
     Ok(shutter.map(|time| time as f32))
 }
 
-/// The screen window: x min, x max, y min, y max. By default the shorter side spans [-1, 1].
-fn screen_window(entry: &OptionEntity, film: &Film) -> Result<[f32; 4]> {
+/// The screen window: x min, x max, y min, y max. By default the shorter side spans [-1, 1]; as in pbrt, lists of
+/// another length count as not given.
+fn screen_window(builder: &mut SceneBuilder, entry: &OptionEntity, film: &Film) -> Result<[f32; 4]> {
     let OptionEntity { params, loc, .. } = entry;
     let aspect = params.positive_or("frameaspectratio", film.width as f64 / film.height as f64)?;
     let (x, y) = if aspect > 1.0 { (aspect, 1.0) } else { (1.0, 1.0 / aspect) };
     let window = match params.floats("screenwindow")? {
-        None => Some([-x, x, -y, y]),
-        Some(&[x0, x1, y0, y1]) => Some([x0, x1, y0, y1]),
-        Some(_) => None,
+        None => [-x, x, -y, y],
+        Some(&[x0, x1, y0, y1]) => [x0, x1, y0, y1],
+        Some(numbers) => {
+            let message =
+                format!("\"screenwindow\" has {} numbers; expected 4; it is ignored", numbers.len());
+            builder.warnings.add(*loc, message);
+            [-x, x, -y, y]
+        }
     };
     // Check the window in `f32`, the precision of the scene
-    let is_window =
-        |&[x0, x1, y0, y1]: &[f32; 4]| x0 < x1 && y0 < y1 && (x1 - x0).is_finite() && (y1 - y0).is_finite();
-    window.map(|window| window.map(|side| side as f32)).filter(is_window).ok_or_else(|| {
-        let message = "\"screenwindow\" is not a rectangle; expected x min, x max, y min, y max";
-        ParseError::new(*loc, message)
-    })
+    let [x0, x1, y0, y1] = window.map(|side| side as f32);
+    if x0 < x1 && y0 < y1 && (x1 - x0).is_finite() && (y1 - y0).is_finite() {
+        return Ok([x0, x1, y0, y1]);
+    }
+    let message = "\"screenwindow\" is not a rectangle; expected x min, x max, y min, y max";
+    Err(ParseError::new(*loc, message))
 }
 
 /// The projection from camera space to the screen window.
@@ -196,6 +202,13 @@ mod tests {
         }
         let near = header("Camera \"perspective\" \"float focaldistance\" 1e-40");
         assert_eq!(near.camera.focal_distance, f32::MIN_POSITIVE);
+    }
+
+    #[test]
+    fn a_screen_window_without_four_values_is_ignored() {
+        let scene = header("Camera \"perspective\" \"float screenwindow\" [-1 1]");
+        assert_eq!(scene.warnings, ["<text>:1:1: \"screenwindow\" has 2 numbers; expected 4; it is ignored"]);
+        assert_eq!(scene.camera.screen_window, header("Camera \"perspective\"").camera.screen_window);
     }
 
     #[test]
