@@ -31,8 +31,9 @@ pub struct SceneBuilder {
     pub files: Vec<String>,
     /// Scene files that are open, outermost first.
     pub open_files: Vec<PathBuf>,
-    /// Number of times that each file was included.
-    pub inclusions: HashMap<PathBuf, usize>,
+    pub included_files: HashSet<PathBuf>,
+    /// Bytes of the files that were included again.
+    pub repeated_bytes: u64,
     pub warnings: Warnings,
     /// Digest of the scene files read so far.
     pub digest: Sha256,
@@ -103,7 +104,8 @@ impl SceneBuilder {
             folder: folder.into(),
             files: vec![name],
             open_files: path.and_then(|path| path.canonicalize().ok()).into_iter().collect(),
-            inclusions: HashMap::new(),
+            included_files: HashSet::new(),
+            repeated_bytes: 0,
             warnings: Warnings::default(),
             digest: Sha256::new(),
             content: Vec::new(),
@@ -202,12 +204,7 @@ impl SceneBuilder {
         Scene {
             source: String::new(),
             dialect: Some(self.dialect),
-            files: self
-                .open_files
-                .into_iter()
-                .chain(self.inclusions.into_keys())
-                .chain(self.content)
-                .collect(),
+            files: self.open_files.into_iter().chain(self.included_files).chain(self.content).collect(),
             hash: self.digest.finalize().iter().map(|byte| format!("{byte:02x}")).collect(),
             origin: options.origin,
             camera: options.camera,

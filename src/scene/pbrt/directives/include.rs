@@ -6,9 +6,11 @@ use crate::scene::pbrt::parser::{ParseError, Result, Statement};
 
 /// Nesting limit of includes; real scenes have two or three levels.
 const MAX_INCLUDE_DEPTH: usize = 32;
-/// Number of times that one file may be included. Without a limit, thirty files that each include
-/// the next one twice would expand to 2³⁰ files.
-const MAX_INCLUSIONS: usize = 1024;
+/// Bytes of files that are included again, in total. Without a limit, thirty files that each include the next one twice
+/// would expand to 2³⁰ files.
+const MAX_REPEATED_BYTES: u64 = 1 << 34;
+/// Bytes that a repeated inclusion counts as at least, so that there are at most 2¹⁶.
+const MIN_REPEATED_BYTES: u64 = 1 << 18;
 
 impl SceneBuilder {
     /// Reads another scene file in place of the directive.
@@ -31,12 +33,12 @@ impl SceneBuilder {
                 "includes are nested too deep; expected at most {MAX_INCLUDE_DEPTH} levels"
             )));
         }
-        let inclusions = self.inclusions.entry(canonical.clone()).or_default();
-        *inclusions += 1;
-        if *inclusions > MAX_INCLUSIONS {
-            return Err(error(format!(
-                "\"{name}\" is included too often; expected at most {MAX_INCLUSIONS} times"
-            )));
+        if !self.included_files.insert(canonical.clone()) {
+            self.repeated_bytes += (text.len() as u64).max(MIN_REPEATED_BYTES);
+        }
+        if self.repeated_bytes > MAX_REPEATED_BYTES {
+            let message = "files are included again too often; expected at most 65536 times, and 16 GiB";
+            return Err(error(message.into()));
         }
 
         // Carry out its directives
@@ -69,6 +71,6 @@ mod tests {
         }
         std::fs::write(folder.path().join("30"), "Identity").unwrap();
         let error = read(&folder.path().join("0")).unwrap_err();
-        assert!(error.message.contains("at most 1024 times"), "{error}");
+        assert!(error.message.contains("at most 65536 times"), "{error}");
     }
 }

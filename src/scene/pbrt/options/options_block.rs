@@ -56,7 +56,7 @@ impl SceneBuilder {
         // Carry out the directives
         self.files.push(file.path.display().to_string());
         let index = (self.files.len() - 1) as u32;
-        self.inclusions.insert(file.path.canonicalize().unwrap_or_else(|_| file.path.clone()), 1);
+        self.included_files.insert(file.path.canonicalize().unwrap_or_else(|_| file.path.clone()));
         self.read_text(&file.text, index)?;
         let loc = FileLoc { file: index, line: 1, column: 1 };
         if self.options.is_some() {
