@@ -113,7 +113,11 @@ fn make_integrator(builder: &mut SceneBuilder, entry: &OptionEntity) -> Result<I
         "path" | "volpath" => Integrator::Path { max_depth: max_events },
         "directlighting" => Integrator::Direct { max_depth },
         other => {
-            builder.warnings.add(*loc, format!("integrator \"{other}\" is not supported; using \"path\""));
+            // Ambient occlusion has no need of lights, so its scenes may have none
+            let effect =
+                if other == "ambientocclusion" { ", whose image is black without lights" } else { "" };
+            let message = format!("integrator \"{other}\" is not supported; using \"path\"{effect}");
+            builder.warnings.add(*loc, message);
             Integrator::Path { max_depth: max_events }
         }
     })

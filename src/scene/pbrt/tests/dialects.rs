@@ -170,3 +170,11 @@ fn float_images_are_linear_except_with_gamma_in_the_older_dialects() {
         [Encoding::Linear, Encoding::Srgb, Encoding::Srgb]
     );
 }
+
+#[test]
+fn ambient_occlusion_is_reported_to_need_lights() {
+    let scene =
+        read_str("SurfaceIntegrator \"ambientocclusion\" WorldBegin WorldEnd", Path::new("")).unwrap();
+    let expected = "integrator \"ambientocclusion\" is not supported; using \"path\", whose image is black without lights";
+    assert_eq!(scene.warnings, [format!("<text>:1:1: {expected}")]);
+}
