@@ -22,9 +22,12 @@ use std::sync::atomic::Ordering;
 const SIDE: u64 = 48;
 const SPP: u32 = 8;
 
+/// What is done after a step, with the hub and the flag that interrupts the render.
+type AfterStep<'a> = dyn Fn(&Progress, &Arc<Hub>, &Arc<AtomicBool>) + 'a;
+
 /// Reactions to the events of a render.
 struct Reactions<'a> {
-    stepped: &'a dyn Fn(&Progress, &Arc<Hub>, &Arc<AtomicBool>),
+    stepped: &'a AfterStep<'a>,
     checkpoint: &'a dyn Fn(&Settings, Checkpoint, &Hub),
     saved: &'a dyn Fn(&SavedImage),
 }
