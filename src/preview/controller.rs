@@ -350,6 +350,8 @@ impl<'a> Controller<'a> {
             // A pause may last for ever.
             self.save_checkpoint(render_loop);
         }
+        // Commands may wait for a generation that has begun meanwhile
+        self.receive(&store);
         let is_idle = |controller: &Self| (controller.is_paused || !is_pause) && !controller.pending.any();
         while is_idle(self) && !self.is_interrupted() {
             self.save_requested_images();

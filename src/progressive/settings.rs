@@ -1,4 +1,4 @@
-//! Describes what a render is asked for, checks it, and says which statistics and sample vectors it calls for.
+//! Holds and checks the settings of a render, and derives the statistics and sample vectors that they call for.
 
 use super::budget::Budget;
 use crate::adaptive::{self, NO_CEILING, PrioritySettings, SampleMap, Sampling};

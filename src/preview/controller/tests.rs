@@ -22,7 +22,7 @@ use std::sync::atomic::Ordering;
 const SIDE: u64 = 48;
 const SPP: u32 = 8;
 
-/// What is done after a step, with the hub and the flag that interrupts the render.
+/// A reaction to a step; takes the progress, the hub and the flag that interrupts the render.
 type AfterStep<'a> = dyn Fn(&Progress, &Arc<Hub>, &Arc<AtomicBool>) + 'a;
 
 /// Reactions to the events of a render.

@@ -19,15 +19,16 @@ use crate::simd::{Lanes, lanes_in};
 /// irradiance ignores occlusion.
 const UNIFORM_FRACTION: f32 = 0.1;
 
-/// Number of bounds by which the irradiance of all finite lights is estimated, at most. One sphere around lamps that are far apart
+/// Number of parts by which the irradiance of all finite lights is estimated, at most. One sphere around lamps that are far apart
 /// says little of the irradiance beside one of them.
-const MAX_FINITE_BOUNDS: usize = 8;
+const MAX_PARTS: usize = 8;
 
 /// Chooses among lights, which are numbered in the order given to [`Self::new`].
 pub struct LightSampler {
     infinite: Vec<InfiniteLight>,
     tree: LightTree,
-    /// Bounds that together hold all finite lights; none without an infinite light, whose probabilities depend on them.
+    /// Bounds of all finite lights together, then bounds of parts of them; none without an infinite light, whose probabilities
+    /// depend on them.
     finite_bounds: Vec<LightBounds>,
 }
 
@@ -59,7 +60,8 @@ impl LightSampler {
             }
         }
         let tree = LightTree::new(&finite);
-        let finite_bounds = if infinite.is_empty() { Vec::new() } else { tree.cut(MAX_FINITE_BOUNDS) };
+        let finite_bounds =
+            if infinite.is_empty() { Vec::new() } else { [tree.cut(1), tree.cut(MAX_PARTS)].concat() };
         Self { infinite, tree, finite_bounds }
     }
 
@@ -68,17 +70,19 @@ impl LightSampler {
         self.infinite.len() + self.tree.len()
     }
 
-    /// Bounds that together hold all finite lights; none without an infinite light, whose probabilities depend on them.
+    /// Bounds of all finite lights together, then bounds of parts of them; none without an infinite light.
     #[inline]
     pub fn finite_bounds(&self) -> &[LightBounds] {
         &self.finite_bounds
     }
 
-    /// Estimated irradiance from all finite lights: the importance of [`Self::finite_bounds`], 0 if there
-    /// are none.
+    /// Estimated irradiance from all finite lights, 0 if there are none: the importance of all together, or the sum of those of
+    /// their parts if it is larger. An estimate that is too large does less harm, since skies are hidden more often than lamps.
     #[inline]
     pub fn finite_irradiance(&self, context: &LightSampleContext) -> f32 {
-        self.finite_bounds.iter().map(|bounds| bounds.importance(context)).sum()
+        let Some((all, parts)) = self.finite_bounds.split_first() else { return 0.0 };
+        let sum: f32 = parts.iter().map(|bounds| bounds.importance(context)).sum();
+        all.importance(context).max(sum)
     }
 
     /// Chooses a light by `u` in [0, 1) and returns its index and probability; `None` if no light can

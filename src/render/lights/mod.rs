@@ -136,7 +136,7 @@ impl<'s> Lights<'s> {
     /// [`LightSampler::finite_irradiance`].
     pub fn finite_irradiance(&self, contexts: &LightSampleContexts) -> Lanes {
         let mut irradiance = [0.0; LANES];
-        simd::add_importances(self.sampler.finite_bounds(), contexts, &mut irradiance);
+        simd::finite_irradiances(self.sampler.finite_bounds(), contexts, &mut irradiance);
         irradiance
     }
 

@@ -13,14 +13,20 @@ use super::uniform_triangle_light::{UniformTriangleLight, sample_triangle_point}
 use crate::geometry::TriangleSampler;
 use crate::simd::{LANES, Lanes, Lanes3, apply, lane_mask, multiversioned};
 
-/// Adds the importance of bounds of lights at every point to `sums`.
+/// Irradiance from all finite lights at every point; see `LightSampler::finite_irradiance`.
 #[apply(multiversioned!)]
-pub fn add_importances(bounds: &[LightBounds], contexts: &LightSampleContexts, sums: &mut Lanes) {
-    for bounds in bounds {
-        let bounds = *bounds;
+pub fn finite_irradiances(bounds: &[LightBounds], contexts: &LightSampleContexts, irradiances: &mut Lanes) {
+    *irradiances = [0.0; LANES];
+    let Some((all, parts)) = bounds.split_first() else { return };
+    for part in parts {
+        let part = *part;
         for lane in 0..LANES {
-            sums[lane] += bounds.importance(&contexts.at(lane));
+            irradiances[lane] += part.importance(&contexts.at(lane));
         }
+    }
+    let all = *all;
+    for lane in 0..LANES {
+        irradiances[lane] = irradiances[lane].max(all.importance(&contexts.at(lane)));
     }
 }
 
