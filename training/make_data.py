@@ -142,8 +142,8 @@ def main():
     parser.add_argument("--count", type=int, default=300, help="number of scenes")
     parser.add_argument("--size", type=int, default=128, help="width and height of the views")
     parser.add_argument("--jobs", type=int, default=os.cpu_count(), help="number of scenes that are made at once")
-    parser.add_argument("--prpf", default="target/release/prpf", type=Path)
-    parser.add_argument("--scenes", default="target/release/prpf-scenes", type=Path)
+    for option, program in [("--prpf", "prpf"), ("--scenes", "prpf-scenes")]:
+        parser.add_argument(option, default=f"target/release/{program}", type=lambda path: Path(path).resolve())
     arguments = parser.parse_args()
     if arguments.size < 112 or arguments.size % 16:
         parser.error(f"--size: found {arguments.size}; accepted are multiples of 16 from 112 up")
