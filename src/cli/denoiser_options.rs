@@ -11,7 +11,7 @@ use crate::filter::{DENOISERS, Denoiser, find, presets};
 
 #[derive(Clone, Args)]
 pub(super) struct DenoiserOptions {
-    /// The denoiser [default: learned; nlm where a time budget or memory is short; of `denoise`: the render's, of images learned; of `allocate`: nlm draft]
+    /// The denoiser [default: learned; its draft or nlm where a time budget or memory is short; of `denoise`: the render's, of images learned; of `allocate`: nlm draft]
     #[arg(long, value_name = "NAME", value_parser = methods())]
     denoiser: Option<String>,
     /// Preset of the denoiser, e.g. draft; without --denoiser of the default, if it has this preset [default: its first]

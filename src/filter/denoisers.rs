@@ -23,8 +23,8 @@ pub static DENOISERS: [&dyn Denoiser; 10] = [
     &none::NONE,
 ];
 
-/// The default denoisers, each faster and less exact than the one before.
-pub static DEFAULTS: [&dyn Denoiser; 3] = [&learned::STANDARD, &nlm::STANDARD, &nlm::DRAFT];
+/// The default denoisers, each faster or of less memory, and less exact, than the one before.
+pub static DEFAULTS: [&dyn Denoiser; 4] = [&learned::STANDARD, &learned::DRAFT, &nlm::STANDARD, &nlm::DRAFT];
 
 /// The mean of the samples: the fallback if time is short.
 pub static UNFILTERED: &dyn Denoiser = &none::NONE;

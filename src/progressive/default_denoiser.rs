@@ -5,10 +5,10 @@ use super::finalisation::assumed_seconds;
 use crate::filter::{DEFAULTS, Denoiser};
 use crate::memory::available_bytes;
 
-/// Largest fraction of a time budget that the last pass takes. At this limit `learned` costs an eighth of the samples, about as
-/// much error as `nlm` has more. The draft of `nlm` has 0.59 of the error of `nlm` in the same time at half of its limit, 0.88 at
-/// three quarters, and as much at the limit.
-const TIME_FRACTION: f64 = 0.2;
+/// Largest fraction of a time budget that the last pass takes, of each of [`DEFAULTS`] but the last. In the same time the draft of
+/// `learned` leaves 0.8 of the error of `learned` where that takes a fifth, and as much at its limit; half of the error of `nlm` at a
+/// fifth; and about as much as the draft of `nlm` at its own limit, where one or two samples per pixel are left (docs/loop.md).
+const TIME_FRACTIONS: [f64; DEFAULTS.len() - 1] = [0.12, 0.25, 0.2];
 
 /// Largest fraction of the available memory that the last pass takes.
 const MEMORY_FRACTION: f64 = 0.5;
@@ -18,13 +18,13 @@ const MEMORY_FRACTION: f64 = 0.5;
 pub fn default_denoiser(budget: &Budget, pixels: usize, processes: usize) -> &'static dyn Denoiser {
     let seconds = budget.seconds.unwrap_or(f64::INFINITY);
     let available = available_bytes();
-    let is_affordable = |denoiser: &&'static dyn Denoiser| {
+    let is_affordable = |&(denoiser, fraction): &(&'static dyn Denoiser, f64)| {
         let bytes = (denoiser.cost().bytes * pixels) as f64;
-        assumed_seconds(*denoiser, pixels as u64, 1.0, false, processes) <= TIME_FRACTION * seconds
+        assumed_seconds(denoiser, pixels as u64, 1.0, false, processes) <= fraction * seconds
             && available.is_none_or(|available| bytes <= MEMORY_FRACTION * available)
     };
     let [.., fastest] = DEFAULTS;
-    DEFAULTS.into_iter().find(is_affordable).unwrap_or(fastest)
+    DEFAULTS.into_iter().zip(TIME_FRACTIONS).find(is_affordable).map_or(fastest, |(denoiser, _)| denoiser)
 }
 
 #[cfg(test)]
@@ -39,12 +39,13 @@ mod tests {
         };
         let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a thread can be had");
         pool.install(|| {
-            // The best one takes 9 µs for a pixel.
+            // The best one takes 9 µs for a pixel, its draft 6.5.
             assert_eq!(name(None, 100_000, 1), "learned standard");
-            assert_eq!(name(Some(4.6), 100_000, 1), "learned standard");
-            assert_eq!(name(Some(4.4), 100_000, 1), "nlm standard");
-            assert_eq!(name(Some(2.9), 100_000, 1), "nlm draft");
-            assert_eq!(name(Some(4.4), 100_000, 2), "learned standard");
+            assert_eq!(name(Some(7.6), 100_000, 1), "learned standard");
+            assert_eq!(name(Some(7.4), 100_000, 1), "learned draft");
+            assert_eq!(name(Some(2.7), 100_000, 1), "learned draft");
+            assert_eq!(name(Some(2.5), 100_000, 1), "nlm draft");
+            assert_eq!(name(Some(7.4), 100_000, 2), "learned standard");
             assert_eq!(name(None, usize::MAX >> 16, 1), "nlm draft");
         });
     }

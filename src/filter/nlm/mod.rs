@@ -56,7 +56,7 @@ pub struct Nlm {
 /// The preset for the final image.
 pub static STANDARD: Nlm = Nlm {
     preset: "standard",
-    summary: "Cross-filtered non-local means, the default where time or memory is short",
+    summary: "Cross-filtered non-local means, the default where memory is short",
     cost: Cost { core_seconds: 6e-6, bytes: 700, pass_time: 1.0 / 0.36, is_per_sample: false },
     settings: NlmSettings::standard(),
 };
