@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 
 use common::SCENE;
 use prpf::adaptive::{MapValues, PrioritySettings, SampleMap, Sampling};
-use prpf::filter::{DENOISERS, Denoiser, FilterResult, UNFILTERED, nlm, prpf as pixelwise, rpf};
+use prpf::filter::{DENOISERS, Denoiser, FilterResult, UNFILTERED, learned, nlm, prpf as pixelwise, rpf};
 use prpf::geometry::Accel;
 use prpf::progressive::{
     Action, Budget, Checkpoint, Conditions, Filtered, Host, Outcome, Position, RenderLoop, Settings,
@@ -350,15 +350,19 @@ fn where_time_is_short_the_last_pass_is_a_draft() {
         run(RenderLoop::new(&renderer, &settings, started), &mut ())
     };
     // Nothing is left of the budget but what a filter takes, so there is a sixteenth of the samples and no more.
-    let draft = render(&nlm::DRAFT, 61.0);
+    let draft = render(&learned::DRAFT, 61.0);
     assert!(draft.store.samples() < (SIDE * SIDE) as u64 && !draft.is_fallback());
-    for denoiser in [&nlm::STANDARD as &'static dyn Denoiser, &pixelwise::PRPF, &rpf::RPF] {
+    let learned: &'static dyn Denoiser = &learned::DRAFT;
+    for (denoiser, draft) in
+        [(&nlm::STANDARD as &'static dyn Denoiser, learned), (&pixelwise::PRPF, &pixelwise::INTERIM)]
+    {
         let outcome = render(denoiser, 61.0);
-        assert_eq!(outcome.result.made_by, denoiser.stand_in().name(), "{denoiser:?}");
+        assert_eq!(outcome.result.made_by, draft.name(), "{denoiser:?}");
         assert!(outcome.is_fallback());
-        let draft = render(denoiser.stand_in(), 61.0);
+        let draft = render(draft, 61.0);
         assert_eq!(outcome.result.image, draft.result.image, "{denoiser:?}");
     }
+    assert_eq!(render(&rpf::RPF, 61.0).result.made_by, nlm::DRAFT.name());
     assert!(!render(UNFILTERED, 61.0).is_fallback(), "there is nothing faster");
     assert!(!render(&nlm::STANDARD, 1e6).is_fallback());
 }

@@ -73,7 +73,7 @@ impl Content {
         let units = units(&store, denoiser);
         let expected = units * self.unit_seconds;
         let failure_map = FailureMap::Carry(None);
-        let pass = FilterPass { store, denoiser, seed, failure_map, has_half_images: true };
+        let pass = FilterPass { store, denoiser, seed, least_spp: 1.0, failure_map, has_half_images: true };
 
         // Run it
         let start = Instant::now();

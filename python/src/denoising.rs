@@ -109,6 +109,7 @@ pub fn denoise(py: Python, store: &Store, denoiser: &str) -> PyResult<Denoised> 
         denoiser: suited_to(&statistics, denoiser),
         store: statistics,
         seed: store.seed,
+        least_spp: 1.0,
         failure_map: FailureMap::Carry(None),
         has_half_images: true,
     };

@@ -177,6 +177,7 @@ pub(super) fn filter(checkpoint: &Checkpoint, settings: &Settings) -> anyhow::Re
         store: store.clone(),
         denoiser,
         seed: settings.seed,
+        least_spp: 1.0,
         failure_map: FailureMap::Carry(earlier),
         has_half_images: true,
     };

@@ -46,11 +46,16 @@ pub fn presets(method: &str) -> Vec<&'static str> {
     names.filter_map(|name| name.preset).collect()
 }
 
-/// Returns the denoiser with which to filter a store if `denoiser` is selected: its stand-in while the store has fewer
-/// samples than pixels.
+/// Returns the fastest preset of a denoiser's own method: a draft, or its stand-in.
+pub fn draft_of(denoiser: &'static dyn Denoiser) -> &'static dyn Denoiser {
+    find(denoiser.name().method, Some("draft")).unwrap_or(denoiser.stand_in())
+}
+
+/// Returns the denoiser with which to filter a store if `denoiser` is selected: its draft while the store has fewer
+/// samples than pixels, where better presets leave the same error.
 pub fn suited_to(store: &Store, denoiser: &'static dyn Denoiser) -> &'static dyn Denoiser {
     let is_sparse = store.samples_taken() < store.pixels() as u64;
-    if is_sparse { denoiser.stand_in() } else { denoiser }
+    if is_sparse { draft_of(denoiser) } else { denoiser }
 }
 
 /// A name in files.
@@ -171,10 +176,11 @@ mod tests {
     }
 
     #[test]
-    fn a_store_with_empty_pixels_gets_the_stand_in() {
+    fn a_store_with_empty_pixels_gets_the_draft() {
         let mut store = Store::new(2, 1, Layout::with_blocks(|_| false), 0, 0);
         store.push(0, 0, &[0.5; 5]);
         assert_eq!(suited_to(&store, &nlm::STANDARD).name(), nlm::DRAFT.name());
+        assert_eq!(suited_to(&store, &learned::STANDARD).name(), learned::DRAFT.name());
         assert_eq!(suited_to(&store, &prpf::PRPF).name(), prpf::INTERIM.name());
         assert_eq!(suited_to(&store, &none::NONE).name(), none::NONE.name());
         store.push(1, 0, &[0.5; 5]);

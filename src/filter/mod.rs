@@ -17,6 +17,7 @@ pub mod prpf;
 mod result;
 pub mod rpf;
 mod selection;
+pub(crate) mod sparse_filtering;
 pub mod stages;
 #[cfg(test)]
 pub(crate) mod synthetic;
@@ -28,7 +29,7 @@ pub use common::error_maps::ErrorMaps;
 pub use common::fireflies::FireflySettings;
 pub use denoiser::{Cost, Denoiser, LayerFilter, PartFilter, Reads, SampleVectors};
 pub use denoiser_name::DenoiserName;
-pub use denoisers::{DEFAULTS, DENOISERS, UNFILTERED, find, presets, suited_to, weights_of};
+pub use denoisers::{DEFAULTS, DENOISERS, UNFILTERED, draft_of, find, presets, suited_to, weights_of};
 pub use lack::Lack;
 pub use nlm::NlmSettings;
 pub use none::unfiltered;

@@ -11,9 +11,11 @@
 //! | [`tone`] | luminance, the sRGB transfer curve |
 //! | [`metrics`], [`perceptual`] | errors of an image with respect to a reference |
 //! | [`Comparison`] | all of these at once |
+//! | `enlargement` | full images of coarse ones |
 //! | [`error`] | [`ImageError`], an image file and its problem |
 
 mod comparison;
+pub(crate) mod enlargement;
 pub mod error;
 pub mod exr_file;
 pub mod metrics;

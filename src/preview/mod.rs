@@ -14,7 +14,7 @@
 //! | --- | --- |
 //! | `controller`, `controller_end`, `scene_session`, `pending`, `configuration`, `image_request`, `history`, `background_pass` | control of the render |
 //! | `reporter`, `generation_record`, `status`, `notices` | the status of the render |
-//! | `publisher`, `preview_frame`, `enlargement` | encoded images for the viewers |
+//! | `publisher`, `preview_frame` | encoded images for the viewers |
 //! | `view`, `colour_scale`, `pixel_values`, `comparison`, `saved_images` | what the page shows |
 //! | `orbit_camera`, `camera_move`, `bookmarks` | the camera, its movements and its bookmarks |
 //! | `hub`, `viewer` | between the render thread and its viewers |
@@ -33,7 +33,6 @@ mod configuration;
 mod connections;
 mod controller;
 mod controller_end;
-mod enlargement;
 mod generation_record;
 mod history;
 mod hub;

@@ -3,13 +3,13 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use super::enlargement::enlarged;
 use super::generation_record::CoarseImage;
 use super::hub::Hub;
 use super::preview_frame::{FrameInfo, PreviewFrame};
 use super::status::ViewInfo;
 use super::view::{View, ViewSource};
 use crate::image::Planes;
+use crate::image::enlargement::enlarged;
 use crate::progressive::{Progress, Settings};
 use crate::stats::{Layout, Part, Rectangle, Store};
 

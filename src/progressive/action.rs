@@ -154,7 +154,7 @@ fn interim_denoiser(now: &Situation) -> &'static dyn Denoiser {
 fn pass_seconds(now: &Situation, interim: &'static dyn Denoiser) -> f64 {
     let is_measured = interim == now.settings.interim_denoiser();
     let measured = now.measurements.interim_seconds.filter(|_| is_measured).unwrap_or(f64::INFINITY);
-    let last = now.final_denoiser();
+    let last = now.planned_denoiser();
     let Some(filter) = now.measurements.finalisation.filter_seconds() else {
         // What is not calibrated is assumed until it has been measured
         let assumed =
@@ -169,7 +169,7 @@ fn pass_seconds(now: &Situation, interim: &'static dyn Denoiser) -> f64 {
 fn calibration(now: &Situation) -> Option<&'static dyn Denoiser> {
     let schedule = now.schedule();
     let left = schedule.seconds_left(now.elapsed)?;
-    let (finalisation, last) = (&now.measurements.finalisation, now.final_denoiser());
+    let (finalisation, last) = (&now.measurements.finalisation, now.planned_denoiser());
     // Empty pixels add hole filling to the time, and a time that grows with the samples is soon outdated.
     if now.is_sparse() || last.cost().is_per_sample || now.conditions.is_interrupted {
         return None;

@@ -6,7 +6,7 @@ use std::time::Instant;
 use super::error_estimate::{ErrorEstimate, HalfImages};
 use super::process_group::{ProcessGroup, filter_together};
 use crate::filter::prpf::{self, FAILURE_WINDOW};
-use crate::filter::{Denoiser, FilterResult, Interpolation, PrpfSettings};
+use crate::filter::{Denoiser, FilterResult, Interpolation, PrpfSettings, sparse_filtering};
 use crate::stats::Store;
 
 /// A filter pass that is ready to run.
@@ -15,6 +15,8 @@ pub struct FilterPass {
     pub store: Arc<Store>,
     pub denoiser: &'static dyn Denoiser,
     pub seed: u64,
+    /// Samples per pixel below which squares of pixels are filtered, where the denoiser can.
+    pub least_spp: f64,
     pub failure_map: FailureMap,
     /// Whether the error is estimated by images of the halves of the samples, if the denoiser is judged by them: more closely,
     /// for the time of two passes on an excerpt of the image.
@@ -50,10 +52,10 @@ impl FilterPass {
     /// Runs the pass, with several processes as far as they can share the work.
     pub(super) fn run_with(self, mut processes: Option<&mut (dyn ProcessGroup + '_)>) -> Filtered {
         let started = Instant::now();
-        let Self { store, denoiser, seed, failure_map, has_half_images } = self;
+        let Self { store, denoiser, seed, least_spp, failure_map, has_half_images } = self;
         let mut result = match &mut processes {
             Some(processes) if processes.can_share(denoiser, &store) => processes.filter(denoiser),
-            _ => denoiser.filter(&store, seed),
+            _ => sparse_filtering::filter(denoiser, &store, least_spp, seed),
         };
         if result.interpolation.is_none() {
             result.interpolation = match failure_map {

@@ -223,7 +223,7 @@ impl<'a> RenderLoop<'a> {
         self.predict_ratio();
 
         // Learn from the time that the pass took
-        let last = self.situation(&Conditions::default()).final_denoiser().name();
+        let last = self.situation(&Conditions::default()).planned_denoiser().name();
         let measured = &mut self.measurements;
         measured.is_saved = false;
         measured.interim_total += seconds;
@@ -254,7 +254,10 @@ impl<'a> RenderLoop<'a> {
         self.gather(StatisticsExtent::All);
         let earlier = self.checkpoint.interim.as_ref().and_then(|interim| interim.interpolation.clone());
         let has_half_images = self.settings.budget.seconds.is_none() && stopped_by != StoppedBy::Interrupt;
-        self.pass(self.situation(conditions).final_denoiser(), FailureMap::Carry(earlier), has_half_images)
+        let situation = self.situation(conditions);
+        let (denoiser, least_spp) = (situation.final_denoiser(), situation.least_spp());
+        let pass = self.pass(denoiser, FailureMap::Carry(earlier), has_half_images);
+        FilterPass { least_spp, ..pass }
     }
 
     /// Takes the result of [`Self::final_pass`], with which the render may end, or go on after a change.
@@ -320,7 +323,7 @@ impl<'a> RenderLoop<'a> {
         has_half_images: bool,
     ) -> FilterPass {
         let (store, seed) = (self.store().clone(), self.settings.seed);
-        FilterPass { store, denoiser, seed, failure_map, has_half_images }
+        FilterPass { store, denoiser, seed, least_spp: 1.0, failure_map, has_half_images }
     }
 
     /// Begins a batch.

@@ -2,7 +2,7 @@
 
 use super::budget::Budget;
 use crate::adaptive::{self, NO_CEILING, PrioritySettings, SampleMap, Sampling};
-use crate::filter::{DENOISERS, Denoiser, Lack, SampleVectors, UNFILTERED};
+use crate::filter::{DEFAULTS, DENOISERS, Denoiser, Lack, SampleVectors, UNFILTERED, draft_of};
 use crate::stats::{BlockSet, Layout, Store};
 
 /// The settings of a render loop.
@@ -140,6 +140,14 @@ impl Settings {
         if self.budget.target_error.is_some() && is_other_method { asked } else { stand_in }
     }
 
+    /// Returns the denoiser of a last pass over a sparse store, where better ones leave the same error: the method's draft, and
+    /// under a time budget that of `learned` in place of the default denoisers.
+    pub fn sparse_denoiser(&self) -> &'static dyn Denoiser {
+        let [_, draft, ..] = DEFAULTS;
+        let is_default = self.budget.seconds.is_some() && DEFAULTS.contains(&self.denoiser);
+        if is_default { draft } else { draft_of(self.denoiser) }
+    }
+
     /// Returns the sample vectors per pixel that a render with these settings keeps at most.
     pub fn reservoir_capacity(&self) -> usize {
         let needed = match self.denoiser.reads().sample_vectors {
@@ -162,7 +170,7 @@ impl Settings {
             return BlockSet::ALL;
         }
         // What is filtered with: the denoiser, and what takes its place where time or samples are short.
-        let denoisers = [self.denoiser, self.denoiser.stand_in(), UNFILTERED];
+        let denoisers = [self.denoiser, self.denoiser.stand_in(), self.sparse_denoiser(), UNFILTERED];
         denoisers.iter().flat_map(|denoiser| denoiser.reads().blocks).copied().collect::<BlockSet>() | outputs
     }
 

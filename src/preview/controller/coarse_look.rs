@@ -5,9 +5,9 @@ use std::time::{Duration, Instant};
 
 use super::Controller;
 use crate::filter::UNFILTERED;
+use crate::image::enlargement::smoothed;
 use crate::preview::background_pass::Event;
 use crate::preview::command::Command;
-use crate::preview::enlargement::smoothed;
 use crate::preview::generation_record::CoarseImage;
 use crate::preview::view::View;
 use crate::render::Renderer;

@@ -4,9 +4,9 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use super::Controller;
-use crate::filter::{Denoiser, SampleVectors, UNFILTERED, find, nlm};
+use crate::filter::{Denoiser, SampleVectors, UNFILTERED, draft_of, nlm};
 use crate::image::Planes;
-use crate::preview::enlargement::smoothed;
+use crate::image::enlargement::smoothed;
 use crate::preview::generation_record::CoarseImage;
 use crate::preview::publisher::PAIR;
 use crate::preview::view::{View, ViewSource};
@@ -83,16 +83,11 @@ impl Controller<'_> {
         let Settings { denoiser, seed, .. } = self.configuration.settings;
         let failure_map = FailureMap::Carry(None);
         let denoiser = draft_without_vectors(denoiser);
-        FilterPass { store, denoiser, seed, failure_map, has_half_images: false }
+        FilterPass { store, denoiser, seed, least_spp: 1.0, failure_map, has_half_images: false }
     }
 }
 
-/// Returns the fastest preset of a denoiser's own method: a draft, or its stand-in.
-pub(super) fn draft_of(denoiser: &'static dyn Denoiser) -> &'static dyn Denoiser {
-    find(denoiser.name().method, Some("draft")).unwrap_or(denoiser.stand_in())
-}
-
-/// Returns the same, or the draft of `nlm` where that reads sample vectors.
+/// Returns a denoiser's draft, or that of `nlm` where it reads sample vectors.
 fn draft_without_vectors(denoiser: &'static dyn Denoiser) -> &'static dyn Denoiser {
     let draft = draft_of(denoiser);
     let reads_vectors = draft.reads().sample_vectors != SampleVectors::None;
@@ -110,7 +105,7 @@ fn side_for(spp: f64, latest: f64, elapsed: f64) -> Option<usize> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::filter::DENOISERS;
+    use crate::filter::{DENOISERS, find};
 
     #[test]
     fn squares_get_finer_as_samples_come() {

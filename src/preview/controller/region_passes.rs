@@ -5,8 +5,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use super::Controller;
-use super::coarse_passes::draft_of;
-use crate::filter::UNFILTERED;
+use crate::filter::{UNFILTERED, draft_of};
 use crate::image::Planes;
 use crate::preview::view::View;
 use crate::progressive::{Region, Settings};

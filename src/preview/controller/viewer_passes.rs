@@ -4,8 +4,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use super::Controller;
-use super::coarse_passes::draft_of;
-use crate::filter::{FilterResult, UNFILTERED, suited_to};
+use crate::filter::{FilterResult, UNFILTERED, draft_of, suited_to};
 use crate::preview::background_pass::Event;
 use crate::preview::status::Phase;
 use crate::preview::view::View;
@@ -154,6 +153,7 @@ impl Controller<'_> {
             store: store.clone(),
             denoiser: suited_to(store, settings.denoiser),
             seed: settings.seed,
+            least_spp: 1.0,
             failure_map: if wants_map { FailureMap::Compute } else { FailureMap::Carry(None) },
             has_half_images: false,
         }

@@ -28,7 +28,14 @@ fn store() -> Arc<Store> {
 fn checkpoint(store: Arc<Store>) -> Checkpoint {
     let failure_map = FailureMap::Carry(None);
     let denoiser = &nlm::DRAFT;
-    let pass = FilterPass { store: store.clone(), denoiser, seed: 0, failure_map, has_half_images: false };
+    let pass = FilterPass {
+        store: store.clone(),
+        denoiser,
+        seed: 0,
+        least_spp: 1.0,
+        failure_map,
+        has_half_images: false,
+    };
     let interim = Some(InterimPass::new(pass.run()));
     Checkpoint { store, interim, ..Checkpoint::new(Store::new(1, 1, Layout::with_blocks(|_| false), 0, 0)) }
 }

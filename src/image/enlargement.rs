@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use crate::image::Planes;
+use super::Planes;
 
 /// Returns an image of `size` pixels in which every square of `side` pixels has the value of its pixel of `image`.
 pub fn enlarged(image: &Planes, side: usize, size: (usize, usize)) -> Planes {

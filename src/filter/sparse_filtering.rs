@@ -1,0 +1,225 @@
+//! Filters a sparse store, one with few samples per pixel: squares of pixels take the place of pixels, with all of their samples.
+//!
+//! Pixels without samples would get those of their neighbours, and a denoiser would take one noisy sample for many that agree. The rule is
+//! our own; `docs/method.md` has what it gains.
+
+use std::ops::Range;
+
+use super::common::emitter_outlines::outside_emitters;
+use super::common::fireflies::pixel_luminance;
+use super::common::hole_filling::filled_means;
+use super::denoiser::{Denoiser, SampleVectors};
+use super::denoisers::UNFILTERED;
+use super::result::FilterResult;
+use crate::image::Planes;
+use crate::image::enlargement::smoothed;
+use crate::stats::{Block, Rectangle, Store};
+
+/// Least mean number of samples of a square.
+const SQUARE_SAMPLES: f64 = 0.7;
+
+/// Largest mean number of samples of the pixels that have any. Above it pixels were chosen, and stay apart.
+const MOST_SAMPLES: f64 = 4.0;
+
+/// Fraction of the time of a pass over pixels that one over squares takes at most: those of four pixels, pooling and enlargement.
+pub const TIME_FRACTION: f64 = 0.55;
+
+/// Filters a store, by squares if it has fewer than `least_spp` samples per pixel and the denoiser can.
+pub fn filter(denoiser: &dyn Denoiser, store: &Store, least_spp: f64, seed: u64) -> FilterResult {
+    let side = if can_filter_squares(denoiser) { side(store, least_spp) } else { None };
+    let Some(side) = side else { return denoiser.filter(store, seed) };
+    let pooled = store.pooled(side);
+    let result = denoiser.filter(&pooled, seed);
+    if result.failure.is_some() {
+        return denoiser.filter(store, seed);
+    }
+    let size = (store.width(), store.height());
+    let enlarged = |planes: &Planes| smoothed(planes, side, size);
+    let emission = store.layout().block(Block::Emission).map(|dims| Emission::new(store, &pooled, dims));
+    let image = |planes: &Planes| match &emission {
+        Some(emission) => emission.enlarge(planes, side),
+        None => enlarged(planes),
+    };
+    FilterResult {
+        image: image(&result.image),
+        halves: result.halves.each_ref().map(image),
+        variance: enlarged(&result.variance),
+        error: enlarged(&result.error),
+        residual: enlarged(&result.residual),
+        risk: enlarged(&result.risk),
+        ..result
+    }
+}
+
+/// Returns whether a denoiser filters squares: not the mean of the samples, nor those that read sample vectors.
+pub fn can_filter_squares(denoiser: &dyn Denoiser) -> bool {
+    denoiser.name() != UNFILTERED.name() && denoiser.reads().sample_vectors == SampleVectors::None
+}
+
+/// Returns the side of the squares, in pixels; `None` if pixels are filtered.
+fn side(store: &Store, least_spp: f64) -> Option<usize> {
+    let (width, height) = (store.width(), store.height());
+    let samples = store.samples_taken() as f64;
+    let with_samples = store.pixels() - store.empty_pixels(&Rectangle::of_image(width, height));
+    let is_sparse = samples > 0.0 && samples < least_spp * store.pixels() as f64;
+    if !is_sparse || samples > MOST_SAMPLES * with_samples as f64 {
+        return None;
+    }
+    let squares = |side: usize| width.div_ceil(side) * height.div_ceil(side);
+    (2..).find(|&side| samples >= SQUARE_SAMPLES * squares(side) as f64)
+}
+
+/// Directly visible emission. It has little noise and is often far brighter than what is around it, so that pixels keep their own.
+struct Emission {
+    /// That of the pixels, and of the squares: 3 planes each.
+    pixels: Planes,
+    squares: Planes,
+    /// Weights of the squares' other light for pixels without emission: small where emission may have come over an edge. 1 plane.
+    weights: Planes,
+}
+
+impl Emission {
+    /// `dims` are the dimensions of emission in both stores.
+    fn new(store: &Store, pooled: &Store, dims: Range<usize>) -> Self {
+        /// Weight at emitters: other squares determine the light beside them, if there are any.
+        const AT_EMITTERS: f32 = 1e-3;
+        let squares = filled_means(pooled, dims.clone());
+        let met_emitter: Vec<bool> =
+            (0..squares.pixels()).map(|i| pixel_luminance(&squares, i) > 0.0).collect();
+        let mut weights = Planes::new(squares.width(), squares.height(), 1);
+        let outside = outside_emitters(squares.width(), &met_emitter);
+        let values = weights.data_mut().iter_mut().zip(outside);
+        values.for_each(|(weight, is_outside)| *weight = if is_outside { 1.0 } else { AT_EMITTERS });
+        Self { pixels: filled_means(store, dims), squares, weights }
+    }
+
+    /// Enlarges an image of the squares to one of the pixels.
+    fn enlarge(&self, image: &Planes, side: usize) -> Planes {
+        // Take off the squares' emission
+        let size = (self.pixels.width(), self.pixels.height());
+        let mut light = image.clone();
+        let values = light.data_mut().iter_mut().zip(self.squares.data());
+        values.for_each(|(value, emission)| *value = (*value - emission).max(0.0));
+        let mut weighted = light.clone();
+        for plane in weighted.planes_mut() {
+            plane.iter_mut().zip(self.weights.data()).for_each(|(value, weight)| *value *= weight);
+        }
+
+        // Enlarge the rest, and add that of the pixels
+        let [weighted, weights] = [&weighted, &self.weights].map(|planes| smoothed(planes, side, size));
+        let mut light = smoothed(&light, side, size);
+        for (channel, plane) in light.planes_mut().enumerate() {
+            let (emission, weighted) = (self.pixels.plane(channel), weighted.plane(channel));
+            for (i, value) in plane.iter_mut().enumerate() {
+                let is_dark = pixel_luminance(&self.pixels, i) == 0.0;
+                *value = if is_dark { weighted[i] / weights.data()[i] } else { *value + emission[i] };
+            }
+        }
+        light
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use rand::RngExt;
+
+    use super::*;
+    use crate::filter::synthetic::{store, wall};
+    use crate::filter::{learned, nlm, prpf};
+    use crate::stats::Layout;
+
+    /// Returns a store of 64×64 pixels of light 1 with the samples of `count`, one in eight of which has all of it.
+    fn rare_light(count: impl Fn(usize, usize) -> u32 + Sync) -> Store {
+        let layout = Layout::with_blocks(|_| false);
+        store(
+            64,
+            64,
+            layout,
+            |x, y| count(x, y) as _,
+            |_, _, _, rng| {
+                let light = if rng.random_bool(0.125) { 8.0 } else { 0.0 };
+                let mut sample = vec![0.0; 5];
+                sample[2..].fill(light);
+                sample
+            },
+        )
+    }
+
+    #[test]
+    fn squares_have_enough_samples() {
+        let side_of = |count: &(dyn Fn(usize, usize) -> u32 + Sync)| side(&rare_light(count), 1.0);
+        assert_eq!(side_of(&|_, _| 1), None);
+        assert_eq!(side(&rare_light(|_, _| 1), 2.0), Some(2));
+        assert_eq!(side_of(&|x, _| u32::from(x % 2 == 0)), Some(2));
+        assert_eq!(side_of(&|x, y| u32::from(x % 2 == 0 && y % 4 == 0)), Some(3));
+        assert_eq!(side_of(&|x, y| u32::from(x % 4 == 0 && y % 4 == 0)), Some(4));
+        assert_eq!(side_of(&|_, _| 0), None, "there is nothing to filter");
+        assert_eq!(side_of(&|x, y| if x < 8 && y < 8 { 32 } else { 0 }), None, "pixels were chosen");
+        assert!(can_filter_squares(&learned::DRAFT));
+        assert!(!can_filter_squares(&prpf::INTERIM), "squares have no sample vectors");
+        assert!(!can_filter_squares(UNFILTERED));
+    }
+
+    #[test]
+    fn narrow_images_are_filtered() {
+        for (width, height) in [(2, 1), (1, 9), (70, 1), (1, 1)] {
+            let layout = Layout::with_blocks(|_| false);
+            let sparse = store(width, height, layout, |x, y| u32::from(x + y == 0), |_, _, _, _| [0.5; 5]);
+            let image = filter(&learned::DRAFT, &sparse, 1.0, 0).image;
+            assert_eq!((image.width(), image.height()), (width, height));
+            assert!(image.data().iter().all(|v| (v - 0.5).abs() < 1e-3), "{width}×{height}");
+        }
+    }
+
+    #[test]
+    fn few_samples_of_rare_light_give_an_even_image() {
+        let sparse = rare_light(|x, y| u32::from((x + y) % 2 == 0));
+        let error = |result: &FilterResult| {
+            let squares = result.image.data().iter().map(|v| (v - 1.0).powi(2));
+            squares.sum::<f32>() / result.image.data().len() as f32
+        };
+        for denoiser in [&nlm::DRAFT as &dyn Denoiser, &learned::DRAFT] {
+            let (squares, pixels) = (filter(denoiser, &sparse, 1.0, 0), denoiser.filter(&sparse, 0));
+            assert!(error(&squares) < 0.5 * error(&pixels), "{} {}", error(&squares), error(&pixels));
+            assert_eq!(squares.made_by, denoiser.name());
+            for planes in
+                [&squares.image, &squares.variance, &squares.error, &squares.residual, &squares.risk]
+            {
+                assert_eq!((planes.width(), planes.height()), (64, 64));
+            }
+        }
+    }
+
+    #[test]
+    fn a_lamps_light_stays_inside_its_outline() {
+        let layout = Layout::with_blocks(|block| matches!(block, Block::Emission | Block::Radiance));
+        let is_lamp = |x: usize, y: usize| (20..40).contains(&x) && (20..40).contains(&y);
+        let sparse = store(
+            64,
+            64,
+            layout.clone(),
+            |x, y| u32::from((x + y) % 2 == 0),
+            |x, y, _, rng| {
+                let emitted = if is_lamp(x, y) { [100.0; 3] } else { [0.0; 3] };
+                let mut sample = wall(&layout, x, y, [1.0; 3], rng);
+                layout.write(&mut sample, Block::Emission, &emitted);
+                layout.write(&mut sample, Block::Radiance, &emitted.map(|emitted| 1.0 + emitted));
+                sample
+            },
+        );
+        let image = filter(&learned::DRAFT, &sparse, 1.0, 0).image;
+        for (y, x) in (0..64).flat_map(|y| (0..64).map(move |x| (y, x))) {
+            let (found, rim) = (image.at(0, x, y), [19, 20, 39, 40]);
+            if !rim.contains(&x) && !rim.contains(&y) {
+                let expected = if is_lamp(x, y) { 101.0 } else { 1.0 };
+                assert!((found - expected).abs() < 0.1 * expected, "{x} {y}: {found}");
+            }
+        }
+    }
+
+    #[test]
+    fn enough_samples_are_filtered_pixel_by_pixel() {
+        let full = rare_light(|_, _| 1);
+        assert_eq!(filter(&nlm::DRAFT, &full, 1.0, 0).image, nlm::DRAFT.filter(&full, 0).image);
+    }
+}
