@@ -5,6 +5,7 @@ use rayon::prelude::*;
 use super::Planes;
 
 /// Returns an image of `size` pixels in which every square of `side` pixels has the value of its pixel of `image`.
+#[cfg(any(test, feature = "app"))]
 pub fn enlarged(image: &Planes, side: usize, size: (usize, usize)) -> Planes {
     by_rows(size, image.count(), |plane, y, row| {
         let squares = image.row(plane, y / side);
