@@ -75,7 +75,7 @@ fn shortcomings(outcome: &Outcome) -> Vec<String> {
     let empty = store.counts(Part::Whole).iter().filter(|&&n| n == 0).count();
     if empty > 0 && (is_sparse || outcome.settings.sample_map.is_some()) {
         lines.push(format!(
-            "{}{:.0} % of the pixels have none, and are filled from their neighbours",
+            "{}{:.0} % of the pixels have none, and get the light of those around them",
             if is_sparse {
                 "there is less than one sample per pixel: "
             } else {
