@@ -53,7 +53,8 @@ pub fn fraction_of_learned(
     let floor = ((RELATIVE_FLOOR * level * level) as f32).max(f32::MIN_POSITIVE);
 
     // A pixel's variance is at least the usual one: few samples that all miss the light agree, and are not certain
-    let usual_variance = usual_variance(learned, noisy, floor);
+    let known = known_fraction(width, counts);
+    let usual_variance = usual_variance(learned, noisy, &known, floor);
 
     // Sum over halves and channels. With the mean m and the noise e of a pixel the halves are m ± e
     let [a, b] = counts.floats();
@@ -82,7 +83,8 @@ pub fn fraction_of_learned(
         let certainty = DOUBT * DOUBT * q[i] * q[i] / (variance_factor * v[i]).max(f32::MIN_POSITIVE);
         let observed = if q[i] > 0.0 { n[i] / q[i] } else { 1.0 };
         if certainty.is_finite() && observed.is_finite() {
-            (1.0 + (observed - 1.0) * certainty / (1.0 + certainty)).clamp(0.0, 1.0)
+            let fraction = (1.0 + (observed - 1.0) * certainty / (1.0 + certainty)).clamp(0.0, 1.0);
+            1.0 - known[i] * known[i] * (1.0 - fraction)
         } else {
             1.0
         }
@@ -90,8 +92,17 @@ pub fn fraction_of_learned(
     (0..pixels).into_par_iter().map(posterior).collect()
 }
 
-/// Returns the variance of `noisy` over the squared brightness, mean of the channels, blurred.
-fn usual_variance(learned: &Noisy, noisy: &Noisy, floor: f32) -> Vec<f32> {
+/// Returns the fraction of the surrounding pixels whose variance is known: those with samples of both halves.
+fn known_fraction(width: usize, counts: &HalfCounts) -> Vec<f32> {
+    let [a, b] = counts.floats();
+    let known: Vec<f32> =
+        a.iter().zip(b).map(|(&a, &b)| if a > 0.0 && b > 0.0 { 1.0 } else { 0.0 }).collect();
+    blur::gaussian(width, known.len() / width.max(1), &known, VARIANCE_SIGMA)
+}
+
+/// Returns the variance of `noisy` over the squared brightness, mean of the channels, and over the surrounding pixels where it is
+/// known. Elsewhere the noise is 0.
+fn usual_variance(learned: &Noisy, noisy: &Noisy, known: &[f32], floor: f32) -> Vec<f32> {
     let (width, height, pixels) = (noisy.mean.width(), noisy.mean.height(), noisy.mean.pixels());
     let relative = |i: usize| {
         let of_channel =
@@ -99,7 +110,9 @@ fn usual_variance(learned: &Noisy, noisy: &Noisy, floor: f32) -> Vec<f32> {
         (0..3).map(of_channel).sum::<f32>() / 3.0
     };
     let plane: Vec<f32> = (0..pixels).into_par_iter().with_min_len(1024).map(relative).collect();
-    blur::gaussian(width, height, &plane, VARIANCE_SIGMA)
+    let mut variance = blur::gaussian(width, height, &plane, VARIANCE_SIGMA);
+    variance.iter_mut().zip(known).for_each(|(variance, known)| *variance /= known.max(f32::MIN_POSITIVE));
+    variance
 }
 
 #[cfg(test)]
@@ -163,6 +176,25 @@ mod tests {
         let whole = AllPixels::new(SIDE, SIDE);
         let fraction = fraction_of_learned(&learned, &second, &noisy, &counts, &whole)[24 * SIDE + 24];
         assert!(fraction > 0.5, "{fraction}");
+    }
+
+    #[test]
+    fn the_learned_image_stays_where_few_pixels_have_samples_of_both_halves() {
+        let constant = |value: f32| {
+            let mut mean = Planes::new(SIDE, SIDE, 3);
+            mean.data_mut().fill(value);
+            Noisy::exact(mean)
+        };
+        let counts = |period: usize| {
+            let second = (0..SIDE * SIDE).map(|i| u32::from(i.is_multiple_of(period))).collect();
+            HalfCounts::new(SIDE, [vec![1; SIDE * SIDE], second])
+        };
+        let [learned, second] = [1.0, 2.0].map(constant);
+        let whole = AllPixels::new(SIDE, SIDE);
+        let fraction = |period| {
+            fraction_of_learned(&learned, &second, &second, &counts(period), &whole)[SIDE * SIDE / 2]
+        };
+        assert!(fraction(1) < 0.01 && fraction(25) > 0.99, "{} {}", fraction(1), fraction(25));
     }
 
     #[test]
