@@ -35,7 +35,8 @@ pub fn filter(denoiser: &dyn Denoiser, store: &Store, least_spp: f64, seed: u64)
     }
     let size = (store.width(), store.height());
     let enlarged = |planes: &Planes| smoothed(planes, side, size);
-    let emission = store.layout().block(Block::Emission).map(|dims| Emission::new(store, &pooled, dims));
+    let emission =
+        store.layout().block(Block::Emission).and_then(|dims| Emission::new(store, &pooled, side, dims));
     let image = |planes: &Planes| match &emission {
         Some(emission) => emission.enlarge(planes, side),
         None => enlarged(planes),
@@ -74,29 +75,34 @@ struct Emission {
     /// That of the pixels, and of the squares: 3 planes each.
     pixels: Planes,
     squares: Planes,
-    /// Weights of the squares' other light for pixels without emission: small where emission may have come over an edge. 1 plane.
+    /// Weights of the squares' other light, small where emission may have come over an edge, and their sum in each pixel: 1 plane
+    /// each.
     weights: Planes,
+    sums: Planes,
 }
 
 impl Emission {
-    /// `dims` are the dimensions of emission in both stores.
-    fn new(store: &Store, pooled: &Store, dims: Range<usize>) -> Self {
+    /// `dims` are the dimensions of emission in both stores; `None` if no sample met an emitter.
+    fn new(store: &Store, pooled: &Store, side: usize, dims: Range<usize>) -> Option<Self> {
         /// Weight at emitters: other squares determine the light beside them, if there are any.
         const AT_EMITTERS: f32 = 1e-3;
         let squares = filled_means(pooled, dims.clone());
         let met_emitter: Vec<bool> =
             (0..squares.pixels()).map(|i| pixel_luminance(&squares, i) > 0.0).collect();
+        if !met_emitter.contains(&true) {
+            return None;
+        }
         let mut weights = Planes::new(squares.width(), squares.height(), 1);
         let outside = outside_emitters(squares.width(), &met_emitter);
         let values = weights.data_mut().iter_mut().zip(outside);
         values.for_each(|(weight, is_outside)| *weight = if is_outside { 1.0 } else { AT_EMITTERS });
-        Self { pixels: filled_means(store, dims), squares, weights }
+        let sums = smoothed(&weights, side, (store.width(), store.height()));
+        Some(Self { pixels: filled_means(store, dims), squares, weights, sums })
     }
 
     /// Enlarges an image of the squares to one of the pixels.
     fn enlarge(&self, image: &Planes, side: usize) -> Planes {
         // Take off the squares' emission
-        let size = (self.pixels.width(), self.pixels.height());
         let mut light = image.clone();
         let values = light.data_mut().iter_mut().zip(self.squares.data());
         values.for_each(|(value, emission)| *value = (*value - emission).max(0.0));
@@ -106,13 +112,13 @@ impl Emission {
         }
 
         // Enlarge the rest, and add that of the pixels
-        let [weighted, weights] = [&weighted, &self.weights].map(|planes| smoothed(planes, side, size));
-        let mut light = smoothed(&light, side, size);
+        let size = (self.pixels.width(), self.pixels.height());
+        let [mut light, weighted] = [light, weighted].map(|planes| smoothed(&planes, side, size));
         for (channel, plane) in light.planes_mut().enumerate() {
             let (emission, weighted) = (self.pixels.plane(channel), weighted.plane(channel));
             for (i, value) in plane.iter_mut().enumerate() {
                 let is_dark = pixel_luminance(&self.pixels, i) == 0.0;
-                *value = if is_dark { weighted[i] / weights.data()[i] } else { *value + emission[i] };
+                *value = if is_dark { weighted[i] / self.sums.data()[i] } else { *value + emission[i] };
             }
         }
         light

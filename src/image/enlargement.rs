@@ -17,14 +17,23 @@ pub fn enlarged(image: &Planes, side: usize, size: (usize, usize)) -> Planes {
 /// middles. It has no kinks and damps what alternates from square to square, such as the grid that the dilated kernels of
 /// `learned` leave, to a third.
 pub fn smoothed(image: &Planes, side: usize, size: (usize, usize)) -> Planes {
+    let weights: Vec<[f32; SQUARES]> = (0..side).map(|at| spline_weights(at, side)).collect();
+    let sum = |weights: &[f32; SQUARES], values: &[f32]| -> f32 {
+        weights.iter().zip(values).map(|(weight, value)| weight * value).sum()
+    };
     by_rows(size, image.count(), |plane, y, row| {
-        let (lines, weights) = spline_weights(y, side, image.height());
-        let lines = lines.map(|line| image.row(plane, line));
-        let sum_over_lines = |x: usize| lines.iter().zip(weights).map(|(line, w)| w * line[x]).sum::<f32>();
-        let line: Vec<f32> = (0..image.width()).map(sum_over_lines).collect();
-        for (x, value) in row.iter_mut().enumerate() {
-            let (columns, weights) = spline_weights(x, side, image.width());
-            *value = columns.iter().zip(weights).map(|(&column, w)| w * line[column]).sum();
+        // Sum over lines
+        let index = |k: usize| (y / side + k).saturating_sub(SQUARES / 2).min(image.height() - 1);
+        let lines: [&[f32]; SQUARES] = std::array::from_fn(|k| image.row(plane, index(k)));
+        let at = |x: usize| sum(&weights[y % side], &lines.map(|line| line[x]));
+        let mut line: Vec<f32> = (0..image.width()).map(at).collect();
+
+        // Continue the line at its ends, and sum over columns
+        let [first, last] = [line[0], line[image.width() - 1]];
+        line.splice(..0, [first; SQUARES / 2]);
+        line.extend([last; SQUARES / 2]);
+        for (values, squares) in row.chunks_mut(side).zip(line.windows(SQUARES)) {
+            values.iter_mut().zip(&weights).for_each(|(value, weights)| *value = sum(weights, squares));
         }
     })
 }
@@ -42,15 +51,21 @@ fn by_rows(
     planes
 }
 
-/// Returns the four squares around a pixel along one axis, and their weights.
-fn spline_weights(at: usize, side: usize, squares: usize) -> ([usize; 4], [f32; 4]) {
+/// Squares along one axis that the values of a square's pixels follow from: its own, and two on each side.
+const SQUARES: usize = 5;
+
+/// Returns the weights of these squares for the pixel `at` of the middle one. Of the first and the last, the more distant one has none.
+fn spline_weights(at: usize, side: usize) -> [f32; SQUARES] {
     let position = (at as f32 + 0.5) / side as f32 - 0.5;
-    let first = position.floor();
-    let u = position - first;
-    let indices = [0, 1, 2, 3].map(|k| (first as isize - 1 + k).clamp(0, squares as isize - 1) as usize);
+    let first = if position < 0.0 { 0 } else { 1 };
+    let u = position.rem_euclid(1.0);
     let (u2, u3) = (u * u, u * u * u);
-    let weights = [(1.0 - u).powi(3), 3.0 * u3 - 6.0 * u2 + 4.0, 3.0 * (u + u2 - u3) + 1.0, u3];
-    (indices, weights.map(|weight| weight / 6.0))
+    let mut weights = [0.0; SQUARES];
+    weights[first..first + 4].copy_from_slice(
+        &[(1.0 - u).powi(3), 3.0 * u3 - 6.0 * u2 + 4.0, 3.0 * (u + u2 - u3) + 1.0, u3]
+            .map(|weight| weight / 6.0),
+    );
+    weights
 }
 
 #[cfg(test)]

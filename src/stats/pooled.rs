@@ -1,7 +1,8 @@
 //! Pools the samples of squares of pixels: a store of a coarser image.
 //!
-//! The samples of a square become those of one pixel, in each half (moments after Chan, Golub and LeVeque 1983), so that a
-//! few samples per pixel of a fine image are many of a coarse one. Reservoirs are left out.
+//! The samples of a square become those of one pixel (moments after Chan, Golub and LeVeque 1983), so that a few samples per
+//! pixel of a fine image are many of a coarse one. As on a chequerboard, the halves of every second pixel change places, so that
+//! single samples fill both. Reservoirs are left out.
 
 use rayon::prelude::*;
 
@@ -17,7 +18,9 @@ impl Store {
         let (width, height) = (self.width().div_ceil(side), self.height().div_ceil(side));
         let mut pooled = Self::new(width, height, self.layout().clone(), 0, 0);
         let rows = pooled.rows_mut().par_iter_mut().zip(self.rows().par_chunks(side));
-        rows.for_each(|(row, fine)| fine.iter().for_each(|fine| row.merge_groups(fine, side)));
+        rows.for_each(|(row, fine)| {
+            fine.iter().enumerate().for_each(|(y, fine)| row.merge_groups(fine, side, y));
+        });
         pooled
     }
 }
@@ -26,6 +29,14 @@ impl Store {
 mod tests {
     use super::*;
     use crate::stats::{Layout, Part};
+
+    #[test]
+    fn single_samples_fill_both_halves() {
+        let mut fine = Store::new(6, 4, Layout::with_blocks(|_| false), 0, 0);
+        (0..24).for_each(|i| fine.push(i % 6, i / 6, &[0.5; 5]));
+        let pooled = fine.pooled(2);
+        assert_eq!([0, 1].map(|half| pooled.counts(Part::Half(half))), [[2; 6], [2; 6]]);
+    }
 
     #[test]
     fn a_pixel_has_the_samples_of_its_square() {

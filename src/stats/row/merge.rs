@@ -27,18 +27,21 @@ impl Row {
         }
     }
 
-    /// Adds the samples of every `side` pixels of a longer row to one pixel, without reservoirs.
+    /// Adds the samples of every `side` pixels of a longer row to one pixel, without reservoirs. The halves of every second pixel
+    /// change places, those of `exchanged` parity: where pixels have one sample each, all of them are in the same half.
     ///
     /// # Panics
     /// If a pixel would have more than `u32::MAX` samples.
-    pub(crate) fn merge_groups(&mut self, other: &Self, side: usize) {
+    pub(crate) fn merge_groups(&mut self, other: &Self, side: usize, exchanged: usize) {
         let add = |a: &mut u32, b: u32| *a = a.checked_add(b).expect("a pixel has at most u32::MAX samples");
         // Pixels behind the last one have no samples.
         for x in (0..other.width).filter(|&x| other.next_index[x] > 0) {
             let to = x / side;
             add(&mut self.next_index[to], other.next_index[x]);
             add(&mut self.rejected[to], other.rejected[x]);
-            for (half, other_half) in self.halves.iter_mut().zip(&other.halves) {
+            let is_exchanged = usize::from(x % 2 == exchanged % 2);
+            for (h, half) in self.halves.iter_mut().enumerate() {
+                let other_half = &other.halves[h ^ is_exchanged];
                 for dim in 0..self.dims {
                     let (i, j) = (dim * self.stride + to, dim * other.stride + x);
                     half.set(i, half.moments(to, i).merge(other_half.moments(x, j)));
