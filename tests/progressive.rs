@@ -13,8 +13,8 @@ use prpf::adaptive::{MapValues, PrioritySettings, SampleMap, Sampling};
 use prpf::filter::{DENOISERS, Denoiser, FilterResult, UNFILTERED, learned, nlm, prpf as pixelwise, rpf};
 use prpf::geometry::Accel;
 use prpf::progressive::{
-    Action, Budget, Checkpoint, Conditions, FailureMap, FilterPass, Filtered, Host, Outcome, Position,
-    RenderLoop, Settings, StoppedBy, run,
+    Action, Budget, Checkpoint, Conditions, FilterPass, Filtered, Host, Outcome, Position, RenderLoop,
+    Settings, StoppedBy, run,
 };
 use prpf::render::Renderer;
 use prpf::scene::{Scene, pbrt};
@@ -354,19 +354,12 @@ fn where_time_is_short_the_last_pass_is_a_draft() {
     assert!(draft.store.samples() < (SIDE * SIDE) as u64 && !draft.is_fallback());
     let (learned, nlm): (&'static dyn Denoiser, &'static dyn Denoiser) = (&learned::DRAFT, &nlm::DRAFT);
     let denoisers: [(&'static dyn Denoiser, _); 3] =
-        [(&nlm::STANDARD, learned), (&pixelwise::PRPF, &pixelwise::INTERIM), (&rpf::RPF, nlm)];
+        [(&nlm::STANDARD, learned), (&pixelwise::PRPF, nlm), (&rpf::RPF, nlm)];
     for (denoiser, draft) in denoisers {
         let outcome = render(denoiser, 61.0);
         assert_eq!(outcome.result.made_by, draft.name(), "{denoiser:?}");
         assert!(outcome.is_fallback());
-        let pass = FilterPass {
-            store: Arc::new(outcome.store),
-            denoiser: draft,
-            seed: outcome.settings.seed,
-            least_spp: 1.0,
-            failure_map: FailureMap::Carry(None),
-            has_half_images: false,
-        };
+        let pass = FilterPass::new(Arc::new(outcome.store), draft, outcome.settings.seed);
         assert_eq!(outcome.result.image, pass.run().result.image, "{denoiser:?}");
     }
     assert!(!render(UNFILTERED, 61.0).is_fallback(), "there is nothing faster");

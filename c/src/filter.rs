@@ -6,7 +6,7 @@ use std::sync::{Mutex, MutexGuard, TryLockError};
 use std::time::Instant;
 
 use prpf::filter::{CancellablePool, Denoiser, by_name, can_filter, suited_to};
-use prpf::progressive::{FailureMap, FilterPass, Filtered};
+use prpf::progressive::{FilterPass, Filtered};
 use prpf::stats::Store;
 
 use crate::arguments::{object, place, text};
@@ -72,8 +72,7 @@ impl Content {
         let denoiser = suited_to(&store, self.denoiser);
         let units = units(&store, denoiser);
         let expected = units * self.unit_seconds;
-        let failure_map = FailureMap::Carry(None);
-        let pass = FilterPass { store, denoiser, seed, least_spp: 1.0, failure_map, has_half_images: true };
+        let pass = FilterPass { has_half_images: true, ..FilterPass::new(store, denoiser, seed) };
 
         // Run it
         let start = Instant::now();

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use prpf::filter::learned::{self, WeightFileError};
 use prpf::filter::{CancellablePool, DENOISERS, FilterResult, by_name, can_filter, suited_to};
-use prpf::progressive::{ErrorEstimate, FailureMap, FilterPass, Filtered};
+use prpf::progressive::{ErrorEstimate, FilterPass, Filtered};
 use pyo3::exceptions::{PyOSError, PyRuntimeError};
 use pyo3::prelude::*;
 
@@ -39,7 +39,7 @@ pub struct Estimate {
 
 impl Denoised {
     /// Hands a result over to Python.
-    pub fn new(py: Python, Filtered { result, estimate, seconds }: Filtered) -> PyResult<Self> {
+    pub fn new(py: Python, Filtered { result, estimate, seconds, .. }: Filtered) -> PyResult<Self> {
         let width = result.image.width();
         let map = |planes: prpf::image::Planes| arrays::map(py, planes.into_data(), width);
         let [first, second] = result.halves;
@@ -105,14 +105,8 @@ pub fn denoise(py: Python, store: &Store, denoiser: &str) -> PyResult<Denoised> 
     let denoiser = by_name(denoiser).map_err(value_error)?;
     let statistics = store.statistics(py);
     can_filter(denoiser, &statistics).map_err(value_error)?;
-    let pass = FilterPass {
-        denoiser: suited_to(&statistics, denoiser),
-        store: statistics,
-        seed: store.seed,
-        least_spp: 1.0,
-        failure_map: FailureMap::Carry(None),
-        has_half_images: true,
-    };
+    let denoiser = suited_to(&statistics, denoiser);
+    let pass = FilterPass { has_half_images: true, ..FilterPass::new(statistics, denoiser, store.seed) };
     let mut pool = CancellablePool::new(rayon::current_num_threads())
         .map_err(|error| PyRuntimeError::new_err(error.to_string()))?;
     let mut interrupt = None;

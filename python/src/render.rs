@@ -43,7 +43,8 @@ impl Render {
         seconds.set_item("calibrate", outcome.seconds.calibrate)?;
         seconds.set_item("allocate", outcome.seconds.allocate)?;
         let last = outcome.passes.last().map_or(0.0, |pass| pass.filter_seconds);
-        let filtered = Filtered { result: outcome.result, estimate: outcome.estimate, seconds: last };
+        let Outcome { result, side, estimate, .. } = outcome;
+        let filtered = Filtered { result, side, estimate, seconds: last };
         Ok(Self {
             passes: outcome.passes.iter().map(|pass| record(py, pass)).collect::<PyResult<_>>()?,
             result: Py::new(py, Denoised::new(py, filtered)?)?,

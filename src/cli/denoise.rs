@@ -174,12 +174,9 @@ pub(super) fn filter(checkpoint: &Checkpoint, settings: &Settings) -> anyhow::Re
     }
     let earlier = checkpoint.interim.as_ref().and_then(|interim| interim.interpolation.clone());
     let pass = FilterPass {
-        store: store.clone(),
-        denoiser,
-        seed: settings.seed,
-        least_spp: 1.0,
         failure_map: FailureMap::Carry(earlier),
         has_half_images: true,
+        ..FilterPass::new(store.clone(), denoiser, settings.seed)
     };
     Ok(pass.run())
 }

@@ -71,6 +71,12 @@ fn shortcomings(outcome: &Outcome) -> Vec<String> {
             .unwrap_or_else(|| format!("too little time or too few samples for the denoiser {denoiser}"));
         lines.push(format!("{reason}: the image was made by {}", outcome.result.made_by));
     }
+    if outcome.side > 1 {
+        lines.push(format!(
+            "too little time or too few samples for pixels: squares of {0}×{0} were filtered",
+            outcome.side
+        ));
+    }
     let is_sparse = store.samples_taken() < store.pixels() as u64;
     let empty = store.counts(Part::Whole).iter().filter(|&&n| n == 0).count();
     if empty > 0 && (is_sparse || outcome.settings.sample_map.is_some()) {

@@ -25,6 +25,12 @@ pub trait Denoiser: Send + Sync {
     /// Returns the cheaper denoiser for interim passes; itself if there is none.
     fn stand_in(&self) -> &'static dyn Denoiser;
 
+    /// Returns the samples per pixel below which squares of pixels are better filtered (`sparse_filtering`); 0, the default, for a
+    /// denoiser that cannot filter them: its values do not depend on other pixels, or it reads sample vectors.
+    fn least_spp(&self) -> f64 {
+        0.0
+    }
+
     /// Returns what the denoiser needs and this machine lacks; `None` if it can be used.
     fn missing(&self) -> Option<&'static str> {
         None

@@ -4,7 +4,7 @@
 use serde::de::Error;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-use super::denoiser::Denoiser;
+use super::denoiser::{Denoiser, SampleVectors};
 use super::denoiser_name::DenoiserName;
 use super::{learned, nlm, none, oidn, prpf, rpf};
 use crate::stats::Store;
@@ -49,6 +49,13 @@ pub fn presets(method: &str) -> Vec<&'static str> {
 /// Returns the fastest preset of a denoiser's own method: a draft, or its stand-in.
 pub fn draft_of(denoiser: &'static dyn Denoiser) -> &'static dyn Denoiser {
     find(denoiser.name().method, Some("draft")).unwrap_or(denoiser.stand_in())
+}
+
+/// Returns a denoiser's draft, or that of `nlm` where it reads sample vectors.
+pub fn draft_without_vectors(denoiser: &'static dyn Denoiser) -> &'static dyn Denoiser {
+    let draft = draft_of(denoiser);
+    let reads_vectors = draft.reads().sample_vectors != SampleVectors::None;
+    if reads_vectors { &nlm::DRAFT } else { draft }
 }
 
 /// Returns the denoiser with which to filter a store if `denoiser` is selected: its draft while the store has fewer
@@ -185,5 +192,15 @@ mod tests {
         assert_eq!(suited_to(&store, &none::NONE).name(), none::NONE.name());
         store.push(1, 0, &[0.5; 5]);
         assert_eq!(suited_to(&store, &prpf::PRPF).name(), prpf::PRPF.name());
+    }
+
+    #[test]
+    fn drafts_need_no_sample_vectors() {
+        for denoiser in DENOISERS {
+            let draft = draft_without_vectors(denoiser);
+            assert_eq!(draft.reads().sample_vectors, SampleVectors::None, "{denoiser:?}");
+        }
+        let name = |method: &str| draft_without_vectors(find(method, None).unwrap()).name().to_string();
+        assert_eq!([name("learned"), name("prpf")], ["learned draft", "nlm draft"]);
     }
 }

@@ -29,7 +29,9 @@ pub use common::error_maps::ErrorMaps;
 pub use common::fireflies::FireflySettings;
 pub use denoiser::{Cost, Denoiser, LayerFilter, PartFilter, Reads, SampleVectors};
 pub use denoiser_name::DenoiserName;
-pub use denoisers::{DEFAULTS, DENOISERS, UNFILTERED, draft_of, find, presets, suited_to, weights_of};
+pub use denoisers::{
+    DEFAULTS, DENOISERS, UNFILTERED, draft_of, draft_without_vectors, find, presets, suited_to, weights_of,
+};
 pub use lack::Lack;
 pub use nlm::NlmSettings;
 pub use none::unfiltered;

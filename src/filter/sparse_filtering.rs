@@ -8,26 +8,32 @@ use std::ops::Range;
 use super::common::emitter_outlines::outside_emitters;
 use super::common::fireflies::pixel_luminance;
 use super::common::hole_filling::filled_means;
-use super::denoiser::{Denoiser, SampleVectors};
+use super::denoiser::Denoiser;
 use super::denoisers::UNFILTERED;
 use super::result::FilterResult;
 use crate::image::Planes;
 use crate::image::enlargement::smoothed;
 use crate::stats::{Block, Rectangle, Store};
 
-/// Least mean number of samples of a square.
+/// Least mean number of samples of a square inside the image.
 const SQUARE_SAMPLES: f64 = 0.7;
 
 /// Largest mean number of samples of the pixels that have any. Above it pixels were chosen, and stay apart.
 const MOST_SAMPLES: f64 = 4.0;
 
-/// Fraction of the time of a pass over pixels that one over squares takes at most: those of four pixels, pooling and enlargement.
-pub const TIME_FRACTION: f64 = 0.55;
+/// Seconds of one core per pixel of the image to pool its first two samples, each, and to enlarge the image of the squares. These and
+/// the next constant were measured on two cores at 512×512.
+const POOLING_SECONDS: f64 = 0.7e-6;
+const ENLARGEMENT_SECONDS: f64 = 0.35e-6;
 
-/// Filters a store, by squares if it has fewer than `least_spp` samples per pixel and the denoiser can.
-pub fn filter(denoiser: &dyn Denoiser, store: &Store, least_spp: f64, seed: u64) -> FilterResult {
-    let side = if can_filter_squares(denoiser) { side(store, least_spp) } else { None };
-    let Some(side) = side else { return denoiser.filter(store, seed) };
+/// Ratio of the time of a pass over a square to that over a pixel: no pass before has prepared its memory.
+const COLD_EXCESS: f64 = 1.2;
+
+/// Filters squares of `side` pixels of a store; the pixels themselves if it is 1.
+pub fn filter(denoiser: &dyn Denoiser, store: &Store, side: usize, seed: u64) -> FilterResult {
+    if side == 1 {
+        return denoiser.filter(store, seed);
+    }
     let pooled = store.pooled(side);
     let result = denoiser.filter(&pooled, seed);
     if result.failure.is_some() {
@@ -52,22 +58,35 @@ pub fn filter(denoiser: &dyn Denoiser, store: &Store, least_spp: f64, seed: u64)
     }
 }
 
-/// Returns whether a denoiser filters squares: not the mean of the samples, nor those that read sample vectors.
-pub fn can_filter_squares(denoiser: &dyn Denoiser) -> bool {
-    denoiser.name() != UNFILTERED.name() && denoiser.reads().sample_vectors == SampleVectors::None
-}
-
-/// Returns the side of the squares, in pixels; `None` if pixels are filtered.
-fn side(store: &Store, least_spp: f64) -> Option<usize> {
+/// Returns the side of the squares that a denoiser filters, in pixels: `least_side`, or as large as the samples of a sparse store ask
+/// for; 1 if pixels are filtered.
+pub fn side(denoiser: &dyn Denoiser, store: &Store, least_side: usize) -> usize {
     let (width, height) = (store.width(), store.height());
     let samples = store.samples_taken() as f64;
     let with_samples = store.pixels() - store.empty_pixels(&Rectangle::of_image(width, height));
-    let is_sparse = samples > 0.0 && samples < least_spp * store.pixels() as f64;
-    if !is_sparse || samples > MOST_SAMPLES * with_samples as f64 {
-        return None;
+    let can_filter = denoiser.least_spp() > 0.0 && samples > 0.0;
+    let has_chosen = samples > MOST_SAMPLES * with_samples as f64;
+    match can_filter {
+        true if has_chosen => least_side,
+        true => least_side.max(side_for(samples / store.pixels() as f64)),
+        false => 1,
     }
-    let squares = |side: usize| width.div_ceil(side) * height.div_ceil(side);
-    (2..).find(|&side| samples >= SQUARE_SAMPLES * squares(side) as f64)
+}
+
+/// Returns the side of the squares that have enough samples where the image has `spp` per pixel, above 0: 1 if pixels have.
+pub fn side_for(spp: f64) -> usize {
+    if spp >= 1.0 { 1 } else { ((SQUARE_SAMPLES / spp).sqrt().ceil() as usize).max(2) }
+}
+
+/// Returns the seconds of one core per pixel from the start of a pass over squares until the image is written, as
+/// [`Cost`](super::Cost) has them for pixels. `spp`: samples per pixel.
+pub fn core_seconds(denoiser: &dyn Denoiser, side: usize, spp: f64) -> f64 {
+    let [all, unfiltered] = [denoiser, UNFILTERED].map(|denoiser| denoiser.cost().core_seconds);
+    if side == 1 {
+        return all;
+    }
+    let squares = COLD_EXCESS * (all - unfiltered) / (side * side) as f64;
+    unfiltered + spp.min(2.0) * POOLING_SECONDS + squares + ENLARGEMENT_SECONDS
 }
 
 /// Directly visible emission. It has little noise and is often far brighter than what is around it, so that pixels keep their own.
@@ -153,17 +172,24 @@ mod tests {
 
     #[test]
     fn squares_have_enough_samples() {
-        let side_of = |count: &(dyn Fn(usize, usize) -> u32 + Sync)| side(&rare_light(count), 1.0);
-        assert_eq!(side_of(&|_, _| 1), None);
-        assert_eq!(side(&rare_light(|_, _| 1), 2.0), Some(2));
-        assert_eq!(side_of(&|x, _| u32::from(x % 2 == 0)), Some(2));
-        assert_eq!(side_of(&|x, y| u32::from(x % 2 == 0 && y % 4 == 0)), Some(3));
-        assert_eq!(side_of(&|x, y| u32::from(x % 4 == 0 && y % 4 == 0)), Some(4));
-        assert_eq!(side_of(&|_, _| 0), None, "there is nothing to filter");
-        assert_eq!(side_of(&|x, y| if x < 8 && y < 8 { 32 } else { 0 }), None, "pixels were chosen");
-        assert!(can_filter_squares(&learned::DRAFT));
-        assert!(!can_filter_squares(&prpf::INTERIM), "squares have no sample vectors");
-        assert!(!can_filter_squares(UNFILTERED));
+        let side_of = |denoiser: &dyn Denoiser, count: &(dyn Fn(usize, usize) -> u32 + Sync)| {
+            side(denoiser, &rare_light(count), 1)
+        };
+        let learned = &learned::DRAFT;
+        assert_eq!(side_of(learned, &|_, _| 1), 1);
+        assert_eq!(side(learned, &rare_light(|_, _| 8), 3), 3, "time is short");
+        assert_eq!(side(UNFILTERED, &rare_light(|_, _| 8), 3), 1);
+        assert_eq!(side_of(learned, &|x, _| u32::from(x % 2 == 0)), 2);
+        assert_eq!(side_of(learned, &|x, y| u32::from(x % 2 == 0 && y % 4 == 0)), 3);
+        assert_eq!(side_of(learned, &|x, y| u32::from(x % 4 == 0 && y % 4 == 0)), 4);
+        assert_eq!(side_of(learned, &|_, _| 0), 1, "there is nothing to filter");
+        assert_eq!(side_of(learned, &|x, y| if x < 8 && y < 8 { 32 } else { 0 }), 1, "pixels were chosen");
+        assert_eq!(
+            side_of(&prpf::INTERIM, &|x, _| u32::from(x % 2 == 0)),
+            1,
+            "squares have no sample vectors"
+        );
+        assert_eq!(side_of(UNFILTERED, &|x, _| u32::from(x % 2 == 0)), 1);
     }
 
     #[test]
@@ -171,7 +197,7 @@ mod tests {
         for (width, height) in [(2, 1), (1, 9), (70, 1), (1, 1)] {
             let layout = Layout::with_blocks(|_| false);
             let sparse = store(width, height, layout, |x, y| u32::from(x + y == 0), |_, _, _, _| [0.5; 5]);
-            let image = filter(&learned::DRAFT, &sparse, 1.0, 0).image;
+            let image = filter(&learned::DRAFT, &sparse, side(&learned::DRAFT, &sparse, 1), 0).image;
             assert_eq!((image.width(), image.height()), (width, height));
             assert!(image.data().iter().all(|v| (v - 0.5).abs() < 1e-3), "{width}×{height}");
         }
@@ -185,7 +211,7 @@ mod tests {
             squares.sum::<f32>() / result.image.data().len() as f32
         };
         for denoiser in [&nlm::DRAFT as &dyn Denoiser, &learned::DRAFT] {
-            let (squares, pixels) = (filter(denoiser, &sparse, 1.0, 0), denoiser.filter(&sparse, 0));
+            let (squares, pixels) = (filter(denoiser, &sparse, 2, 0), denoiser.filter(&sparse, 0));
             assert!(error(&squares) < 0.5 * error(&pixels), "{} {}", error(&squares), error(&pixels));
             assert_eq!(squares.made_by, denoiser.name());
             for planes in
@@ -213,7 +239,7 @@ mod tests {
                 sample
             },
         );
-        let image = filter(&learned::DRAFT, &sparse, 1.0, 0).image;
+        let image = filter(&learned::DRAFT, &sparse, side(&learned::DRAFT, &sparse, 1), 0).image;
         for (y, x) in (0..64).flat_map(|y| (0..64).map(move |x| (y, x))) {
             let (found, rim) = (image.at(0, x, y), [19, 20, 39, 40]);
             if !rim.contains(&x) && !rim.contains(&y) {
@@ -225,7 +251,8 @@ mod tests {
 
     #[test]
     fn enough_samples_are_filtered_pixel_by_pixel() {
-        let full = rare_light(|_, _| 1);
-        assert_eq!(filter(&nlm::DRAFT, &full, 1.0, 0).image, nlm::DRAFT.filter(&full, 0).image);
+        let full = rare_light(|_, _| 3);
+        let side = side(&nlm::DRAFT, &full, 1);
+        assert_eq!(filter(&nlm::DRAFT, &full, side, 0).image, nlm::DRAFT.filter(&full, 0).image);
     }
 }

@@ -62,6 +62,7 @@ pub struct Report<'a> {
     weights: Option<&'static str>,
     /// Whether that is another one than the settings ask for.
     fallback: bool,
+    square_side: usize,
     seconds: Times,
     samples_total: u64,
     samples_min: u32,
@@ -103,6 +104,7 @@ impl<'a> Report<'a> {
             made_by: outcome.result.made_by,
             weights: weights_of(outcome.result.made_by),
             fallback: outcome.is_fallback(),
+            square_side: outcome.side,
             seconds,
             samples_total: store.samples(),
             samples_min: counts.min,

@@ -128,20 +128,11 @@ mod tests {
 
     use super::*;
     use crate::filter::UNFILTERED;
-    use crate::progressive::FailureMap;
     use crate::stats::{Layout, Store};
 
     fn pass() -> FilterPass {
         let store = Arc::new(Store::new(8, 8, Layout::with_blocks(|_| true), 0, 0));
-        let failure_map = FailureMap::Carry(None);
-        FilterPass {
-            store,
-            denoiser: UNFILTERED,
-            seed: 0,
-            least_spp: 1.0,
-            failure_map,
-            has_half_images: false,
-        }
+        FilterPass::new(store, UNFILTERED, 0)
     }
 
     #[test]

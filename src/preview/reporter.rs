@@ -443,7 +443,7 @@ mod tests {
     fn filtered(store: &Store, error: f64) -> Filtered {
         let (tiles, samples) = (Planes::new(1, 1, 1), store.samples());
         let estimate = Some(ErrorEstimate { value: error, deviation: 0.1, samples, tiles });
-        Filtered { result: unfiltered(store), estimate, seconds: 0.0 }
+        Filtered { result: unfiltered(store), side: 1, estimate, seconds: 0.0 }
     }
 
     #[test]

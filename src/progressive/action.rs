@@ -3,8 +3,9 @@
 //! Takes the position of the checkpoint, settings and measurements; gives an action. `docs/loop.md` draws positions and actions
 //! ("Positions and actions").
 
-use super::schedule::{Plan, Schedule};
-use super::situation::{Mark, Situation, can_fall_back};
+use super::last_pass::LastPass;
+use super::schedule::Plan;
+use super::situation::{Mark, Situation};
 use super::stopped_by::StoppedBy;
 use super::time_constants::{
     GRACE, INTERIM_FRACTION, INTERIM_USE, LAST_INTERIM_FRACTION, LONGEST_STEP, NEAR_END,
@@ -98,7 +99,7 @@ fn next_after_batch(now: &Situation) -> Action {
     };
     let Some(denoiser) = interim_pass(now, plan.is_last) else { return Action::Allocate(plan) };
     // A pass can take longer than a checkpoint should be old.
-    if save_is_due(now, now.assumed_seconds(denoiser, false)) {
+    if save_is_due(now, now.assumed_interim_seconds(denoiser)) {
         return Action::Save;
     }
     Action::Filter(denoiser)
@@ -154,11 +155,12 @@ fn interim_denoiser(now: &Situation) -> &'static dyn Denoiser {
 fn pass_seconds(now: &Situation, interim: &'static dyn Denoiser) -> f64 {
     let is_measured = interim == now.settings.interim_denoiser();
     let measured = now.measurements.interim_seconds.filter(|_| is_measured).unwrap_or(f64::INFINITY);
-    let last = now.planned_denoiser();
-    let Some(filter) = now.measurements.finalisation.filter_seconds() else {
+    let finalisation = &now.measurements.finalisation;
+    let last = finalisation.calibrated_denoiser().unwrap_or(now.settings.denoiser);
+    let Some(filter) = finalisation.filter_seconds() else {
         // What is not calibrated is assumed until it has been measured
         let assumed =
-            if last.cost().is_per_sample { now.assumed_seconds(interim, false) } else { f64::INFINITY };
+            if last.cost().is_per_sample { now.assumed_interim_seconds(interim) } else { f64::INFINITY };
         return if measured.is_finite() { measured } else { assumed };
     };
     let ratio = if interim == last { 1.0 } else { interim.cost().pass_time / last.cost().pass_time };
@@ -169,25 +171,26 @@ fn pass_seconds(now: &Situation, interim: &'static dyn Denoiser) -> f64 {
 fn calibration(now: &Situation) -> Option<&'static dyn Denoiser> {
     let schedule = now.schedule();
     let left = schedule.seconds_left(now.elapsed)?;
-    let (finalisation, last) = (&now.measurements.finalisation, now.planned_denoiser());
-    // Empty pixels add hole filling to the time, and a time that grows with the samples is soon outdated.
-    if now.is_sparse() || last.cost().is_per_sample || now.conditions.is_interrupted {
+    if now.conditions.is_interrupted {
         return None;
     }
-    if !finalisation.is_fresh() {
-        return finalisation.is_due(now.elapsed, left, schedule.finalisation).then_some(last);
+    let finalisation = &now.measurements.finalisation;
+    let fresh = finalisation.calibrated_denoiser().filter(|_| finalisation.is_fresh());
+    if let Some(denoiser) = fresh {
+        // Judge the calibration that was just made
+        let left = now.schedule_of(LastPass::of_pixels(denoiser)).seconds_left(now.elapsed)?;
+        if finalisation.is_doubtful(left) {
+            return Some(denoiser);
+        }
     }
-    // Judge the calibration that was just made
-    if finalisation.is_doubtful(left) {
-        return Some(last);
-    }
-    let stand_in = last.stand_in();
-    if schedule.is_late(now.elapsed) && can_fall_back(last, stand_in) {
-        return Some(stand_in);
-    }
-    // One slow calibration is no reason to give the filter up.
-    let at_least = Schedule { finalisation: finalisation.least_seconds(), ..schedule };
-    (at_least.is_far_too_late(now.elapsed) && can_fall_back(last, UNFILTERED)).then_some(UNFILTERED)
+    let LastPass { denoiser, least_side } = now.last_pass();
+    // Empty pixels add hole filling to the time, and a time that grows with the samples is soon outdated.
+    let is_of_use = least_side == 1 && !now.is_sparse() && !denoiser.cost().is_per_sample;
+    let is_due = match fresh {
+        Some(fresh) => denoiser != fresh && denoiser != UNFILTERED,
+        None => finalisation.is_due(now.elapsed, left, schedule.finalisation),
+    };
+    (is_of_use && is_due).then_some(denoiser)
 }
 
 /// Returns whether a checkpoint is due, if the next chance comes in `ahead` seconds.

@@ -15,8 +15,8 @@ pub struct FilterPass {
     pub store: Arc<Store>,
     pub denoiser: &'static dyn Denoiser,
     pub seed: u64,
-    /// Samples per pixel below which squares of pixels are filtered, where the denoiser can.
-    pub least_spp: f64,
+    /// Least side of the squares that are filtered, in pixels, where the denoiser can: 1 for pixels, unless samples are few.
+    pub least_side: usize,
     pub failure_map: FailureMap,
     /// Whether the error is estimated by images of the halves of the samples, if the denoiser is judged by them: more closely,
     /// for the time of two passes on an excerpt of the image.
@@ -37,6 +37,8 @@ pub enum FailureMap {
 #[derive(Clone, Debug)]
 pub struct Filtered {
     pub result: FilterResult,
+    /// Side of the squares that were filtered, in pixels; 1 if pixels were.
+    pub side: usize,
     /// The error of its image.
     pub estimate: Option<ErrorEstimate>,
     /// Seconds of the pass, those of map and estimate included.
@@ -44,6 +46,12 @@ pub struct Filtered {
 }
 
 impl FilterPass {
+    /// Returns a pass over pixels, unless samples are few, without a map of failures of its own and without half images.
+    pub fn new(store: Arc<Store>, denoiser: &'static dyn Denoiser, seed: u64) -> Self {
+        let failure_map = FailureMap::Carry(None);
+        Self { store, denoiser, seed, least_side: 1, failure_map, has_half_images: false }
+    }
+
     /// Runs the pass on rayon's current thread pool.
     pub fn run(self) -> Filtered {
         self.run_with(None)
@@ -52,10 +60,13 @@ impl FilterPass {
     /// Runs the pass, with several processes as far as they can share the work.
     pub(super) fn run_with(self, mut processes: Option<&mut (dyn ProcessGroup + '_)>) -> Filtered {
         let started = Instant::now();
-        let Self { store, denoiser, seed, least_spp, failure_map, has_half_images } = self;
+        let Self { store, denoiser, seed, least_side, failure_map, has_half_images } = self;
+        let side = sparse_filtering::side(denoiser, &store, least_side);
         let mut result = match &mut processes {
-            Some(processes) if processes.can_share(denoiser, &store) => processes.filter(denoiser),
-            _ => sparse_filtering::filter(denoiser, &store, least_spp, seed),
+            Some(processes) if side == 1 && processes.can_share(denoiser, &store) => {
+                processes.filter(denoiser)
+            }
+            _ => sparse_filtering::filter(denoiser, &store, side, seed),
         };
         if result.interpolation.is_none() {
             result.interpolation = match failure_map {
@@ -66,8 +77,12 @@ impl FilterPass {
             };
         }
         let half_image = |half: &Store| filter_together(processes.as_deref_mut(), denoiser, half, seed);
-        let halves = if has_half_images { HalfImages::new(denoiser, &store, half_image) } else { None };
-        let estimate = ErrorEstimate::new(&result, &store, halves.as_ref());
-        Filtered { result, estimate, seconds: started.elapsed().as_secs_f64() }
+        let estimate_error = || {
+            let halves = if has_half_images { HalfImages::new(denoiser, &store, half_image) } else { None };
+            ErrorEstimate::new(&result, &store, halves.as_ref())
+        };
+        // What the error maps of squares are worth is not known
+        let estimate = if side == 1 { estimate_error() } else { None };
+        Filtered { result, side, estimate, seconds: started.elapsed().as_secs_f64() }
     }
 }

@@ -8,6 +8,7 @@ use super::time_constants::{
     FIRST_DEVIATION, LAST_CALIBRATION,
 };
 use crate::filter::Denoiser;
+use crate::filter::sparse_filtering::core_seconds;
 
 /// Ratio of an image's rows to those on which a calibration is made.
 pub(super) const ROW_RATIO: usize = 8;
@@ -26,8 +27,8 @@ pub struct CalibrationTimes {
 /// The predicted time of the finalisation.
 #[derive(Clone, Debug, Default)]
 pub struct Finalisation {
-    /// The faster denoiser that the last pass has fallen back on.
-    pub fallback: Option<&'static dyn Denoiser>,
+    /// The denoiser of the calibrations.
+    denoiser: Option<&'static dyn Denoiser>,
     /// Predicted seconds, mean deviation from it, and number of calibrations behind both.
     predicted: f64,
     deviation: f64,
@@ -45,23 +46,28 @@ pub struct Finalisation {
 }
 
 /// Returns the seconds assumed for a finalisation of `pixels` pixels until one is measured. `spp`: samples per pixel;
-/// `saves`: whether a checkpoint is written; `processes` share the pass if they can.
+/// `side` of the squares that are filtered; `saves`: whether a checkpoint is written; `processes` share the pass if they can.
 pub(super) fn assumed_seconds(
     denoiser: &dyn Denoiser,
+    side: usize,
     pixels: u64,
     spp: f64,
     saves: bool,
     processes: usize,
 ) -> f64 {
-    let cost = denoiser.cost();
-    let times = if cost.is_per_sample { spp } else { 1.0 };
+    let times = if denoiser.cost().is_per_sample { spp } else { 1.0 };
     let checkpoint = if saves { CHECKPOINT_SECONDS } else { 0.0 };
-    let processes = if denoiser.parts().is_some() { processes } else { 1 };
+    let processes = if denoiser.parts().is_some() && side == 1 { processes } else { 1 };
     let threads = rayon::current_num_threads() * processes;
-    pixels as f64 * (times * cost.core_seconds / threads as f64 + checkpoint)
+    pixels as f64 * (times * core_seconds(denoiser, side, spp) / threads as f64 + checkpoint)
 }
 
 impl Finalisation {
+    /// Returns the denoiser whose finalisation has been measured, once calibrated.
+    pub fn calibrated_denoiser(&self) -> Option<&'static dyn Denoiser> {
+        self.denoiser.filter(|_| self.is_calibrated())
+    }
+
     /// Returns whether it has been calibrated.
     pub fn is_calibrated(&self) -> bool {
         self.latest.is_some()
@@ -114,9 +120,11 @@ impl Finalisation {
         self.averaged = self.averaged.max(CALIBRATIONS);
     }
 
-    /// Falls back on a faster denoiser: the next calibration alone predicts.
-    pub fn fall_back(&mut self, denoiser: &'static dyn Denoiser) {
-        self.fallback = Some(denoiser);
+    /// Predicts for this denoiser. If it is another one than before, the next calibration alone predicts.
+    pub fn predict_for(&mut self, denoiser: &'static dyn Denoiser) {
+        if self.denoiser.replace(denoiser) == Some(denoiser) {
+            return;
+        }
         (self.predicted, self.deviation, self.averaged) = (0.0, 0.0, 0.0);
         self.least = None;
     }
@@ -161,6 +169,7 @@ impl Finalisation {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::filter::nlm;
 
     fn calibrated(times: &[(f64, f64)], left: f64) -> Finalisation {
         let mut finalisation = Finalisation::default();
@@ -215,22 +224,22 @@ mod tests {
     }
 
     #[test]
-    fn a_fallback_forgets_the_slower_denoisers_prediction() {
+    fn a_faster_denoisers_prediction_replaces_that_of_a_slower_one() {
         let mut finalisation = calibrated(&[(5.0, 1.0), (4.0, 1.0)], 9.0);
-        finalisation.fall_back(crate::filter::UNFILTERED);
+        finalisation.predict_for(&nlm::DRAFT);
         finalisation.add(CalibrationTimes { filter: 0.0, total: 0.1, spent: 0.1 }, 9.0);
         assert!((finalisation.seconds() - 0.11).abs() < 1e-9);
     }
 
     #[test]
     fn what_is_assumed_grows_with_the_samples_only_where_these_are_filtered_one_by_one() {
-        let seconds = |denoiser: &dyn Denoiser, spp| assumed_seconds(denoiser, 1000, spp, false, 1);
-        use crate::filter::{nlm, rpf};
+        let seconds = |denoiser: &dyn Denoiser, spp| assumed_seconds(denoiser, 1, 1000, spp, false, 1);
+        use crate::filter::rpf;
         assert!((seconds(&rpf::RPF, 8.0) / seconds(&rpf::RPF, 4.0) - 2.0).abs() < 1e-9);
         assert_eq!(seconds(&nlm::DRAFT, 8.0), seconds(&nlm::DRAFT, 4.0));
-        let checkpoint = assumed_seconds(&nlm::DRAFT, 1000, 4.0, true, 1) - seconds(&nlm::DRAFT, 4.0);
+        let checkpoint = assumed_seconds(&nlm::DRAFT, 1, 1000, 4.0, true, 1) - seconds(&nlm::DRAFT, 4.0);
         assert!((checkpoint - 2e-3).abs() < 1e-9);
-        let of_two = |denoiser: &dyn Denoiser| assumed_seconds(denoiser, 1000, 4.0, false, 2);
+        let of_two = |denoiser: &dyn Denoiser| assumed_seconds(denoiser, 1, 1000, 4.0, false, 2);
         assert!((of_two(&nlm::DRAFT) - seconds(&nlm::DRAFT, 4.0) / 2.0).abs() < 1e-12);
         assert_eq!(of_two(&rpf::RPF), seconds(&rpf::RPF, 4.0), "not shared");
     }

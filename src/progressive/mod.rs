@@ -8,7 +8,8 @@
 //!
 //! | file | holds |
 //! | --- | --- |
-//! | `action`, `situation` | the decisions: the next action, and the fallback where time is short (`Situation::fallback`) |
+//! | `action`, `situation` | the decisions |
+//! | `last_pass` | the choice of the last filter pass, a faster one where time or samples are short |
 //! | `schedule`, `budget`, `speed` | sizes of batches and steps, and their limits |
 //! | `finalisation`, `calibration` | the predicted and the measured time of the last pass and the outputs |
 //! | `time_constants` | every constant of time keeping |
@@ -34,6 +35,7 @@ mod filter_pass;
 mod finalisation;
 mod forecast;
 mod host;
+mod last_pass;
 mod memory_budget;
 mod process_group;
 mod record;

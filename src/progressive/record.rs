@@ -49,7 +49,7 @@ pub struct PassRecord {
 impl PassRecord {
     /// Records a pass over a store, with the true errors if there is a reference. When it was made is left open.
     pub(super) fn new(filtered: &Filtered, reference: Option<&Planes>, store: &Store) -> Self {
-        let Filtered { result, estimate, seconds } = filtered;
+        let Filtered { result, estimate, seconds, .. } = filtered;
         let noisy = reference.map(|_| store.means(Part::Whole, store.layout().radiance()));
         let compare = |image: Option<&Planes>, metric: fn(&Pair) -> f64| {
             let pair = image.zip(reference);
@@ -83,6 +83,8 @@ pub struct Seconds {
 pub struct Outcome {
     /// The image. Its interpolation is that of the last interim pass if its denoiser does not interpolate.
     pub result: FilterResult,
+    /// Side of the squares that were filtered for it, in pixels; 1 if pixels were.
+    pub side: usize,
     pub store: Store,
     /// Samples of the store that this run took: all, unless it resumed a checkpoint.
     pub own_samples: u64,

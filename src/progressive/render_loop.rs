@@ -15,6 +15,7 @@ use super::clock::Clock;
 use super::error_estimate::ErrorEstimate;
 use super::filter_pass::{FailureMap, FilterPass, Filtered};
 use super::host::Host;
+use super::last_pass::LastPass;
 use super::process_group::{ProcessGroup, Rendered, SampleTotals, filter_together};
 use super::record::{Outcome, PassRecord};
 use super::region::Region;
@@ -24,6 +25,7 @@ use super::situation::{Conditions, Mark, Measurements, Situation};
 use super::steps::Grain;
 use super::stopped_by::StoppedBy;
 use crate::adaptive::Sampling;
+use crate::filter::sparse_filtering::side;
 use crate::filter::{Denoiser, FilterResult};
 use crate::image::Planes;
 use crate::memory;
@@ -223,14 +225,15 @@ impl<'a> RenderLoop<'a> {
         self.predict_ratio();
 
         // Learn from the time that the pass took
-        let last = self.situation(&Conditions::default()).planned_denoiser().name();
+        let last = self.measurements.finalisation.calibrated_denoiser();
+        let is_last = last.is_some_and(|last| last.name() == made_by && side(last, self.store(), 1) == 1);
         let measured = &mut self.measurements;
         measured.is_saved = false;
         measured.interim_total += seconds;
         if made_by == self.settings.interim_denoiser().name() {
             measured.interim_seconds = Some(seconds);
         }
-        if made_by == last {
+        if is_last {
             // A pass over the whole image replaces the extrapolation from some rows.
             measured.finalisation.correct(seconds);
         }
@@ -254,10 +257,11 @@ impl<'a> RenderLoop<'a> {
         self.gather(StatisticsExtent::All);
         let earlier = self.checkpoint.interim.as_ref().and_then(|interim| interim.interpolation.clone());
         let has_half_images = self.settings.budget.seconds.is_none() && stopped_by != StoppedBy::Interrupt;
-        let situation = self.situation(conditions);
-        let (denoiser, least_spp) = (situation.final_denoiser(), situation.least_spp());
+        // No more samples come, whatever ends the render
+        let conditions = Conditions { is_interrupted: stopped_by != StoppedBy::Time, ..*conditions };
+        let LastPass { denoiser, least_side } = self.situation(&conditions).last_pass();
         let pass = self.pass(denoiser, FailureMap::Carry(earlier), has_half_images);
-        FilterPass { least_spp, ..pass }
+        FilterPass { least_side, ..pass }
     }
 
     /// Takes the result of [`Self::final_pass`], with which the render may end, or go on after a change.
@@ -277,6 +281,7 @@ impl<'a> RenderLoop<'a> {
         let Checkpoint { store, passes, .. } = self.checkpoint;
         Outcome {
             result: filtered.result,
+            side: filtered.side,
             own_samples: self.samples.valid - self.resumed_samples,
             store: Arc::unwrap_or_clone(store),
             passes,
@@ -322,8 +327,8 @@ impl<'a> RenderLoop<'a> {
         failure_map: FailureMap,
         has_half_images: bool,
     ) -> FilterPass {
-        let (store, seed) = (self.store().clone(), self.settings.seed);
-        FilterPass { store, denoiser, seed, least_spp: 1.0, failure_map, has_half_images }
+        let pass = FilterPass::new(self.store().clone(), denoiser, self.settings.seed);
+        FilterPass { failure_map, has_half_images, ..pass }
     }
 
     /// Begins a batch.
@@ -390,10 +395,7 @@ impl<'a> RenderLoop<'a> {
                 _ => memory::prepare(bytes_per_pixel * self.store().pixels()),
             }
         }
-        let current = self.measurements.finalisation.fallback.unwrap_or(self.settings.denoiser);
-        if denoiser != current {
-            self.measurements.finalisation.fall_back(denoiser);
-        }
+        self.measurements.finalisation.predict_for(denoiser);
         let Self { settings, checkpoint: Checkpoint { store, .. }, processes, .. } = self;
         let output = |result: &FilterResult, rows: &Store| host.encode_and_discard(settings, result, rows);
         let filter = |rows: &Store| filter_together(processes.as_deref_mut(), denoiser, rows, settings.seed);

@@ -165,20 +165,18 @@ impl Schedule<'_> {
         self.budget.seconds.is_some_and(|seconds| elapsed + self.finalisation > seconds)
     }
 
-    /// Returns whether it would exceed the budget by so much that an unfiltered image is better. A budget that is exceeded
-    /// already counts as spent at this moment.
-    pub fn is_far_too_late(&self, elapsed: f64) -> bool {
+    /// Returns whether the finalisation would break the budget, or if that cannot be kept, end much later than the `earliest_end`.
+    pub fn is_far_too_late(&self, elapsed: f64, earliest_end: f64) -> bool {
         let (least, fraction) = TOLERANCE;
         self.budget.seconds.is_some_and(|seconds| {
-            elapsed + self.finalisation > seconds.max(elapsed) + least.max(fraction * seconds)
+            elapsed + self.finalisation > seconds.max(earliest_end) + least.max(fraction * seconds)
         })
     }
 
-    /// Returns whether every pixel can get a sample within the time budget, after `samples` samples.
-    pub fn fills(&self, elapsed: f64, samples: u64) -> bool {
-        self.seconds_left(elapsed).is_none_or(|seconds| {
-            samples as f64 + seconds.max(0.0) * self.speed.rate().unwrap_or(0.0) >= self.pixels as f64
-        })
+    /// Returns the samples that there will be when the budgets are spent, after `samples` samples.
+    pub fn samples_at_end(&self, elapsed: f64, samples: u64) -> f64 {
+        let seconds = self.seconds_left(elapsed).map_or(0.0, |seconds| seconds.max(0.0));
+        (samples as f64 + seconds * self.speed.rate().unwrap_or(0.0)).min(self.most() as f64)
     }
 
     /// Returns the fraction of the nearest budget that is spent, in [0, 1].

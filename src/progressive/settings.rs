@@ -2,7 +2,7 @@
 
 use super::budget::Budget;
 use crate::adaptive::{self, NO_CEILING, PrioritySettings, SampleMap, Sampling};
-use crate::filter::{DEFAULTS, DENOISERS, Denoiser, Lack, SampleVectors, UNFILTERED, draft_of};
+use crate::filter::{DEFAULTS, DENOISERS, Denoiser, Lack, SampleVectors, UNFILTERED, draft_without_vectors};
 use crate::stats::{BlockSet, Layout, Store};
 
 /// The settings of a render loop.
@@ -140,12 +140,12 @@ impl Settings {
         if self.budget.target_error.is_some() && is_other_method { asked } else { stand_in }
     }
 
-    /// Returns the denoiser of a last pass over a sparse store, where better ones leave the same error: the method's draft, and
-    /// under a time budget that of `learned` in place of the default denoisers.
+    /// Returns the denoiser of a last pass over squares of pixels: the method's draft, and under a time budget that of `learned` in
+    /// place of the default denoisers.
     pub fn sparse_denoiser(&self) -> &'static dyn Denoiser {
         let [_, draft, ..] = DEFAULTS;
         let is_default = self.budget.seconds.is_some() && DEFAULTS.contains(&self.denoiser);
-        if is_default { draft } else { draft_of(self.denoiser) }
+        if is_default { draft } else { draft_without_vectors(self.denoiser) }
     }
 
     /// Returns the sample vectors per pixel that a render with these settings keeps at most.

@@ -1,8 +1,8 @@
 //! Pools the samples of squares of pixels: a store of a coarser image.
 //!
 //! The samples of a square become those of one pixel (moments after Chan, Golub and LeVeque 1983), so that a few samples per
-//! pixel of a fine image are many of a coarse one. As on a chequerboard, the halves of every second pixel change places, so that
-//! single samples fill both. Reservoirs are left out.
+//! pixel of a fine image are many of a coarse one. Halves of pixels change places where that evens those of the square, so that single
+//! samples fill both. Reservoirs are left out.
 
 use rayon::prelude::*;
 
@@ -18,9 +18,7 @@ impl Store {
         let (width, height) = (self.width().div_ceil(side), self.height().div_ceil(side));
         let mut pooled = Self::new(width, height, self.layout().clone(), 0, 0);
         let rows = pooled.rows_mut().par_iter_mut().zip(self.rows().par_chunks(side));
-        rows.for_each(|(row, fine)| {
-            fine.iter().enumerate().for_each(|(y, fine)| row.merge_groups(fine, side, y));
-        });
+        rows.for_each(|(row, fine)| fine.iter().for_each(|fine| row.merge_groups(fine, side)));
         pooled
     }
 }
@@ -32,10 +30,16 @@ mod tests {
 
     #[test]
     fn single_samples_fill_both_halves() {
-        let mut fine = Store::new(6, 4, Layout::with_blocks(|_| false), 0, 0);
-        (0..24).for_each(|i| fine.push(i % 6, i / 6, &[0.5; 5]));
-        let pooled = fine.pooled(2);
-        assert_eq!([0, 1].map(|half| pooled.counts(Part::Half(half))), [[2; 6], [2; 6]]);
+        let halves_of = |is_sampled: fn(usize, usize) -> bool| {
+            let mut fine = Store::new(6, 4, Layout::with_blocks(|_| false), 0, 0);
+            let sampled = (0..24).map(|i| (i % 6, i / 6)).filter(|&(x, y)| is_sampled(x, y));
+            sampled.for_each(|(x, y)| fine.push(x, y, &[0.5; 5]));
+            let pooled = fine.pooled(2);
+            [0, 1].map(|half| pooled.counts(Part::Half(half)))
+        };
+        assert_eq!(halves_of(|_, _| true), [[2; 6], [2; 6]]);
+        // The first half of a batch
+        assert_eq!(halves_of(|x, y| (x + y) % 2 == 0), [[1; 6], [1; 6]]);
     }
 
     #[test]
@@ -57,7 +61,7 @@ mod tests {
             let pooled = fine.pooled(side);
             assert_eq!(pooled.next_indices(), expected.next_indices());
             assert_eq!((pooled.rejected(), pooled.capacity()), (1, 0));
-            // Which half a sample is in depends on its index within its own pixel.
+            // Which half a sample is in depends on its index within its own pixel, and on the square's other samples.
             let close = |a: f32, b: f32| (a - b).abs() <= 1e-4 * b.abs().max(1.0);
             let pairs = [
                 (pooled.means(Part::Whole, 0..dims), expected.means(Part::Whole, 0..dims)),

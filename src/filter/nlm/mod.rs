@@ -57,7 +57,7 @@ pub struct Nlm {
 pub static STANDARD: Nlm = Nlm {
     preset: "standard",
     summary: "Cross-filtered non-local means, the default where memory is short",
-    cost: Cost { core_seconds: 6e-6, bytes: 700, pass_time: 1.0 / 0.36, is_per_sample: false },
+    cost: Cost { core_seconds: 8e-6, bytes: 700, pass_time: 1.0 / 0.36, is_per_sample: false },
     settings: NlmSettings::standard(),
 };
 
@@ -87,6 +87,11 @@ impl Denoiser for Nlm {
 
     fn cost(&self) -> Cost {
         self.cost
+    }
+
+    fn least_spp(&self) -> f64 {
+        // Each half of the samples is filtered by the other, and two single samples tell little of a pixel.
+        3.0
     }
 
     fn stand_in(&self) -> &'static dyn Denoiser {

@@ -62,6 +62,10 @@ impl Denoiser for Oidn {
         self.cost
     }
 
+    fn least_spp(&self) -> f64 {
+        1.0
+    }
+
     fn stand_in(&self) -> &'static dyn Denoiser {
         &DRAFT
     }

@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use super::Controller;
-use crate::filter::{Denoiser, SampleVectors, UNFILTERED, draft_of, nlm};
+use crate::filter::{UNFILTERED, draft_without_vectors};
 use crate::image::Planes;
 use crate::image::enlargement::smoothed;
 use crate::preview::generation_record::CoarseImage;
@@ -81,17 +81,8 @@ impl Controller<'_> {
     /// Returns a fast pass over a store without reservoirs.
     pub(super) fn draft_pass(&self, store: Arc<Store>) -> FilterPass {
         let Settings { denoiser, seed, .. } = self.configuration.settings;
-        let failure_map = FailureMap::Carry(None);
-        let denoiser = draft_without_vectors(denoiser);
-        FilterPass { store, denoiser, seed, least_spp: 1.0, failure_map, has_half_images: false }
+        FilterPass::new(store, draft_without_vectors(denoiser), seed)
     }
-}
-
-/// Returns a denoiser's draft, or that of `nlm` where it reads sample vectors.
-fn draft_without_vectors(denoiser: &'static dyn Denoiser) -> &'static dyn Denoiser {
-    let draft = draft_of(denoiser);
-    let reads_vectors = draft.reads().sample_vectors != SampleVectors::None;
-    if reads_vectors { &nlm::DRAFT } else { draft }
 }
 
 /// Returns the side of the squares that have enough of `spp` samples per pixel, where the latest image was made of `latest`;
@@ -105,7 +96,6 @@ fn side_for(spp: f64, latest: f64, elapsed: f64) -> Option<usize> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::filter::{DENOISERS, find};
 
     #[test]
     fn squares_get_finer_as_samples_come() {
@@ -116,15 +106,5 @@ mod tests {
         // Not yet twice the samples; soon every pixel has some.
         assert_eq!(side_for(1.0, 0.6, 8.0), None);
         assert_eq!(side_for(1.0, 0.5, 0.4), None);
-    }
-
-    #[test]
-    fn drafts_need_no_sample_vectors() {
-        for denoiser in DENOISERS {
-            let draft = draft_without_vectors(denoiser);
-            assert_eq!(draft.reads().sample_vectors, SampleVectors::None, "{denoiser:?}");
-        }
-        let name = |method: &str| draft_without_vectors(find(method, None).unwrap()).name().to_string();
-        assert_eq!([name("learned"), name("prpf")], ["learned draft", "nlm draft"]);
     }
 }

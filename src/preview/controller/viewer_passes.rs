@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use super::Controller;
-use crate::filter::{FilterResult, UNFILTERED, draft_of, suited_to};
+use crate::filter::{FilterResult, UNFILTERED, draft_of, sparse_filtering, suited_to};
 use crate::preview::background_pass::Event;
 use crate::preview::status::Phase;
 use crate::preview::view::View;
@@ -94,13 +94,14 @@ impl Controller<'_> {
         Some(filtered)
     }
 
-    /// Returns the result of a pass that is on show already, as after an undo; `None` if another image is.
+    /// Returns the result of a pass over pixels that is on show already, as after an undo; `None` if another image is.
     fn shown_result(&self, pass: &FilterPass) -> Option<Filtered> {
-        let has_samples = self.reporter.shown_samples() == pass.store.samples();
+        let has_pixels = sparse_filtering::side(pass.denoiser, &pass.store, pass.least_side) == 1;
+        let has_samples = has_pixels && self.reporter.shown_samples() == pass.store.samples();
         let is_same = |shown: &&FilterResult| has_samples && shown.made_by == pass.denoiser.name();
         let result = self.reporter.shown().filter(is_same)?.clone();
         let estimate = ErrorEstimate::new(&result, &pass.store, None);
-        Some(Filtered { result, estimate, seconds: 0.0 })
+        Some(Filtered { result, side: 1, estimate, seconds: 0.0 })
     }
 
     /// Runs a pass and shows its image if it `is_shown`; `None` if it was given up, or if another method was chosen meanwhile.
@@ -150,12 +151,8 @@ impl Controller<'_> {
     pub(super) fn viewer_pass(&self, store: &Arc<Store>, settings: &Settings) -> FilterPass {
         let wants_map = self.wants_failure_map();
         FilterPass {
-            store: store.clone(),
-            denoiser: suited_to(store, settings.denoiser),
-            seed: settings.seed,
-            least_spp: 1.0,
             failure_map: if wants_map { FailureMap::Compute } else { FailureMap::Carry(None) },
-            has_half_images: false,
+            ..FilterPass::new(store.clone(), suited_to(store, settings.denoiser), settings.seed)
         }
     }
 

@@ -1,6 +1,6 @@
 use super::*;
 use crate::filter::nlm;
-use crate::progressive::filter_pass::{FailureMap, FilterPass};
+use crate::progressive::filter_pass::FilterPass;
 use crate::progressive::record::PassRecord;
 use crate::stats::{Block, Layout, Rectangle};
 use std::sync::Arc;
@@ -26,16 +26,7 @@ fn store() -> Arc<Store> {
 
 /// A checkpoint with this store, after an interim pass.
 fn checkpoint(store: Arc<Store>) -> Checkpoint {
-    let failure_map = FailureMap::Carry(None);
-    let denoiser = &nlm::DRAFT;
-    let pass = FilterPass {
-        store: store.clone(),
-        denoiser,
-        seed: 0,
-        least_spp: 1.0,
-        failure_map,
-        has_half_images: false,
-    };
+    let pass = FilterPass::new(store.clone(), &nlm::DRAFT, 0);
     let interim = Some(InterimPass::new(pass.run()));
     Checkpoint { store, interim, ..Checkpoint::new(Store::new(1, 1, Layout::with_blocks(|_| false), 0, 0)) }
 }

@@ -85,19 +85,20 @@ fn time_is_spent_to_the_last_step_and_not_beyond() {
 }
 
 #[test]
-fn whether_every_pixel_gets_a_sample_and_whether_time_is_short_is_known_early() {
+fn how_many_samples_there_will_be_and_whether_time_is_short_is_known_early() {
     let (budget, mut speed) = (seconds(4.0), Speed::default());
     speed.add(100_000, 0.1);
     let with = |finalisation| Schedule { speed, finalisation, ..schedule(&budget, 1_000_000) };
-    assert!(with(3.0).fills(0.01, 100_000), "0.9 seconds for 0.9 million samples");
-    assert!(!with(3.0).fills(0.1, 100_000) && !with(3.0).is_late(0.1));
-    assert!(with(3.0).is_late(1.1));
-    assert!(with(1.5).fills(0.1, 100_000) && !with(1.5).is_late(1.1));
-    assert!(!with(3.0).is_far_too_late(1.05) && with(3.0).is_far_too_late(1.15));
-    assert!(with(0.09).is_late(5.0) && !with(0.09).is_far_too_late(5.0), "a tenth of a second is nothing");
+    assert_eq!(with(3.0).samples_at_end(0.02, 100_000).round(), 1_000_000.0, "0.9 seconds");
+    assert_eq!(with(3.0).samples_at_end(3.0, 100_000), 100_000.0);
+    assert!(!with(3.0).is_late(0.1) && with(3.0).is_late(1.1) && !with(1.5).is_late(1.1));
+    let is_far_too_late = |finalisation, elapsed| with(finalisation).is_far_too_late(elapsed, elapsed + 0.05);
+    assert!(!is_far_too_late(3.0, 1.05) && is_far_too_late(3.0, 1.15));
+    assert!(with(0.14).is_late(5.0) && !is_far_too_late(0.14, 5.0), "a tenth of a second is nothing");
+    assert!(is_far_too_late(0.16, 5.0));
     let no_budget = Budget::default();
     let without = schedule(&no_budget, 1_000_000);
-    assert!(without.fills(9.0, 0) && !without.is_late(9.0) && !without.is_far_too_late(9.0));
+    assert!(!without.is_late(9.0) && !without.is_far_too_late(9.0, 9.0));
 }
 
 #[test]

@@ -34,7 +34,7 @@ impl Renderer<'_> {
             fine.clear();
             let fine = &mut fine.rows_mut()[0];
             self.render_row(middle(y, height), &counts, None, fine);
-            row.merge_groups(fine, side, 0);
+            row.merge_groups(fine, side);
         });
         store
     }

@@ -27,19 +27,20 @@ impl Row {
         }
     }
 
-    /// Adds the samples of every `side` pixels of a longer row to one pixel, without reservoirs. The halves of every second pixel
-    /// change places, those of `exchanged` parity: where pixels have one sample each, all of them are in the same half.
+    /// Adds the samples of every `side` pixels of a longer row to one pixel, without reservoirs. A pixel's halves change places where
+    /// that evens the halves of the sum: first samples are all of the first half.
     ///
     /// # Panics
     /// If a pixel would have more than `u32::MAX` samples.
-    pub(crate) fn merge_groups(&mut self, other: &Self, side: usize, exchanged: usize) {
+    pub(crate) fn merge_groups(&mut self, other: &Self, side: usize) {
         let add = |a: &mut u32, b: u32| *a = a.checked_add(b).expect("a pixel has at most u32::MAX samples");
         // Pixels behind the last one have no samples.
         for x in (0..other.width).filter(|&x| other.next_index[x] > 0) {
             let to = x / side;
             add(&mut self.next_index[to], other.next_index[x]);
             add(&mut self.rejected[to], other.rejected[x]);
-            let is_exchanged = usize::from(x % 2 == exchanged % 2);
+            let is_uneven = self.halves[0].count[to] > self.halves[1].count[to];
+            let is_exchanged = usize::from(is_uneven && other.halves[0].count[x] > other.halves[1].count[x]);
             for (h, half) in self.halves.iter_mut().enumerate() {
                 let other_half = &other.halves[h ^ is_exchanged];
                 for dim in 0..self.dims {

@@ -1,0 +1,120 @@
+//! Chooses the last filter pass: its denoiser, and whether it filters pixels or squares of them. A faster pass takes the place of the
+//! one that is asked for where time or samples are short.
+//!
+//! Takes a situation; the times are those of the calibration, or in proportion to it, or assumed.
+
+use super::finalisation::assumed_seconds;
+use super::schedule::Schedule;
+use super::situation::Situation;
+use crate::filter::sparse_filtering::side_for;
+use crate::filter::{Denoiser, UNFILTERED, draft_of};
+
+/// Sides of the squares that are filtered where time is short, in pixels. Larger ones save little.
+const SIDES: [usize; 4] = [2, 3, 4, 6];
+
+/// Samples per pixel above which an unfiltered image takes the place of one of squares, which loses all detail. Not measured.
+const MOST_SPP: f64 = 16.0;
+
+/// A filter pass that can be the last one.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LastPass {
+    pub denoiser: &'static dyn Denoiser,
+    /// Least side of the squares that are filtered, in pixels: 1 for pixels, unless samples are few.
+    pub least_side: usize,
+}
+
+impl LastPass {
+    pub(super) fn of_pixels(denoiser: &'static dyn Denoiser) -> Self {
+        Self { denoiser, least_side: 1 }
+    }
+}
+
+impl Situation<'_> {
+    /// Returns the last pass: under a time budget the best one for which there will be time and samples, or at least no broken budget;
+    /// an unfiltered image where there is none. Before the first calibration it follows from what is assumed, at every moment anew;
+    /// a calibrated denoiser never gives way to a slower one.
+    pub(super) fn last_pass(&self) -> LastPass {
+        let asked = self.settings.denoiser;
+        if self.settings.budget.seconds.is_none() || self.samples == 0 {
+            let denoiser = if self.samples > 0 && self.is_sparse() { draft_of(asked) } else { asked };
+            return LastPass::of_pixels(denoiser);
+        }
+        let current = self.current_pass();
+        let is_slower = |pass: &LastPass| {
+            let is_calibrated = self.measurements.finalisation.is_calibrated();
+            is_calibrated
+                && *pass != current
+                && self.assumed_seconds_of(*pass) > self.assumed_seconds_of(current)
+        };
+        let drafts = [draft_of(asked), asked.stand_in()].map(LastPass::of_pixels).into_iter();
+        let of_pixels = std::iter::once(current).chain(drafts).filter(|pass| !is_slower(pass));
+        let squares = self.settings.sparse_denoiser();
+        let has_few_samples = self.samples as f64 <= MOST_SPP * self.pixels as f64;
+        let sides = SIDES.into_iter().filter(|_| has_few_samples && squares.least_spp() > 0.0);
+        let passes = of_pixels.chain(sides.map(|least_side| LastPass { denoiser: squares, least_side }));
+
+        let unfiltered = LastPass::of_pixels(UNFILTERED);
+        let earliest_end = self.elapsed + self.seconds_of(unfiltered);
+        let is_far_too_late =
+            |pass: &LastPass| self.schedule_of(*pass).is_far_too_late(self.elapsed, earliest_end);
+        let best = passes.clone().find(|&pass| self.has_time(pass));
+        best.or_else(|| passes.clone().find(|pass| !is_far_too_late(pass))).unwrap_or(unfiltered)
+    }
+
+    /// Returns the pass that has been calibrated, or is to be.
+    fn current_pass(&self) -> LastPass {
+        let calibrated = self.measurements.finalisation.calibrated_denoiser();
+        LastPass::of_pixels(calibrated.unwrap_or(self.settings.denoiser))
+    }
+
+    /// Returns the schedule with this last pass.
+    pub(super) fn schedule_of(&self, pass: LastPass) -> Schedule<'_> {
+        Schedule {
+            budget: &self.settings.budget,
+            pixels: self.pixels,
+            min_spp: self.settings.min_spp.into(),
+            max_spp: self.settings.max_spp.into(),
+            map_end: self.map_end,
+            speed: self.speed,
+            finalisation: self.seconds_of(pass),
+        }
+    }
+
+    /// Returns whether a pass ends in time, and if it filters pixels, whether these will have the samples that it needs.
+    fn has_time(&self, pass: LastPass) -> bool {
+        let schedule = self.schedule_of(pass);
+        // A map or a region chooses pixels, which get their samples
+        let is_chosen = self.has_region || self.settings.sample_map.is_some();
+        let elapsed = if self.conditions.is_interrupted { f64::INFINITY } else { self.elapsed };
+        let will_have_samples = || {
+            let needed = pass.denoiser.least_spp().max(1.0) * self.pixels as f64;
+            schedule.samples_at_end(elapsed, self.samples) >= needed
+        };
+        // What is measured again and again is soon a little late
+        let is_calibrated = self.measurements.finalisation.is_calibrated() && pass == self.current_pass();
+        let is_late = if is_calibrated {
+            schedule.is_far_too_late(self.elapsed, self.elapsed)
+        } else {
+            schedule.is_late(self.elapsed)
+        };
+        !is_late && (pass.least_side > 1 || is_chosen || will_have_samples())
+    }
+
+    /// Returns the seconds of the finalisation with this pass: as calibrated, or in proportion to the calibrated one, or assumed.
+    fn seconds_of(&self, pass: LastPass) -> f64 {
+        let (finalisation, current) = (&self.measurements.finalisation, self.current_pass());
+        let assumed = self.assumed_seconds_of(pass);
+        match finalisation.is_calibrated() {
+            true if pass == current => finalisation.seconds(),
+            true => finalisation.least_seconds() * assumed / self.assumed_seconds_of(current),
+            false => assumed,
+        }
+    }
+
+    fn assumed_seconds_of(&self, pass: LastPass) -> f64 {
+        let spp = self.samples as f64 / self.pixels.max(1) as f64;
+        let saves = self.conditions.checkpoint_interval.is_some();
+        let side = if pass.least_side > 1 { pass.least_side.max(side_for(spp)) } else { 1 };
+        assumed_seconds(pass.denoiser, side, self.pixels, spp, saves, self.processes)
+    }
+}
