@@ -87,7 +87,9 @@ impl Situation<'_> {
         let is_chosen = self.has_region || self.settings.sample_map.is_some();
         let elapsed = if self.conditions.is_interrupted { f64::INFINITY } else { self.elapsed };
         let will_have_samples = || {
-            let needed = pass.denoiser.least_spp().max(1.0) * self.pixels as f64;
+            // Those that nobody asked for are not lacking
+            let needed =
+                (pass.denoiser.least_spp().max(1.0) * self.pixels as f64).min(schedule.most() as f64);
             schedule.samples_at_end(elapsed, self.samples) >= needed
         };
         // What is measured again and again is soon a little late

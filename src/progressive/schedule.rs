@@ -57,7 +57,7 @@ pub struct Schedule<'a> {
 
 impl Schedule<'_> {
     /// Returns the most samples that the budgets allow.
-    fn most(&self) -> u64 {
+    pub fn most(&self) -> u64 {
         let spp = self.budget.spp.map_or(self.max_spp, |spp| u64::from(spp).min(self.max_spp));
         self.map_end.unwrap_or(spp.saturating_mul(self.pixels))
     }
