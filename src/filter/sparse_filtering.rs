@@ -1,4 +1,5 @@
-//! Filters a sparse store, one with few samples per pixel: squares of pixels take the place of pixels, with all of their samples.
+//! Filters squares of pixels in place of pixels, with all of their samples: of a store with fewer samples than pixels, or where time is
+//! short.
 //!
 //! Pixels without samples would get those of their neighbours, and a denoiser would take one noisy sample for many that agree. The rule is
 //! our own; `docs/method.md` has what it gains.
