@@ -8,10 +8,11 @@
 use rayon::prelude::*;
 
 use super::layout::Block;
-use super::moments::Moments;
+use super::moments::{Moments, round_deviations};
 use super::part::Part;
 use super::reservoir;
 use super::store::Store;
+use crate::simd::{apply, multiversioned};
 
 /// Floor of the squared mean, relative to its mean over the image, in the weights of [`Store::stratification`].
 const MEAN_FLOOR: f64 = 0.01;
@@ -32,15 +33,15 @@ impl Store {
     fn half(&self, half: usize, ratios: &[f64], is_light: &[bool]) -> Self {
         let mut store = Self::new(self.width(), self.height(), self.layout().clone(), 0, 0);
         store.rows_mut().par_iter_mut().zip(self.rows()).enumerate().for_each(|(y, (row, whole))| {
-            for x in 0..self.width() {
-                let is_first_larger = reservoir::key(half as u64, x, y) & 1 == 0;
-                let parts = |dim: usize| {
-                    let moments = whole.moments(x, dim, Part::Half(half));
-                    let parts = split(moments, ratios[dim], is_light[dim]);
-                    if is_first_larger { parts } else { [parts[1], parts[0]] }
-                };
-                row.set_halves(x, parts);
+            let is_first_larger: Vec<bool> =
+                (0..self.width()).map(|x| reservoir::key(half as u64, x, y) & 1 == 0).collect();
+            for (dim, (&ratio, &is_light)) in ratios.iter().zip(is_light).enumerate() {
+                split_row(whole.half(half, dim), &is_first_larger, ratio, is_light, row.halves_mut(dim));
             }
+            row.set_counts(|x| {
+                let [a, b] = part_counts(whole.count(x, Part::Half(half)));
+                if is_first_larger[x] { [a, b] } else { [b, a] }
+            });
         });
         store
     }
@@ -65,31 +66,59 @@ impl Store {
     }
 }
 
+/// Numbers of samples of two parts.
+#[inline(always)]
+fn part_counts(count: u32) -> [u32; 2] {
+    [count.div_ceil(2), count / 2]
+}
+
+/// Splits one dimension of a half of a row, its counts, means and sums of squared deviations, into two parts. `is_first_larger`: for each
+/// pixel whether the first part has the larger values; others as for [`split`].
+#[apply(multiversioned!)]
+fn split_row(
+    (count, mean, m2): (&[u32], &[f64], &[f32]),
+    is_first_larger: &[bool],
+    ratio: f64,
+    is_light: bool,
+    [(mean_a, m2_a), (mean_b, m2_b)]: [(&mut [f64], &mut [f32]); 2],
+) {
+    let n = count.len();
+    let (mean, m2, is_first_larger) = (&mean[..n], &m2[..n], &is_first_larger[..n]);
+    let (mean_a, m2_a, mean_b, m2_b) = (&mut mean_a[..n], &mut m2_a[..n], &mut mean_b[..n], &mut m2_b[..n]);
+    for x in 0..n {
+        let samples = Moments { count: count[x], mean: mean[x], m2: f64::from(m2[x]) };
+        let [larger, other] = split(samples, ratio, is_light);
+        let (a, b) = if is_first_larger[x] { (larger, other) } else { (other, larger) };
+        (mean_a[x], m2_a[x]) = (a.mean, round_deviations(a.m2, a.mean));
+        (mean_b[x], m2_b[x]) = (b.mean, round_deviations(b.m2, b.mean));
+    }
+}
+
 /// Divides samples into two parts, of which the first has the larger values and is as large or by one sample larger.
 /// `ratio`: that of squared differences to those of independent samples. Light is not negative.
+#[inline(always)]
 fn split(samples: Moments, ratio: f64, is_light: bool) -> [Moments; 2] {
+    // Without branches, so that loops over pixels become vector code
     let Moments { count, mean, m2 } = samples;
-    let counts = [count.div_ceil(2), count / 2];
+    let counts = part_counts(count);
     let [a, b] = counts.map(f64::from);
-    if count < 2 {
-        return counts.map(|count| if count > 0 { samples } else { Moments::default() });
-    }
     // A single bright sample is in one of the parts, however even the others lie, and of two samples each is in one
     let variance = samples.variance();
-    let rarity = match (count, is_light) {
-        (2, _) => 1.0,
-        (_, true) => (variance / ((a + b) * mean * mean).max(f64::MIN_POSITIVE)).min(1.0),
-        (_, false) => 0.0,
-    };
+    let light_rarity = (variance / ((a + b) * mean * mean).max(f64::MIN_POSITIVE)).min(1.0);
+    let rarity = if is_light { light_rarity } else { 0.0 };
+    let rarity = if count == 2 { 1.0 } else { rarity };
     let ratio = ratio + (1.0 - ratio) * rarity;
-    let difference = (ratio * variance * (a + b) / (a * b)).sqrt();
-    let difference = if is_light { difference.min(mean * (a + b) / a) } else { difference };
-    let within = (m2 - difference * difference * a * b / (a + b)).max(0.0);
-    let part = |count: u32, mean| {
-        let fraction = f64::from(count - 1) / (a + b - 2.0).max(1.0);
+    let difference = (ratio * variance * (a + b) / (a * b).max(1.0)).sqrt();
+    let largest = mean * (a + b) / a.max(1.0);
+    let difference = if is_light { difference.min(largest) } else { difference };
+    let within = (m2 - difference * difference * a * b / (a + b).max(1.0)).max(0.0);
+    let part = |count: u32, change: f64| {
+        let fraction = (f64::from(count) - 1.0).max(0.0) / (a + b - 2.0).max(1.0);
+        let mean = if count > 0 { mean + change } else { 0.0 };
         Moments { count, mean, m2: within * fraction }
     };
-    [part(counts[0], mean + difference * b / (a + b)), part(counts[1], mean - difference * a / (a + b))]
+    let n = (a + b).max(1.0);
+    [part(counts[0], difference * b / n), part(counts[1], -(difference * a / n))]
 }
 
 #[cfg(test)]

@@ -202,15 +202,26 @@ impl Row {
         }
     }
 
-    /// Gives both halves of a pixel without samples their moments, which `of` returns for each dimension.
-    pub(super) fn set_halves(&mut self, x: usize, of: impl Fn(usize) -> [Moments; 2]) {
-        for dim in 0..self.dims {
-            for (half, moments) in self.halves.iter_mut().zip(of(dim)) {
-                half.count[x] = moments.count;
-                half.set(dim * self.stride + x, moments);
-            }
+    /// Sample counts of a half, and means and sums of squared deviations of one dimension, pixel by pixel.
+    pub(super) fn half(&self, half: usize, dim: usize) -> (&[u32], &[f64], &[f32]) {
+        let half = &self.halves[half];
+        let span = dim * self.stride..dim * self.stride + self.width;
+        (&half.count[..self.width], &half.mean[span.clone()], &half.m2[span])
+    }
+
+    /// The means and sums of squared deviations of both halves.
+    pub(super) fn halves_mut(&mut self, dim: usize) -> [(&mut [f64], &mut [f32]); 2] {
+        let span = dim * self.stride..dim * self.stride + self.width;
+        self.halves.each_mut().map(|half| (&mut half.mean[span.clone()], &mut half.m2[span.clone()]))
+    }
+
+    /// Sets the sample counts of the halves, which have none.
+    pub(super) fn set_counts(&mut self, of: impl Fn(usize) -> [u32; 2]) {
+        for x in 0..self.width {
+            let counts = of(x);
+            self.halves.iter_mut().zip(counts).for_each(|(half, count)| half.count[x] = count);
+            self.next_index[x] = counts[0] + counts[1];
         }
-        self.next_index[x] = self.count(x, Part::Whole);
     }
 
     /// Number of valid samples of a pixel.

@@ -81,11 +81,11 @@ impl DualBuffer {
     /// Divides each half by a divisor of 3 planes.
     pub fn divide(&mut self, divisor: [&Planes; 2]) {
         for ((mean, variance), divisor) in self.mean.iter_mut().zip(&mut self.variance).zip(divisor) {
-            let values = mean.data_mut().iter_mut().zip(variance.data_mut()).zip(divisor.data());
-            for ((mean, variance), &d) in values {
+            let values = mean.data_mut().par_iter_mut().with_min_len(1024).zip(variance.data_mut());
+            values.zip(divisor.data()).for_each(|((mean, variance), &d)| {
                 *mean /= d;
                 *variance /= d * d;
-            }
+            });
         }
     }
 }

@@ -24,9 +24,14 @@ pub fn outside_emitters(width: usize, met_emitter: &[bool]) -> Vec<bool> {
         let y = y.checked_add_signed(dy).filter(|&y| y < height);
         x.zip(y).is_some_and(|(x, y)| met_emitter[y * width + x])
     };
+    let shows_emitter: Vec<bool> = met_emitter.chunks(width).map(|row| row.contains(&true)).collect();
+    let is_near = |y: usize| {
+        let reach = REACH.unsigned_abs();
+        shows_emitter[y.saturating_sub(reach)..(y + reach + 1).min(height)].contains(&true)
+    };
     let is_between = |i: usize| {
         let ends = |dx: isize, dy: isize| (1..=REACH).any(|k| met_at(i % width, i / width, k * dx, k * dy));
-        LINES.into_iter().any(|(dx, dy)| ends(dx, dy) && ends(-dx, -dy))
+        is_near(i / width) && LINES.into_iter().any(|(dx, dy)| ends(dx, dy) && ends(-dx, -dy))
     };
     (0..met_emitter.len()).into_par_iter().map(|i| !met_emitter[i] && !is_between(i)).collect()
 }

@@ -11,6 +11,7 @@
 use rayon::prelude::*;
 
 use crate::image::{Planes, luminance};
+use crate::simd::{apply, multiversioned};
 
 /// Constants of firefly detection and redistribution.
 #[derive(Clone, Copy, Debug, serde::Serialize)]
@@ -107,15 +108,19 @@ pub fn clamp(
 ) -> FireflyClamp {
     // Find the fireflies
     let (width, height) = (whole.width(), whole.height());
-    let luminances: Vec<f32> = (0..whole.pixels()).map(|i| pixel_luminance(whole, i)).collect();
-    let bounds: Vec<Option<f32>> = (0..whole.pixels())
-        .into_par_iter()
-        .map(|i| {
-            let bound = bound(&luminances, (i % width, i / width), (width, height), settings)?;
+    let luminances: Vec<f32> =
+        (0..whole.pixels()).into_par_iter().map(|i| pixel_luminance(whole, i)).collect();
+    let mut bounds = vec![None; whole.pixels()];
+    bounds.par_chunks_mut(width.max(1)).enumerate().for_each(|(y, bounds)| {
+        let is_bright = exceed_most(&luminances, width, y, settings.median_factor);
+        for (x, limit) in bounds.iter_mut().enumerate().filter(|(x, _)| is_bright[*x]) {
+            let i = y * width + x;
             let [a, b] = [0, 1].map(|h| pixel_luminance(halves[h], i) * counts[h][i] as f32);
-            (a.max(b) > settings.half_fraction * (a + b)).then_some(bound)
-        })
-        .collect();
+            if a.max(b) > settings.half_fraction * (a + b) {
+                *limit = bound(&luminances, (x, y), (width, height), settings);
+            }
+        }
+    });
     let bounds = match settings.max_neighbours {
         Some(max) => lonely(&bounds, (width, height), max),
         None => bounds,
@@ -159,6 +164,33 @@ fn lonely(bounds: &[Option<f32>], (width, height): (usize, usize), max: usize) -
     (0..bounds.len()).into_par_iter().map(|i| bounds[i].filter(|_| is_lonely(i))).collect()
 }
 
+/// Returns for each pixel of row `y` whether it exceeds `factor` times most luminances of its window. At most pixels it does not: the median is
+/// too large for any deviation.
+fn exceed_most(luminances: &[f32], width: usize, y: usize, factor: f32) -> Vec<bool> {
+    let low: Vec<f32> = luminances[y * width..][..width].iter().map(|own| own / factor).collect();
+    let rows = luminances.chunks_exact(width).take(y + RADIUS + 1).skip(y.saturating_sub(RADIUS));
+    let mut darker = vec![0_i32; width];
+    for row in rows.clone() {
+        for (left, right) in (0..=RADIUS).map(|shift| (0, shift)).chain((1..=RADIUS).map(|shift| (shift, 0)))
+        {
+            let (left, right) = (left.min(width), right.min(width));
+            let inside = width - left.max(right);
+            count_darker(&low[left..][..inside], &row[right..][..inside], &mut darker[left..][..inside]);
+        }
+    }
+    let is_most = |(x, darker): (usize, &i32)| {
+        let columns = (x + RADIUS + 1).min(width) - x.saturating_sub(RADIUS);
+        2 * *darker as usize > rows.len() * columns
+    };
+    darker.iter().enumerate().map(is_most).collect()
+}
+
+#[apply(multiversioned!)]
+fn count_darker(low: &[f32], values: &[f32], darker: &mut [i32]) {
+    let pixels = low.iter().zip(values).zip(darker);
+    pixels.for_each(|((low, value), darker)| *darker += i32::from(value < low));
+}
+
 /// Returns the luminance that a pixel is clamped to, or `None` if it does not exceed its bound. Pixels whose
 /// neighbours are mostly black have no bound: all light there is rare, and clamping would leave nothing.
 fn bound(
@@ -178,12 +210,6 @@ fn bound(
         }
     }
     let window = &mut window[..n];
-
-    // Return early if the median is too large for any deviation, as at most pixels
-    let low = own / settings.median_factor;
-    if 2 * window.iter().filter(|&&l| l < low).count() <= n {
-        return None;
-    }
 
     // Compute the bound from median and median absolute deviation
     let median = median(window);

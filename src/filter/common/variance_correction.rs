@@ -19,17 +19,26 @@ const RANGE: (f32, f32) = (0.02, 2.0);
 /// Returns the factor for each pixel's variances: the blurred squared difference of the halves' means over
 /// their blurred variances, both summed over three channels. `variance` are the variances s²∕n of the means.
 pub fn variance_correction(mean: &[Planes; 2], variance: &[Planes; 2], counts: &HalfCounts) -> Vec<f32> {
-    let (width, height) = (mean[0].width(), mean[0].height());
-    let counts = counts.floats();
-    let blurred_sum = |value: &(dyn Fn(usize, usize) -> f32 + Sync)| -> Vec<f32> {
-        let has_both = |i: usize| counts[0][i] > 0.0 && counts[1][i] > 0.0;
-        let sum = |i| if has_both(i) { value(0, i) + value(1, i) + value(2, i) } else { 0.0 };
-        let plane: Vec<f32> = (0..width * height).into_par_iter().map(sum).collect();
-        blur::gaussian(width, height, &plane, SIGMA)
-    };
-    let measured = blurred_sum(&|c, i| (mean[0].plane(c)[i] - mean[1].plane(c)[i]).powi(2));
-    let expected = blurred_sum(&|c, i| variance[0].plane(c)[i] + variance[1].plane(c)[i]);
+    let measured = blurred_sum(mean, counts, |a, b| (a - b) * (a - b));
+    let expected = blurred_sum(variance, counts, |a, b| a + b);
     let (low, high) = RANGE;
     let factor = |(&m, &e): (&f32, &f32)| if e > 0.0 { (m / e).clamp(low, high) } else { 1.0 };
     measured.iter().zip(&expected).map(factor).collect()
+}
+
+/// Sums a function of the halves over three channels where both halves have samples, and blurs the sums.
+fn blurred_sum([a, b]: &[Planes; 2], counts: &HalfCounts, of: impl Fn(f32, f32) -> f32 + Sync) -> Vec<f32> {
+    let (width, height) = (a.width(), a.height());
+    let mut sums = vec![0.0; width * height];
+    sums.par_chunks_mut(width.max(1)).enumerate().for_each(|(y, sums)| {
+        for channel in 0..3 {
+            let halves = a.row(channel, y).iter().zip(b.row(channel, y));
+            sums.iter_mut().zip(halves).for_each(|(sum, (&a, &b))| *sum += of(a, b));
+        }
+        let [n_a, n_b] = counts.floats().map(|counts| &counts[y * width..][..width]);
+        for (sum, (&n_a, &n_b)) in sums.iter_mut().zip(n_a.iter().zip(n_b)) {
+            *sum = if n_a > 0.0 && n_b > 0.0 { *sum } else { 0.0 };
+        }
+    });
+    blur::gaussian(width, height, &sums, SIGMA)
 }

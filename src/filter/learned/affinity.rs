@@ -43,20 +43,40 @@ pub fn filter(
     hit: &InterleavedPlanes,
     mut values: InterleavedPlanes,
 ) -> InterleavedPlanes {
-    let mut filtered = values.clone();
+    let mut filtered =
+        InterleavedPlanes::new(values.width(), values.height(), values.count(), values.margin(), 0.0);
     let row_len = values.row_len();
     let mut predicted =
         InterleavedPlanes::new(values.width(), values.height(), PLANES_PER_LEVEL, MARGIN, 0.0);
     for (level, dilation) in DILATIONS.into_iter().enumerate() {
         kernels(level, &mut predicted);
-        filtered.data_mut().par_chunks_mut(row_len).enumerate().for_each(|(y, out)| {
-            stop_if_cancelled();
-            filter_row(&predicted, hit, dilation, &values, y, out);
-            out.chunks_exact_mut(values.stride()).for_each(|plane| extend(plane, MARGIN, values.width()));
-        });
+        let rows = filtered.data_mut().par_chunks_mut(row_len).enumerate();
+        rows.for_each_init(
+            || RowWeights::new(values.width()),
+            |weights, (y, out)| {
+                stop_if_cancelled();
+                filter_row(&predicted, hit, dilation, &values, y, weights, out);
+                out.chunks_exact_mut(values.stride()).for_each(|plane| extend(plane, MARGIN, values.width()));
+            },
+        );
         std::mem::swap(&mut values, &mut filtered);
     }
     values
+}
+
+/// Weights for a row of pixels. They are computed for the whole row before they are used, so that each loop reads few planes: the rows
+/// of all at once would compete for the cache.
+struct RowWeights {
+    neighbours: [Vec<f32>; 8],
+    /// One over the sum of the neighbours' weights and the pixel's own.
+    factor: Vec<f32>,
+}
+
+impl RowWeights {
+    fn new(width: usize) -> Self {
+        let row = || vec![0.0; width.next_multiple_of(LANES)];
+        Self { neighbours: std::array::from_fn(|_| row()), factor: row() }
+    }
 }
 
 #[apply(multiversioned!)]
@@ -66,12 +86,13 @@ fn filter_row(
     dilation: usize,
     values: &InterleavedPlanes,
     y: usize,
+    weights: &mut RowWeights,
     out: &mut [f32],
 ) {
     match_target! {
-        "x86_64+fma" => sum_row::<true>(predicted, hit, dilation, values, y, out),
-        "aarch64" => sum_row::<true>(predicted, hit, dilation, values, y, out),
-        _ => sum_row::<false>(predicted, hit, dilation, values, y, out),
+        "x86_64+fma" => sum_row::<true>(predicted, hit, dilation, values, y, weights, out),
+        "aarch64" => sum_row::<true>(predicted, hit, dilation, values, y, weights, out),
+        _ => sum_row::<false>(predicted, hit, dilation, values, y, weights, out),
     }
 }
 
@@ -82,42 +103,64 @@ fn sum_row<const FMA: bool>(
     dilation: usize,
     values: &InterleavedPlanes,
     y: usize,
+    weights: &mut RowWeights,
     out: &mut [f32],
 ) {
-    for x in (0..values.width()).step_by(LANES) {
-        // Weights of the neighbours, and one over their sum with the pixel's own
-        let neighbours = neighbours(dilation, x, y, values.height());
-        let own: [&Lanes; FEATURES] = std::array::from_fn(|f| predicted.lanes(f, y, x));
-        let own_y = y;
-        let mut weights = [[0.0; LANES]; 8];
-        let mut sum = exponential(predicted.lanes(FEATURES + 1, y, x), &[0.0; LANES]);
-        for (weight, (y, at)) in weights.iter_mut().zip(neighbours) {
-            let mut squared = apart(hit.lanes(0, own_y, x), lanes(&hit.row_with_margins(0, y)[at..]));
-            for (f, own) in own.iter().enumerate() {
-                let other = lanes(&predicted.row_with_margins(f, y)[at..]);
-                squared = add_square::<FMA>(&squared, own, other);
-            }
-            *weight = exponential(lanes(&predicted.row_with_margins(FEATURES, y)[at..]), &squared);
-            sum = std::array::from_fn(|i| sum[i] + weight[i]);
-        }
-        let factor: Lanes = std::array::from_fn(|i| 1.0 / sum[i]);
-
-        // Sums of differences, which reproduce constants exactly
-        for (plane, out) in out.chunks_exact_mut(values.stride()).enumerate() {
-            let centre = values.lanes(plane, y, x);
+    let neighbours = neighbours(dilation, y, values.height());
+    weigh_row::<FMA>(predicted, hit, y, neighbours, weights);
+    let RowWeights { neighbours: weights, factor } = weights;
+    for (plane, out) in out.chunks_exact_mut(values.stride()).enumerate() {
+        let own = &values.row_with_margins(plane, y)[MARGIN..];
+        let others = neighbours.map(|(y, at)| &values.row_with_margins(plane, y)[at..]);
+        for x in (0..values.width()).step_by(LANES) {
+            // Sums of differences, which reproduce constants exactly
+            let centre = lanes(&own[x..]);
             let mut sum = [0.0; LANES];
-            for (weight, (y, at)) in weights.iter().zip(neighbours) {
-                let value = lanes(&values.row_with_margins(plane, y)[at..]);
-                sum = add_difference::<FMA>(&sum, weight, value, centre);
+            for (weight, other) in weights.iter().zip(others) {
+                sum = add_difference::<FMA>(&sum, lanes(&weight[x..]), lanes(&other[x..]), centre);
             }
             out[MARGIN + x..][..LANES].copy_from_slice(&add_difference::<FMA>(
                 centre,
-                &factor,
+                lanes(&factor[x..]),
                 &sum,
                 &[0.0; LANES],
             ));
         }
     }
+}
+
+/// Computes the weights for row `y`.
+#[inline(always)]
+fn weigh_row<const FMA: bool>(
+    predicted: &InterleavedPlanes,
+    hit: &InterleavedPlanes,
+    y: usize,
+    neighbours: [(usize, usize); 8],
+    RowWeights { neighbours: weights, factor }: &mut RowWeights,
+) {
+    let pixels = (0..predicted.width()).step_by(LANES);
+    // Until all weights are there, the sums stand in the place of the factors
+    for x in pixels.clone() {
+        factor[x..][..LANES]
+            .copy_from_slice(&exponential(predicted.lanes(FEATURES + 1, y, x), &[0.0; LANES]));
+    }
+    let own: [&[f32]; FEATURES] = std::array::from_fn(|f| &predicted.row_with_margins(f, y)[MARGIN..]);
+    for (weights, (other_y, at)) in weights.iter_mut().zip(neighbours) {
+        let others: [&[f32]; FEATURES] =
+            std::array::from_fn(|f| &predicted.row_with_margins(f, other_y)[at..]);
+        let (a, other_hit) =
+            (&predicted.row_with_margins(FEATURES, other_y)[at..], &hit.row_with_margins(0, other_y)[at..]);
+        for x in pixels.clone() {
+            let mut squared = apart(hit.lanes(0, y, x), lanes(&other_hit[x..]));
+            for (own, other) in own.iter().zip(others) {
+                squared = add_square::<FMA>(&squared, lanes(&own[x..]), lanes(&other[x..]));
+            }
+            let weight = exponential(lanes(&a[x..]), &squared);
+            weights[x..][..LANES].copy_from_slice(&weight);
+            factor[x..][..LANES].iter_mut().zip(weight).for_each(|(sum, weight)| *sum += weight);
+        }
+    }
+    factor.iter_mut().for_each(|sum| *sum = 1.0 / *sum);
 }
 
 /// exp(a − d), where a is bounded.
@@ -144,15 +187,15 @@ fn add_difference<const FMA: bool>(sum: &Lanes, w: &Lanes, a: &Lanes, b: &Lanes)
     std::array::from_fn(|i| multiply_add::<FMA>(w[i], a[i] - b[i], sum[i]))
 }
 
-/// Rows of the eight neighbours at a dilation, and the index in the row with its margins of the one of pixel `x`.
+/// Rows of the eight neighbours of row `y` at a dilation, and the index in the row with its margins of that of the first pixel.
 #[inline(always)]
-fn neighbours(dilation: usize, x: usize, y: usize, height: usize) -> [(usize, usize); 8] {
+fn neighbours(dilation: usize, y: usize, height: usize) -> [(usize, usize); 8] {
     std::array::from_fn(|i| {
         // The pixel itself is left out.
         let i = i + usize::from(i >= 4);
         let (dx, dy) = (i % 3, i / 3);
         let row = (y + dy * dilation).saturating_sub(dilation).min(height - 1);
-        (row, MARGIN + x + dx * dilation - dilation)
+        (row, MARGIN + dx * dilation - dilation)
     })
 }
 
@@ -217,7 +260,7 @@ mod tests {
     #[test]
     fn the_filter_agrees_with_the_definition() {
         let mut rng = Pcg32::seed_from_u64(6);
-        for (width, height) in [(1, 1), (41, 19)] {
+        for (width, height) in [(1, 1), (2, 3), (16, 2), (17, 5), (41, 19)] {
             let kernels = random_kernels(width, height, &mut rng);
             let values = random(width, height, 4, &mut rng);
             let mut hit = random(width, height, 1, &mut rng);

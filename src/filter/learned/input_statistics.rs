@@ -123,12 +123,16 @@ impl InputStatistics {
         inputs.data_mut().par_chunks_mut(row_len).enumerate().for_each(|(y, row)| {
             for (part, out) in row.chunks_exact_mut(INPUTS * stride).enumerate() {
                 let y = (2 * y + part / 2).min(height - 1);
-                for x in 0..half_width {
-                    let pixel = y * width + (2 * x + part % 2).min(width - 1);
-                    let planes = out[MARGIN + x..].iter_mut().step_by(stride);
-                    // The largest accepted values have ratios that are no numbers.
-                    let bounded = |v: f32| if v.is_nan() { 0.0 } else { v.clamp(-MAX_INPUT, MAX_INPUT) };
-                    planes.zip(self.at(pixel, nlm)).for_each(|(out, input)| *out = bounded(input));
+                // A block of pixels at a time, so that its values are written plane by plane
+                for x in (0..half_width).step_by(ALIGNMENT / 2) {
+                    let pixel = |k: usize| y * width + (2 * (x + k) + part % 2).min(width - 1);
+                    let block: [_; ALIGNMENT / 2] = std::array::from_fn(|k| self.at(pixel(k), nlm));
+                    for (plane, out) in out.chunks_exact_mut(stride).enumerate() {
+                        // The largest accepted values have ratios that are no numbers.
+                        let bounded = |v: f32| if v.is_nan() { 0.0 } else { v.clamp(-MAX_INPUT, MAX_INPUT) };
+                        let out = &mut out[MARGIN + x..][..ALIGNMENT / 2];
+                        out.iter_mut().zip(&block).for_each(|(out, inputs)| *out = bounded(inputs[plane]));
+                    }
                 }
             }
         });

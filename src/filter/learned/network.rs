@@ -113,10 +113,11 @@ impl Prediction<'_> {
             for (iy, out) in out.chunks_exact_mut(row_len).enumerate() {
                 for (plane, out) in out.chunks_exact_mut(stride).enumerate() {
                     let source = |ix: usize| &row[((2 * iy + ix) * planes + plane) * x.stride() + MARGIN..];
-                    let pairs = source(0).iter().zip(source(1));
-                    for (out, (&even, &odd)) in out[affinity::MARGIN..][..width].chunks_mut(2).zip(pairs) {
-                        out.copy_from_slice(&[even, odd][..out.len()]);
+                    let (pairs, last) = out[affinity::MARGIN..][..width].as_chunks_mut();
+                    for (pair, (&even, &odd)) in pairs.iter_mut().zip(source(0).iter().zip(source(1))) {
+                        *pair = [even, odd];
                     }
+                    last.fill(source(0)[width / 2]);
                     extend(out, affinity::MARGIN, width);
                 }
             }
@@ -148,8 +149,8 @@ fn grow_beside(small: &InterleavedPlanes, skipped: &InterleavedPlanes) -> Interl
     out.data_mut().par_chunks_mut(row_len).enumerate().for_each(|(y, out)| {
         let (grown, copied) = out.split_at_mut(small.count() * stride);
         for (plane, out) in grown.chunks_exact_mut(stride).enumerate() {
-            let pairs = out[MARGIN..][..width].chunks_exact_mut(2);
-            pairs.zip(small.row(plane, y / 2)).for_each(|(out, &v)| out.fill(v));
+            let (pairs, _) = out[MARGIN..][..width].as_chunks_mut();
+            pairs.iter_mut().zip(small.row(plane, y / 2)).for_each(|(pair, &v)| *pair = [v; 2]);
         }
         for (plane, out) in copied.chunks_exact_mut(stride).enumerate() {
             out[MARGIN..][..width].copy_from_slice(skipped.row(plane, y));

@@ -71,6 +71,19 @@ pub static DRAFT: Nlm = Nlm {
 
 const METHOD: &str = "nlm";
 
+impl Nlm {
+    /// Filters a store, and layers that sum to its colour, without an estimate of the error.
+    pub fn images(
+        &self,
+        store: &Store,
+        layers: &[[Planes; 2]],
+        whole: &dyn WholeImage,
+    ) -> (Images, Vec<Planes>) {
+        let (filtered, layers) = FilteredHalves::new(store, &self.settings, layers, whole);
+        (filtered.into_images(), layers)
+    }
+}
+
 impl Denoiser for Nlm {
     fn name(&self) -> DenoiserName {
         DenoiserName { method: METHOD, preset: Some(self.preset) }
@@ -146,81 +159,114 @@ fn filter_with_layers(
     layers: &[[Planes; 2]],
     whole: &dyn WholeImage,
 ) -> (FilterResult, Vec<Planes>) {
-    let layout = store.layout();
-    let counts = HalfCounts::from_store(store);
-    let settings =
-        &settings.for_samples(whole_image::samples_per_pixel(whole, counts.integers(), store.width()));
-    let read = |block| layout.block(block).map(|dims| DualBuffer::from_store(store, dims, &counts));
-
-    // Clamp fireflies and filter the features
-    let (noisy, clamped) =
-        DualBuffer::from_store_clamped(store, layout.colour(), &counts, &settings.fireflies);
-    let normal = read(Block::Normal1).map(|normal| filter_feature(&normal, settings));
-    let albedo = read(Block::Albedo)
-        .map(|albedo| clamp_albedo(filter_feature(&albedo, settings), settings.albedo_floor));
-    let noisy_emission = read(Block::Emission);
-
-    // Filter colour and emission
-    let mut colour = filter_colour(&noisy, normal.as_ref(), albedo.as_ref(), settings, whole);
-    let mut emission = noisy_emission.as_ref().map(|emission| filter_emission(emission, settings, whole));
-
-    // Blend them with local linear fits
-    let mut fraction = None;
-    if settings.fit_radius > 0 {
-        let mut image = counts.mean([&colour[0].value, &colour[1].value]);
-        if let Some([a, b]) = &emission {
-            add(&mut image, &counts.mean([&a.value, &b.value]));
-        }
-        let parts = colour.iter().chain(emission.iter().flatten()).map(|half| &half.value);
-        let brightness = Brightness::new(&image, parts, whole);
-        let features = [normal.as_ref(), albedo.as_ref()];
-        let fitted = fit(&noisy, features, settings.fit_k, settings, whole);
-        let of_first = fraction_of_first(&noisy, &brightness, &colour, &fitted, settings.blend_sigma);
-        colour = mix(colour, &fitted, &of_first);
-        fraction = Some(of_first);
-        emission = emission.zip(noisy_emission.as_ref()).map(|(emission, noisy)| {
-            let fitted = fit(noisy, [None; 2], settings.fit_emission_k, settings, whole);
-            blend(noisy, &brightness, emission, &fitted, settings.blend_sigma)
-        });
-    }
-    add_firefly_excess(&mut colour, &clamped, normal.as_ref(), albedo.as_ref(), settings);
-    let steps = ColourSteps {
-        noisy: &noisy,
-        counts: &counts,
-        fireflies: &clamped.fireflies,
-        features: [normal.as_ref(), albedo.as_ref()],
-        fraction: fraction.as_deref(),
-        settings,
-        whole,
-    };
-    let layers = steps.filter(layers, colour.each_ref().map(|half| &half.value));
-
-    // Estimate the error and add the emission
-    let part = |noisy, filtered| FilteredPart { noisy, filtered };
-    let emission_part =
-        noisy_emission.as_ref().zip(emission.as_ref()).map(|(noisy, emission)| part(noisy, emission));
-    let ErrorMaps { variance, residual, risk, error } =
-        ErrorMaps::cross_filtered(part(&noisy, &colour), emission_part, &counts);
-    let mut halves = colour.map(|half| half.value);
-    for (half, emission) in halves.iter_mut().zip(emission.iter().flatten()) {
-        add(half, &emission.value);
-    }
-    let image = counts.mean([&halves[0], &halves[1]]);
-    let made_by = DenoiserName { method: METHOD, preset: None };
-    let reliability = Reliability::CROSS_FILTERED;
+    let (filtered, layers) = FilteredHalves::new(store, settings, layers, whole);
+    let ErrorMaps { variance, residual, risk, error } = filtered.error_maps();
+    let Images { image, halves } = filtered.into_images();
     let result = FilterResult {
-        made_by,
+        made_by: DenoiserName { method: METHOD, preset: None },
         image,
         halves,
         variance,
         error,
         residual,
         risk,
-        reliability,
+        reliability: Reliability::CROSS_FILTERED,
         interpolation: None,
         failure: None,
     };
     (result, layers)
+}
+
+/// The filtered image and those of the halves of its samples, emission included: 3 planes each.
+pub struct Images {
+    pub image: Planes,
+    pub halves: [Planes; 2],
+}
+
+/// Colour and emission in both halves of the samples, filtered and not.
+struct FilteredHalves {
+    counts: HalfCounts,
+    noisy: DualBuffer,
+    colour: [LinearEstimate; 2],
+    noisy_emission: Option<DualBuffer>,
+    emission: Option<[LinearEstimate; 2]>,
+}
+
+impl FilteredHalves {
+    /// Filters a store, and layers that sum to its colour.
+    fn new(
+        store: &Store,
+        settings: &NlmSettings,
+        layers: &[[Planes; 2]],
+        whole: &dyn WholeImage,
+    ) -> (Self, Vec<Planes>) {
+        let layout = store.layout();
+        let counts = HalfCounts::from_store(store);
+        let settings =
+            &settings.for_samples(whole_image::samples_per_pixel(whole, counts.integers(), store.width()));
+        let read = |block| layout.block(block).map(|dims| DualBuffer::from_store(store, dims, &counts));
+
+        // Clamp fireflies and filter the features
+        let (noisy, clamped) =
+            DualBuffer::from_store_clamped(store, layout.colour(), &counts, &settings.fireflies);
+        let normal = read(Block::Normal1).map(|normal| filter_feature(&normal, settings));
+        let albedo = read(Block::Albedo)
+            .map(|albedo| clamp_albedo(filter_feature(&albedo, settings), settings.albedo_floor));
+        let noisy_emission = read(Block::Emission);
+
+        // Filter colour and emission
+        let mut colour = filter_colour(&noisy, normal.as_ref(), albedo.as_ref(), settings, whole);
+        let mut emission = noisy_emission.as_ref().map(|emission| filter_emission(emission, settings, whole));
+
+        // Blend them with local linear fits
+        let mut fraction = None;
+        if settings.fit_radius > 0 {
+            let mut image = counts.mean([&colour[0].value, &colour[1].value]);
+            if let Some([a, b]) = &emission {
+                add(&mut image, &counts.mean([&a.value, &b.value]));
+            }
+            let parts = colour.iter().chain(emission.iter().flatten()).map(|half| &half.value);
+            let brightness = Brightness::new(&image, parts, whole);
+            let features = [normal.as_ref(), albedo.as_ref()];
+            let fitted = fit(&noisy, features, settings.fit_k, settings, whole);
+            let of_first = fraction_of_first(&noisy, &brightness, &colour, &fitted, settings.blend_sigma);
+            colour = mix(colour, &fitted, &of_first);
+            fraction = Some(of_first);
+            emission = emission.zip(noisy_emission.as_ref()).map(|(emission, noisy)| {
+                let fitted = fit(noisy, [None; 2], settings.fit_emission_k, settings, whole);
+                blend(noisy, &brightness, emission, &fitted, settings.blend_sigma)
+            });
+        }
+        add_firefly_excess(&mut colour, &clamped, normal.as_ref(), albedo.as_ref(), settings);
+        let steps = ColourSteps {
+            noisy: &noisy,
+            counts: &counts,
+            fireflies: &clamped.fireflies,
+            features: [normal.as_ref(), albedo.as_ref()],
+            fraction: fraction.as_deref(),
+            settings,
+            whole,
+        };
+        let layers = steps.filter(layers, colour.each_ref().map(|half| &half.value));
+        (Self { counts, noisy, colour, noisy_emission, emission }, layers)
+    }
+
+    /// Estimates the error of the sum of colour and emission.
+    fn error_maps(&self) -> ErrorMaps {
+        let part = |noisy, filtered| FilteredPart { noisy, filtered };
+        let emission = self.noisy_emission.as_ref().zip(self.emission.as_ref());
+        let emission = emission.map(|(noisy, emission)| part(noisy, emission));
+        ErrorMaps::cross_filtered(part(&self.noisy, &self.colour), emission, &self.counts)
+    }
+
+    /// Adds the emission to the colour.
+    fn into_images(self) -> Images {
+        let mut halves = self.colour.map(|half| half.value);
+        for (half, emission) in halves.iter_mut().zip(self.emission.iter().flatten()) {
+            add(half, &emission.value);
+        }
+        Images { image: self.counts.mean([&halves[0], &halves[1]]), halves }
+    }
 }
 
 /// Adds the blurred excess of fireflies to surfaces, multiplied by the albedo.

@@ -14,8 +14,9 @@ use rayon::prelude::*;
 
 use super::row_sums::RowSums;
 use crate::filter::common::fast_exp::exp_negative;
+use crate::filter::common::lanes::lanes;
 use crate::filter::common::padded_planes::{Margin, PaddedPlanes};
-use crate::simd::{LANES, apply, multiversioned};
+use crate::simd::{LANES, Lanes, apply, multiversioned};
 
 /// Maximum contribution of one pixel to a patch sum. Larger terms give a weight of 0 as well, and would take
 /// precision from the sums.
@@ -326,6 +327,12 @@ fn min(a: f32, b: f32) -> f32 {
     if a < b { a } else { b }
 }
 
+/// The same for the larger one.
+#[inline(always)]
+fn max(a: f32, b: f32) -> f32 {
+    if a > b { a } else { b }
+}
+
 #[apply(multiversioned!)]
 fn add_squared_difference(i: &[f32], j: &[f32], sum: &mut [f32]) {
     let n = sum.len();
@@ -345,7 +352,8 @@ struct Exponents {
     symmetric_weights: bool,
 }
 
-/// Computes the weights of both directions from column sums. On entry `w_ij` holds the squared feature differences.
+/// Computes the weights of both directions from column sums. On entry `w_ij` holds the squared feature differences. Its length is a
+/// multiple of [`LANES`], and `w_ji` has the same.
 #[apply(multiversioned!)]
 fn to_weights<const PATCH: usize>(
     exponents: Exponents,
@@ -354,23 +362,31 @@ fn to_weights<const PATCH: usize>(
     w_ij: &mut [f32],
     w_ji: &mut [f32],
 ) {
-    let n = w_ij.len();
-    let w_ji = &mut w_ji[..n];
-    let (p, q) = (&p[..n + 2 * PATCH], &q[..n + 2 * PATCH]);
     let Exponents { scale, terms, feature_inverse_bandwidth, symmetric_weights } = exponents;
-    for x in 0..n {
-        let (mut sum_p, mut sum_q) = (0.0, 0.0);
-        for t in 0..2 * PATCH + 1 {
-            sum_p += p[x + t];
-            sum_q += q[x + t];
+    debug_assert!(w_ij.len().is_multiple_of(LANES) && w_ij.len() == w_ji.len(), "whole blocks of pixels");
+    // In blocks, or the compiler assembles the overlapping sums from shuffled registers
+    let blocks = w_ij.as_chunks_mut::<LANES>().0.iter_mut().zip(w_ji.as_chunks_mut::<LANES>().0);
+    for (k, (w_ij, w_ji)) in blocks.enumerate() {
+        let [sum_p, sum_q] = [p, q].map(|columns| patch_sums::<PATCH>(&columns[k * LANES..]));
+        for i in 0..LANES {
+            let feature = feature_inverse_bandwidth * w_ij[i];
+            let d_ij = max((sum_p[i] - sum_q[i]) * scale, 0.0);
+            let d_ji = max((sum_p[i] + sum_q[i] - terms) * scale, 0.0);
+            let larger = max(d_ij, d_ji);
+            w_ij[i] = exp_negative(if symmetric_weights { larger } else { d_ij } + feature);
+            w_ji[i] = exp_negative(if symmetric_weights { larger } else { d_ji } + feature);
         }
-        let feature = feature_inverse_bandwidth * w_ij[x];
-        let d_ij = ((sum_p - sum_q) * scale).max(0.0);
-        let d_ji = ((sum_p + sum_q - terms) * scale).max(0.0);
-        let larger = d_ij.max(d_ji);
-        w_ij[x] = exp_negative(if symmetric_weights { larger } else { d_ij } + feature);
-        w_ji[x] = exp_negative(if symmetric_weights { larger } else { d_ji } + feature);
     }
+}
+
+/// Sums of as many neighbouring columns as a patch has, from the first [`LANES`] columns on.
+#[inline(always)]
+fn patch_sums<const PATCH: usize>(columns: &[f32]) -> Lanes {
+    let columns = &columns[..LANES + 2 * PATCH];
+    (1..2 * PATCH + 1).fold(*lanes(columns), |sums, t| {
+        let next = lanes(&columns[t..]);
+        std::array::from_fn(|i| sums[i] + next[i])
+    })
 }
 
 #[cfg(test)]

@@ -136,3 +136,22 @@ fn only_light_mostly_in_one_half_is_clamped() {
     let none = clamp(&whole, [&a, &b], [&[4; 81], &[4; 81]], &FireflySettings::off());
     assert!(none.fireflies.is_empty() && none.whole == whole);
 }
+
+#[test]
+fn bright_pixels_exceed_most_of_their_window_in_images_of_any_size() {
+    let sizes = (1..=6).flat_map(|width| (1..=6).map(move |height| (width, height)));
+    for (width, height) in sizes.chain([(37, 9)]) {
+        let luminances: Vec<f32> = (0..width * height).map(|i| (i * 37 % 23) as f32).collect();
+        for y in 0..height {
+            let found = exceed_most(&luminances, width, y, 2.0);
+            for (x, found) in found.into_iter().enumerate() {
+                let is_near =
+                    |i: &usize| (i % width).abs_diff(x) <= RADIUS && (i / width).abs_diff(y) <= RADIUS;
+                let window: Vec<usize> = (0..width * height).filter(is_near).collect();
+                let own = luminances[y * width + x];
+                let darker = window.iter().filter(|&&i| luminances[i] < own / 2.0).count();
+                assert_eq!(found, 2 * darker > window.len(), "{width}×{height}: {x} {y}");
+            }
+        }
+    }
+}
