@@ -25,6 +25,7 @@ preview is closed. With --state what was rendered of the scene's own view is kep
 paused as well, and --resume goes on from there.")]
 #[command(mut_arg("report", |option| option.hide(true)))]
 #[command(mut_arg("samples", |option| option.hide(true)))]
+#[command(mut_arg("reference", |option| option.help("Also show this image, the difference from it, and the true error")))]
 pub(super) struct PreviewOptions {
     #[command(flatten)]
     render: RenderOptions,

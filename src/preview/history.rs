@@ -1,7 +1,8 @@
 //! The renders that commands have replaced, for undo and redo, as far as memory allows.
 //!
 //! A command that discards the samples puts the render so far here, and the page can have it back: the samples, the camera
-//! and the settings. Where there are too many, the oldest go first.
+//! and the settings. Where there are too many, those of the least time go first: they are rendered again soonest. The latest goes last, since
+//! an undo leads there.
 
 use super::generation_record::GenerationRecord;
 use super::orbit_camera::OrbitCamera;
@@ -90,7 +91,7 @@ impl History {
     }
 
     /// Keeps a render that another one replaces, if it is worth it and there is room. Returns the renders that are not kept
-    /// any longer, the oldest first.
+    /// any longer.
     pub fn keep(&mut self, render: KeptRender) -> Vec<KeptRender> {
         // What was undone stays reachable: it moves before the render.
         let undone = std::mem::take(&mut self.undone);
@@ -108,8 +109,14 @@ impl History {
             let bytes = kept.iter().map(|kept| bytes(&kept.checkpoint.store)).sum::<f64>();
             kept.len() > MOST_KEPT || limit.is_some_and(|limit| bytes > limit)
         };
-        let removed = (0..self.done.len()).find(|&i| !is_full(&self.done[i..])).unwrap_or(self.done.len());
-        self.done.drain(..removed).collect()
+        let mut removed = Vec::new();
+        while is_full(&self.done) {
+            let seconds = |&i: &usize| self.done[i].seconds();
+            let earlier = 0..self.done.len() - 1;
+            let shortest = earlier.min_by(|a, b| seconds(a).total_cmp(&seconds(b))).unwrap_or(0);
+            removed.push(self.done.remove(shortest));
+        }
+        removed
     }
 
     /// Returns whether there is a render that way.
@@ -143,19 +150,25 @@ impl History {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::progressive::Progress;
     use crate::stats::Layout;
 
-    /// A finished render whose image is `width` pixels wide.
-    fn finished(width: usize) -> KeptRender {
+    /// A finished render of `seconds` seconds whose image is `width` pixels wide.
+    fn finished_after(seconds: f64, width: usize) -> KeptRender {
         let store = Store::new(width, 16, Layout::with_blocks(|_| false), 0, 0);
+        let progress = Progress { fraction: 1.0, elapsed: seconds, samples: 1, spp: 1.0, estimate: None };
         KeptRender {
             camera: None,
             settings: Settings::default(),
             checkpoint: Checkpoint::new(store),
-            record: GenerationRecord::default(),
+            record: GenerationRecord { progress: Some(progress), ..GenerationRecord::default() },
             keeps_checkpoints: false,
             is_kept_if_short: true,
         }
+    }
+
+    fn finished(width: usize) -> KeptRender {
+        finished_after(5.0, width)
     }
 
     fn widths(kept: &[KeptRender]) -> Vec<usize> {
@@ -163,7 +176,7 @@ mod tests {
     }
 
     #[test]
-    fn the_oldest_renders_go_first() {
+    fn of_equally_long_renders_the_oldest_go_first() {
         let mut history = History::default();
         for width in 1..=MOST_KEPT {
             assert!(history.keep(finished(width)).is_empty());
@@ -173,6 +186,18 @@ mod tests {
         assert_eq!(widths(&history.make_room(Some(limit))), [2, 3, 4, 5, 6], "more bytes than may be taken");
         assert_eq!(widths(&history.done), [7, 8, 9]);
         assert_eq!(widths(&history.make_room(Some(0.0))), [7, 8, 9]);
+    }
+
+    #[test]
+    fn a_long_render_outlasts_glances_at_other_views() {
+        let mut history = History::default();
+        history.keep(finished_after(600.0, 1));
+        (2..=MOST_KEPT).for_each(|width| drop(history.keep(finished_after(3.0, width))));
+        assert_eq!(widths(&history.keep(finished_after(2.0, MOST_KEPT + 1))), [2]);
+        assert_eq!(widths(&history.done)[0], 1);
+        let least = history.done.last().map(|latest| bytes(&latest.checkpoint.store));
+        assert_eq!(history.make_room(least).len(), MOST_KEPT - 1, "the latest is kept, short as it is");
+        assert_eq!(widths(&history.done), [MOST_KEPT + 1]);
     }
 
     #[test]
@@ -188,7 +213,7 @@ mod tests {
     #[test]
     fn short_renders_are_not_kept() {
         let mut history = History::default();
-        let short = KeptRender { is_kept_if_short: false, ..finished(1) };
+        let short = KeptRender { is_kept_if_short: false, ..finished_after(1.0, 1) };
         assert_eq!(history.keep(short).len(), 1);
         assert!(!history.leads(HistoryStep::Undo));
     }

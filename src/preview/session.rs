@@ -18,7 +18,7 @@ use super::viewer::Viewer;
 /// Longest packet of an image, in bytes.
 const LONGEST_PIECE: usize = 256 << 10;
 /// A viewer that does not take a packet within this time is disconnected.
-const SEND_TIMEOUT: Duration = Duration::from_secs(20);
+const SEND_TIMEOUT: Duration = Duration::from_secs(8);
 /// Time between two signs of life, and the longest silence of a viewer: a browser answers pings by itself.
 const PING_INTERVAL: Duration = Duration::from_secs(2);
 const LONGEST_SILENCE: Duration = Duration::from_secs(7);

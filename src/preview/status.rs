@@ -129,7 +129,8 @@ pub struct Expectation {
     pub halved: Point,
     /// Seconds of rendering from now until then; 0 if it should be halved by now.
     pub halving_seconds: f64,
-    /// The same until the target, if there is one.
+    /// The same of the target, if there is one.
+    pub target: Option<Point>,
     pub target_seconds: Option<f64>,
 }
 

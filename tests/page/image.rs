@@ -40,6 +40,25 @@ fn the_image_does_not_move_when_the_pointer_arrives() {
     }
 }
 
+/// A pixel without samples shows its neighbour's colour, but not as a value of its own.
+#[test]
+fn a_pixel_without_samples_has_no_values() {
+    let Some(program) = chromium() else { return };
+    let (_render, address, _folder) = preview(&["--spp", "1"]);
+    let mut page = Page::open(program, &address, [1280, 800]);
+    page.wait("window.prpf && window.prpf.state.status");
+    let mut shown = |samples: u32, raw: &str| {
+        page.value(&format!(
+            "import('/inspector.js').then(({{ showValues }}) => {{ \
+             showValues([3, 4], 'raw', [0.5, 0.5, 0.5], {{ x: 3, y: 4, samples: {samples}, raw: {raw}, filtered: null, \
+             variance: null, error: null, residual: null, failure: null, albedo: null, normal: null }}); \
+             return document.getElementById('values').textContent; }})"
+        ))
+    };
+    assert_eq!(shown(0, "null"), "pixel3, 4samples0");
+    assert_eq!(shown(2, "[1, 1, 1]"), "pixel3, 4unfiltered1.000  1.000  1.000samples2");
+}
+
 /// The image of a moved camera is filtered at a lower resolution long before every pixel has samples.
 #[test]
 fn a_large_image_is_filtered_coarsely_first() {

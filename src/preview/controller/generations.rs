@@ -17,6 +17,9 @@ use crate::progressive::{Checkpoint, RenderLoop, Settings, memory_needed};
 use crate::render::Renderer;
 use crate::stats::Store;
 
+/// Seconds of a render that is missed if it cannot be had back: the notice of it stays.
+const LONG: f64 = 30.0;
+
 impl Controller<'_> {
     /// Takes what was made of this scene before another one was opened.
     pub(super) fn take_session(&mut self) {
@@ -87,7 +90,8 @@ impl Controller<'_> {
             lost.join(", "),
             limit.unwrap_or_default()
         );
-        self.reporter.notice(text, false);
+        // What took long is missed
+        self.reporter.notice(text, dropped.iter().any(|render| render.seconds() >= LONG));
     }
 
     /// Starts the loop of a new render: with the spare store, if that fits.

@@ -16,9 +16,8 @@ export function duration(seconds) {
   return `${(seconds / 3600).toFixed(1)} h`;
 }
 
-// Draws the curve. `points`: [{ seconds, error }]; `halved`: the point at which the latest error is halved, or null;
-// `target`: an error or null.
-export function drawErrorCurve(canvas, points, halved, target) {
+// Draws the curve. `points`: [{ seconds, error }]; `next`: the point that is forecast, or null; `target`: an error or null.
+export function drawErrorCurve(canvas, points, next, target) {
   // Size the canvas in device pixels
   const ratio = window.devicePixelRatio || 1;
   const { clientWidth: width, clientHeight: height } = canvas;
@@ -31,7 +30,7 @@ export function drawErrorCurve(canvas, points, halved, target) {
   // Choose the ranges of both axes
   const known = points.filter((p) => p.error > 0 && p.seconds > 0);
   const last = known.at(-1);
-  const all = [...known, ...(halved ? [halved] : [])];
+  const all = [...known, ...(next ? [next] : [])];
   const span = (values, least) => {
     let low = Math.min(...values), high = Math.max(...values);
     const spare = Math.max(0, least - (high - low)) / 2;
@@ -76,16 +75,16 @@ export function drawErrorCurve(canvas, points, halved, target) {
   known.forEach((p) => c.lineTo(x(p.seconds), y(p.error)));
   c.stroke();
   for (const p of known) dot(c, x(p.seconds), y(p.error), 2);
-  if (halved) {
+  if (next) {
     c.strokeStyle = COLOURS.forecast;
     c.setLineDash([4, 3]);
     c.beginPath();
     c.moveTo(x(last.seconds), y(last.error));
-    c.lineTo(x(halved.seconds), y(halved.error));
+    c.lineTo(x(next.seconds), y(next.error));
     c.stroke();
     c.setLineDash([]);
     c.beginPath();
-    c.arc(x(halved.seconds), y(halved.error), 3, 0, 7);
+    c.arc(x(next.seconds), y(next.error), 3, 0, 7);
     c.stroke();
   }
 }

@@ -6,6 +6,9 @@ import { VIEW_NAMES } from "./views.js";
 // The values that the render sends, by the views that show them.
 const SENT = ["raw", "filtered", "samples", "variance", "error", "residual", "failure", "albedo", "normal"];
 
+// Those that a pixel without samples lacks: on screen it has its neighbour's.
+const OF_SAMPLES = ["raw", "variance", "albedo", "normal"];
+
 // Formats a value: a number, or a list of one or three of them.
 function format(view, value) {
   if (view === "samples") return String(value);
@@ -20,7 +23,8 @@ export function showValues(pixel, view, own, all) {
   if (!pixel) return;
   const isOfPixel = all && all.x === pixel[0] && all.y === pixel[1];
   const values = isOfPixel ? SENT.filter((name) => all[name] !== null).map((name) => [name, all[name]]) : [];
-  if (own && !values.some(([name]) => name === view)) values.push([view, own]);
+  const isEmpty = isOfPixel && all.samples === 0 && OF_SAMPLES.includes(view);
+  if (own && !isEmpty && !values.some(([name]) => name === view)) values.push([view, own]);
   const entries = values.map(([name, value]) => [(VIEW_NAMES[name] ?? "saved").toLowerCase(), format(name, value)]);
   document.getElementById("values").replaceChildren(...[["pixel", pixel.join(", ")], ...entries].map(([name, value]) => {
     const item = document.createElement("span");

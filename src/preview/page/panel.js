@@ -174,21 +174,22 @@ export class Panel {
   // Shows the error curve and its forecast.
   showCurve() {
     const { curve, forecast, settings } = this.status;
-    drawErrorCurve($("curve"), curve, forecast?.halved ?? null, settings.budget.target_error);
+    const { error } = this.status.statistics.estimate ?? {};
+    const isOnTheWay = forecast?.target && error > settings.budget.target_error;
+    const next = isOnTheWay ? forecast.target : forecast?.halved ?? null;
+    drawErrorCurve($("curve"), curve, next, settings.budget.target_error);
     const text = $("forecast");
     if (!forecast) {
       text.textContent = "The first filter pass estimates the error.";
       return;
     }
-    const { error } = this.status.statistics.estimate ?? {};
     const { halving_seconds, target_seconds } = forecast;
-    const isOnTheWay = target_seconds !== null && error > settings.budget.target_error;
     const [what, seconds] = isOnTheWay ? ["Reaching the target error takes ", target_seconds] : ["Halving the error takes ", halving_seconds];
     if (seconds === 0) {
       text.textContent = isOnTheWay ? "The next image may reach the target error." : "The next image may have half of this error.";
       return;
     }
-    const time = Object.assign(document.createElement("b"), { textContent: duration(seconds) });
+    const time = Object.assign(document.createElement("b"), { textContent: seconds < 1 ? "less than a second" : duration(seconds) });
     text.replaceChildren(what, time, " more.");
   }
 }

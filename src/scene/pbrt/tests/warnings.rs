@@ -36,6 +36,14 @@ fn unsupported_materials_are_diffuse() {
 }
 
 #[test]
+fn negative_roughness_is_reported() {
+    for name in ["roughness", "uroughness", "vroughness"] {
+        let message = format!("\"{name}\" is -1; expected a number from 0 up");
+        warned_once(&format!("Material \"conductor\" \"float {name}\" -1"), &message);
+    }
+}
+
+#[test]
 fn unsupported_textures_are_gray() {
     let texture = |of: &str| format!("Texture \"t\" \"{of}\" \"ptex\" \"string filename\" \"nowhere.ptx\"");
     let message = "texture \"ptex\" is not supported; using the constant 0.5";
