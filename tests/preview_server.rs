@@ -55,7 +55,8 @@ fn send(socket: &mut Socket, message: &str) {
 /// Returns the bytes of the image that begins with this piece.
 fn image_length(piece: &[u8]) -> usize {
     let side = |at: usize| usize::from(u16::from_le_bytes([piece[at], piece[at + 1]]));
-    24 + 2 * usize::from(piece[2]) * side(4) * side(6)
+    let squares = |at: usize| side(at).div_ceil(piece[24].into());
+    28 + 2 * usize::from(piece[2]) * squares(4) * squares(6)
 }
 
 /// Reads until the status says that the render has finished, and takes all images; returns their number.
@@ -222,7 +223,31 @@ fn a_request_that_does_not_end_is_dropped_after_ten_seconds() {
     assert!((8..14).contains(&started.elapsed().as_secs()), "{:?}", started.elapsed());
 }
 
-/// Viewers that connect, send every command many times, read little, and leave. `PRPF_VIEWERS=8640` for as many as come
+/// Pages that all lose their connection connect again at once.
+#[test]
+fn after_a_storm_of_connections_there_is_a_place_and_an_image() {
+    let (_render, address, _folder) = preview(&["--spp", "0"]);
+    let own = address.trim_end_matches('/').to_owned();
+    let answers = std::thread::scope(|scope| {
+        let visit = || (0..40).map(|_| socket_status(&own, "/live", Some(&own), None)).collect::<Vec<_>>();
+        let storm: Vec<_> = (0..24).map(|_| scope.spawn(visit)).collect();
+        storm.into_iter().flat_map(|visits| visits.join().expect("answers")).collect::<Vec<_>>()
+    });
+    assert!(answers.iter().all(|status| [101, 503].contains(status)), "{answers:?}");
+    // The places of those that have gone become free within moments
+    let is_free = || socket_status(&own, "/live", Some(&own), None) == 101;
+    assert!((0..50).any(|_| {
+        std::thread::sleep(std::time::Duration::from_millis(100));
+        is_free()
+    }));
+    std::thread::sleep(std::time::Duration::from_millis(100));
+    let mut socket = viewer(&address);
+    send(&mut socket, r#"{"type":"views","views":["raw"]}"#);
+    send(&mut socket, r#"{"type":"ready"}"#);
+    while !matches!(socket.read().expect("a message"), Message::Binary(_)) {}
+}
+
+/// Viewers that connect, send every command but Save many times, read little, and leave. `PRPF_VIEWERS=8640` for as many as come
 /// in 24 hours, one each ten seconds.
 #[cfg(target_os = "linux")]
 #[test]
@@ -244,6 +269,17 @@ fn viewers_that_come_and_go_take_little_memory() {
             r#"{"type":"priority-region","region":[[0.2,0.5],[0.1,0.5]]}"#,
             r#"{"type":"settings","sampling":"uniform"}"#,
             r#"{"type":"settings","sampling":"adaptive"}"#,
+            r#"{"type":"settings","denoiser":"none"}"#,
+            r#"{"type":"settings","denoiser":"nlm"}"#,
+            r#"{"type":"camera","focus_at":[4,4]}"#,
+            r#"{"type":"add-bookmark"}"#,
+            r#"{"type":"remove-bookmark","number":1}"#,
+            r#"{"type":"restart"}"#,
+            r#"{"type":"undo"}"#,
+            r#"{"type":"redo"}"#,
+            r#"{"type":"open-scene","index":7}"#,
+            r#"{"type":"alive"}"#,
+            r#"{"type":"pause","paused":true}"#,
             r#"{"type":"pause","paused":false}"#,
             r#"{"type":"launch"}"#,
         ] {

@@ -24,13 +24,14 @@ import urllib.parse
 
 # Offset of the view in a frame's header, and its value for the unfiltered image, which changes with every batch.
 VIEW_BYTE, RAW = 1, 1
-HEADER = 24
+HEADER = 28
 
 
 def frame_length(piece):
     """Returns the bytes of the frame that begins with this piece."""
-    channels, width, height = struct.unpack("<2xBxHH", piece[:8])
-    return HEADER + 2 * channels * width * height
+    channels, width, height, grid = struct.unpack("<2xBxHH16xB", piece[:25])
+    columns, rows = -(-width // grid), -(-height // grid)
+    return HEADER + 2 * channels * columns * rows
 
 
 class Socket:

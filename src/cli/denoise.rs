@@ -85,7 +85,7 @@ fn denoise(options: &DenoiseOptions, start: Instant) -> Result<u8, Failure> {
         RenderState::read(&options.inputs[0]).map_err(|error| Failure::Input(error.into()))?;
     let denoiser = options.denoiser.choose(settings.denoiser).map_err(Failure::Input)?;
     let settings = Settings { denoiser, ..settings };
-    let Filtered { result, estimate, .. } = filter(&checkpoint, &settings).map_err(Failure::Input)?;
+    let Filtered { result, side, estimate, .. } = filter(&checkpoint, &settings).map_err(Failure::Input)?;
     if let Some(failure) = &result.failure {
         return Err(Failure::Run(anyhow!(failure.clone())));
     }
@@ -99,6 +99,7 @@ fn denoise(options: &DenoiseOptions, start: Instant) -> Result<u8, Failure> {
     }
     let output = ImageOutput {
         result: &result,
+        side,
         store,
         estimate,
         passes,

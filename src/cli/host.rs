@@ -52,7 +52,7 @@ impl RenderHost<'_> {
     /// Returns an image with its metadata.
     fn output<'o>(
         &'o self,
-        result: &'o FilterResult,
+        (result, side): (&'o FilterResult, usize),
         store: &'o Store,
         settings: &'o Settings,
         metadata: &'o ImageMetadata,
@@ -60,6 +60,7 @@ impl RenderHost<'_> {
     ) -> ImageOutput<'o> {
         ImageOutput {
             result,
+            side,
             store,
             estimate: None,
             passes: &[],
@@ -78,7 +79,12 @@ impl Host for RenderHost<'_> {
         let error = progress.estimate.map(|e| format!("  relMSE {:.1e} to {:.1e}", e.low, e.high));
         let error = error.unwrap_or_default();
         let ending = if self.is_interrupted() { "  ending soon, Ctrl-C quits at once" } else { "" };
+        let is_first = self.bar.position() == 0;
         self.bar.set_position((progress.fraction * BAR_STEPS as f64) as u64);
+        if is_first {
+            // What loading took, and what a state has brought, tells nothing of the rate
+            self.bar.reset_eta();
+        }
         // Without a budget that is reached at a known rate there is nothing to tell.
         let left = self.bar.eta();
         let to_go =
@@ -94,7 +100,7 @@ impl Host for RenderHost<'_> {
     }
 
     fn encode_and_discard(&self, settings: &Settings, result: &FilterResult, rows: &Store) {
-        let output = self.output(result, rows, settings, self.metadata, "");
+        let output = self.output((result, 1), rows, settings, self.metadata, "");
         self.outfiles.par_iter().for_each(|path| output.encode_and_discard(path));
         self.checkpoints.iter().for_each(|checkpoints| checkpoints.write_and_discard(settings, rows));
     }
@@ -120,7 +126,8 @@ impl PreviewHost for RenderHost<'_> {
         let names = next_names(&self.outfiles[0]).ok_or("all numbers are taken")?;
         let command_line = command_line();
         let metadata = self.metadata.with_camera(image.camera);
-        let output = self.output(image.result, image.store, image.settings, &metadata, &command_line);
+        let output =
+            self.output((image.result, image.side), image.store, image.settings, &metadata, &command_line);
         for name in &names {
             output.write(name).map_err(|error| error.to_string())?;
         }

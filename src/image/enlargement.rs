@@ -4,15 +4,6 @@ use rayon::prelude::*;
 
 use super::Planes;
 
-/// Returns an image of `size` pixels in which every square of `side` pixels has the value of its pixel of `image`.
-#[cfg(any(test, feature = "app"))]
-pub fn enlarged(image: &Planes, side: usize, size: (usize, usize)) -> Planes {
-    by_rows(size, image.count(), |plane, y, row| {
-        let squares = image.row(plane, y / side);
-        row.iter_mut().enumerate().for_each(|(x, value)| *value = squares[x / side]);
-    })
-}
-
 /// Returns an image of `size` pixels: the uniform cubic B-spline with the values of the squares of `side` pixels at their
 /// middles. It has no kinks and damps what alternates from square to square, such as the grid that the dilated kernels of
 /// `learned` leave, to a third.
@@ -21,32 +12,23 @@ pub fn smoothed(image: &Planes, side: usize, size: (usize, usize)) -> Planes {
     let sum = |weights: &[f32; SQUARES], values: &[f32]| -> f32 {
         weights.iter().zip(values).map(|(weight, value)| weight * value).sum()
     };
-    by_rows(size, image.count(), |plane, y, row| {
-        // Sum over lines
-        let index = |k: usize| (y / side + k).saturating_sub(SQUARES / 2).min(image.height() - 1);
-        let lines: [&[f32]; SQUARES] = std::array::from_fn(|k| image.row(plane, index(k)));
-        let at = |x: usize| sum(&weights[y % side], &lines.map(|line| line[x]));
-        let mut line: Vec<f32> = (0..image.width()).map(at).collect();
-
-        // Continue the line at its ends, and sum over columns
-        let [first, last] = [line[0], line[image.width() - 1]];
-        line.splice(..0, [first; SQUARES / 2]);
-        line.extend([last; SQUARES / 2]);
-        for (values, squares) in row.chunks_mut(side).zip(line.windows(SQUARES)) {
-            values.iter_mut().zip(&weights).for_each(|(value, weights)| *value = sum(weights, squares));
-        }
-    })
-}
-
-/// Makes an image row by row: `fill` gets the plane, the row's index and the row.
-fn by_rows(
-    (width, height): (usize, usize),
-    count: usize,
-    fill: impl Fn(usize, usize, &mut [f32]) + Sync,
-) -> Planes {
-    let mut planes = Planes::new(width, height, count);
+    let mut planes = Planes::new(size.0, size.1, image.count());
     for (plane, out) in planes.planes_mut().enumerate() {
-        out.par_chunks_mut(width.max(1)).enumerate().for_each(|(y, row)| fill(plane, y, row));
+        out.par_chunks_mut(size.0.max(1)).enumerate().for_each(|(y, row)| {
+            // Sum over lines
+            let index = |k: usize| (y / side + k).saturating_sub(SQUARES / 2).min(image.height() - 1);
+            let lines: [&[f32]; SQUARES] = std::array::from_fn(|k| image.row(plane, index(k)));
+            let at = |x: usize| sum(&weights[y % side], &lines.map(|line| line[x]));
+            let mut line: Vec<f32> = (0..image.width()).map(at).collect();
+
+            // Continue the line at its ends, and sum over columns
+            let [first, last] = [line[0], line[image.width() - 1]];
+            line.splice(..0, [first; SQUARES / 2]);
+            line.extend([last; SQUARES / 2]);
+            for (values, squares) in row.chunks_mut(side).zip(line.windows(SQUARES)) {
+                values.iter_mut().zip(&weights).for_each(|(value, weights)| *value = sum(weights, squares));
+            }
+        });
     }
     planes
 }
@@ -71,14 +53,6 @@ fn spline_weights(at: usize, side: usize) -> [f32; SQUARES] {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn squares_have_one_value() {
-        let mut image = Planes::new(2, 1, 1);
-        image.data_mut().copy_from_slice(&[1.0, 5.0]);
-        // The last square is cut off.
-        assert_eq!(enlarged(&image, 4, (6, 2)).data()[..6], [1.0, 1.0, 1.0, 1.0, 5.0, 5.0]);
-    }
 
     #[test]
     fn a_spline_reproduces_ramps_and_damps_what_alternates() {

@@ -24,6 +24,8 @@ const CAMERA: &str = "prpf.camera";
 #[derive(Clone, Copy)]
 pub struct ImageOutput<'a> {
     pub result: &'a FilterResult,
+    /// Side of the squares that were filtered, in pixels: 1 for pixels.
+    pub side: usize,
     pub store: &'a Store,
     pub estimate: Option<&'a ErrorEstimate>,
     pub passes: &'a [PassRecord],
@@ -57,6 +59,7 @@ impl<'a> ImageOutput<'a> {
     pub fn new(outcome: &'a Outcome, metadata: &'a ImageMetadata) -> Self {
         Self {
             result: &outcome.result,
+            side: outcome.side,
             store: &outcome.store,
             estimate: outcome.estimate.as_ref(),
             passes: &outcome.passes,
@@ -134,6 +137,9 @@ impl<'a> ImageOutput<'a> {
             (own("samplesMax"), Attribute::Int(counts.max.try_into().unwrap_or(i32::MAX))),
             (own("batches"), Attribute::Ints(schedule.collect())),
         ];
+        if self.side > 1 {
+            attributes.push((own("squareSide"), Attribute::Int(self.side as i32)));
+        }
         if let Some(weights) = weights_of(self.result.made_by) {
             attributes.push((own("weights"), Attribute::Text(weights.to_owned())));
         }

@@ -17,6 +17,8 @@ use crate::stats::{BlockSet, Store};
 pub struct SavedImage<'a> {
     pub store: &'a Store,
     pub result: &'a FilterResult,
+    /// Side of the squares that were filtered, in pixels: 1 for pixels.
+    pub side: usize,
     pub settings: &'a Settings,
     pub camera: &'a Camera,
 }

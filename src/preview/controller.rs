@@ -166,7 +166,8 @@ impl<'a> Controller<'a> {
             }
         };
         for (request, pass) in std::mem::take(&mut self.background) {
-            self.write_image(&request, pass.wait().ok().map(|filtered| filtered.result).as_ref());
+            let filtered = pass.wait().ok();
+            self.write_image(&request, filtered.as_ref().map(|filtered| (&filtered.result, filtered.side)));
         }
         (end, self.unsaved)
     }

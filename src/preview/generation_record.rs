@@ -5,16 +5,28 @@ use std::collections::VecDeque;
 use super::view::View;
 use crate::filter::{DenoiserName, FilterResult};
 use crate::image::Planes;
+use crate::image::enlargement::smoothed;
 use crate::progressive::{EstimateSummary, Point, Progress};
 
-/// A filtered image of squares of pixels, and maps of its pass. All are in full size.
+/// A filtered image of squares of pixels, and maps of its pass: a value for each square.
 pub struct CoarseImage {
-    pub image: Planes,
+    pub squares: Planes,
     pub maps: Vec<(View, Planes)>,
     /// Side of the squares in pixels.
     pub side: usize,
+    /// Size of the whole image, in pixels.
+    pub size: (usize, usize),
+    /// The image in full size, if a part of it has been filtered pixel by pixel.
+    pub detailed: Option<Planes>,
     /// Samples behind it, per pixel.
     pub spp: f64,
+}
+
+impl CoarseImage {
+    /// Returns the image in full size, to paste a part into it.
+    pub fn detailed_mut(&mut self) -> &mut Planes {
+        self.detailed.get_or_insert_with(|| smoothed(&self.squares, self.side, self.size))
+    }
 }
 
 /// The record of a generation.

@@ -1,6 +1,7 @@
 //! Encodes an image for the page: a header, then half floats, pixel by pixel.
 //!
-//! Takes the planes of one view; gives the bytes that are sent to every viewer.
+//! Takes the planes of one view; gives the bytes that are sent to every viewer. A coarse image is sent as the values of its squares: the page
+//! enlarges it.
 
 use axum::body::Bytes;
 use half::f16;
@@ -11,10 +12,10 @@ use super::view::View;
 use crate::image::Planes;
 
 /// Version of the header's layout.
-const VERSION: u8 = 1;
+const VERSION: u8 = 2;
 /// Length of the header, in bytes. All numbers are little endian: version, view, channels, side (u8 each); width,
-/// height (u16); generation, sequence (u32); samples per pixel, seconds (f32).
-pub const HEADER: usize = 24;
+/// height of the whole image (u16); generation, sequence (u32); samples per pixel, seconds (f32); grid (u8); three bytes of 0.
+pub const HEADER: usize = 28;
 /// The largest finite half float; larger values are clamped to it.
 const LARGEST: f32 = 65504.0;
 
@@ -23,8 +24,11 @@ const LARGEST: f32 = 65504.0;
 pub struct PreviewFrame {
     pub view: View,
     pub channels: usize,
+    /// Size of the whole image, in pixels.
     pub width: usize,
     pub height: usize,
+    /// Side in pixels of the squares that have one value each: 1 for pixels.
+    pub grid: usize,
     /// Counts restarts and camera moves: frames of different generations show different images.
     pub generation: u32,
     /// Counts all frames.
@@ -49,18 +53,35 @@ impl PreviewFrame {
     /// Encodes `planes` (1 or 3). With `counts`, the samples of each pixel, pixels without samples show a neighbour
     /// that has some.
     pub fn new(view: View, planes: &Planes, counts: Option<&[u32]>, info: FrameInfo) -> Self {
+        Self::encode(view, planes, counts, (planes.width(), planes.height()), 1, info)
+    }
+
+    /// Encodes an image of `size` pixels that has one value for each square of `info.side` pixels.
+    pub fn coarse(view: View, squares: &Planes, size: (usize, usize), info: FrameInfo) -> Self {
+        Self::encode(view, squares, None, size, info.side, info)
+    }
+
+    fn encode(
+        view: View,
+        planes: &Planes,
+        counts: Option<&[u32]>,
+        size: (usize, usize),
+        grid: u8,
+        info: FrameInfo,
+    ) -> Self {
         let (width, height, channels) = (planes.width(), planes.height(), planes.count());
         let row_bytes = width * channels * size_of::<u16>();
         let mut bytes = vec![0; HEADER + row_bytes * height];
         // Write the header
         let (head, pixels) = bytes.split_at_mut(HEADER);
         head[0..4].copy_from_slice(&[VERSION, view.index() as u8, channels as u8, info.side]);
-        head[4..6].copy_from_slice(&(width as u16).to_le_bytes());
-        head[6..8].copy_from_slice(&(height as u16).to_le_bytes());
+        head[4..6].copy_from_slice(&(size.0 as u16).to_le_bytes());
+        head[6..8].copy_from_slice(&(size.1 as u16).to_le_bytes());
         head[8..12].copy_from_slice(&info.generation.to_le_bytes());
         head[12..16].copy_from_slice(&info.sequence.to_le_bytes());
         head[16..20].copy_from_slice(&info.spp.to_le_bytes());
         head[20..24].copy_from_slice(&info.seconds.to_le_bytes());
+        head[24] = grid;
 
         // Interleave and convert the rows
         let stand_ins = counts.map(|counts| StandIns::new(counts, width));
@@ -80,8 +101,9 @@ impl PreviewFrame {
             }
         });
 
+        let ((width, height), grid) = (size, grid.into());
         let (generation, sequence) = (info.generation, info.sequence);
-        Self { view, channels, width, height, generation, sequence, bytes: bytes.into() }
+        Self { view, channels, width, height, grid, generation, sequence, bytes: bytes.into() }
     }
 }
 
@@ -152,8 +174,19 @@ mod tests {
         planes.data_mut().copy_from_slice(&[0.0, 1.0, 2.0, 3.0, 1e9, f32::NEG_INFINITY]);
         let frame = PreviewFrame::new(View::Raw, &planes, None, INFO);
         assert_eq!(halves(&frame), [0.0, 2.0, 65504.0, 1.0, 3.0, -65504.0]);
-        assert_eq!(frame.bytes[..8], [1, 1, 3, 4, 2, 0, 1, 0]);
+        assert_eq!(frame.bytes[..8], [2, 1, 3, 4, 2, 0, 1, 0]);
         assert_eq!(frame.bytes[8..16], [2, 0, 0, 0, 7, 0, 0, 0]);
+        assert_eq!(frame.bytes[24..HEADER], [1, 0, 0, 0]);
+    }
+
+    #[test]
+    fn a_coarse_image_has_one_value_for_each_square() {
+        let mut squares = Planes::new(2, 1, 1);
+        squares.data_mut().copy_from_slice(&[0.5, 0.25]);
+        let frame = PreviewFrame::coarse(View::Filtered, &squares, (7, 3), INFO);
+        assert_eq!(halves(&frame), [0.5, 0.25]);
+        assert_eq!(frame.bytes[4..8], [7, 0, 3, 0]);
+        assert_eq!((frame.width, frame.height, frame.grid, frame.bytes[24]), (7, 3, 4, 4));
     }
 
     #[test]

@@ -9,7 +9,7 @@ use super::preview_frame::{FrameInfo, PreviewFrame};
 use super::status::ViewInfo;
 use super::view::{View, ViewSource};
 use crate::image::Planes;
-use crate::image::enlargement::enlarged;
+use crate::image::enlargement::smoothed;
 use crate::progressive::{Progress, Settings};
 use crate::stats::{Layout, Part, Rectangle, Store};
 
@@ -106,28 +106,36 @@ impl Publisher {
 
     /// Publishes an unfiltered coarse image: a pixel for every square of `side` pixels, of an image of `size` pixels.
     pub fn publish_coarse(&self, image: &Planes, side: usize, size: (usize, usize)) {
-        let progress = (1.0 / (side * side) as f32, 0.0);
-        self.publish_enlarged(View::Raw, &enlarged(image, side, size), side, progress);
+        let info = self.coarse_info(side, (1.0 / (side * side) as f32, 0.0));
+        self.publish_frame(PreviewFrame::coarse(View::Raw, image, size, info));
     }
 
     /// Publishes a filtered coarse image, and those of its maps that viewers have selected.
     pub fn publish_coarse_filtered(&self, coarse: &CoarseImage, progress: Option<&Progress>) {
         let progress = progress.map_or((0.0, 0.0), |p| (p.spp as f32, p.elapsed as f32));
-        self.publish_enlarged(View::Filtered, &coarse.image, coarse.side, progress);
+        let info = || self.coarse_info(coarse.side, progress);
+        let squares = |view, planes: &Planes| {
+            // The page interpolates between the middles of the squares
+            let smooth = smoothed(planes, 1, (planes.width(), planes.height()));
+            PreviewFrame::coarse(view, &smooth, coarse.size, info())
+        };
+        self.publish_frame(match &coarse.detailed {
+            Some(image) => PreviewFrame::new(View::Filtered, image, None, info()),
+            None => squares(View::Filtered, &coarse.squares),
+        });
         for (view, map) in coarse.maps.iter().filter(|(view, _)| self.hub.is_selected(*view)) {
-            self.publish_enlarged(*view, map, coarse.side, progress);
+            self.publish_frame(squares(*view, map));
         }
     }
 
-    fn publish_enlarged(&self, view: View, image: &Planes, side: usize, (spp, seconds): (f32, f32)) {
-        let info = FrameInfo {
-            generation: self.generation,
-            sequence: self.hub.next_sequence(),
-            spp,
-            seconds,
-            side: side as u8,
-        };
-        self.hub.publish(PreviewFrame::new(view, image, None, info));
+    fn coarse_info(&self, side: usize, (spp, seconds): (f32, f32)) -> FrameInfo {
+        let sequence = self.hub.next_sequence();
+        FrameInfo { generation: self.generation, sequence, spp, seconds, side: side as u8 }
+    }
+
+    fn publish_frame(&self, frame: PreviewFrame) {
+        self.hub.publish(frame);
+        // Old frames stay until there is a new one to show.
         self.hub.drop_before(self.generation);
     }
 
@@ -164,9 +172,7 @@ impl Publisher {
                 side: 1,
             };
             let counts = counts.as_deref().filter(|_| !matches!(view, View::Samples | View::Reference));
-            self.hub.publish(PreviewFrame::new(view, &planes, counts, info));
-            // Old frames stay until there is a new one to show.
-            self.hub.drop_before(self.generation);
+            self.publish_frame(PreviewFrame::new(view, &planes, counts, info));
         }
         self.cost = started.elapsed();
         self.latest = Instant::now();

@@ -224,12 +224,15 @@ impl Reporter {
 
         let (_, latest) = curve.last().filter(|(_, point)| point.error > 0.0)?;
         let now = self.record.seconds_of(self.record.progress?.samples)?;
-        let seconds_to = |error: f64| latest.seconds * rate.growth_to(latest.error, error);
-        let halved = Point { seconds: seconds_to(latest.error / 2.0), error: latest.error / 2.0 };
+        let point =
+            |error: f64| Point { seconds: latest.seconds * rate.growth_to(latest.error, error), error };
+        let seconds_until = |point: Point| (point.seconds - now).max(0.0);
+        let (halved, target) = (point(latest.error / 2.0), target.map(point));
         Some(Expectation {
             halved,
-            halving_seconds: (halved.seconds - now).max(0.0),
-            target_seconds: target.map(|target| (seconds_to(target) - now).max(0.0)),
+            halving_seconds: seconds_until(halved),
+            target,
+            target_seconds: target.map(seconds_until),
         })
     }
 
@@ -333,7 +336,7 @@ impl Reporter {
             self.publisher.filtered();
             self.publish(store);
         } else if let Some(coarse) = &mut record.coarse {
-            paste(&mut coarse.image);
+            paste(coarse.detailed_mut());
             self.publisher.publish_coarse_filtered(coarse, record.progress.as_ref());
         }
     }

@@ -132,7 +132,10 @@ fn send_images(hub: &Arc<Hub>, mut stream: TcpStream, name: &str, closing: &Atom
             continue;
         };
 
-        // Send what has changed of it
+        // Send what has changed of it, if it has all pixels
+        if frame.grid > 1 {
+            continue;
+        }
         let Some(k) = VIEWS.iter().position(|(view, _)| *view == frame.view) else { continue };
         let title = format!("{name} ({})", VIEWS[k].1);
         let same_shape = |old: &Arc<PreviewFrame>| (old.width, old.height) == (frame.width, frame.height);

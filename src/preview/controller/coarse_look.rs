@@ -5,7 +5,6 @@ use std::time::{Duration, Instant};
 
 use super::Controller;
 use crate::filter::UNFILTERED;
-use crate::image::enlargement::smoothed;
 use crate::preview::background_pass::Event;
 use crate::preview::command::Command;
 use crate::preview::generation_record::CoarseImage;
@@ -85,9 +84,11 @@ impl Controller<'_> {
             !self.is_called_away()
         });
         let coarse = filtered.map(|filtered| CoarseImage {
-            image: smoothed(&filtered.result.image, side, (width, height)),
+            squares: filtered.result.image,
             maps: Vec::new(),
             side,
+            size: (width, height),
+            detailed: None,
             spp,
         });
         self.reporter.filtered_coarsely(coarse, started.elapsed().as_secs_f64());

@@ -5,8 +5,6 @@ use std::time::Instant;
 
 use super::Controller;
 use crate::filter::{UNFILTERED, draft_without_vectors};
-use crate::image::Planes;
-use crate::image::enlargement::smoothed;
 use crate::preview::generation_record::CoarseImage;
 use crate::preview::publisher::PAIR;
 use crate::preview::view::{View, ViewSource};
@@ -67,13 +65,14 @@ impl Controller<'_> {
         let filtered = threads.run(pass, &commands, &mut |event| self.goes_on_filtering(event, store));
         let fitting = filtered.filter(|_| self.has_method_of(&settings));
         let coarse = fitting.map(|filtered| {
-            let enlarge = |planes: &Planes| smoothed(planes, side, (store.width(), store.height()));
-            let mut image = enlarge(&filtered.result.image);
-            self.keep_region(&mut image, store);
             let source = ViewSource { store: &pooled, shown: Some(&filtered.result), comparison: None };
-            let map = |view: View| Some((view, enlarge(&view.planes(&source)?)));
+            let map = |view: View| Some((view, view.planes(&source)?));
             let maps = View::PASS_MAPS.into_iter().filter_map(map).collect();
-            CoarseImage { image, maps, side, spp: self.spp_outside_region(store) }
+            let (size, spp) = ((store.width(), store.height()), self.spp_outside_region(store));
+            let squares = filtered.result.image;
+            let mut coarse = CoarseImage { squares, maps, side, size, detailed: None, spp };
+            self.keep_region(&mut coarse, store);
+            coarse
         });
         self.reporter.filtered_coarsely(coarse, started.elapsed().as_secs_f64());
     }

@@ -137,7 +137,11 @@ impl Controller<'_> {
         for (request, pass) in std::mem::take(&mut self.background) {
             match pass.result() {
                 Err(TryRecvError::Empty) => self.background.push((request, pass)),
-                result => self.write_image(&request, result.ok().map(|filtered| filtered.result).as_ref()),
+                result => {
+                    let filtered = result.ok();
+                    let image = filtered.as_ref().map(|filtered| (&filtered.result, filtered.side));
+                    self.write_image(&request, image);
+                }
             }
         }
         if self.keeps_checkpoints

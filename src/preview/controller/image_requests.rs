@@ -3,7 +3,8 @@
 use std::sync::Arc;
 
 use super::Controller;
-use crate::filter::{FilterResult, suited_to};
+use crate::filter::{FilterResult, sparse_filtering, suited_to};
+use crate::preview::background_pass::Event;
 use crate::preview::configuration::SavedImage;
 use crate::preview::image_request::ImageRequest;
 use crate::preview::saved_images::SavedFile;
@@ -14,12 +15,16 @@ use crate::stats::Store;
 /// Most images that are made in the background while the render has gone on to others: each holds a store.
 const MOST_IN_BACKGROUND: usize = 2;
 
+/// Samples per pixel from which an image of squares of pixels is saved, where pixels have too few. With fewer the squares would be large.
+const LEAST_SPP: f64 = 1.0 / 16.0;
+
 impl Controller<'_> {
     /// Turns pending saves into requests. A save captures the current image or, after a command that discards the samples,
     /// the first image of the new generation. Duplicate requests are merged.
     pub(super) fn request_pending_saves(&mut self, store: &Arc<Store>) {
         let is_last = self.pending.quit || self.pending.scene.is_some();
-        let is_there = is_last || self.is_covered(store) || self.reporter.phase() == Phase::Finished;
+        let has_images = || self.pending.saves.iter().all(|settings| self.has_image(store, settings));
+        let is_there = is_last || self.reporter.phase() == Phase::Finished || has_images();
         if self.pending.starts_generation() || !is_there {
             return;
         }
@@ -41,6 +46,14 @@ impl Controller<'_> {
         }
     }
 
+    /// Returns whether there are samples for an image by these settings: of every pixel, or of squares that can be filtered.
+    fn has_image(&self, store: &Store, settings: &Settings) -> bool {
+        let has_samples = store.samples_taken() as f64 >= LEAST_SPP * store.pixels() as f64;
+        // A map or a region spreads the samples unevenly
+        let is_even = settings.sample_map.is_none() && self.pixel_region(store).is_none();
+        self.is_covered(store) || has_samples && is_even && square_side(store, settings) > 1
+    }
+
     /// Saves the requested images, at once or, if the render has to go on to another generation, in the background.
     pub(super) fn save_requested_images(&mut self) {
         while let Some(request) = self.requests.pop_front() {
@@ -49,7 +62,8 @@ impl Controller<'_> {
                 && self.reporter.shown_samples() == request.store.samples();
             let matches = |shown: &&FilterResult| is_done && shown.made_by == made_by;
             if let Some(shown) = self.reporter.shown().filter(matches).cloned() {
-                self.write_image(&request, Some(&shown));
+                let side = square_side(&request.store, &request.settings);
+                self.write_image(&request, Some((&shown, side)));
             } else if self.background.len() == MOST_IN_BACKGROUND {
                 self.notice_unsaved(
                     "earlier images are still being filtered; save again when they are there",
@@ -58,10 +72,11 @@ impl Controller<'_> {
                 let pass = self.pass_threads.start(self.viewer_pass(&request.store, &request.settings));
                 let commands = self.hub.commands().clone();
                 let (store, settings) = (request.store.clone(), request.settings.clone());
-                match self
-                    .while_filtering(&store, &settings, true, |handle| pass.wait_handling(&commands, handle))
-                {
-                    Some(filtered) => self.write_image(&request, Some(&filtered.result)),
+                // Viewers go on with finer and finer squares
+                let is_shown = self.is_covered(&store) || self.reporter.phase() == Phase::Finished;
+                let run = |handle: &mut dyn FnMut(Event) -> bool| pass.wait_handling(&commands, handle);
+                match self.while_filtering(&store, &settings, is_shown, run) {
+                    Some(filtered) => self.write_image(&request, Some((&filtered.result, filtered.side))),
                     None => self.background.push((request, pass)),
                 }
                 self.report(&store, true);
@@ -69,18 +84,24 @@ impl Controller<'_> {
         }
     }
 
-    /// Writes a requested image; without a `result` its pass has failed.
-    pub(super) fn write_image(&mut self, request: &ImageRequest, result: Option<&FilterResult>) {
+    /// Writes a requested image: its result and the side of the squares that were filtered, in pixels. Without one its pass has failed.
+    pub(super) fn write_image(&mut self, request: &ImageRequest, filtered: Option<(&FilterResult, usize)>) {
         let ImageRequest { store, settings, camera } = request;
-        let written = result.ok_or("the filter pass ended early".to_owned()).and_then(|result| {
-            let image = SavedImage { store, result, settings, camera };
+        let written = filtered.ok_or("the filter pass ended early".to_owned()).and_then(|(result, side)| {
+            let image = SavedImage { store, result, side, settings, camera };
             self.configuration.host.write_image(&image)
         });
         match written {
             Ok(paths) => {
                 let names: Vec<_> = paths.iter().map(|path| path.display().to_string()).collect();
                 let spp = store.samples() as f64 / store.pixels().max(1) as f64;
-                let text = format!("saved {}: {spp:.1} samples per pixel", names.join(" and "));
+                let digits = if spp < 1.0 { 2 } else { 1 };
+                let squares = match filtered {
+                    Some((_, side)) if side > 1 => format!(", filtered by squares of {side}×{side}"),
+                    _ => String::new(),
+                };
+                let text =
+                    format!("saved {}: {spp:.digits$} samples per pixel{squares}", names.join(" and "));
                 if let Some(path) = paths.into_iter().next() {
                     self.hub.saves().add(SavedFile { path, spp: Some(spp) });
                 }
@@ -99,4 +120,9 @@ impl Controller<'_> {
         }
         self.reporter.notice(text, true);
     }
+}
+
+/// Returns the side of the squares that are filtered of a store, in pixels: 1 for pixels.
+fn square_side(store: &Store, settings: &Settings) -> usize {
+    sparse_filtering::side(suited_to(store, settings.denoiser), store, 1)
 }

@@ -7,6 +7,7 @@ use std::time::Instant;
 use super::Controller;
 use crate::filter::{UNFILTERED, draft_of};
 use crate::image::Planes;
+use crate::preview::generation_record::CoarseImage;
 use crate::preview::view::View;
 use crate::progressive::{Region, Settings};
 use crate::stats::{Rectangle, Store};
@@ -84,12 +85,11 @@ impl Controller<'_> {
     }
 
     /// Replaces the region in a coarse image by what passes over it have made.
-    pub(super) fn keep_region(&self, image: &mut Planes, store: &Store) {
+    pub(super) fn keep_region(&self, coarse: &mut CoarseImage, store: &Store) {
         let is_made = self.region_passes.samples > 0;
-        if let Some((region, earlier)) =
-            self.pixel_region(store).zip(self.reporter.coarse()).filter(|_| is_made)
-        {
-            paste(image, &region, &earlier.image, &region);
+        let earlier = self.reporter.coarse().and_then(|earlier| earlier.detailed.as_ref());
+        if let Some((region, earlier)) = self.pixel_region(store).zip(earlier).filter(|_| is_made) {
+            paste(coarse.detailed_mut(), &region, earlier, &region);
         }
     }
 

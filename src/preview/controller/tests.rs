@@ -193,13 +193,14 @@ fn saved_images(
 fn what_is_saved_is_the_image_of_when_that_was_said() {
     const PRPF: &str = "prpf";
     const NLM: &str = "nlm standard";
+    const DRAFT: &str = "nlm draft";
     const NONE: &str = "none";
     let nlm = find("nlm", None).unwrap();
     let (unfiltered, better) = (|| choose(UNFILTERED), || choose(&prpf::PRPF));
     let moved = || Command::MoveCamera(CameraMove { orbit: Some([0.3, 0.1]), ..CameraMove::default() });
     let saved = |denoiser, commands: &[Command], stays| {
         let (before, saved) = saved_images(denoiser, commands, stays);
-        let all_new = saved.iter().all(|(samples, _)| (SIDE * SIDE..before).contains(samples));
+        let all_new = saved.iter().all(|(samples, _)| (SIDE * SIDE / 16..before).contains(samples));
         let all_old = saved.iter().all(|&(samples, _)| samples == before);
         assert!(all_new || all_old, "{before} {saved:?}");
         (all_old, saved.into_iter().map(|(_, made_by)| made_by).collect::<Vec<_>>())
@@ -213,14 +214,19 @@ fn what_is_saved_is_the_image_of_when_that_was_said() {
     // After a command that discards the samples, the first image of the new generation, by the denoiser of then.
     assert_eq!(saved(&prpf::PRPF, &[unfiltered(), Command::Save], false), (true, names(&[NONE])));
     for first in [Command::Restart, moved()] {
-        assert_eq!(saved(nlm, &[first, Command::Save, unfiltered()], false), (false, names(&[NLM])));
+        // Few samples suffice, which its draft filters by squares.
+        assert_eq!(saved(nlm, &[first, Command::Save, unfiltered()], false), (false, names(&[DRAFT])));
     }
     // Each once.
     let several =
         [Command::Save, Command::Save, unfiltered(), Command::Save, choose(UNFILTERED), Command::Save];
     assert_eq!(saved(&prpf::PRPF, &several, false), (true, names(&[PRPF, NONE])));
     let several = [Command::Restart, Command::Save, unfiltered(), Command::Save];
-    assert_eq!(saved(nlm, &several, false), (false, names(&[NLM, NONE])));
+    assert_eq!(
+        saved(nlm, &several, false),
+        (false, names(&[NLM, NONE])),
+        "one waits for the samples of the other"
+    );
 
     // Sample vectors that its denoiser needs are no longer kept.
     let vain = [Command::Restart, Command::Save, unfiltered()];

@@ -95,7 +95,7 @@ export class Comparison {
     const own = views.filter(({ view }) => view === "raw" || view === "reference");
     const entries = [
       ...own.map(({ view }) => [view, VIEW_NAMES[view]]),
-      ...saves.map(({ number, name, spp }) => [`save:${number}`, spp === null ? name : `${name} · ${spp.toFixed(1)} spp`]),
+      ...saves.map(({ number, name, spp }) => [`save:${number}`, spp === null ? name : `${name} · ${spp.toFixed(spp < 1 ? 2 : 1)} spp`]),
     ];
     const list = JSON.stringify(entries);
     if (list === this.list) return;

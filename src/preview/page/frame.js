@@ -1,7 +1,7 @@
-// Decodes a frame: a header, then half floats, pixel by pixel. It arrives in pieces.
+// Decodes a frame: a header, then half floats, pixel by pixel or square by square. It arrives in pieces.
 
-const HEADER = 24; // bytes
-const VERSION = 1;
+const HEADER = 28; // bytes
+const VERSION = 2;
 // Views by their index in a frame's header.
 const VIEWS = ["filtered", "raw", "samples", "error", "variance", "residual", "failure", "albedo", "normal", "reference", "difference", "flip"];
 
@@ -27,7 +27,7 @@ export class FramePieces {
 // Returns the length in bytes of the frame that begins with this piece; that of the piece if it has another format.
 function frameLength(piece) {
   const head = decodeHead(piece);
-  return head ? HEADER + 2 * head.width * head.height * head.channels : piece.byteLength;
+  return head ? HEADER + 2 * head.columns * head.rows * head.channels : piece.byteLength;
 }
 
 // Returns the frame in a buffer; null if it has another format.
@@ -41,12 +41,16 @@ function decodeHead(data) {
   if (data.byteLength < HEADER) return null;
   const head = new DataView(data);
   if (head.getUint8(0) !== VERSION) return null;
+  const [width, height] = [head.getUint16(4, true), head.getUint16(6, true)];
+  const grid = head.getUint8(24);
   return {
     view: VIEWS[head.getUint8(1)],
     channels: head.getUint8(2),
     side: head.getUint8(3), // of the squares of pixels that one value was made for: 1 unless the image is coarse
-    width: head.getUint16(4, true),
-    height: head.getUint16(6, true),
+    width, height, // of the whole image
+    grid, // side of the squares of pixels that have one value each: 1 for pixels
+    columns: Math.ceil(width / grid),
+    rows: Math.ceil(height / grid),
     generation: head.getUint32(8, true),
     sequence: head.getUint32(12, true),
     spp: head.getFloat32(16, true),

@@ -41,6 +41,7 @@ const connection = new Connection({
     $("phase").className = "lost";
     document.title = `not connected · ${$("scene").textContent}`;
     $("save").disabled = $("pause").disabled = $("restart").disabled = true;
+    if (state.saving?.isConnected) notify("the connection broke while an image was being saved: look whether it is there", true);
     state.saving?.remove();
   },
   frame: (frame) => {
@@ -192,7 +193,10 @@ function updateViews() {
   showBadge(right);
   drawLegend($("legend"), viewport.scales[shown] ?? null);
   requestViews();
-  viewport.redraw();
+  // Without a graphics card to draw a large image takes most of a processor core, which the render needs.
+  const drawn = JSON.stringify([viewport.shown, viewport.wipe, viewport.scales]);
+  if (drawn !== state.drawn) viewport.redraw();
+  state.drawn = drawn;
 }
 
 // Says which image of a flicker is shown, or why an image is missing.
@@ -288,11 +292,9 @@ const restart = () => send("restart", {});
 const undo = () => $("undo").disabled || send("undo", {});
 const redo = () => $("redo").disabled || send("redo", {});
 const save = () => {
-  // An image needs samples of every pixel.
-  const isThere = state.status?.statistics.min > 0;
   if (connection.isOpen() && state.status) {
     state.saving?.remove();
-    state.saving = addLine(isThere ? "saving …" : "saving when every pixel has samples …", false);
+    state.saving = addLine("saving …", false);
   }
   send("save", {});
 };

@@ -15,6 +15,7 @@ uniform vec2 size, canvas, origin;   // image in pixels; canvas and its image's 
 uniform float zoom, exposure, wipe;  // device pixels per pixel; factor; fraction of the image
 uniform ivec2 kinds;                 // 0 radiance, 1 reflectance, 2 direction, 3 map, -1 nothing
 uniform vec4 leftScale, rightScale;  // curve (0 linear, 1 logarithmic), low, high
+uniform vec2 leftPart, rightPart;    // part of the texture that is the image: a coarse one's last squares may reach beyond
 out vec4 colour;
 
 vec3 encode(vec3 v) {
@@ -39,24 +40,24 @@ void main() {
   bool isLeft = uv.x < wipe;
   int kind = isLeft ? kinds.x : kinds.y;
   if (kind < 0) { colour = vec4(0.0, 0.0, 0.0, 1.0); return; }
-  vec3 v = isLeft ? texture(left, uv).rgb : texture(right, uv).rgb;
+  vec3 v = isLeft ? texture(left, uv * leftPart).rgb : texture(right, uv * rightPart).rgb;
   colour = vec4(toColour(v, kind, isLeft ? leftScale : rightScale), 1.0);
 }`;
 
 // Returns a frame, or every k-th of its pixels if a side is longer than `largest`.
 function thinned(frame, largest) {
-  const k = Math.ceil(Math.max(frame.width, frame.height) / largest);
+  const k = Math.ceil(Math.max(frame.columns, frame.rows) / largest);
   if (k <= 1) return frame;
-  const [width, height] = [frame.width, frame.height].map((side) => Math.ceil(side / k));
+  const [columns, rows] = [frame.columns, frame.rows].map((side) => Math.ceil(side / k));
   const { channels } = frame;
-  const halves = new Uint16Array(width * height * channels);
-  for (let y = 0; y < height; y++) {
-    for (let x = 0; x < width; x++) {
-      const first = (y * k * frame.width + x * k) * channels;
-      halves.set(frame.halves.subarray(first, first + channels), (y * width + x) * channels);
+  const halves = new Uint16Array(columns * rows * channels);
+  for (let y = 0; y < rows; y++) {
+    for (let x = 0; x < columns; x++) {
+      const first = (y * k * frame.columns + x * k) * channels;
+      halves.set(frame.halves.subarray(first, first + channels), (y * columns + x) * channels);
     }
   }
-  return { width, height, channels, halves };
+  return { columns, rows, channels, halves };
 }
 
 export class Viewport {
@@ -96,7 +97,7 @@ export class Viewport {
     }
     gl.linkProgram(program);
     gl.useProgram(program);
-    const names = ["left", "right", "colours", "size", "canvas", "origin", "zoom", "exposure", "wipe", "kinds", "leftScale", "rightScale"];
+    const names = ["left", "right", "colours", "size", "canvas", "origin", "zoom", "exposure", "wipe", "kinds", "leftScale", "rightScale", "leftPart", "rightPart"];
     this.uniforms = Object.fromEntries(names.map((name) => [name, gl.getUniformLocation(program, name)]));
     gl.pixelStorei(gl.UNPACK_ALIGNMENT, 1);
     this.textures = new Map();
@@ -147,24 +148,26 @@ export class Viewport {
   // Uploads a frame, thinned out if it is larger than the graphics card takes.
   upload(view, frame) {
     const gl = this.gl;
-    const { width, height, channels, halves } = thinned(frame, this.largest);
-    if (width < frame.width && !this.isThinned) {
+    const { columns, rows, channels, halves } = thinned(frame, this.largest);
+    if (columns < frame.columns && !this.isThinned) {
       this.isThinned = true;
-      this.onproblem(`this graphics card takes images of at most ${this.largest} pixels a side: ${width}×${height} of this one's are shown`);
+      this.onproblem(`this graphics card takes images of at most ${this.largest} pixels a side: ${columns}×${rows} of this one's are shown`);
     }
+    const part = [frame.width / (frame.grid * frame.columns), frame.height / (frame.grid * frame.rows)];
     const [inside, format] = channels === 3 ? [gl.RGB16F, gl.RGB] : [gl.R16F, gl.RED];
     const old = this.textures.get(view);
     gl.activeTexture(gl.TEXTURE0);
-    if (old && old.width === width && old.height === height) {
+    if (old && old.columns === columns && old.rows === rows) {
       gl.bindTexture(gl.TEXTURE_2D, old.texture);
-      gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, width, height, format, gl.HALF_FLOAT, halves);
+      gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, columns, rows, format, gl.HALF_FLOAT, halves);
     } else {
       if (old) gl.deleteTexture(old.texture);
       const texture = gl.createTexture();
       gl.bindTexture(gl.TEXTURE_2D, texture);
-      gl.texImage2D(gl.TEXTURE_2D, 0, inside, width, height, 0, format, gl.HALF_FLOAT, halves);
-      this.setFilter(gl.LINEAR, gl.NEAREST);
-      this.textures.set(view, { texture, width, height });
+      gl.texImage2D(gl.TEXTURE_2D, 0, inside, columns, rows, 0, format, gl.HALF_FLOAT, halves);
+      // The squares of an unfiltered image are shown as they are, between those of a filtered one values are interpolated.
+      this.setFilter(gl.LINEAR, frame.grid > 1 && view !== "raw" ? gl.LINEAR : gl.NEAREST);
+      this.textures.set(view, { texture, columns, rows, part });
     }
   }
 
@@ -174,13 +177,14 @@ export class Viewport {
     this.isThinned = false;
     this.textures?.forEach(({ texture }) => this.gl.deleteTexture(texture));
     this.textures?.clear();
+    this.redraw();
   }
 
   // Returns the values of a view at a pixel, or null.
   read(view, x, y) {
     const frame = this.frames.get(view);
     if (!frame || x < 0 || y < 0 || x >= frame.width || y >= frame.height) return null;
-    const first = (y * frame.width + x) * frame.channels;
+    const first = (Math.floor(y / frame.grid) * frame.columns + Math.floor(x / frame.grid)) * frame.channels;
     return Array.from(frame.halves.subarray(first, first + frame.channels), fromHalf);
   }
 
@@ -283,6 +287,9 @@ export class Viewport {
     for (const [name, view] of [["leftScale", left], ["rightScale", right]]) {
       const scale = this.scales[view] ?? { curve: "linear", low: 0, high: 1 };
       gl.uniform4f(this.uniforms[name], scale.curve === "linear" ? 0 : 1, scale.low, scale.high, 0);
+    }
+    for (const [name, view] of [["leftPart", left], ["rightPart", right]]) {
+      gl.uniform2f(this.uniforms[name], ...(this.textures.get(view)?.part ?? [1, 1]));
     }
     gl.drawArrays(gl.TRIANGLES, 0, 3);
     this.drawn++;
