@@ -192,7 +192,9 @@ fn filter(
     let mut mixed = mix(&candidates, &predicted, &hit);
     mixed.complete_margin(whole);
     let unfiltered_image = candidates.unfiltered();
-    let nlm = candidates.nlm();
+    let mut nlm = candidates.nlm();
+    let nlm_factors = safeguard::limits(&mixed, &nlm, candidates.emission.as_ref(), &counts);
+    nlm.scale(&nlm_factors);
     let fraction = safeguard::fraction_of_learned(&mixed, &nlm, &unfiltered_image, &counts, whole);
     safeguard::blend(&mut mixed, &nlm, &fraction);
     mixed.complete_margin(whole);
@@ -209,6 +211,7 @@ fn filter(
         albedo: &candidates.albedo,
         predicted: &predicted,
         hit: &hit,
+        nlm_factors: &nlm_factors,
         fraction: &fraction,
         factors: &factors,
     };

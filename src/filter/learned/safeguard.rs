@@ -5,16 +5,23 @@
 //! N = Σ ρ D_h (c_{1−h} − F₂_h), Q = Σ ρ D_h², D = F₁ − F₂, ρ = 1/(F² + 0.01 F̄²), where the sums extend over halves,
 //! channels and, by a blur, surrounding pixels. This observation of λ has the variance V/Q², V = Σ ρ² D_h² v with the variance
 //! v of c, which is at least its usual one over a wider surrounding. The prior of λ is normal with mean 1 and deviation [`DOUBT`].
+//!
+//! With few samples F₂ has specks: pixels that it leaves as they are, as few are like them. Before all this it is brought within a factor of
+//! 1 + n/4 of the luminance of F₁, in a pixel of n samples.
 
 use rayon::prelude::*;
 
 use super::mixture::Noisy;
 use crate::filter::common::blur;
+use crate::filter::common::fireflies::pixel_luminance;
 use crate::filter::common::half_counts::HalfCounts;
 use crate::filter::whole_image::{self, WholeImage};
 
 /// Standard deviation of the prior of λ.
 const DOUBT: f32 = 0.25;
+
+/// Samples with which the factor between both estimates is at most 2.
+const LIMIT_SAMPLES: f32 = 4.0;
 
 /// Standard deviation of the blur, in pixels.
 const SIGMA: f32 = 4.0;
@@ -28,6 +35,21 @@ const RELATIVE_FLOOR: f64 = 0.01;
 /// Returns the distance in pixels from which pixels can change λ.
 pub fn reach() -> usize {
     blur::reach(SIGMA) + blur::reach(VARIANCE_SIGMA)
+}
+
+/// Returns the factors that bring a second estimate near the learned image, pixel by pixel: 1 where it is, or where `emission` is visible.
+pub fn limits(learned: &Noisy, second: &Noisy, emission: Option<&Noisy>, counts: &HalfCounts) -> Vec<f32> {
+    let [n_a, n_b] = counts.floats();
+    let limit = |i: usize| {
+        let ratio = 1.0 + (n_a[i] + n_b[i]) / LIMIT_SAMPLES;
+        let luminance = pixel_luminance(&learned.mean, i);
+        let found = pixel_luminance(&second.mean, i);
+        let factor = found.min(ratio * luminance).max(luminance / ratio) / found;
+        let emits = || emission.is_some_and(|emission| pixel_luminance(&emission.mean, i) > 0.0);
+        // Estimates that are black or too large have no ratio
+        if factor > 0.0 && factor.is_finite() && !emits() { factor } else { 1.0 }
+    };
+    (0..learned.mean.pixels()).into_par_iter().with_min_len(1024).map(limit).collect()
 }
 
 /// Blends the learned image with a second estimate. `fraction` is that of [`fraction_of_learned`].
@@ -125,6 +147,30 @@ mod tests {
     use crate::image::Planes;
 
     const SIDE: usize = 48;
+
+    #[test]
+    fn a_speck_is_brought_near_the_learned_image_unless_many_samples_show_it() {
+        let image = |speck: f32| {
+            let mut planes = Planes::new(SIDE, SIDE, 3);
+            planes.data_mut().fill(1.0);
+            planes.planes_mut().for_each(|plane| plane[40] = speck);
+            Noisy::exact(planes)
+        };
+        for (speck, samples, expected) in
+            [(5.0, 2, 1.5), (0.1, 2, 1.0 / 1.5), (5.0, 16, 5.0), (1.2, 2, 1.2), (0.0, 2, 0.0)]
+        {
+            let counts =
+                HalfCounts::new(SIDE, [vec![samples / 2; SIDE * SIDE], vec![samples / 2; SIDE * SIDE]]);
+            let mut second = image(speck);
+            second.scale(&limits(&image(1.0), &second, None, &counts));
+            assert!((second.mean.plane(1)[40] - expected).abs() < 1e-5, "{speck} {samples}");
+            assert_eq!(second.mean.plane(1)[39], 1.0);
+            // A lamp may be small
+            let mut lamp = image(speck);
+            lamp.scale(&limits(&image(1.0), &lamp, Some(&image(1.0)), &counts));
+            assert_eq!(lamp.mean.plane(1)[40], speck);
+        }
+    }
 
     /// Returns λ in the middle of an image of stripes under noise of a deviation, where the learned image lacks the stripes
     /// and the second one does, too, or has them.
