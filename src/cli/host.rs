@@ -82,7 +82,7 @@ impl Host for RenderHost<'_> {
         let is_first = self.bar.position() == 0;
         self.bar.set_position((progress.fraction * BAR_STEPS as f64) as u64);
         if is_first {
-            // What loading took, and what a state has brought, tells nothing of the rate
+            // Loading time and resumed samples do not count towards the rate
             self.bar.reset_eta();
         }
         // Without a budget that is reached at a known rate there is nothing to tell.

@@ -110,6 +110,10 @@ impl History {
             kept.len() > MOST_KEPT || limit.is_some_and(|limit| bytes > limit)
         };
         let mut removed = Vec::new();
+        if self.done.last().is_some_and(|latest| is_full(std::slice::from_ref(latest))) {
+            // No other has to go for what has no room in any case
+            removed.extend(self.done.pop());
+        }
         while is_full(&self.done) {
             let seconds = |&i: &usize| self.done[i].seconds();
             let earlier = 0..self.done.len() - 1;
@@ -185,7 +189,7 @@ mod tests {
         let limit = history.done[5..].iter().map(|kept| bytes(&kept.checkpoint.store)).sum();
         assert_eq!(widths(&history.make_room(Some(limit))), [2, 3, 4, 5, 6], "more bytes than may be taken");
         assert_eq!(widths(&history.done), [7, 8, 9]);
-        assert_eq!(widths(&history.make_room(Some(0.0))), [7, 8, 9]);
+        assert_eq!(widths(&history.make_room(Some(0.0))), [9, 7, 8]);
     }
 
     #[test]
@@ -198,6 +202,13 @@ mod tests {
         let least = history.done.last().map(|latest| bytes(&latest.checkpoint.store));
         assert_eq!(history.make_room(least).len(), MOST_KEPT - 1, "the latest is kept, short as it is");
         assert_eq!(widths(&history.done), [MOST_KEPT + 1]);
+
+        // One without room is dropped alone
+        let limit = least.map(|bytes| bytes - 1.0);
+        let mut history = History::default();
+        [finished(1), finished(MOST_KEPT + 1)].into_iter().for_each(|render| history.done.push(render));
+        assert_eq!(widths(&history.make_room(limit)), [MOST_KEPT + 1]);
+        assert_eq!(widths(&history.done), [1]);
     }
 
     #[test]

@@ -61,6 +61,20 @@ impl PreviewFrame {
         Self::encode(view, squares, None, size, info.side, info)
     }
 
+    /// Returns the frame of a coarse image with a value for each pixel: that of its square.
+    pub fn enlarged(&self) -> Self {
+        let value = self.channels * size_of::<u16>();
+        let columns = self.width.div_ceil(self.grid);
+        let (head, squares) = self.bytes.split_at(HEADER);
+        let mut bytes = head.to_vec();
+        bytes[24] = 1;
+        for y in 0..self.height {
+            let row = &squares[y / self.grid * columns * value..];
+            (0..self.width).for_each(|x| bytes.extend(&row[x / self.grid * value..][..value]));
+        }
+        Self { grid: 1, bytes: bytes.into(), ..self.clone() }
+    }
+
     fn encode(
         view: View,
         planes: &Planes,
@@ -187,6 +201,11 @@ mod tests {
         assert_eq!(halves(&frame), [0.5, 0.25]);
         assert_eq!(frame.bytes[4..8], [7, 0, 3, 0]);
         assert_eq!((frame.width, frame.height, frame.grid, frame.bytes[24]), (7, 3, 4, 4));
+
+        let enlarged = frame.enlarged();
+        let row = [0.5, 0.5, 0.5, 0.5, 0.25, 0.25, 0.25];
+        assert_eq!(halves(&enlarged), [row; 3].as_flattened());
+        assert_eq!((enlarged.grid, enlarged.bytes[24]), (1, 1));
     }
 
     #[test]

@@ -132,10 +132,8 @@ fn send_images(hub: &Arc<Hub>, mut stream: TcpStream, name: &str, closing: &Atom
             continue;
         };
 
-        // Send what has changed of it, if it has all pixels
-        if frame.grid > 1 {
-            continue;
-        }
+        // Send the changed tiles
+        let frame = if frame.grid > 1 { Arc::new(frame.enlarged()) } else { frame };
         let Some(k) = VIEWS.iter().position(|(view, _)| *view == frame.view) else { continue };
         let title = format!("{name} ({})", VIEWS[k].1);
         let same_shape = |old: &Arc<PreviewFrame>| (old.width, old.height) == (frame.width, frame.height);

@@ -18,8 +18,7 @@ pub struct ColourSteps<'a> {
     pub albedo: &'a Planes,
     pub predicted: &'a Prediction<'a>,
     pub hit: &'a InterleavedPlanes,
-    /// The factors that limit the image of `nlm` in its blend, and the fraction of the learned image.
-    pub nlm_factors: &'a [f32],
+    /// The fraction of the learned image in its blend.
     pub fraction: &'a [f32],
     /// The factors that dim its fireflies and restore its brightness.
     pub factors: &'a [f32],
@@ -31,14 +30,13 @@ impl ColourSteps<'_> {
         clamp_layer(&mut layer, self.fireflies);
         self.counts.fill_missing(&mut layer);
         let mean = self.counts.mean([&layer[0], &layer[1]]);
-        let mut candidates = Candidates {
+        let candidates = Candidates {
             colour: Noisy::new(mean, layer, self.counts),
             emission: None,
             albedo: self.albedo.clone(),
             nlm: Noisy::exact(nlm),
         };
         let mut mixed = mix(&candidates, self.predicted, self.hit);
-        candidates.nlm.scale(self.nlm_factors);
         safeguard::blend(&mut mixed, &candidates.nlm, self.fraction);
         mixed.scale(self.factors);
         mixed.mean

@@ -192,10 +192,9 @@ fn filter(
     let mut mixed = mix(&candidates, &predicted, &hit);
     mixed.complete_margin(whole);
     let unfiltered_image = candidates.unfiltered();
-    let mut nlm = candidates.nlm();
-    let nlm_factors = safeguard::limits(&mixed, &nlm, candidates.emission.as_ref(), &counts);
-    nlm.scale(&nlm_factors);
-    let fraction = safeguard::fraction_of_learned(&mixed, &nlm, &unfiltered_image, &counts, whole);
+    let nlm = candidates.nlm();
+    let emission = candidates.emission.as_ref();
+    let fraction = safeguard::fraction_of_learned(&mixed, &nlm, &unfiltered_image, emission, &counts, whole);
     safeguard::blend(&mut mixed, &nlm, &fraction);
     mixed.complete_margin(whole);
     let mut factors = residual_fireflies::factors(&mixed.mean, &statistics);
@@ -211,7 +210,6 @@ fn filter(
         albedo: &candidates.albedo,
         predicted: &predicted,
         hit: &hit,
-        nlm_factors: &nlm_factors,
         fraction: &fraction,
         factors: &factors,
     };

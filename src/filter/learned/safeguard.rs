@@ -6,8 +6,8 @@
 //! channels and, by a blur, surrounding pixels. This observation of λ has the variance V/Q², V = Σ ρ² D_h² v with the variance
 //! v of c, which is at least its usual one over a wider surrounding. The prior of λ is normal with mean 1 and deviation [`DOUBT`].
 //!
-//! With few samples F₂ has specks: pixels that it leaves as they are, as few are like them. Before all this it is brought within a factor of
-//! 1 + n/4 of the luminance of F₁, in a pixel of n samples.
+//! With few samples F₂ has specks: pixels that it leaves as they are, as few are like them. Before all this it is blended with F₁ as far as it
+//! takes to come within a factor of 1 + n/4 of its luminance, in a pixel of n samples.
 
 use rayon::prelude::*;
 
@@ -37,21 +37,6 @@ pub fn reach() -> usize {
     blur::reach(SIGMA) + blur::reach(VARIANCE_SIGMA)
 }
 
-/// Returns the factors that bring a second estimate near the learned image, pixel by pixel: 1 where it is, or where `emission` is visible.
-pub fn limits(learned: &Noisy, second: &Noisy, emission: Option<&Noisy>, counts: &HalfCounts) -> Vec<f32> {
-    let [n_a, n_b] = counts.floats();
-    let limit = |i: usize| {
-        let ratio = 1.0 + (n_a[i] + n_b[i]) / LIMIT_SAMPLES;
-        let luminance = pixel_luminance(&learned.mean, i);
-        let found = pixel_luminance(&second.mean, i);
-        let factor = found.min(ratio * luminance).max(luminance / ratio) / found;
-        let emits = || emission.is_some_and(|emission| pixel_luminance(&emission.mean, i) > 0.0);
-        // Estimates that are black or too large have no ratio
-        if factor > 0.0 && factor.is_finite() && !emits() { factor } else { 1.0 }
-    };
-    (0..learned.mean.pixels()).into_par_iter().with_min_len(1024).map(limit).collect()
-}
-
 /// Blends the learned image with a second estimate. `fraction` is that of [`fraction_of_learned`].
 pub fn blend(learned: &mut Noisy, second: &Noisy, fraction: &[f32]) {
     for (learned, second) in [(&mut learned.mean, &second.mean), (&mut learned.noise, &second.noise)] {
@@ -62,8 +47,49 @@ pub fn blend(learned: &mut Noisy, second: &Noisy, fraction: &[f32]) {
     }
 }
 
-/// Computes λ for each pixel. `noisy` is the unfiltered image.
+/// Computes the fraction of the learned image in each pixel. `noisy` is the unfiltered image, and `emission` the part of it that is directly
+/// visible.
 pub fn fraction_of_learned(
+    learned: &Noisy,
+    second: &Noisy,
+    noisy: &Noisy,
+    emission: Option<&Noisy>,
+    counts: &HalfCounts,
+    whole: &dyn WholeImage,
+) -> Vec<f32> {
+    let within_limits = fraction_within_limits(learned, second, emission, counts);
+    let mut limited = learned.clone();
+    blend(&mut limited, second, &within_limits);
+    let mut fraction = lambda(learned, &limited, noisy, counts, whole);
+    let fractions = fraction.iter_mut().zip(&within_limits);
+    fractions
+        .for_each(|(fraction, within_limits)| *fraction = 1.0 - (1.0 - *fraction) * (1.0 - within_limits));
+    fraction
+}
+
+/// Returns for each pixel the fraction of the learned image that brings the luminance of the second one within its limits: 0 where it is, and
+/// where emission is visible, since a lamp may be small.
+fn fraction_within_limits(
+    learned: &Noisy,
+    second: &Noisy,
+    emission: Option<&Noisy>,
+    counts: &HalfCounts,
+) -> Vec<f32> {
+    let [n_a, n_b] = counts.floats();
+    let fraction = |i: usize| {
+        let ratio = 1.0 + (n_a[i] + n_b[i]) / LIMIT_SAMPLES;
+        let [own, other] = [learned, second].map(|image| pixel_luminance(&image.mean, i));
+        let limited = other.min(ratio * own).max(own / ratio);
+        let fraction = (limited - other) / (own - other);
+        let emits = || emission.is_some_and(|emission| pixel_luminance(&emission.mean, i) > 0.0);
+        // Equal ones have no fraction
+        if fraction > 0.0 && !emits() { fraction.min(1.0) } else { 0.0 }
+    };
+    (0..learned.mean.pixels()).into_par_iter().with_min_len(1024).map(fraction).collect()
+}
+
+/// Computes λ for each pixel.
+fn lambda(
     learned: &Noisy,
     second: &Noisy,
     noisy: &Noisy,
@@ -150,25 +176,34 @@ mod tests {
 
     #[test]
     fn a_speck_is_brought_near_the_learned_image_unless_many_samples_show_it() {
-        let image = |speck: f32| {
+        let image = |speck: [f32; 3]| {
             let mut planes = Planes::new(SIDE, SIDE, 3);
             planes.data_mut().fill(1.0);
-            planes.planes_mut().for_each(|plane| plane[40] = speck);
+            planes.planes_mut().zip(speck).for_each(|(plane, value)| plane[40] = value);
             Noisy::exact(planes)
         };
-        for (speck, samples, expected) in
-            [(5.0, 2, 1.5), (0.1, 2, 1.0 / 1.5), (5.0, 16, 5.0), (1.2, 2, 1.2), (0.0, 2, 0.0)]
-        {
-            let counts =
-                HalfCounts::new(SIDE, [vec![samples / 2; SIDE * SIDE], vec![samples / 2; SIDE * SIDE]]);
-            let mut second = image(speck);
-            second.scale(&limits(&image(1.0), &second, None, &counts));
-            assert!((second.mean.plane(1)[40] - expected).abs() < 1e-5, "{speck} {samples}");
-            assert_eq!(second.mean.plane(1)[39], 1.0);
-            // A lamp may be small
-            let mut lamp = image(speck);
-            lamp.scale(&limits(&image(1.0), &lamp, Some(&image(1.0)), &counts));
-            assert_eq!(lamp.mean.plane(1)[40], speck);
+        for (speck, samples, expected) in [
+            ([5.0; 3], 2, [1.5; 3]),
+            ([0.1; 3], 2, [1.0 / 1.5; 3]),
+            ([0.0; 3], 2, [1.0 / 1.5; 3]),
+            ([5.0; 3], 16, [5.0; 3]),
+            ([1.2; 3], 2, [1.2; 3]),
+            // A colour is not amplified
+            ([0.0, 0.0, 1.0], 2, [0.641, 0.641, 1.0]),
+        ] {
+            let half = || vec![samples / 2; SIDE * SIDE];
+            let counts = HalfCounts::new(SIDE, [half(), half()]);
+            let limited = |emission: Option<&Noisy>| {
+                let mut limited = image([1.0; 3]);
+                let fraction = fraction_within_limits(&limited, &image(speck), emission, &counts);
+                blend(&mut limited, &image(speck), &fraction);
+                assert_eq!(limited.mean.plane(1)[39], 1.0);
+                [0, 1, 2].map(|channel| limited.mean.plane(channel)[40])
+            };
+            for (found, expected) in limited(None).into_iter().zip(expected) {
+                assert!((found - expected).abs() < 1e-3, "{speck:?} {samples}: {found} {expected}");
+            }
+            assert_eq!(limited(Some(&image([1.0; 3]))), speck);
         }
     }
 
@@ -191,7 +226,7 @@ mod tests {
         let striped = || Noisy { mean: image(&mut |i| stripe(i)), noise: image(&mut |_| 0.0) };
         let (learned, second) = if second_has_stripes { (flat(), striped()) } else { (striped(), flat()) };
         let whole = AllPixels::new(SIDE, SIDE);
-        fraction_of_learned(&learned, &second, &noisy, &counts, &whole)[SIDE * SIDE / 2 + SIDE / 2]
+        lambda(&learned, &second, &noisy, &counts, &whole)[SIDE * SIDE / 2 + SIDE / 2]
     }
 
     #[test]
@@ -220,7 +255,7 @@ mod tests {
         let second = clean(image(&|x, y| if is_missed(x, y) { 0.0 } else { 1.0 }));
         let counts = HalfCounts::new(SIDE, [vec![2; SIDE * SIDE], vec![2; SIDE * SIDE]]);
         let whole = AllPixels::new(SIDE, SIDE);
-        let fraction = fraction_of_learned(&learned, &second, &noisy, &counts, &whole)[24 * SIDE + 24];
+        let fraction = lambda(&learned, &second, &noisy, &counts, &whole)[24 * SIDE + 24];
         assert!(fraction > 0.5, "{fraction}");
     }
 
@@ -237,9 +272,7 @@ mod tests {
         };
         let [learned, second] = [1.0, 2.0].map(constant);
         let whole = AllPixels::new(SIDE, SIDE);
-        let fraction = |period| {
-            fraction_of_learned(&learned, &second, &second, &counts(period), &whole)[SIDE * SIDE / 2]
-        };
+        let fraction = |period| lambda(&learned, &second, &second, &counts(period), &whole)[SIDE * SIDE / 2];
         assert!(fraction(1) < 0.01 && fraction(25) > 0.99, "{} {}", fraction(1), fraction(25));
     }
 
@@ -253,6 +286,6 @@ mod tests {
         let counts = HalfCounts::new(3, [vec![1; 3], vec![0; 3]]);
         let [learned, second] = [1.0, 2.0].map(constant);
         let whole = AllPixels::new(3, 1);
-        assert_eq!(fraction_of_learned(&learned, &second, &second, &counts, &whole), [1.0; 3]);
+        assert_eq!(lambda(&learned, &second, &second, &counts, &whole), [1.0; 3]);
     }
 }

@@ -17,8 +17,8 @@ use crate::progressive::{Checkpoint, RenderLoop, Settings, memory_needed};
 use crate::render::Renderer;
 use crate::stats::Store;
 
-/// Seconds of a render that is missed if it cannot be had back: the notice of it stays.
-const LONG: f64 = 30.0;
+/// Seconds of a render from which the notice stays that it cannot be had back.
+const LONG_RENDER: f64 = 30.0;
 
 impl Controller<'_> {
     /// Takes what was made of this scene before another one was opened.
@@ -90,8 +90,7 @@ impl Controller<'_> {
             lost.join(", "),
             limit.unwrap_or_default()
         );
-        // What took long is missed
-        self.reporter.notice(text, dropped.iter().any(|render| render.seconds() >= LONG));
+        self.reporter.notice(text, dropped.iter().any(|render| render.seconds() >= LONG_RENDER));
     }
 
     /// Starts the loop of a new render: with the spare store, if that fits.

@@ -15,7 +15,7 @@ use crate::stats::Store;
 /// Most images that are made in the background while the render has gone on to others: each holds a store.
 const MOST_IN_BACKGROUND: usize = 2;
 
-/// Samples per pixel from which an image of squares of pixels is saved, where pixels have too few. With fewer the squares would be large.
+/// Samples per pixel from which an image is saved before every pixel has some. With fewer its squares of pixels would be large.
 const LEAST_SPP: f64 = 1.0 / 16.0;
 
 impl Controller<'_> {
@@ -23,8 +23,8 @@ impl Controller<'_> {
     /// the first image of the new generation. Duplicate requests are merged.
     pub(super) fn request_pending_saves(&mut self, store: &Arc<Store>) {
         let is_last = self.pending.quit || self.pending.scene.is_some();
-        let has_images = || self.pending.saves.iter().all(|settings| self.has_image(store, settings));
-        let is_there = is_last || self.reporter.phase() == Phase::Finished || has_images();
+        let can_save = || self.pending.saves.iter().all(|settings| self.can_save(store, settings));
+        let is_there = is_last || self.reporter.phase() == Phase::Finished || can_save();
         if self.pending.starts_generation() || !is_there {
             return;
         }
@@ -46,12 +46,14 @@ impl Controller<'_> {
         }
     }
 
-    /// Returns whether there are samples for an image by these settings: of every pixel, or of squares that can be filtered.
-    fn has_image(&self, store: &Store, settings: &Settings) -> bool {
+    /// Returns whether there are samples for an image by these settings: of every pixel, or enough for the method to fill gaps.
+    fn can_save(&self, store: &Store, settings: &Settings) -> bool {
         let has_samples = store.samples_taken() as f64 >= LEAST_SPP * store.pixels() as f64;
         // A map or a region spreads the samples unevenly
         let is_even = settings.sample_map.is_none() && self.pixel_region(store).is_none();
-        self.is_covered(store) || has_samples && is_even && square_side(store, settings) > 1
+        let suited = suited_to(store, settings.denoiser);
+        let fills_gaps = suited.least_spp() > 0.0 && suited.name().method == settings.denoiser.name().method;
+        self.is_covered(store) || has_samples && is_even && fills_gaps
     }
 
     /// Saves the requested images, at once or, if the render has to go on to another generation, in the background.
@@ -97,7 +99,7 @@ impl Controller<'_> {
                 let spp = store.samples() as f64 / store.pixels().max(1) as f64;
                 let digits = if spp < 1.0 { 2 } else { 1 };
                 let squares = match filtered {
-                    Some((_, side)) if side > 1 => format!(", filtered by squares of {side}×{side}"),
+                    Some((_, side)) if side > 1 => format!("; squares of {side}×{side} pixels were filtered"),
                     _ => String::new(),
                 };
                 let text =

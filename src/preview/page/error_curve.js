@@ -2,6 +2,7 @@
 
 const COLOURS = { axis: "#4a4a4a", text: "#8e8e8e", line: "#e0e0e0", forecast: "#a0a0a0" };
 const LABEL_DISTANCE = 11; // CSS pixels
+const LONGEST_FORECAST = 100; // times the seconds so far: a point beyond lies off the plot
 const MARGIN = { left: 46, right: 10, top: 8, bottom: 18 };
 
 // Formats a power of ten.
@@ -30,7 +31,8 @@ export function drawErrorCurve(canvas, points, next, target) {
   // Choose the ranges of both axes
   const known = points.filter((p) => p.error > 0 && p.seconds > 0);
   const last = known.at(-1);
-  const all = [...known, ...(next ? [next] : [])];
+  const forecast = last && next ? [{ ...next, seconds: Math.min(next.seconds, LONGEST_FORECAST * last.seconds) }] : [];
+  const all = [...known, ...forecast];
   const span = (values, least) => {
     let low = Math.min(...values), high = Math.max(...values);
     const spare = Math.max(0, least - (high - low)) / 2;

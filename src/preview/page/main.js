@@ -41,7 +41,7 @@ const connection = new Connection({
     $("phase").className = "lost";
     document.title = `not connected · ${$("scene").textContent}`;
     $("save").disabled = $("pause").disabled = $("restart").disabled = true;
-    if (state.saving?.isConnected) notify("the connection broke while an image was being saved: look whether it is there", true);
+    if (state.saving?.isConnected) notify("the connection broke during a save: check whether the image was written", true);
     state.saving?.remove();
   },
   frame: (frame) => {
@@ -291,10 +291,15 @@ const togglePause = () => state.status && !state.status.stopped_by && send("paus
 const restart = () => send("restart", {});
 const undo = () => $("undo").disabled || send("undo", {});
 const redo = () => $("redo").disabled || send("redo", {});
+// These denoisers do not fill the gaps between samples, nor where a region has most of them.
+const waitsForSamples = () => {
+  const { statistics, settings, region } = state.status;
+  return statistics.min === 0 && (region || ["none", "prpf", "rpf"].includes(settings.denoiser));
+};
 const save = () => {
   if (connection.isOpen() && state.status) {
     state.saving?.remove();
-    state.saving = addLine("saving …", false);
+    state.saving = addLine(waitsForSamples() ? "saving when every pixel has samples …" : "saving …", false);
   }
   send("save", {});
 };

@@ -175,7 +175,7 @@ export class Panel {
   showCurve() {
     const { curve, forecast, settings } = this.status;
     const { error } = this.status.statistics.estimate ?? {};
-    const isOnTheWay = forecast?.target && error > settings.budget.target_error;
+    const isOnTheWay = Number.isFinite(forecast?.target?.seconds) && error > settings.budget.target_error;
     const next = isOnTheWay ? forecast.target : forecast?.halved ?? null;
     drawErrorCurve($("curve"), curve, next, settings.budget.target_error);
     const text = $("forecast");

@@ -135,6 +135,7 @@ export class Viewport {
     if (this.size[0] === width && this.size[1] === height) return;
     this.size = [width, height];
     if (this.isFitted) this.fit();
+    else this.redraw();
   }
 
   // Replaces the frame of a view and uploads it.
