@@ -35,6 +35,8 @@ pub struct GenerationRecord {
     /// The newest filter result, and its number of samples, 0 without one.
     pub shown: Option<FilterResult>,
     pub shown_samples: u64,
+    /// Side of the squares that it was filtered in, in pixels: 1 for pixels.
+    pub shown_side: usize,
     /// The newest coarse image, which stands in for it.
     pub coarse: Option<CoarseImage>,
     pub progress: Option<Progress>,

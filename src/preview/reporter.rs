@@ -167,6 +167,11 @@ impl Reporter {
         View::ALL.into_iter().any(|view| selects(view) && self.hub.wants(view))
     }
 
+    /// Returns the side of the squares that the shown image was filtered in, in pixels.
+    pub fn shown_side(&self) -> usize {
+        self.record.shown_side
+    }
+
     /// Returns the newest coarse image that stands in for a filtered one.
     pub fn coarse(&self) -> Option<&CoarseImage> {
         self.record.coarse.as_ref()
@@ -239,7 +244,7 @@ impl Reporter {
     /// Takes the result of a filter pass that took `seconds` seconds; `None` if it was given up.
     pub fn filtered(&mut self, filtered: Option<&Filtered>, seconds: f64, store: &Store) {
         self.add_filter_seconds(seconds);
-        if let Some(Filtered { result, estimate, .. }) = filtered {
+        if let Some(Filtered { result, side, estimate, .. }) = filtered {
             if !self.is_last_image(result, store) {
                 let summary = estimate.as_ref().map(ErrorEstimate::summary);
                 let earlier = std::mem::replace(&mut self.record.estimate, summary);
@@ -252,6 +257,7 @@ impl Reporter {
             self.compare(Some(&result));
             self.record.shown = Some(result);
             self.record.shown_samples = store.samples();
+            self.record.shown_side = *side;
             self.publisher.filtered();
             self.publish(store);
         }

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::Controller;
-use crate::filter::{FilterResult, sparse_filtering, suited_to};
+use crate::filter::{FilterResult, suited_to};
 use crate::preview::background_pass::Event;
 use crate::preview::configuration::SavedImage;
 use crate::preview::image_request::ImageRequest;
@@ -64,8 +64,7 @@ impl Controller<'_> {
                 && self.reporter.shown_samples() == request.store.samples();
             let matches = |shown: &&FilterResult| is_done && shown.made_by == made_by;
             if let Some(shown) = self.reporter.shown().filter(matches).cloned() {
-                let side = square_side(&request.store, &request.settings);
-                self.write_image(&request, Some((&shown, side)));
+                self.write_image(&request, Some((&shown, self.reporter.shown_side())));
             } else if self.background.len() == MOST_IN_BACKGROUND {
                 self.notice_unsaved(
                     "earlier images are still being filtered; save again when they are there",
@@ -122,9 +121,4 @@ impl Controller<'_> {
         }
         self.reporter.notice(text, true);
     }
-}
-
-/// Returns the side of the squares that are filtered of a store, in pixels: 1 for pixels.
-fn square_side(store: &Store, settings: &Settings) -> usize {
-    sparse_filtering::side(suited_to(store, settings.denoiser), store, 1)
 }

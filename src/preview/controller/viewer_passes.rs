@@ -96,7 +96,8 @@ impl Controller<'_> {
 
     /// Returns the result of a pass over pixels that is on show already, as after an undo; `None` if another image is.
     fn shown_result(&self, pass: &FilterPass) -> Option<Filtered> {
-        let has_pixels = sparse_filtering::side(pass.denoiser, &pass.store, pass.least_side) == 1;
+        let side = sparse_filtering::side(pass.denoiser, &pass.store, pass.least_side);
+        let has_pixels = side == 1 && self.reporter.shown_side() == 1;
         let has_samples = has_pixels && self.reporter.shown_samples() == pass.store.samples();
         let is_same = |shown: &&FilterResult| has_samples && shown.made_by == pass.denoiser.name();
         let result = self.reporter.shown().filter(is_same)?.clone();
