@@ -170,7 +170,7 @@ impl Session {
                 Next::Wait
             }
             Ok(message) => match self.hub.send(message.into_command(&self.reply)) {
-                true => Next::Wait,
+                true => confirm(),
                 false => refuse("too many commands are waiting; try again in a second"),
             },
             Err(problem) => refuse(&problem),
@@ -181,6 +181,11 @@ impl Session {
         let status = self.status.borrow_and_update().clone();
         if status.is_empty() { Next::Wait } else { Next::Send(vec![Packet::Text((&*status).into())]) }
     }
+}
+
+/// Confirms that a command waits for the render.
+fn confirm() -> Next {
+    Next::Send(vec![message("taken", "")])
 }
 
 fn refuse(reason: &str) -> Next {

@@ -54,6 +54,31 @@ fn a_full_house_is_told_and_a_place_is_taken_when_there_is_one() {
 }
 
 #[cfg(unix)]
+fn signal(render: &Running, name: &str) {
+    let sent = std::process::Command::new("kill").arg(name).arg(render.0.id().to_string()).status();
+    assert!(sent.expect("kill is there").success());
+}
+
+/// A link that is dead takes commands until its silence is noticed.
+#[cfg(unix)]
+#[test]
+fn commands_that_may_not_have_arrived_are_named() {
+    let Some(program) = chromium() else { return };
+    let (render, address, _folder) = preview(&["--spp", "4"]);
+    let mut page = Page::open(program, &address, [1280, 800]);
+    page.wait(&format!("window.prpf && window.prpf.state.status && {PHASE} === 'finished'"));
+    page.click("input[name=sampling][value=uniform]");
+    page.wait("window.prpf.state.status.settings.sampling === 'uniform'");
+    signal(&render, "-STOP");
+    page.click("input[name=sampling][value=adaptive]");
+    page.key("b");
+    page.wait("document.getElementById('notices').textContent.includes('before prpf confirmed: settings, add bookmark')");
+    signal(&render, "-CONT");
+    // The page shows what the render has made of them
+    page.wait("!document.getElementById('save').disabled && window.prpf.state.status");
+}
+
+#[cfg(unix)]
 #[test]
 fn the_end_of_a_render_is_told() {
     let Some(program) = chromium() else { return };
@@ -62,8 +87,7 @@ fn the_end_of_a_render_is_told() {
     let (render, address) = start_in(folder.path(), "render", &arguments);
     let mut page = Page::open(program, &address, [1280, 800]);
     page.wait("window.prpf && window.prpf.state.status");
-    let sent = std::process::Command::new("kill").arg("-INT").arg(render.0.id().to_string()).status();
-    assert!(sent.expect("kill is there").success());
+    signal(&render, "-INT");
     page.wait(&format!("{TEXT} === 'The render has ended.'"));
     assert!(folder.path().join("named.exr").exists());
 }

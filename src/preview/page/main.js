@@ -36,6 +36,11 @@ const connection = new Connection({
     Object.assign(state, { requestedViews: "", notice: null });
     forgetScene();
   },
+  unconfirmed: (types) => {
+    const isTold = (type) => type !== "inspect" && type !== "save"; // a save that breaks off has its own notice
+    const commands = new Set(types.filter(isTold).map((type) => type.replace("-", " ")));
+    if (commands.size > 0) notify(`the connection broke before prpf confirmed: ${[...commands].join(", ")}`, true);
+  },
   lost: (reason) => {
     $("phase").textContent = $("phase").title = reason;
     $("phase").className = "lost";
