@@ -124,8 +124,11 @@ fn render_scene(
 ) -> Result<SceneEnd, Failure> {
     let mut session = scenes.take_session();
     let end = render_until(scenes, mode, processes, signals, viewers, &mut session);
-    if let Some(session) = session {
-        scenes.keep(session);
+    let dropped = session.map_or_else(Vec::new, |session| scenes.keep(session));
+    if let Some(Viewers { hub, .. }) = &viewers {
+        for scene in dropped {
+            hub.notices().add(format!("the renders of {} had to make room in memory", scene.display()), true);
+        }
     }
     end
 }

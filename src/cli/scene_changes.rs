@@ -1,12 +1,11 @@
 //! The scenes that a preview opens one after the other.
 
-use std::collections::HashMap;
 use std::path::PathBuf;
 use std::time::Instant;
 
 use super::failure::Failure;
 use super::options::RenderOptions;
-use crate::preview::SceneSession;
+use crate::preview::{SceneSession, SceneSessions};
 
 /// The scene that is open, and what was made of the others.
 pub(super) struct SceneChanges<'a> {
@@ -18,7 +17,7 @@ pub(super) struct SceneChanges<'a> {
     pub start: Instant,
     /// Notice to the user about it.
     pub notice: Option<String>,
-    sessions: HashMap<PathBuf, SceneSession>,
+    sessions: SceneSessions,
     /// The scene that was open before.
     before: Option<PathBuf>,
 }
@@ -26,18 +25,18 @@ pub(super) struct SceneChanges<'a> {
 impl<'a> SceneChanges<'a> {
     /// Begins with the scene of the command line.
     pub fn new(first: &'a RenderOptions, start: Instant) -> Self {
-        let (options, sessions) = (first.clone(), HashMap::new());
+        let (options, sessions) = (first.clone(), SceneSessions::default());
         Self { first, options, start, notice: None, sessions, before: None }
     }
 
     /// Takes what was made of the scene that is opened.
     pub fn take_session(&mut self) -> Option<SceneSession> {
-        self.sessions.remove(&self.options.scene)
+        self.sessions.take(&self.options.scene)
     }
 
-    /// Keeps what was made of the scene that is open.
-    pub fn keep(&mut self, session: SceneSession) {
-        self.sessions.insert(self.options.scene.clone(), session);
+    /// Keeps what was made of the scene that is open. Returns the scenes whose renders had to make room for it.
+    pub fn keep(&mut self, session: SceneSession) -> Vec<PathBuf> {
+        self.sessions.keep(self.options.scene.clone(), session)
     }
 
     /// Goes to another scene, with a notice.

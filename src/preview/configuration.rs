@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
 
-use super::scene_session::SceneSession;
+use super::scene_sessions::SceneSession;
 use crate::filter::{DENOISERS, Denoiser, FilterResult, SampleVectors};
 use crate::image::Planes;
 use crate::progressive::{Checkpoint, Host, Settings};

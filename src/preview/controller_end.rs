@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use super::scene_session::SceneSession;
+use super::scene_sessions::SceneSession;
 use crate::progressive::Outcome;
 use crate::scene::Camera;
 

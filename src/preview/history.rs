@@ -58,6 +58,10 @@ impl KeptRender {
         self.record.progress.map_or(0.0, |progress| progress.elapsed)
     }
 
+    pub fn bytes(&self) -> f64 {
+        bytes(&self.checkpoint.store)
+    }
+
     /// Describes it in a few words.
     pub fn description(&self) -> String {
         let store = &self.checkpoint.store;
@@ -66,15 +70,16 @@ impl KeptRender {
     }
 }
 
-/// Returns the bytes of a kept render.
+/// Returns the bytes of a kept render with this store.
 fn bytes(store: &Store) -> f64 {
     let beside = BYTES_BESIDE + Store::bytes_per_pixel(store.layout(), 0);
     (beside * store.pixels()) as f64 + store.reservoir_bytes() as f64
 }
 
 impl History {
-    fn bytes(&self) -> f64 {
-        self.done.iter().chain(&self.undone).map(|kept| bytes(&kept.checkpoint.store)).sum()
+    /// Returns the bytes of the kept renders.
+    pub fn bytes(&self) -> f64 {
+        self.done.iter().chain(&self.undone).map(KeptRender::bytes).sum()
     }
 
     /// Returns whether a render with this store could be kept, if nothing else were.
@@ -106,7 +111,7 @@ impl History {
     /// Removes renders until the others take no more than `limit` bytes, and returns them.
     fn make_room(&mut self, limit: Option<f64>) -> Vec<KeptRender> {
         let is_full = |kept: &[KeptRender]| {
-            let bytes = kept.iter().map(|kept| bytes(&kept.checkpoint.store)).sum::<f64>();
+            let bytes = kept.iter().map(KeptRender::bytes).sum::<f64>();
             kept.len() > MOST_KEPT || limit.is_some_and(|limit| bytes > limit)
         };
         let mut removed = Vec::new();
@@ -186,7 +191,7 @@ mod tests {
             assert!(history.keep(finished(width)).is_empty());
         }
         assert_eq!(widths(&history.keep(finished(MOST_KEPT + 1))), [1], "more than are kept");
-        let limit = history.done[5..].iter().map(|kept| bytes(&kept.checkpoint.store)).sum();
+        let limit = history.done[5..].iter().map(KeptRender::bytes).sum();
         assert_eq!(widths(&history.make_room(Some(limit))), [2, 3, 4, 5, 6], "more bytes than may be taken");
         assert_eq!(widths(&history.done), [7, 8, 9]);
         assert_eq!(widths(&history.make_room(Some(0.0))), [9, 7, 8]);
@@ -199,7 +204,7 @@ mod tests {
         (2..=MOST_KEPT).for_each(|width| drop(history.keep(finished_after(3.0, width))));
         assert_eq!(widths(&history.keep(finished_after(2.0, MOST_KEPT + 1))), [2]);
         assert_eq!(widths(&history.done)[0], 1);
-        let least = history.done.last().map(|latest| bytes(&latest.checkpoint.store));
+        let least = history.done.last().map(KeptRender::bytes);
         assert_eq!(history.make_room(least).len(), MOST_KEPT - 1, "the latest is kept, short as it is");
         assert_eq!(widths(&history.done), [MOST_KEPT + 1]);
 

@@ -12,7 +12,7 @@
 //!
 //! | file | holds |
 //! | --- | --- |
-//! | `controller`, `controller_end`, `scene_session`, `pending`, `configuration`, `image_request`, `history`, `background_pass` | control of the render |
+//! | `controller`, `controller_end`, `scene_sessions`, `pending`, `configuration`, `image_request`, `history`, `background_pass` | control of the render |
 //! | `reporter`, `generation_record`, `status`, `notices` | the status of the render |
 //! | `publisher`, `preview_frame` | encoded images for the viewers |
 //! | `view`, `colour_scale`, `pixel_values`, `comparison`, `saved_images` | what the page shows |
@@ -48,7 +48,7 @@ mod publisher;
 mod relative_error;
 mod reporter;
 mod saved_images;
-mod scene_session;
+mod scene_sessions;
 mod server;
 mod session;
 mod settings_change;
@@ -65,7 +65,7 @@ pub use controller_end::ControllerEnd;
 pub use hub::Hub;
 pub use orbit_camera::OrbitCamera;
 pub use protocol::Message;
-pub use scene_session::SceneSession;
+pub use scene_sessions::{SceneSession, SceneSessions};
 pub use server::{ServeError, Server};
 pub use settings_change::SettingsChange;
 pub use tev_client::TevClient;

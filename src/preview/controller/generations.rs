@@ -11,7 +11,7 @@ use crate::memory::format_bytes;
 use crate::preview::generation_record::GenerationRecord;
 use crate::preview::history::{HistoryStep, KeptRender, MOST_KEPT};
 use crate::preview::orbit_camera::OrbitCamera;
-use crate::preview::scene_session::SceneSession;
+use crate::preview::scene_sessions::{SceneRenders, SceneSession};
 use crate::preview::status::{DenoiserInfo, HistoryStatus, MostSpp, Phase};
 use crate::progressive::{Checkpoint, RenderLoop, Settings, memory_needed};
 use crate::render::Renderer;
@@ -31,8 +31,11 @@ impl Controller<'_> {
             let text = "the scene's files have changed: its earlier renders were discarded";
             return self.reporter.notice(text.to_owned(), true);
         }
-        (self.bookmarks, self.history) = (session.bookmarks, session.history);
-        self.take_back(session.current);
+        self.bookmarks = session.bookmarks;
+        if let Some(SceneRenders { history, current }) = session.renders {
+            self.history = history;
+            self.take_back(current);
+        }
     }
 
     /// Returns what was made of this scene, for the time when it is opened again.
@@ -40,8 +43,7 @@ impl Controller<'_> {
         SceneSession {
             hash: self.configuration.scene.hash.clone(),
             bookmarks: std::mem::take(&mut self.bookmarks),
-            history: std::mem::take(&mut self.history),
-            current,
+            renders: Some(SceneRenders { history: std::mem::take(&mut self.history), current }),
         }
     }
 
