@@ -319,9 +319,14 @@ impl<'a> Controller<'a> {
     fn leaves_after_step(&mut self, render_loop: &RenderLoop) -> bool {
         let (progress, store) = (render_loop.progress(), render_loop.store());
         self.configuration.host.listen(&progress);
-        self.reporter.stepped(progress, store);
-        self.report(store, false);
+        self.reporter.stepped(progress);
         self.receive(store);
+        if self.pending.starts_generation() {
+            // Nobody waits for these samples any more
+            return true;
+        }
+        self.reporter.publish_if_due(store);
+        self.report(store, false);
         let has_to_leave = |controller: &Self| controller.pending.any() || !controller.requests.is_empty();
         if !has_to_leave(self) {
             self.filter_if_due(store);
@@ -401,8 +406,11 @@ impl<'a> Controller<'a> {
         self.report(store, true);
     }
 
-    /// Publishes the status.
+    /// Publishes the status; not too often unless it is urgent or `at_once`.
     fn report(&mut self, store: &Store, at_once: bool) {
+        if !at_once && !self.reporter.is_report_due() {
+            return;
+        }
         let (scene, settings) = (&self.configuration.scene.source, &self.configuration.settings);
         let (denoisers, history) = (self.denoiser_infos(store), self.history_status(store));
         let bookmarks = self.listed_bookmarks();
@@ -418,7 +426,7 @@ impl<'a> Controller<'a> {
             bookmarks,
             region: self.region,
         };
-        self.reporter.report(&subject, store, at_once);
+        self.reporter.report(&subject, store);
     }
 }
 

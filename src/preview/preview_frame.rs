@@ -101,11 +101,14 @@ impl PreviewFrame {
         let stand_ins = counts.map(|counts| StandIns::new(counts, width));
         pixels.par_chunks_mut(row_bytes.max(1)).enumerate().for_each(|(y, out)| {
             let mut values = vec![0.0; width * channels];
+            let sources: Option<Vec<_>> =
+                stand_ins.as_ref().map(|found| (0..width).map(|x| found.of(x, y)).collect());
             for channel in 0..channels {
-                let row = planes.plane(channel);
+                let plane = planes.plane(channel);
+                let row = &plane[y * width..][..width];
                 for (x, value) in values.iter_mut().skip(channel).step_by(channels).enumerate() {
-                    let from = stand_ins.as_ref().map_or(y * width + x, |found| found.of(x, y));
-                    *value = row[from].clamp(-LARGEST, LARGEST);
+                    let found = sources.as_ref().map_or(row[x], |sources| plane[sources[x]]);
+                    *value = found.clamp(-LARGEST, LARGEST);
                 }
             }
             let mut halves = vec![f16::ZERO; values.len()];
@@ -145,10 +148,12 @@ impl<'c> StandIns<'c> {
                     let inside = quarters.into_iter().filter(|&(x, y)| x < columns && y < rows);
                     inside.into_iter().find_map(|(x, y)| quarter(x, y))
                 };
-                let rows = (0..height.div_ceil(side)).into_par_iter();
-                rows.flat_map_iter(|y| (0..width.div_ceil(side)).map(move |x| (x, y)))
-                    .map(|(x, y)| block(x, y))
-                    .collect()
+                let length = width.div_ceil(side);
+                let mut blocks = vec![None; length * height.div_ceil(side)];
+                blocks.par_chunks_mut(length.max(1)).enumerate().for_each(|(y, row)| {
+                    row.iter_mut().enumerate().for_each(|(x, found)| *found = block(x, y));
+                });
+                blocks
             };
         let pixel = |x: usize, y: usize| (counts[y * width + x] > 0).then_some((y * width + x) as u32);
         let two = first(2, &pixel);

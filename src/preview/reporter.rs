@@ -205,7 +205,7 @@ impl Reporter {
     }
 
     /// Takes the progress after a step.
-    pub fn stepped(&mut self, progress: Progress, store: &Store) {
+    pub fn stepped(&mut self, progress: Progress) {
         self.enter(Phase::Rendering);
         self.progressed(progress);
         self.record.recent.push_back((progress.elapsed, progress.samples));
@@ -214,6 +214,10 @@ impl Reporter {
         }
         self.record.first.get_or_insert((progress.elapsed, progress.samples));
         self.publisher.stepped();
+    }
+
+    /// Publishes frames after a step, not too often.
+    pub fn publish_if_due(&mut self, store: &Store) {
         if self.publisher.is_due() {
             self.publish(store);
         }
@@ -347,13 +351,15 @@ impl Reporter {
         }
     }
 
-    /// Publishes the status; not too often unless it is urgent or `at_once`.
-    pub fn report(&mut self, subject: &Subject, store: &Store, at_once: bool) {
+    /// Returns whether it is time for another status, or it is urgent.
+    pub fn is_report_due(&self) -> bool {
         // An idle render has nothing new to report.
         let idle = matches!(self.phase, Phase::Finished | Phase::Paused);
-        if !at_once && self.reported.is_some_and(|reported| idle || reported.elapsed() < STATUS_INTERVAL) {
-            return;
-        }
+        self.reported.is_none_or(|reported| !idle && reported.elapsed() >= STATUS_INTERVAL)
+    }
+
+    /// Publishes the status.
+    pub fn report(&mut self, subject: &Subject, store: &Store) {
         self.reported = Some(Instant::now());
         let status = Status {
             r#type: "status",
@@ -432,7 +438,7 @@ mod tests {
         let mut reporter = Reporter::new(Arc::new(Hub::default()));
         let progress = Progress { fraction: 0.5, elapsed: 8.0, samples: 0, spp: 0.0, estimate: None };
         let seconds = |reporter: &Reporter| reporter.statistics(&store).seconds;
-        reporter.stepped(progress, &store);
+        reporter.stepped(progress);
         reporter.enter(Phase::Filtering);
         std::thread::sleep(Duration::from_millis(5));
         assert!(seconds(&reporter) > 8.004, "a pass takes time");

@@ -71,6 +71,9 @@ impl Store {
 
     /// Size in bytes of the sample vectors in all reservoirs.
     pub fn reservoir_bytes(&self) -> u64 {
+        if self.capacity == 0 {
+            return 0;
+        }
         let row_bytes =
             |row: &Row| (0..self.width).map(|x| size_of_val(row.reservoir(x)) as u64).sum::<u64>();
         self.rows.iter().map(row_bytes).sum()
@@ -117,8 +120,11 @@ impl Store {
 
     /// Number of valid samples of each pixel.
     pub fn counts(&self, part: Part) -> Vec<u32> {
-        let rows = self.rows.par_iter();
-        rows.flat_map_iter(|row| (0..self.width).map(move |x| row.count(x, part))).collect()
+        let mut counts = vec![0; self.pixels()];
+        counts.par_chunks_mut(self.width.max(1)).zip(&self.rows).for_each(|(out, row)| {
+            out.iter_mut().enumerate().for_each(|(x, count)| *count = row.count(x, part));
+        });
+        counts
     }
 
     /// Number of valid samples of the whole image.
