@@ -247,7 +247,7 @@ fn after_a_storm_of_connections_there_is_a_place_and_an_image() {
     while !matches!(socket.read().expect("a message"), Message::Binary(_)) {}
 }
 
-/// Viewers that connect, send every command but Save many times, read little, and leave. `PRPF_VIEWERS=8640` for as many as come
+/// Viewers that connect, send every command many times, read little, and leave. `PRPF_VIEWERS=8640` for as many as come
 /// in 24 hours, one each ten seconds.
 #[cfg(target_os = "linux")]
 #[test]
@@ -278,6 +278,7 @@ fn viewers_that_come_and_go_take_little_memory() {
             r#"{"type":"undo"}"#,
             r#"{"type":"redo"}"#,
             r#"{"type":"open-scene","index":7}"#,
+            r#"{"type":"save"}"#,
             r#"{"type":"alive"}"#,
             r#"{"type":"pause","paused":true}"#,
             r#"{"type":"pause","paused":false}"#,

@@ -1,6 +1,7 @@
 """Measures what a viewer of the live page costs, and how often it gets a new image.
 
     python3 experiments/preview/preview_cost.py PRPF SCENE [--time SECONDS] [--runs N] [--views raw,filtered]
+        [--quality PRESET] [--resolution WxH]
 
 Renders the scene with the same time budget, alternately without a live page and with one viewer, which receives
 every frame as soon as it is sent. The viewer is no browser, whose drawing would cost time of its own. Prints medians
@@ -85,11 +86,16 @@ class Socket:
                 return kind, data
 
 
+def resolution(arguments):
+    """Returns the arguments that set the resolution."""
+    return ["--resolution", arguments.resolution] if arguments.resolution else []
+
+
 def render(arguments, folder, has_viewer):
     """Returns the number of samples of a render, and the times of its frames since the address was printed."""
     report = os.path.join(folder, "report.json")
     command = [arguments.prpf, "render", arguments.scene, "--time", f"{arguments.time}s", "--report", report]
-    command += ["-o", os.path.join(folder, "image.png")] + (["--preview"] if has_viewer else [])
+    command += ["-o", os.path.join(folder, "image.png")] + resolution(arguments) + (["--preview"] if has_viewer else [])
     program = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
     frames = []
     if has_viewer:
@@ -115,6 +121,7 @@ def render(arguments, folder, has_viewer):
 def turn_latencies(arguments, count=20):
     """Returns the seconds from each of some camera turns to the first image of the new view."""
     command = [arguments.prpf, "preview", arguments.scene, "--quality", arguments.quality, "--quiet"]
+    command += resolution(arguments)
     program = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
     try:
         address = next(line for line in program.stdout if line.startswith("preview at ")).split()[2]
@@ -153,6 +160,7 @@ def main():
     parser.add_argument("--runs", type=int, default=5)
     parser.add_argument("--views", default="raw,filtered")
     parser.add_argument("--quality", default="standard", help="preset of the denoiser while the camera turns")
+    parser.add_argument("--resolution", metavar="WxH", help="in place of the scene's own")
     arguments = parser.parse_args()
     ratios, firsts, rates, waits = [], [], [], []
     with tempfile.TemporaryDirectory() as folder:
