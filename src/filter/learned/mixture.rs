@@ -5,6 +5,7 @@ use rayon::prelude::*;
 
 use super::input_statistics::ALBEDO_RANGE;
 use super::network::MIXTURE;
+use super::visible_emission::VisibleEmission;
 use crate::filter::common::emitter_outlines::outside_emitters;
 use crate::filter::common::half_counts::HalfCounts;
 use crate::filter::common::interleaved_planes::InterleavedPlanes;
@@ -86,7 +87,7 @@ pub struct Candidates {
     /// Radiance without directly visible emission.
     pub colour: Noisy,
     /// Directly visible emission, if there is any.
-    pub emission: Option<Noisy>,
+    pub emission: Option<VisibleEmission>,
     /// Albedo of surfaces: 3 planes.
     pub albedo: Planes,
     /// Image of `nlm`, without emission.
@@ -135,24 +136,25 @@ impl Candidates {
     fn with_emission(&self, image: &Noisy) -> Noisy {
         let mut image = image.clone();
         if let Some(emission) = &self.emission {
-            image.add_scaled(1.0, emission);
+            image.add_scaled(1.0, &emission.light);
         }
         image
     }
 
     /// Returns the planes to filter: per part (mean and noise) demodulated colour, colour and, if there is any, emission,
-    /// 3 each; last the albedo.
+    /// 3 each; then the albedo, and the coverage by emitters, if there are any.
     pub fn values(&self) -> Planes {
         let colour = &self.colour.mean;
         let (width, height, pixels) = (colour.width(), colour.height(), colour.pixels());
-        let mut values = Planes::new(width, height, 2 * self.planes_per_part() + 3);
+        let of_coverage = usize::from(self.emission.is_some());
+        let mut values = Planes::new(width, height, 2 * self.planes_per_part() + 3 + of_coverage);
         let mut rest = values.data_mut();
         let mut next = || {
             let (planes, others) = std::mem::take(&mut rest).split_at_mut(3 * pixels);
             rest = others;
             planes
         };
-        let emissions = self.emission.as_ref().map(Noisy::parts);
+        let emissions = self.emission.as_ref().map(|emission| emission.light.parts());
         for (part, colour) in self.colour.parts().into_iter().enumerate() {
             let demodulated =
                 next().par_iter_mut().with_min_len(1024).zip(colour.data()).zip(self.albedo.data());
@@ -164,6 +166,9 @@ impl Candidates {
         }
         let divisors = next().iter_mut().zip(self.albedo.data());
         divisors.for_each(|(out, &albedo)| *out = divisor(albedo));
+        if let Some(emission) = &self.emission {
+            rest.copy_from_slice(emission.coverage.data());
+        }
         values
     }
 
@@ -175,7 +180,7 @@ impl Candidates {
     fn outside_emitters(&self) -> Vec<bool> {
         let pixels = 0..self.colour.mean.pixels();
         let met_emitter: Vec<bool> = match &self.emission {
-            Some(emission) => pixels.map(|i| (0..3).any(|c| emission.mean.plane(c)[i] > 0.0)).collect(),
+            Some(emission) => pixels.map(|i| (0..3).any(|c| emission.light.mean.plane(c)[i] > 0.0)).collect(),
             None => pixels.map(|_| false).collect(),
         };
         outside_emitters(self.colour.mean.width(), &met_emitter)
@@ -190,7 +195,14 @@ impl Candidates {
             .map(|i| {
                 let predicted = std::array::from_fn(|k| predicted.at(k, i % width, i / width));
                 let weights = MixtureWeights::new(predicted);
-                if is_outside[i] { MixtureWeights { emission: 0.0, ..weights } } else { weights }
+                let factor = match &self.emission {
+                    Some(emission) if !is_outside[i] => {
+                        let coverage = filtered.at(2 * self.planes_per_part() + 3, i % width, i / width);
+                        emission.accepted(i, coverage)
+                    }
+                    _ => 0.0,
+                };
+                MixtureWeights { emission: factor * weights.emission, ..weights }
             })
             .collect();
         let [mean, noise] = [0, 1].map(|part| {
@@ -221,7 +233,8 @@ impl Candidates {
         let own_row = |image: &'a Noisy| &image.parts()[part].plane(channel)[pixels.clone()];
         let colour = own_row(&self.colour);
         let albedo = &self.albedo.plane(channel)[pixels.clone()];
-        let (nlm, emission) = (own_row(&self.nlm), self.emission.as_ref().map(own_row));
+        let (nlm, emission) =
+            (own_row(&self.nlm), self.emission.as_ref().map(|emission| own_row(&emission.light)));
         let filtered_row = |plane: usize| filtered.row(plane + channel, y);
         let (demodulated, plain, soft_albedo) =
             (filtered_row(first), filtered_row(first + 3), filtered_row(last));

@@ -23,6 +23,7 @@ mod mixture;
 mod network;
 mod residual_fireflies;
 mod safeguard;
+mod visible_emission;
 mod weight_file;
 mod weights;
 
@@ -43,6 +44,7 @@ use input_statistics::{ALIGNMENT, InputStatistics};
 use layers::ColourSteps;
 use mixture::{Candidates, Noisy};
 use network::Prediction;
+use visible_emission::VisibleEmission;
 pub use weight_file::WeightFileError;
 use weights::weights;
 pub use weights::{use_weights, weights_id};
@@ -193,7 +195,7 @@ fn filter(
     mixed.complete_margin(whole);
     let unfiltered_image = candidates.unfiltered();
     let nlm = candidates.nlm();
-    let emission = candidates.emission.as_ref();
+    let emission = candidates.emission.as_ref().map(|emission| &emission.light);
     let fraction = safeguard::fraction_of_learned(&mixed, &nlm, &unfiltered_image, emission, &counts, whole);
     safeguard::blend(&mut mixed, &nlm, &fraction);
     mixed.complete_margin(whole);
@@ -261,15 +263,13 @@ fn candidates(
     nlm: nlm::Images,
 ) -> Candidates {
     let layout = store.layout();
-    let halves =
-        |dims: std::ops::Range<usize>| [0, 1].map(|half| store.means(Part::Half(half), dims.clone()));
     let noisy = |mean: &Planes, halves| Noisy::new(mean.clone(), halves, counts);
     let emission =
         layout.block(Block::Emission).filter(|_| statistics.emission.data().iter().any(|&v| v > 0.0));
-    let emission = emission.map(|dims| noisy(&statistics.emission, halves(dims)));
+    let emission = emission.map(|dims| VisibleEmission::new(store, dims, &statistics.emission, counts));
     let mut nlm = Noisy::new(nlm.image, nlm.halves, counts);
     if let Some(emission) = &emission {
-        nlm.add_scaled(-1.0, emission);
+        nlm.add_scaled(-1.0, &emission.light);
     }
     let colour = noisy(&statistics.colour, clamped);
     Candidates { colour, emission, albedo: statistics.albedo.mean.clone(), nlm }
@@ -319,7 +319,12 @@ mod tests {
         nlm.add_scaled(-1.0, &noisy(&statistics.emission));
         let candidates = Candidates {
             colour: noisy(&statistics.colour),
-            emission: Some(noisy(&statistics.emission)),
+            // As the training program, which does not know the coverage
+            emission: Some(VisibleEmission {
+                light: noisy(&statistics.emission),
+                coverage: Planes::new(statistics.emission.width(), statistics.emission.height(), 1),
+                samples: vec![0.0; statistics.emission.pixels()],
+            }),
             albedo: statistics.albedo.mean.clone(),
             nlm,
         };
