@@ -146,8 +146,8 @@ impl Candidates {
     pub fn values(&self) -> Planes {
         let colour = &self.colour.mean;
         let (width, height, pixels) = (colour.width(), colour.height(), colour.pixels());
-        let of_coverage = usize::from(self.emission.is_some());
-        let mut values = Planes::new(width, height, 2 * self.planes_per_part() + 3 + of_coverage);
+        let count = self.coverage_plane() + usize::from(self.emission.is_some());
+        let mut values = Planes::new(width, height, count);
         let mut rest = values.data_mut();
         let mut next = || {
             let (planes, others) = std::mem::take(&mut rest).split_at_mut(3 * pixels);
@@ -170,6 +170,11 @@ impl Candidates {
             rest.copy_from_slice(emission.coverage.data());
         }
         values
+    }
+
+    /// Returns the index of the plane of the coverage among the values, behind those of the albedo.
+    fn coverage_plane(&self) -> usize {
+        2 * self.planes_per_part() + 3
     }
 
     fn planes_per_part(&self) -> usize {
@@ -197,8 +202,9 @@ impl Candidates {
                 let weights = MixtureWeights::new(predicted);
                 let factor = match &self.emission {
                     Some(emission) if !is_outside[i] => {
-                        let coverage = filtered.at(2 * self.planes_per_part() + 3, i % width, i / width);
-                        emission.accepted(i, coverage)
+                        let filtered = |plane: usize| filtered.at(plane, i % width, i / width);
+                        let light = [6, 7, 8].map(filtered);
+                        emission.filtered_fraction(i, light, filtered(self.coverage_plane()))
                     }
                     _ => 0.0,
                 };
@@ -259,4 +265,39 @@ impl Candidates {
 pub fn divisor(albedo: f32) -> f32 {
     let [min, max] = ALBEDO_RANGE;
     albedo.clamp(min, max)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_leaf_before_the_sky_keeps_its_own_emission() {
+        let planes = |values: [f32; 3], count: usize| {
+            let mut planes = Planes::new(3, 1, count);
+            planes.planes_mut().for_each(|plane| plane.copy_from_slice(&values));
+            planes
+        };
+        let black = Noisy::exact(planes([0.0; 3], 3));
+        let candidates = Candidates {
+            colour: black.clone(),
+            emission: Some(VisibleEmission {
+                light: Noisy::exact(planes([20.0, 0.0, 20.0], 3)),
+                coverage: planes([1.0, 0.0, 1.0], 1),
+                samples: vec![4.0; 3],
+            }),
+            albedo: planes([1.0; 3], 3),
+            nlm: black,
+        };
+        // The kernels average all three pixels, and the network takes all of that
+        let mut filtered = candidates.values();
+        filtered.planes_mut().for_each(|plane| plane.fill(plane.iter().sum::<f32>() / 3.0));
+        let [predicted, filtered] = [planes([20.0; 3], MIXTURE), filtered]
+            .map(|planes| InterleavedPlanes::from_planes(&planes, 0, 0.0));
+        let mixed = candidates.mix(&predicted, &filtered);
+        let average = 40.0 / 3.0;
+        for (found, expected) in mixed.mean.plane(1).iter().zip([average, average / 81.0, average]) {
+            assert!((found - expected).abs() < 1e-4, "{found} {expected}");
+        }
+    }
 }

@@ -319,7 +319,7 @@ mod tests {
         nlm.add_scaled(-1.0, &noisy(&statistics.emission));
         let candidates = Candidates {
             colour: noisy(&statistics.colour),
-            // As the training program, which does not know the coverage
+            // The training program does not know the coverage
             emission: Some(VisibleEmission {
                 light: noisy(&statistics.emission),
                 coverage: Planes::new(statistics.emission.width(), statistics.emission.height(), 1),

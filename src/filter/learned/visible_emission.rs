@@ -1,17 +1,19 @@
-//! Directly visible emission: its noise is that of which samples of a pixel meet an emitter, and little else.
+//! Computes how much a pixel's directly visible emission is filtered.
 //!
-//! A filter mixes a pixel beside a sharp edge of an emitter with bright neighbours. Its samples tell it from one within a blurred lamp: if the
-//! fraction α of them has met an emitter, and γ of the filtered ones, the ratio of the likelihoods of α is exp(−n KL(α‖γ)) for n samples
-//! and binomial distributions. Where α is less than γ, only that fraction of the filter's emission is taken. The other way round nothing
-//! changes: chance meetings with a small lamp are what it filters.
+//! Its noise is that of which samples of a pixel meet an emitter, and little else. A filter mixes a dark pixel beside a sharp edge of an
+//! emitter with bright neighbours. Its samples tell it from one within a blurred lamp: if the fraction α of them has met an emitter, and γ of
+//! the filtered ones, the ratio of the likelihoods of α is exp(−n KL(α‖γ)) for n samples and binomial distributions. The pixel takes that
+//! fraction of the filter, and its own emission for the rest. A pixel that is brighter than the filter makes it takes all of the filter, which
+//! is there for chance meetings with a small lamp.
 
 use std::ops::Range;
 
 use rayon::prelude::*;
 
 use super::mixture::Noisy;
+use crate::filter::common::fireflies::pixel_luminance;
 use crate::filter::common::half_counts::HalfCounts;
-use crate::image::Planes;
+use crate::image::{Planes, luminance};
 use crate::stats::{Part, Store};
 
 /// Directly visible emission of each pixel.
@@ -33,33 +35,34 @@ impl VisibleEmission {
         Self { light: Noisy::new(mean.clone(), halves, counts), coverage, samples }
     }
 
-    /// Returns the fraction of the filtered emission that a pixel takes. `filtered`: the fraction of the filtered samples that met an
-    /// emitter.
-    pub fn accepted(&self, pixel: usize, filtered: f32) -> f32 {
+    /// Returns how much of the filter a pixel takes, in [0, 1]. `light` is the filtered emission, and `coverage` the fraction of the
+    /// filtered samples that met an emitter.
+    pub fn filtered_fraction(&self, pixel: usize, light: [f32; 3], coverage: f32) -> f32 {
         /// Samples that count at most: the filtered fraction is not exact. Of 4, 8 and all, this one lost least out of focus.
         const MOST_SAMPLES: f32 = 4.0;
-        let own = self.coverage.data()[pixel];
-        if own >= filtered {
+        let (own, others) = (self.coverage.data()[pixel], coverage.min(1.0));
+        let is_brighter = pixel_luminance(&self.light.mean, pixel) >= luminance(light);
+        if is_brighter || own >= others {
             return 1.0;
         }
-        let rest = (1.0 - own) * ((1.0 - own) / (1.0 - filtered).max(1e-6)).ln();
-        let divergence = if own > 0.0 { rest + own * (own / filtered).ln() } else { rest };
-        (-self.samples[pixel].min(MOST_SAMPLES) * divergence.max(0.0)).exp()
+        let missed = (1.0 - own) * ((1.0 - own) / (1.0 - others).max(1e-6)).ln();
+        let met = if own > 0.0 { own * (own / others).ln() } else { 0.0 };
+        (-self.samples[pixel].min(MOST_SAMPLES) * (met + missed).max(0.0)).exp()
     }
 }
 
-/// Returns the fraction of the samples that met an emitter, as it follows from the moments of the brightest channel, with the emission the same
-/// in all of these.
+/// Returns the fraction of the samples that met an emitter, as it follows from the moments of the brightest channel if emission is the
+/// same in all of these.
 fn coverage(mean: &Planes, variance: &Planes, samples: &[f32]) -> Planes {
-    let mut coverage = Planes::new(mean.width(), mean.height(), 1);
-    coverage.data_mut().par_iter_mut().with_min_len(1024).enumerate().for_each(|(i, coverage)| {
+    let mut fractions = Planes::new(mean.width(), mean.height(), 1);
+    fractions.data_mut().par_iter_mut().with_min_len(1024).enumerate().for_each(|(i, fraction)| {
         let at = |planes: &Planes, channel: usize| planes.plane(channel)[i];
         let brightest = (1..3).fold(0, |best, c| if at(mean, c) > at(mean, best) { c } else { best });
-        let (mean, deviation) = (at(mean, brightest), at(variance, brightest).sqrt());
+        let (light, deviation) = (at(mean, brightest), at(variance, brightest).sqrt());
         let n = samples[i].max(1.0);
-        *coverage = if mean > 0.0 { 1.0 / (1.0 + (deviation / mean).powi(2) * (n - 1.0) / n) } else { 0.0 };
+        *fraction = if light > 0.0 { 1.0 / (1.0 + (deviation / light).powi(2) * (n - 1.0) / n) } else { 0.0 };
     });
-    coverage
+    fractions
 }
 
 #[cfg(test)]
@@ -94,13 +97,15 @@ mod tests {
     #[test]
     fn less_of_a_lamp_than_around_is_taken_for_chance_or_for_an_edge() {
         let found = emission(&[0, 1, 4]);
+        let fraction = |pixel, coverage: f32| found.filtered_fraction(pixel, [20.0 * coverage; 3], coverage);
         // None of four samples: (1 − γ)⁴
-        for (filtered, expected) in [(0.0, 1.0), (0.1, 0.6561), (0.5, 0.0625), (1.0, 0.0)] {
-            assert!((found.accepted(0, filtered) - expected).abs() < 1e-5, "{filtered}");
+        for (coverage, expected) in [(0.0, 1.0), (0.1, 0.6561), (0.5, 0.0625), (1.0, 0.0)] {
+            assert!((fraction(0, coverage) - expected).abs() < 1e-5, "{coverage}");
         }
         // One of four: (1/2 ∕ 1/4) (1/2 ∕ 3/4)³
-        assert!((found.accepted(1, 0.5) - 16.0 / 27.0).abs() < 1e-5);
-        assert_eq!(found.accepted(1, 0.1), 1.0, "chance meetings are filtered");
-        assert_eq!(found.accepted(2, 0.7), 1.0);
+        assert!((fraction(1, 0.5) - 16.0 / 27.0).abs() < 1e-5);
+        assert_eq!(fraction(1, 0.1), 1.0, "chance meetings are filtered");
+        assert_eq!(found.filtered_fraction(1, [1.0; 3], 0.5), 1.0, "a brighter emitter than around");
+        assert_eq!((fraction(2, 0.7), fraction(2, 1.0 + f32::EPSILON)), (1.0, 1.0));
     }
 }
