@@ -321,8 +321,8 @@ impl<'a> Controller<'a> {
         self.configuration.host.listen(&progress);
         self.reporter.stepped(progress);
         self.receive(store);
-        if self.pending.starts_generation() {
-            // Nobody waits for these samples any more
+        if self.pending.starts_generation() && self.reporter.has_shown_lately() {
+            // Another render is wanted: an image of this one would only delay it
             return true;
         }
         self.reporter.publish_if_due(store);

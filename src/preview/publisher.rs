@@ -17,6 +17,8 @@ use crate::stats::{Layout, Part, Rectangle, Store};
 const SHORTEST_INTERVAL: Duration = Duration::from_millis(100);
 /// Longest time between two frames, however expensive they are.
 const LONGEST_INTERVAL: Duration = Duration::from_millis(200);
+/// Longest time without a frame while movements of the camera keep coming.
+const LONGEST_WAIT: Duration = Duration::from_secs(1);
 /// Fraction of the time that encoding frames should take.
 const TIME_FRACTION: f64 = 0.04;
 /// Samples of a pixel whose turn has come: samples come in pairs.
@@ -45,6 +47,8 @@ pub struct Publisher {
     /// When the latest frames were published, and how long encoding them took.
     latest: Instant,
     cost: Duration,
+    /// When the latest frame of this generation was published, a coarse one included.
+    shown: Option<Instant>,
 }
 
 impl Publisher {
@@ -59,6 +63,7 @@ impl Publisher {
             published: [None; View::ALL.len()],
             latest: Instant::now(),
             cost: Duration::ZERO,
+            shown: None,
         }
     }
 
@@ -67,6 +72,7 @@ impl Publisher {
         self.generation = self.hub.next_generation();
         (self.steps, self.passes) = (0, 0);
         self.published = Default::default();
+        self.shown = None;
         self.has_map = settings.sample_map.is_some();
         let info = |view: View| ViewInfo { view, scale: view.scale(settings) };
         self.views =
@@ -105,13 +111,13 @@ impl Publisher {
     }
 
     /// Publishes an unfiltered coarse image: a pixel for every square of `side` pixels, of an image of `size` pixels.
-    pub fn publish_coarse(&self, image: &Planes, side: usize, size: (usize, usize)) {
+    pub fn publish_coarse(&mut self, image: &Planes, side: usize, size: (usize, usize)) {
         let info = self.coarse_info(side, (1.0 / (side * side) as f32, 0.0));
         self.publish_frame(PreviewFrame::coarse(View::Raw, image, size, info));
     }
 
     /// Publishes a filtered coarse image, and those of its maps that viewers have selected.
-    pub fn publish_coarse_filtered(&self, coarse: &CoarseImage, progress: Option<&Progress>) {
+    pub fn publish_coarse_filtered(&mut self, coarse: &CoarseImage, progress: Option<&Progress>) {
         let progress = progress.map_or((0.0, 0.0), |p| (p.spp as f32, p.elapsed as f32));
         let info = || self.coarse_info(coarse.side, progress);
         let squares = |view, planes: &Planes| {
@@ -119,12 +125,15 @@ impl Publisher {
             let smooth = smoothed(planes, 1, (planes.width(), planes.height()));
             PreviewFrame::coarse(view, &smooth, coarse.size, info())
         };
-        self.publish_frame(match &coarse.detailed {
+        let image = match &coarse.detailed {
             Some(image) => PreviewFrame::new(View::Filtered, image, None, info()),
             None => squares(View::Filtered, &coarse.squares),
-        });
-        for (view, map) in coarse.maps.iter().filter(|(view, _)| self.hub.is_selected(*view)) {
-            self.publish_frame(squares(*view, map));
+        };
+        let is_selected = |(view, _): &&(View, Planes)| self.hub.is_selected(*view);
+        let maps: Vec<_> =
+            coarse.maps.iter().filter(is_selected).map(|(view, map)| squares(*view, map)).collect();
+        for frame in std::iter::once(image).chain(maps) {
+            self.publish_frame(frame);
         }
     }
 
@@ -133,7 +142,13 @@ impl Publisher {
         FrameInfo { generation: self.generation, sequence, spp, seconds, side: side as u8 }
     }
 
-    fn publish_frame(&self, frame: PreviewFrame) {
+    /// Returns whether viewers have got a frame of this generation within the last second.
+    pub fn has_shown_lately(&self) -> bool {
+        self.shown.is_some_and(|shown| shown.elapsed() < LONGEST_WAIT)
+    }
+
+    fn publish_frame(&mut self, frame: PreviewFrame) {
+        self.shown = Some(Instant::now());
         self.hub.publish(frame);
         // Old frames stay until there is a new one to show.
         self.hub.drop_before(self.generation);

@@ -216,6 +216,11 @@ impl Reporter {
         self.publisher.stepped();
     }
 
+    /// Returns whether viewers have got a frame of this render within the last second.
+    pub fn has_shown_lately(&self) -> bool {
+        self.publisher.has_shown_lately()
+    }
+
     /// Publishes frames after a step, not too often.
     pub fn publish_if_due(&mut self, store: &Store) {
         if self.publisher.is_due() {
@@ -320,7 +325,7 @@ impl Reporter {
     }
 
     /// Publishes a coarse image; see [`Publisher::publish_coarse`].
-    pub fn publish_coarse(&self, image: &Planes, side: usize, size: (usize, usize)) {
+    pub fn publish_coarse(&mut self, image: &Planes, side: usize, size: (usize, usize)) {
         self.publisher.publish_coarse(image, side, size);
     }
 
