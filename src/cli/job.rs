@@ -92,7 +92,7 @@ impl Job<'_> {
         let renderer = self.renderer.recording(self.recorded(settings, outputs));
 
         // Open the state. What a session holds is newer, and in memory already
-        let goes_on = session.as_ref().is_some_and(|session| session.goes_on(&inputs.scene.hash));
+        let goes_on = session.as_ref().is_some_and(|session| session.has_renders_of(&inputs.scene.hash));
         if !goes_on {
             let keeps_checkpoints = options.state.state.is_some();
             let (size, processes) = (renderer.resolution(), self.process_count());

@@ -21,7 +21,7 @@ use super::{samples, summary};
 use crate::geometry::Accel;
 use crate::image::OutputFormat;
 use crate::output::{Layers, Report, Times};
-use crate::preview::{ControllerEnd, SceneSession};
+use crate::preview::{ControllerEnd, Hub, SceneSession};
 use crate::progressive::StoppedBy;
 use crate::render::Renderer;
 use crate::state::ImageMetadata;
@@ -82,7 +82,13 @@ fn run_in_pool(
         let is_first = viewers.is_none();
         match render_scene(&mut scenes, mode, processes, signals, &mut viewers) {
             Ok(SceneEnd::Done(status)) => return Ok(status),
-            Ok(SceneEnd::Opens(scene, notice)) => scenes.open(scene, notice),
+            Ok(SceneEnd::Opens(scene, notice)) => {
+                let discarded = scenes.make_room();
+                if let Some(Viewers { hub, .. }) = &viewers {
+                    notice_discarded(hub, &discarded);
+                }
+                scenes.open(scene, notice);
+            }
             Err(failure) if is_first => return Err(failure),
             Err(failure) => {
                 let problem = scenes.go_back(&failure);
@@ -100,6 +106,15 @@ fn run_in_pool(
         if let Some(Viewers { hub, .. }) = &viewers {
             hub.begin_loading(&scenes.options.scene.to_string_lossy(), None);
         }
+    }
+}
+
+/// Tells viewers of which scenes the renders were discarded.
+fn notice_discarded(hub: &Hub, scenes: &[PathBuf]) {
+    for scene in scenes {
+        let name = scene.file_name().unwrap_or_default().to_string_lossy();
+        let text = format!("the renders of {name} were discarded: memory is short. Its bookmarks are kept");
+        hub.notices().add(text, true);
     }
 }
 
@@ -124,11 +139,8 @@ fn render_scene(
 ) -> Result<SceneEnd, Failure> {
     let mut session = scenes.take_session();
     let end = render_until(scenes, mode, processes, signals, viewers, &mut session);
-    let dropped = session.map_or_else(Vec::new, |session| scenes.keep(session));
-    if let Some(Viewers { hub, .. }) = &viewers {
-        for scene in dropped {
-            hub.notices().add(format!("the renders of {} had to make room in memory", scene.display()), true);
-        }
+    if let Some(session) = session {
+        scenes.keep(session);
     }
     end
 }

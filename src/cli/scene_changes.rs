@@ -34,9 +34,14 @@ impl<'a> SceneChanges<'a> {
         self.sessions.take(&self.options.scene)
     }
 
-    /// Keeps what was made of the scene that is open. Returns the scenes whose renders had to make room for it.
-    pub fn keep(&mut self, session: SceneSession) -> Vec<PathBuf> {
-        self.sessions.keep(self.options.scene.clone(), session)
+    /// Keeps what was made of the scene that is open.
+    pub fn keep(&mut self, session: SceneSession) {
+        self.sessions.keep(self.options.scene.clone(), session);
+    }
+
+    /// Discards renders of scenes that are not open until there is memory for those of another one. Returns their scenes.
+    pub fn make_room(&mut self) -> Vec<PathBuf> {
+        self.sessions.make_room()
     }
 
     /// Goes to another scene, with a notice.
@@ -57,8 +62,13 @@ impl<'a> SceneChanges<'a> {
     }
 
     fn go_to(&mut self, scene: PathBuf) {
-        self.options =
-            if scene == self.first.scene { self.first.clone() } else { self.first.for_scene(scene) };
+        // Its state was written when it was left, and may be all that is left of it
+        let first = || {
+            let mut options = self.first.clone();
+            options.state.resume = options.state.state.is_some();
+            options
+        };
+        self.options = if scene == self.first.scene { first() } else { self.first.for_scene(scene) };
         self.start = Instant::now();
         self.notice = None;
     }

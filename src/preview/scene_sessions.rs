@@ -1,4 +1,4 @@
-//! What a user has made of the scenes that are not open: cameras, bookmarks, and renders as far as memory allows.
+//! Sessions of the scenes that are not open: bookmarks, and cameras and renders as far as memory allows.
 
 use std::path::{Path, PathBuf};
 
@@ -14,7 +14,7 @@ pub struct SceneSession {
     /// Hash of the scene, as in [`crate::scene::Scene::hash`]: a scene whose files have changed begins anew.
     pub(super) hash: String,
     pub(super) bookmarks: Bookmarks,
-    /// `None` once they have made room for those of other scenes.
+    /// With their cameras; `None` once they were discarded to make room for those of other scenes.
     pub(super) renders: Option<SceneRenders>,
 }
 
@@ -33,7 +33,7 @@ pub struct SceneSessions {
 
 impl SceneSession {
     /// Returns whether there are renders of a scene of this hash.
-    pub fn goes_on(&self, hash: &str) -> bool {
+    pub fn has_renders_of(&self, hash: &str) -> bool {
         self.renders.is_some() && self.hash == hash
     }
 
@@ -50,11 +50,15 @@ impl SceneSessions {
         Some(self.sessions.remove(index).1)
     }
 
-    /// Keeps what was made of a scene. Returns the scenes whose renders had to make room for it; their bookmarks stay.
-    pub fn keep(&mut self, scene: PathBuf, session: SceneSession) -> Vec<PathBuf> {
+    /// Keeps what was made of a scene, which is left now.
+    pub fn keep(&mut self, scene: PathBuf, session: SceneSession) {
         self.sessions.push((scene, session));
+    }
+
+    /// Discards renders until the others fit in their part of the memory; bookmarks stay. Returns the scenes.
+    pub fn make_room(&mut self) -> Vec<PathBuf> {
         match available_bytes() {
-            Some(available) => self.make_room(MEMORY_FRACTION * (available + self.bytes())),
+            Some(available) => self.discard_down_to(MEMORY_FRACTION * (available + self.bytes())),
             None => Vec::new(),
         }
     }
@@ -63,20 +67,20 @@ impl SceneSessions {
         self.sessions.iter().map(|(_, session)| session.bytes()).sum()
     }
 
-    /// Drops renders, of the scene that was left first, until the others take no more than `limit` bytes. Those of the latest scene
+    /// Discards renders, of the scene that was left first, until the others take no more than `limit` bytes. Those of the latest scene
     /// stay. Returns the scenes.
-    fn make_room(&mut self, limit: f64) -> Vec<PathBuf> {
-        let mut dropped = Vec::new();
-        for index in 0..self.sessions.len() - 1 {
+    fn discard_down_to(&mut self, limit: f64) -> Vec<PathBuf> {
+        let mut discarded = Vec::new();
+        for index in 0..self.sessions.len().saturating_sub(1) {
             if self.bytes() <= limit {
                 break;
             }
             let (scene, session) = &mut self.sessions[index];
             if session.renders.take().is_some() {
-                dropped.push(scene.clone());
+                discarded.push(scene.clone());
             }
         }
-        dropped
+        discarded
     }
 }
 
@@ -105,17 +109,17 @@ mod tests {
     fn the_renders_of_the_scene_that_was_left_first_make_room() {
         let mut sessions = SceneSessions::default();
         for scene in ["a", "b", "c"] {
-            sessions.sessions.push((scene.into(), session()));
+            sessions.keep(scene.into(), session());
         }
         let limit = 2.0 * session().bytes();
-        assert_eq!(sessions.make_room(limit), [PathBuf::from("a")]);
-        assert_eq!(sessions.make_room(0.0), [PathBuf::from("b")], "those of the latest stay");
+        assert_eq!(sessions.discard_down_to(limit), [PathBuf::from("a")]);
+        assert_eq!(sessions.discard_down_to(0.0), [PathBuf::from("b")], "those of the latest stay");
 
         // The scene is known still, without renders
         let first = sessions.take(Path::new("a")).expect("a session");
-        assert!(!first.goes_on("a"));
+        assert!(!first.has_renders_of("a"));
         let latest = sessions.take(Path::new("c")).expect("a session");
-        assert!(latest.goes_on("a") && !latest.goes_on("b"));
+        assert!(latest.has_renders_of("a") && !latest.has_renders_of("b"));
         assert!(sessions.take(Path::new("c")).is_none());
     }
 }
