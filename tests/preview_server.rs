@@ -52,6 +52,31 @@ fn send(socket: &mut Socket, message: &str) {
     socket.send(Message::text(message)).expect("an open socket");
 }
 
+#[test]
+fn each_command_is_answered_in_its_turn_and_nothing_else_is() {
+    let (_render, address, _folder) = preview(&["--spp", "1"]);
+    let mut socket = viewer(&address);
+    for message in [
+        r#"{"type":"views","views":[]}"#,
+        r#"{"type":"restart"}"#,
+        r#"{"type":"alive"}"#,
+        r#"{"type":"launch"}"#,
+        r#"{"type":"ready"}"#,
+        r#"{"type":"pause","paused":false}"#,
+    ] {
+        send(&mut socket, message);
+    }
+    let mut answers = Vec::new();
+    while answers.len() < 3 {
+        let Message::Text(text) = socket.read().expect("a message") else { continue };
+        let answer: serde_json::Value = serde_json::from_str(&text).expect("JSON");
+        answers.extend(
+            answer["type"].as_str().filter(|kind| ["queued", "refused"].contains(kind)).map(str::to_owned),
+        );
+    }
+    assert_eq!(answers, ["queued", "refused", "queued"]);
+}
+
 /// Returns the bytes of the image that begins with this piece.
 fn image_length(piece: &[u8]) -> usize {
     let side = |at: usize| usize::from(u16::from_le_bytes([piece[at], piece[at + 1]]));

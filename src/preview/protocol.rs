@@ -1,7 +1,7 @@
 //! The messages that the page sends: short JSON texts, which are checked before anything acts on them.
 //!
-//! The server sends texts (status, values of a pixel, reasons) and frames. It answers each command by `taken`, or `refused` with a reason,
-//! in their order. A frame comes in pieces of at most 256 KiB, each a
+//! The server sends texts (status, values of a pixel, reasons) and frames. It answers each command by `queued`, or
+//! `refused` with a reason, in their order; a scene that is opened drops the queue. A frame comes in pieces of at most 256 KiB, each a
 //! binary message, with no other message between two of them; the header at the start of the first one tells the length of the
 //! whole (see [`super::preview_frame`]). On a slow link a ping waits behind the pieces: the page sends signs of life by itself
 //! while they arrive.

@@ -127,6 +127,8 @@ impl Session {
     /// Waits for a message, a new frame, a new status or an answer.
     async fn next_event(&mut self, socket: &mut WebSocket) -> Next {
         tokio::select! {
+            // What a viewer has sent counts before its silence does
+            biased;
             packet = socket.recv() => {
                 self.heard = Instant::now();
                 match packet {
@@ -183,9 +185,9 @@ impl Session {
     }
 }
 
-/// Confirms that a command waits for the render.
+/// Says that a command waits for the render.
 fn confirm() -> Next {
-    Next::Send(vec![message("taken", "")])
+    Next::Send(vec![Packet::Text(serde_json::json!({ "type": "queued" }).to_string().into())])
 }
 
 fn refuse(reason: &str) -> Next {

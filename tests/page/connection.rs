@@ -72,10 +72,10 @@ fn commands_that_may_not_have_arrived_are_named() {
     signal(&render, "-STOP");
     page.click("input[name=sampling][value=adaptive]");
     page.key("b");
-    page.wait("document.getElementById('notices').textContent.includes('before prpf confirmed: settings, add bookmark')");
+    page.wait("document.getElementById('notices').textContent.includes('check whether prpf has got settings, add bookmark')");
+    page.value("(window.prpf.state.status.isOld = true)");
     signal(&render, "-CONT");
-    // The page shows what the render has made of them
-    page.wait("!document.getElementById('save').disabled && window.prpf.state.status");
+    page.wait("window.prpf.state.status && !window.prpf.state.status.isOld");
 }
 
 #[cfg(unix)]

@@ -7,8 +7,8 @@ const RETRY_MILLISECONDS = 1000;
 const LONGEST_SILENCE = 8000; // milliseconds
 // Between two of the page's own, while a frame arrives.
 const ALIVE_MILLISECONDS = 1000;
-// Messages that the render does not confirm.
-const UNCONFIRMED = ["views", "ready", "alive"];
+// Messages that are no commands: nothing answers them.
+const NO_COMMANDS = ["views", "ready", "alive"];
 const REASONS = {
   204: "connection lost, reconnecting",
   403: "this address is no longer valid: open the one that prpf has printed last",
@@ -16,7 +16,7 @@ const REASONS = {
 };
 
 export class Connection {
-  // `on`: callbacks { open, unconfirmed(types), lost(reason), frame, status, loading, values, refused }.
+  // `on`: callbacks { open, unanswered(types), lost(reason), frame, status, loading, values, refused }.
   constructor(on) {
     this.on = on;
     this.connect();
@@ -39,13 +39,13 @@ export class Connection {
     this.socket = socket;
     this.heard = this.sent = performance.now();
     this.pieces = new FramePieces();
-    this.pending = []; // types of the commands that are not confirmed yet
+    this.unanswered = []; // types of the commands without an answer so far
   }
 
   // Finds out why there is no connection, and tries again.
   async lose() {
     setTimeout(() => this.connect(), RETRY_MILLISECONDS);
-    if (this.pending.length > 0) this.on.unconfirmed(this.pending);
+    if (this.unanswered.length > 0) this.on.unanswered(this.unanswered);
     if (this.ended) return this.on.lost(this.ended);
     const answer = await fetch(`/admission${location.search}`, { cache: "no-store" }).catch(() => null);
     if (this.isOpen()) return;
@@ -68,7 +68,7 @@ export class Connection {
   send(type, content = {}) {
     if (!this.isOpen()) return false;
     this.sent = performance.now();
-    if (!UNCONFIRMED.includes(type)) this.pending.push(type);
+    if (!NO_COMMANDS.includes(type)) this.unanswered.push(type);
     this.socket.send(JSON.stringify({ type, ...content }));
     return true;
   }
@@ -81,8 +81,8 @@ export class Connection {
 
   receiveMessage(message) {
     if (message.type === "ended") this.ended = message.reason;
-    // Each command is taken or refused, in their order
-    if (["taken", "refused"].includes(message.type)) this.pending.shift();
+    // Each command is queued or refused, in their order
+    if (["queued", "refused"].includes(message.type)) this.unanswered.shift();
     this.on[message.type]?.(message);
   }
 

@@ -34,12 +34,12 @@ const connection = new Connection({
   open: () => {
     $("save").disabled = $("restart").disabled = false;
     Object.assign(state, { requestedViews: "", notice: null });
+    state.saving?.remove();
     forgetScene();
   },
-  unconfirmed: (types) => {
-    const isTold = (type) => type !== "inspect" && type !== "save"; // a save that breaks off has its own notice
-    const commands = new Set(types.filter(isTold).map((type) => type.replace("-", " ")));
-    if (commands.size > 0) notify(`the connection broke before prpf confirmed: ${[...commands].join(", ")}`, true);
+  unanswered: (types) => {
+    const commands = new Set(types.filter((type) => type !== "inspect").map((type) => type.replace("-", " ")));
+    if (commands.size > 0) notify(`the connection broke: check whether prpf has got ${[...commands].join(", ")}`, true);
   },
   lost: (reason) => {
     $("phase").textContent = $("phase").title = reason;
