@@ -71,6 +71,7 @@ impl Store {
 
     /// Size in bytes of the sample vectors in all reservoirs.
     pub fn reservoir_bytes(&self) -> u64 {
+        // Without a look at all pixels: a preview asks at every status
         if self.capacity == 0 {
             return 0;
         }
