@@ -30,13 +30,14 @@ CODES = {"Enter": 13, "Escape": 27, "Home": 36, "ArrowLeft": 37, "ArrowUp": 38, 
 HOOK = """
 window.log = []; window.told = [];
 const viewport = window.prpf.viewport, set = viewport.setFrame.bind(viewport), draw = viewport.draw.bind(viewport);
-viewport.setFrame = (view, frame) => {
-  set(view, frame);
-  window.log.push({ got: performance.now(), view, side: frame.side, generation: frame.generation, spp: frame.spp, drawn: null });
-};
+const record = (view, { side, generation, spp }) =>
+  window.log.push({ got: performance.now(), view, side, generation, spp, drawn: null });
+viewport.frames.forEach((frame, view) => record(view, frame));
+viewport.setFrame = (view, frame) => { set(view, frame); record(view, frame); };
 viewport.draw = () => {
   draw();
-  for (const entry of window.log) entry.drawn ??= performance.now();
+  const isShown = ({ view }) => Object.values(viewport.shown).includes(view);
+  for (const entry of window.log.filter(isShown)) entry.drawn ??= performance.now();
 };
 new MutationObserver((changes) => changes.forEach((change) => change.addedNodes.forEach((node) => window.told.push(node.textContent))))
   .observe(document.getElementById("notices"), { childList: true });
@@ -46,10 +47,10 @@ new MutationObserver((changes) => changes.forEach((change) => change.addedNodes.
 class Browser:
     """A page in headless Chromium, steered by its DevTools protocol."""
 
-    def __init__(self, address, size):
+    def __init__(self, address, size, profile):
         arguments = ["--headless=new", "--no-sandbox", "--disable-dev-shm-usage", "--remote-debugging-port=0", "--no-first-run"]
         arguments += ["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--hide-scrollbars"]
-        arguments += [f"--user-data-dir={tempfile.mkdtemp()}", "about:blank"]
+        arguments += [f"--user-data-dir={profile}", "about:blank"]
         self.program = subprocess.Popen(["chromium", *arguments], stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True)
         devtools = next(filter(None, (re.search(r"DevTools listening on (\S+)", line) for line in self.program.stderr)))
         threading.Thread(target=self.program.stderr.read, daemon=True).start()
@@ -124,8 +125,8 @@ class Browser:
 class Artist:
     """The page, and what an artist waits for."""
 
-    def __init__(self, browser, program, folder, pace):
-        self.browser, self.program, self.folder, self.pace = browser, program, folder, pace
+    def __init__(self, browser, folder, pace):
+        self.browser, self.folder, self.pace = browser, folder, pace
         self.waits = []
 
     def look(self, seconds):
@@ -157,7 +158,7 @@ class Artist:
         entry = self.browser.value(found)
         self.record(what, (entry["drawn"] - since) / 1000, f" (squares of {entry['side']}, {entry['spp']:.3g} samples per pixel)")
 
-    def shown(self, what, since, condition, seconds=60):
+    def until(self, what, since, condition, seconds=60):
         """Waits for a condition in the page since a time of it."""
         holds = self.browser.wait(condition, seconds)
         self.record(what, (self.browser.now() - since) / 1000 if holds else None)
@@ -278,7 +279,7 @@ def views(artist):
     for view in ("raw", "samples", "error", "variance", "residual", "failure", "albedo", "normal", "filtered"):
         since = artist.browser.now()
         artist.show(view)
-        artist.shown(f"view {view}", since, f"window.prpf.viewport.shown.right === '{view}' && window.prpf.viewport.frames.has('{view}')")
+        artist.until(f"view {view}", since, f"window.log.some((e) => e.view === '{view}' && e.drawn !== null && e.generation === {artist.generation()})")
         artist.look(6)
         if view in ("error", "samples"):
             artist.screenshot(f"view-{view}")
@@ -306,7 +307,7 @@ def saves(artist):
         time.sleep(delay)
         since, told = artist.browser.now(), artist.browser.value("window.told.length")
         artist.browser.key("s")
-        artist.shown(f"save {delay} s after a move", since, f"window.told.slice({told}).some((text) => /^(not )?saved/.test(text))", 120)
+        artist.until(f"save {delay} s after a move", since, f"window.told.slice({told}).some((text) => /^(not )?saved/.test(text))", 120)
         artist.look(10)
 
 
@@ -315,7 +316,7 @@ def compare(artist):
     artist.browser.value(f"(() => {{ const s = document.getElementById('against'); s.value = '{saved[-1]}'; s.dispatchEvent(new Event('change')); }})()")
     since = artist.browser.now()
     artist.browser.key("w")
-    artist.shown("wipe with a saved image", since, f"window.prpf.viewport.shown.left === '{saved[-1]}' && window.prpf.viewport.frames.has('{saved[-1]}')")
+    artist.until("wipe with a saved image", since, f"window.prpf.viewport.shown.left === '{saved[-1]}' && window.prpf.viewport.frames.has('{saved[-1]}')")
     artist.look(15)
     artist.screenshot("wipe")
     artist.browser.key("w")
@@ -330,7 +331,7 @@ def denoisers(artist):
         artist.browser.click(f"input[name=denoiser][value={name}]")
         artist.agree()
         if name != "none":
-            artist.shown(f"first image by {name}", since, f"document.querySelector('[data-value=made_by]').textContent.startsWith('{name}')", 150)
+            artist.until(f"first image by {name}", since, f"document.querySelector('[data-value=made_by]').textContent.startsWith('{name}')", 150)
         artist.look(12)
         print(artist.state())
 
@@ -368,23 +369,29 @@ def budgets(artist):
 
 
 def scenes(artist):
-    own = artist.browser.value("document.getElementById('scene').textContent")
-    artist.focus_image()
+    """Opens another scene of the folder, and comes back."""
     listed = "[...document.querySelectorAll('#scene-list button')]"
-    artist.browser.key("o")
-    artist.browser.wait(f"{listed}.length > 0")
-    others = [name for name in artist.browser.value(f"{listed}.map((b) => b.textContent)") if own not in name][:1]
-    artist.browser.key("o")
-    for name in [*others, own]:
+    own = artist.browser.value("window.prpf.state.status.scene")
+
+    def show_list():
+        artist.focus_image()
         artist.browser.key("o")
         artist.browser.wait(f"{listed}.length > 0")
-        since = artist.browser.now()
-        artist.browser.value(f"{listed}.find((b) => b.textContent.includes({json.dumps(name)})).click()")
+
+    show_list()
+    others = [path for path in artist.browser.value(f"{listed}.map((b) => b.title)") if path != own]
+    artist.browser.key("Escape")
+    if not others:
+        return print("there is no other scene in this folder")
+    for path in (others[0], own):
+        show_list()
+        since, name = artist.browser.now(), os.path.basename(path)
+        artist.browser.value(f"{listed}.find((b) => b.title === {json.dumps(path)}).click()")
         artist.frame(f"open {name}, first image", since, "true", 120)
         artist.frame(f"open {name}, filtered", since, "e.view === 'filtered'", 120)
         artist.look(20)
         print(artist.state())
-        artist.screenshot(f"scene-{os.path.basename(name)}")
+        artist.screenshot(f"scene-{name}")
 
 
 STEPS = [opening, arrows, orbit, dolly, undo, focus, region, views, saves, compare, denoisers, restart, bookmark, budgets, scenes]
@@ -407,30 +414,38 @@ def main():
     arguments = parser.parse_args()
     os.makedirs(arguments.folder, exist_ok=True)
     command = [arguments.prpf, "preview", arguments.scene, "-o", os.path.join(arguments.folder, "image.exr"), "--resolution", arguments.resolution]
-    with open(os.path.join(arguments.folder, "prpf.log"), "w") as log:
+    with open(os.path.join(arguments.folder, "prpf.log"), "w") as log, tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile:
         program = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=log, text=True)
-        address = next(line for line in program.stdout if line.startswith("preview at ")).split()[2]
-        browser = Browser(address, [int(n) for n in arguments.resolution.split("x")])
+        browser = None
         try:
+            address = next(line for line in program.stdout if line.startswith("preview at ")).split()[2]
+            browser = Browser(address, [int(n) for n in arguments.resolution.split("x")], profile)
             browser.wait("window.prpf?.viewport.frames.size > 0")
-            artist = Artist(browser, program, arguments.folder, arguments.pace)
+            artist = Artist(browser, arguments.folder, arguments.pace)
             artist.record("opening, first image", browser.now() / 1000)
             browser.value(f"(() => {{ {HOOK} }})()")
-            started = time.monotonic()
-            for step in STEPS:
-                if step.__name__ in arguments.steps.split(","):
-                    print(f"--- {step.__name__}, after {time.monotonic() - started:.0f} s, {resident(program)} MiB", flush=True)
-                    step(artist)
-            print(f"--- end, after {time.monotonic() - started:.0f} s, {resident(program)} MiB")
-            print("notices:", *browser.value("window.told"), sep="\n  ")
-            print("waits over half a second:")
-            for what, seconds in artist.waits:
-                if seconds is None or seconds > LONG:
-                    print(f"  {what}: {'not in time' if seconds is None else f'{seconds:.2f} s'}")
+            work(artist, arguments.steps.split(","), program)
         finally:
-            browser.program.kill()
+            if browser:
+                browser.program.kill()
+                browser.program.wait()
             program.terminate()
             program.wait()
+
+
+def work(artist, names, program):
+    """Performs the steps of these names, and prints the long waits."""
+    started = time.monotonic()
+    for step in STEPS:
+        if step.__name__ in names:
+            print(f"--- {step.__name__}, after {time.monotonic() - started:.0f} s, {resident(program)} MiB", flush=True)
+            step(artist)
+    print(f"--- end, after {time.monotonic() - started:.0f} s, {resident(program)} MiB")
+    print("notices:", *artist.browser.value("window.told"), sep="\n  ")
+    print("waits over half a second:")
+    for what, seconds in artist.waits:
+        if seconds is None or seconds > LONG:
+            print(f"  {what}: {'not in time' if seconds is None else f'{seconds:.2f} s'}")
 
 
 if __name__ == "__main__":
