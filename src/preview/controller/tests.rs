@@ -19,6 +19,7 @@ use crate::scene::pbrt;
 
 mod after_the_end;
 mod denoisers;
+mod movements;
 mod saved_images;
 
 const SIDE: u64 = 48;
