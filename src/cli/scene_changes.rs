@@ -62,13 +62,8 @@ impl<'a> SceneChanges<'a> {
     }
 
     fn go_to(&mut self, scene: PathBuf) {
-        // Its state was written when it was left, and may be all that is left of it
-        let first = || {
-            let mut options = self.first.clone();
-            options.state.resume = options.state.state.is_some();
-            options
-        };
-        self.options = if scene == self.first.scene { first() } else { self.first.for_scene(scene) };
+        self.options =
+            if scene == self.first.scene { self.first.clone() } else { self.first.for_scene(scene) };
         self.start = Instant::now();
         self.notice = None;
     }
