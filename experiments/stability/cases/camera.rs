@@ -17,7 +17,7 @@ pub fn cases(effort: Effort) -> Vec<Case> {
     let mut cases = Vec::new();
     cases.extend(lens(effort.select(256, 16_384)));
     cases.push(shutter(effort.select(256, 16_384)));
-    cases.push(uniformity(effort.select(32, 1024)));
+    cases.push(uniformity(effort.select(64, 256), effort.select(2, 4)));
     cases.extend(halves());
     cases
 }
@@ -123,28 +123,28 @@ fn shutter(samples: u32) -> Case {
     Case::new("a moving edge", "z-score against the profile, by χ²", AtMost(MAX_Z), z)
 }
 
-/// Uniformity of all pairs of the dimensions of film, lens and shutter, with a box filter.
-fn uniformity(samples: u32) -> Case {
+/// Uniformity of all pairs of the dimensions of film, lens and shutter, with a box filter. Samples of neighbouring pixels depend
+/// on each other, so there are many pixels with few samples each.
+fn uniformity(side: usize, samples: u32) -> Case {
     const GRID: usize = 8;
-    const SIDE: usize = 16;
     let largest_z = |sampler: &str| {
         let scene = scene(&format!(
             r#"TransformTimes 0 1 Sampler "{sampler}" PixelFilter "box" "float xradius" 0.5 "float yradius" 0.5
             Camera "perspective" "float lensradius" 0.1 "float shutterclose" 1
-            Film "rgb" "integer xresolution" {SIDE} "integer yresolution" {SIDE} WorldBegin
+            Film "rgb" "integer xresolution" {side} "integer yresolution" {side} WorldBegin
             ActiveTransform EndTime Translate 1 0 0 ActiveTransform All Shape "sphere""#
         ));
         let accel = Accel::build(&scene);
         let renderer = Renderer::new(&scene, &accel, 21);
         let layout = renderer.layout().clone();
-        let mut store = Store::new(SIDE, SIDE, layout.clone(), samples as usize, 0);
-        renderer.render_batch(&[samples; SIDE * SIDE], &mut store);
+        let mut store = Store::new(side, side, layout.clone(), samples as usize, 0);
+        renderer.render_batch(&vec![samples; side * side], &mut store);
         let dims: Vec<usize> = layout.film().chain(layout.randoms()).collect();
         let pairs = dims.iter().flat_map(|&a| dims.iter().filter(move |&&b| a < b).map(move |&b| (a, b)));
         largest(pairs.map(|(a, b)| {
             let mut counts = vec![0.0; GRID * GRID];
             let rows = store.rows().iter();
-            for sample in rows.flat_map(|row| (0..SIDE).flat_map(|x| row.reservoir(x).chunks(layout.len()))) {
+            for sample in rows.flat_map(|row| (0..side).flat_map(|x| row.reservoir(x).chunks(layout.len()))) {
                 let cell = |dim: usize| ((sample[dim].fract() * GRID as f32) as usize).min(GRID - 1);
                 counts[cell(a) * GRID + cell(b)] += 1.0;
             }

@@ -31,7 +31,7 @@ impl BounceSamples {
         if interfaces == 0 {
             return value;
         }
-        let sample = hash(address.key ^ u64::from(address.index));
+        let sample = hash(address.key ^ (u64::from(address.pixel) << 32 | u64::from(address.index)));
         let bits = hash(sample ^ (u64::from(interfaces) << 32 | u64::from(value.to_bits())));
         (bits >> 40) as f32 / (1 << 24) as f32
     }
