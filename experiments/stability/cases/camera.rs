@@ -123,8 +123,8 @@ fn shutter(samples: u32) -> Case {
     Case::new("a moving edge", "z-score against the profile, by χ²", AtMost(MAX_Z), z)
 }
 
-/// Uniformity of all pairs of the dimensions of film, lens and shutter, with a box filter. Samples of neighbouring pixels depend
-/// on each other, so there are many pixels with few samples each.
+/// Uniformity of all pairs of the dimensions of film, lens and shutter, with a box filter. χ² takes samples for independent, and those of
+/// a tile are not: of two sets they are more or less even than independent ones by chance. So there are many tiles.
 fn uniformity(side: usize, samples: u32) -> Case {
     const GRID: usize = 8;
     let largest_z = |sampler: &str| {

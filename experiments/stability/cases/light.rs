@@ -22,8 +22,8 @@ pub fn cases(effort: Effort) -> Vec<Case> {
     cases
 }
 
-/// A scene whose pixels all see nearly the same point, with random numbers of their own: they are independent
-/// estimates of one radiance, whatever the sampler does within a pixel.
+/// A scene whose pixels all see nearly the same point, with random numbers of their own: estimates of one radiance, whose
+/// mean mostly deviates less than that of independent ones, because neighbouring pixels complement each other.
 pub fn one_point(look: &str, integrator: &str, world: &str) -> Scene {
     scene(&format!(
         r#"LookAt {look} Camera "perspective" "float fov" 0.01 Integrator {integrator}

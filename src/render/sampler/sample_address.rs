@@ -5,8 +5,9 @@ use crate::simd::{LANES, Lanes};
 /// Address of one sample.
 #[derive(Clone, Copy)]
 pub struct SampleAddress {
+    /// Of the seed, and of the half or the pixel.
     pub key: u64,
-    /// The pixel's column and row, modulo 2¹⁶ each, the row in the upper half.
+    /// The pixel's column and row, less than 2¹⁶ each, the row in the upper half; 0 where the key is the pixel's.
     pub pixel: u32,
     pub index: u32,
 }

@@ -2,12 +2,12 @@
 //! its own scramble and shuffle (Burley 2020, "Practical Hash-based Owen Scrambling").
 //!
 //! The pixels of a tile share their scrambles and shuffles, and each shifts the points by digits of its own so that
-//! neighbours complement each other: the first 2ᵏ samples of each pixel in a block of 2ᵐ pixels are together about as
+//! neighbours complement each other: the first 2ᵏ samples of a half of each pixel in a block of 2ᵐ pixels are together about as
 //! evenly spread as 2ᵏ⁺ᵐ points of one sequence, for every k and m at once. The image's error is then close to blue
 //! noise, of which a filter leaves less than of white noise. The idea, for a number of samples that is known in advance,
 //! is that of Ahmed and Wonka 2020, "Screen-Space Blue-Noise Diffusion of Monte Carlo Sampling Error via Hierarchical
-//! Ordering of Pixels". The points of each pixel alone remain what they are without shifts. Each set has tiles with an
-//! origin of its own: where two sets complement the same neighbours, their product varies more than that of independent values.
+//! Ordering of Pixels". Each pixel's own points are as evenly spread as without shifts. The tiles of each set have a
+//! random origin: where two sets complement the same neighbours, the errors of a product of their values do not cancel.
 //!
 //! The two halves of a pixel's samples (even and odd index) are scrambled independently, so that the variance
 //! between halves is the estimator's and not that of parts of one net. A sequence has 2¹⁶ points, as in the
@@ -38,7 +38,7 @@ const PLACE_BITS: u32 = 2 * TILE_SIDE_BITS;
 /// bit first: `[dimension][bit]`, bit-reversed as the points.
 ///
 /// With them the generator matrices of the first two dimensions, for blocks of 2¹ to 2⁸ pixels and 2⁰ to 2⁶ samples, miss full
-/// rank by at most one, in most shapes of cells by none. None in all would be a net of four dimensions in base 2, which does not exist.
+/// rank by at most one, in most shapes of cells by none. None in all would make index, place and both values a (0, m, 4)-net in base 2, which does not exist.
 /// The other pairs of the four dimensions miss more, as Sobol' points themselves do. `experiments/sampler/pixel_shifts.py` finds such shifts.
 const PLACE_SHIFTS: [[u32; PLACE_BITS as usize]; SET_SIZE as usize] = [
     [0x6e7f, 0xd3aa, 0x3f59, 0x93ee, 0x909a, 0x47b3, 0x66a8, 0x294a],
@@ -106,7 +106,7 @@ fn tile_origin(key: u64, set: u32) -> [u32; 2] {
     [0, 1].map(|axis| random >> (32 - (axis + 1) * TILE_SIDE_BITS) & ((1 << TILE_SIDE_BITS) - 1))
 }
 
-/// Returns what tells the scrambles of one key apart.
+/// Returns a number for each tile, sequence and set. The sequences of sets beyond 2¹⁶ share some.
 #[inline(always)]
 fn scramble_number(tile: u32, sequence: u32, set: u32) -> u64 {
     u64::from(tile) << 32 | u64::from(sequence << 16 ^ set)
@@ -224,6 +224,25 @@ mod tests {
         }
         // Random shifts leave 71 % uneven.
         assert!(uneven * 4 < shapes, "{uneven} of {shapes}");
+    }
+
+    #[test]
+    fn pixels_and_tiles_differ() {
+        let at = |x, y| point(&Sobol::for_pixel(11, x, y), 0, 0, 1);
+        let differ = |a: [f32; 2], b: [f32; 2]| a[0] != b[0] && a[1] != b[1];
+        assert!(differ(at(40, 40), at(41, 40)) && differ(at(40, 40), at(40, 41)));
+        assert!(differ(at(40, 40), at(40 + 16, 40)) && differ(at(40, 40), at(40, 40 + 16)));
+    }
+
+    /// χ² with 63 degrees of freedom exceeds 125 with a probability of 5·10⁻⁶.
+    #[test]
+    fn a_pixel_s_values_are_uniform_over_seeds() {
+        for (index, set) in [(0, 0), (1, 0), (2, 1)] {
+            let points = (0..4096).map(|seed| point(&Sobol::for_pixel(seed, 3, 5), index, 0, set));
+            let chi_squared: f64 =
+                occupancy(points, 8, 8).iter().map(|&n| (f64::from(n) - 64.0).powi(2) / 64.0).sum();
+            assert!(chi_squared < 125.0, "{chi_squared}");
+        }
     }
 
     #[test]
