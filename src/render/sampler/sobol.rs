@@ -2,8 +2,8 @@
 //! its own scramble and shuffle (Burley 2020, "Practical Hash-based Owen Scrambling").
 //!
 //! The pixels of a tile share their scrambles and shuffles, and each shifts the points by digits of its own so that
-//! neighbours complement each other: the first 2ᵏ samples of a half of each pixel in a block of 2ᵐ pixels are together about as
-//! evenly spread as 2ᵏ⁺ᵐ points of one sequence, for every k and m at once. The image's error is then close to blue
+//! neighbours complement each other: the first 2ᵏ samples of a half of each pixel in a block of 2ᵐ pixels are together
+//! about as evenly spread as 2ᵏ⁺ᵐ points of one sequence, for every k and m at once. The image's error is then close to blue
 //! noise, of which a filter leaves less than of white noise. The idea, for a number of samples that is known in advance,
 //! is that of Ahmed and Wonka 2020, "Screen-Space Blue-Noise Diffusion of Monte Carlo Sampling Error via Hierarchical
 //! Ordering of Pixels". Each pixel's own points are as evenly spread as without shifts. The tiles of each set have a
@@ -37,9 +37,10 @@ const PLACE_BITS: u32 = 2 * TILE_SIDE_BITS;
 /// Digits by which a pixel's points are shifted for each bit of its place along the tile's Morton curve, the lowest
 /// bit first: `[dimension][bit]`, bit-reversed as the points.
 ///
-/// With them the generator matrices of the first two dimensions, for blocks of 2¹ to 2⁸ pixels and 2⁰ to 2⁶ samples, miss full
-/// rank by at most one, in most shapes of cells by none. None in all would make index, place and both values a (0, m, 4)-net in base 2, which does not exist.
-/// The other pairs of the four dimensions miss more, as Sobol' points themselves do. `experiments/sampler/pixel_shifts.py` finds such shifts.
+/// With them the generator matrices of the first two dimensions, for blocks of 2¹ to 2⁸ pixels and 2⁰ to 2⁶ samples,
+/// miss full rank by at most one, in most shapes of cells by none. None in all would make index, place and both values a
+/// (0, m, 4)-net in base 2, which does not exist. The other pairs of the four dimensions miss more, as Sobol' points
+/// themselves do. `experiments/sampler/pixel_shifts.py` searches for such shifts.
 const PLACE_SHIFTS: [[u32; PLACE_BITS as usize]; SET_SIZE as usize] = [
     [0x6e7f, 0xd3aa, 0x3f59, 0x93ee, 0x909a, 0x47b3, 0x66a8, 0x294a],
     [0xf6ff, 0xe755, 0x7b33, 0x7cdb, 0xa36f, 0x644f, 0x340b, 0xc772],
@@ -112,8 +113,8 @@ fn scramble_number(tile: u32, sequence: u32, set: u32) -> u64 {
     u64::from(tile) << 32 | u64::from(sequence << 16 ^ set)
 }
 
-/// Computes `sobol_burley::sample_4d(index, 0, seed)`, with a seed of the tile, the set and the rest of the address, and shifted by
-/// what belongs to the pixel's place. The constants are that crate's.
+/// Computes `sobol_burley::sample_4d(index, 0, seed)`, with a seed of key, tile, sequence and set, and shifts it by the
+/// digits of the pixel's place. The constants are that crate's.
 #[apply(multiversioned!)]
 fn scrambled_points(tables: &Tables, samples: &SampleAddresses, sets: &Lanes<u32>, values: &mut ValueSet) {
     const SHUFFLE: u32 = 0x79c6_8e4a;
