@@ -82,7 +82,7 @@ class Scene:
         """Samples per pixel that the scene asks for."""
     @property
     def effects(self) -> list[str]:
-        """Names of the effects that the scene calls for, such as ``lens`` and ``motion``."""
+        """Names of the effects that the scene calls for, such as ``depth-of-field`` and ``motion-blur``."""
     @property
     def dimensions(self) -> list[str]:
         """Names of the dimensions of a sample, such as ``R`` and ``N1.x``. They follow from the effects."""
