@@ -7,7 +7,7 @@
 
 use rayon::prelude::*;
 
-use super::mixture::Noisy;
+use super::dual_image::DualImage;
 use crate::filter::common::blur;
 use crate::filter::common::half_counts::HalfCounts;
 
@@ -23,7 +23,7 @@ pub fn reach() -> usize {
 }
 
 /// Returns the factors that give the pixels of the filtered image the brightness of the `noisy` one.
-pub fn factors(filtered: &Noisy, noisy: &Noisy, counts: &HalfCounts) -> Vec<f32> {
+pub fn factors(filtered: &DualImage, noisy: &DualImage, counts: &HalfCounts) -> Vec<f32> {
     let (width, height, pixels) = (noisy.mean.width(), noisy.mean.height(), noisy.mean.pixels());
     let over_surrounding = |of: &(dyn Fn(usize) -> f32 + Sync)| {
         let sum = |i: usize| match counts.floats().iter().all(|counts| counts[i] > 0.0) {
@@ -61,8 +61,8 @@ mod tests {
             planes
         };
         let counts = HalfCounts::new(64, [vec![2; 64 * 64], vec![2; 64 * 64]]);
-        let mut filtered = Noisy::exact(constant(0.9));
-        let noisy = Noisy { mean: constant(1.0), noise: constant(deviation) };
+        let mut filtered = DualImage::exact(constant(0.9));
+        let noisy = DualImage { mean: constant(1.0), noise: constant(deviation) };
         filtered.scale(&factors(&filtered, &noisy, &counts));
         filtered.mean.at(1, 32, 32)
     }

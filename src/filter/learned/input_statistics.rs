@@ -20,6 +20,14 @@ pub const ALIGNMENT: usize = 16;
 /// Smallest and largest albedo that colours are divided by.
 pub const ALBEDO_RANGE: [f32; 2] = [0.02, 64.0];
 
+// As in `network_inputs` of `training/model.py`: other values need other weights.
+/// Factor on ratios of radiance before their logarithm.
+const LOG_GAIN: f32 = 10.0;
+/// Least brightness that a pixel's noise is relative to, in units of the image's.
+const LEVEL_FLOOR: f32 = 0.01;
+/// Binary logarithm of the sample count that is an input of 1.
+const LOG_COUNT_UNIT: f32 = 6.0;
+
 /// Greatest magnitude of an input.
 const MAX_INPUT: f32 = 64.0;
 
@@ -34,7 +42,7 @@ pub struct InputStatistics {
     pub colour: Planes,
     /// Deviation of the luminance.
     pub deviation: Vec<f32>,
-    /// Difference of the luminances of the halves; 0 for a half without samples.
+    /// Difference of the luminances of the halves, of which one without samples counts as black.
     pub difference: Vec<f32>,
     /// Directly visible emission: 3 planes.
     pub emission: Planes,
@@ -147,10 +155,11 @@ impl InputStatistics {
         let albedo = rgb(&self.albedo.mean);
         let demodulated = |planes: &Planes| {
             let colour = rgb(planes);
-            [0, 1, 2].map(|c| log(10.0 * self.scale * colour[c].max(0.0) / albedo[c].max(ALBEDO_RANGE[0])))
+            [0, 1, 2]
+                .map(|c| log(LOG_GAIN * self.scale * colour[c].max(0.0) / albedo[c].max(ALBEDO_RANGE[0])))
         };
         let level = self.scale * luminance(rgb(&self.colour));
-        let relative = |v: f32| log(10.0 / (level + 0.01) * (self.scale * v));
+        let relative = |v: f32| log(LOG_GAIN / (level + LEVEL_FLOOR) * (self.scale * v));
         let count = self.count[i].max(1.0);
         let [[c0, c1, c2], [m0, m1, m2]] = [demodulated(&self.colour), demodulated(nlm)];
         let ([n0, n1, n2], [s0, s1, s2]) = (rgb(&self.normal.mean), rgb(&self.second_normal));
@@ -160,7 +169,7 @@ impl InputStatistics {
             c0,
             c1,
             c2,
-            log(10.0 * level),
+            log(LOG_GAIN * level),
             relative(self.deviation[i] / count.sqrt()),
             relative(self.difference[i].abs()),
             albedo[0],
@@ -177,7 +186,7 @@ impl InputStatistics {
             log(self.position_deviation[i]),
             self.hit.plane(0)[i],
             log(self.scale * luminance(rgb(&self.emission))),
-            count.log2() / 6.0,
+            count.log2() / LOG_COUNT_UNIT,
             m0,
             m1,
             m2,

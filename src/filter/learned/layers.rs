@@ -3,9 +3,10 @@
 //! Takes the means of each layer in both halves of the samples, its image by `nlm` and the steps of the colour's filter;
 //! gives the filtered layer. Every step is linear, so that the filtered layers sum to the filtered colour up to rounding.
 
-use super::mixture::{Candidates, Noisy};
+use super::dual_image::DualImage;
+use super::mixture::Candidates;
 use super::network::Prediction;
-use super::{mix, safeguard};
+use super::safeguard;
 use crate::filter::common::fireflies::{Firefly, clamp_layer};
 use crate::filter::common::half_counts::HalfCounts;
 use crate::filter::common::interleaved_planes::InterleavedPlanes;
@@ -31,12 +32,12 @@ impl ColourSteps<'_> {
         self.counts.fill_missing(&mut layer);
         let mean = self.counts.mean([&layer[0], &layer[1]]);
         let candidates = Candidates {
-            colour: Noisy::new(mean, layer, self.counts),
+            colour: DualImage::new(mean, layer, self.counts),
             emission: None,
             albedo: self.albedo.clone(),
-            nlm: Noisy::exact(nlm),
+            nlm: DualImage::exact(nlm),
         };
-        let mut mixed = mix(&candidates, self.predicted, self.hit);
+        let mut mixed = candidates.filter_and_mix(self.predicted, self.hit);
         safeguard::blend(&mut mixed, &candidates.nlm, self.fraction);
         mixed.scale(self.factors);
         mixed.mean

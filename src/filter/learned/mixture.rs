@@ -3,98 +3,33 @@
 
 use rayon::prelude::*;
 
+use super::affinity::{self, MARGIN};
+use super::dual_image::DualImage;
 use super::input_statistics::ALBEDO_RANGE;
-use super::network::MIXTURE;
+use super::network::{MIXTURE, Prediction};
 use super::visible_emission::VisibleEmission;
 use crate::filter::common::emitter_outlines::outside_emitters;
-use crate::filter::common::half_counts::HalfCounts;
 use crate::filter::common::interleaved_planes::InterleavedPlanes;
-use crate::filter::whole_image::WholeImage;
 use crate::image::Planes;
 
-/// An image, and the difference of its halves scaled so that its variance is the image's: with the fractions p of the
-/// samples √(p_A p_B) (A − B). What filters the image filters it too, and so gives the filtered image's halves.
-#[derive(Clone)]
-pub struct Noisy {
-    pub mean: Planes,
-    pub noise: Planes,
-}
-
-impl Noisy {
-    pub fn new(mean: Planes, mut halves: [Planes; 2], counts: &HalfCounts) -> Self {
-        counts.fill_missing(&mut halves);
-        let [mut noise, b] = halves;
-        for (noise, b) in noise.planes_mut().zip(b.data().chunks(b.pixels().max(1))) {
-            let values = noise.par_iter_mut().with_min_len(1024).zip(b).zip(counts.fractions());
-            values.for_each(|((noise, b), [p_a, p_b])| *noise = (p_a * p_b).sqrt() * (*noise - b));
-        }
-        Self { mean, noise }
-    }
-
-    /// An image without noise.
-    pub fn exact(mean: Planes) -> Self {
-        Self { noise: Planes::new(mean.width(), mean.height(), mean.count()), mean }
-    }
-
-    /// Multiplies each pixel by its factor.
-    pub fn scale(&mut self, factors: &[f32]) {
-        for planes in [&mut self.mean, &mut self.noise] {
-            for plane in planes.planes_mut() {
-                let values = plane.par_iter_mut().with_min_len(1024).zip(factors);
-                values.for_each(|(v, factor)| *v *= factor);
-            }
-        }
-    }
-
-    /// Returns the images of the halves.
-    pub fn halves(&self, counts: &HalfCounts) -> [Planes; 2] {
-        [(0, 1.0), (1, -1.0)].map(|(half, sign)| {
-            let mut image = self.mean.clone();
-            for (image, noise) in image.planes_mut().zip(self.noise.data().chunks(self.noise.pixels().max(1)))
-            {
-                let values = image.par_iter_mut().with_min_len(1024).zip(noise).zip(counts.fractions());
-                values.for_each(|((value, noise), p)| {
-                    // Without samples of both halves the noise is not known.
-                    let factor = if p[half] > 0.0 { (p[1 - half] / p[half]).sqrt() } else { 0.0 };
-                    *value += sign * factor * noise;
-                });
-            }
-            image
-        })
-    }
-
-    /// Takes the values of the margin from the parts there.
-    pub fn complete_margin(&mut self, whole: &dyn WholeImage) {
-        whole.complete_margin(&mut self.mean, 1);
-        whole.complete_margin(&mut self.noise, 1);
-    }
-
-    /// Adds another image, multiplied by a factor.
-    pub fn add_scaled(&mut self, factor: f32, other: &Self) {
-        for (sum, term) in [(&mut self.mean, &other.mean), (&mut self.noise, &other.noise)] {
-            let values = sum.data_mut().par_iter_mut().with_min_len(1024).zip(term.data());
-            values.for_each(|(sum, &term)| *sum += factor * term);
-        }
-    }
-
-    fn parts(&self) -> [&Planes; 2] {
-        [&self.mean, &self.noise]
-    }
-}
+/// First planes, of 3 each, in a part of what [`Candidates::values`] returns.
+const DEMODULATED: usize = 0;
+const COLOUR: usize = 3;
+const EMISSION: usize = 6;
 
 /// What is filtered and mixed.
 pub struct Candidates {
     /// Radiance without directly visible emission.
-    pub colour: Noisy,
+    pub colour: DualImage,
     /// Directly visible emission, if there is any.
     pub emission: Option<VisibleEmission>,
     /// Albedo of surfaces: 3 planes.
     pub albedo: Planes,
     /// Image of `nlm`, without emission.
-    pub nlm: Noisy,
+    pub nlm: DualImage,
 }
 
-/// MixtureWeights of the mixture at a pixel.
+/// Weights of the mixture at a pixel, whose own colour has the rest of 1.
 #[derive(Clone, Copy)]
 struct MixtureWeights {
     /// Surfaces filtered without their albedo.
@@ -124,16 +59,16 @@ impl MixtureWeights {
 
 impl Candidates {
     /// Returns the unfiltered image with its emission.
-    pub fn unfiltered(&self) -> Noisy {
+    pub fn unfiltered(&self) -> DualImage {
         self.with_emission(&self.colour)
     }
 
     /// Returns the image of `nlm` with its emission.
-    pub fn nlm(&self) -> Noisy {
+    pub fn nlm(&self) -> DualImage {
         self.with_emission(&self.nlm)
     }
 
-    fn with_emission(&self, image: &Noisy) -> Noisy {
+    fn with_emission(&self, image: &DualImage) -> DualImage {
         let mut image = image.clone();
         if let Some(emission) = &self.emission {
             image.add_scaled(1.0, &emission.light);
@@ -142,7 +77,7 @@ impl Candidates {
     }
 
     /// Returns the planes to filter: per part (mean and noise) demodulated colour, colour and, if there is any, emission,
-    /// 3 each; then the albedo, and the coverage by emitters, if there are any.
+    /// 3 each; then the [`divisor`] of each channel, and the coverage by emitters, if there are any.
     pub fn values(&self) -> Planes {
         let colour = &self.colour.mean;
         let (width, height, pixels) = (colour.width(), colour.height(), colour.pixels());
@@ -172,13 +107,18 @@ impl Candidates {
         values
     }
 
-    /// Returns the index of the plane of the coverage among the values, behind those of the albedo.
+    /// Returns the index of the first plane of the divisor among the values, behind both parts.
+    fn divisor_plane(&self) -> usize {
+        2 * self.planes_per_part()
+    }
+
+    /// Returns the index of the plane of the coverage.
     fn coverage_plane(&self) -> usize {
-        2 * self.planes_per_part() + 3
+        self.divisor_plane() + 3
     }
 
     fn planes_per_part(&self) -> usize {
-        if self.emission.is_some() { 9 } else { 6 }
+        if self.emission.is_some() { EMISSION + 3 } else { EMISSION }
     }
 
     /// Returns for each pixel whether it lies outside all emitters, where it gets none of its neighbours' emission.
@@ -191,8 +131,16 @@ impl Candidates {
         outside_emitters(self.colour.mean.width(), &met_emitter)
     }
 
+    /// Filters the candidates with predicted kernels and mixes them. `hit`: fraction of the samples that hit a surface, extended by
+    /// [`MARGIN`].
+    pub fn filter_and_mix(&self, predicted: &Prediction, hit: &InterleavedPlanes) -> DualImage {
+        let values = InterleavedPlanes::extended(&self.values(), MARGIN);
+        let filtered = affinity::filter(|level, out| predicted.kernels(level, out), hit, values);
+        self.mix(&predicted.mixture(), &filtered)
+    }
+
     /// Mixes the candidates with the filtered planes of [`Self::values`], and adds the emission.
-    pub fn mix(&self, predicted: &InterleavedPlanes, filtered: &InterleavedPlanes) -> Noisy {
+    fn mix(&self, predicted: &InterleavedPlanes, filtered: &InterleavedPlanes) -> DualImage {
         let (width, height) = (predicted.width(), predicted.height());
         let is_outside = self.outside_emitters();
         let weights: Vec<MixtureWeights> = (0..width * height)
@@ -203,7 +151,7 @@ impl Candidates {
                 let factor = match &self.emission {
                     Some(emission) if !is_outside[i] => {
                         let filtered = |plane: usize| filtered.at(plane, i % width, i / width);
-                        let light = [6, 7, 8].map(filtered);
+                        let light = [0, 1, 2].map(|channel| filtered(EMISSION + channel));
                         emission.filtered_fraction(i, light, filtered(self.coverage_plane()))
                     }
                     _ => 0.0,
@@ -220,7 +168,7 @@ impl Candidates {
             }
             mixed
         });
-        Noisy { mean, noise }
+        DualImage { mean, noise }
     }
 
     /// Mixes row `y` of a channel of the means (`part` 0) or of the noise (1). `weights` begin at the row.
@@ -235,27 +183,27 @@ impl Candidates {
     ) {
         // Find the candidates' rows
         let pixels = y * out.len()..(y + 1) * out.len();
-        let (first, last) = (part * self.planes_per_part(), 2 * self.planes_per_part());
-        let own_row = |image: &'a Noisy| &image.parts()[part].plane(channel)[pixels.clone()];
+        let first = part * self.planes_per_part();
+        let own_row = |image: &'a DualImage| &image.parts()[part].plane(channel)[pixels.clone()];
         let colour = own_row(&self.colour);
         let albedo = &self.albedo.plane(channel)[pixels.clone()];
         let (nlm, emission) =
             (own_row(&self.nlm), self.emission.as_ref().map(|emission| own_row(&emission.light)));
         let filtered_row = |plane: usize| filtered.row(plane + channel, y);
-        let (demodulated, plain, soft_albedo) =
-            (filtered_row(first), filtered_row(first + 3), filtered_row(last));
-        let soft_emission = self.emission.as_ref().map(|_| filtered_row(first + 6));
+        let (demodulated, plain) = (filtered_row(first + DEMODULATED), filtered_row(first + COLOUR));
+        let filtered_albedo = filtered_row(self.divisor_plane());
+        let filtered_emission = self.emission.as_ref().map(|_| filtered_row(first + EMISSION));
 
         // Add changes of the pixel's own value, so that a candidate equal to it changes nothing
         for (x, (out, weights)) in out.iter_mut().zip(weights).enumerate() {
             let (own, albedo) = (colour[x], divisor(albedo[x]));
-            let textured = demodulated[x] * (albedo + weights.albedo * (soft_albedo[x] - albedo));
+            let textured = demodulated[x] * (albedo + weights.albedo * (filtered_albedo[x] - albedo));
             *out = own
                 + weights.demodulated * (textured - own)
                 + weights.plain * (plain[x] - own)
                 + weights.nlm * (nlm[x] - own);
-            if let (Some(emission), Some(soft)) = (emission, soft_emission) {
-                *out += emission[x] + weights.emission * (soft[x] - emission[x]);
+            if let (Some(own), Some(filtered)) = (emission, filtered_emission) {
+                *out += own[x] + weights.emission * (filtered[x] - own[x]);
             }
         }
     }
@@ -278,11 +226,11 @@ mod tests {
             planes.planes_mut().for_each(|plane| plane.copy_from_slice(&values));
             planes
         };
-        let black = Noisy::exact(planes([0.0; 3], 3));
+        let black = DualImage::exact(planes([0.0; 3], 3));
         let candidates = Candidates {
             colour: black.clone(),
             emission: Some(VisibleEmission {
-                light: Noisy::exact(planes([20.0, 0.0, 20.0], 3)),
+                light: DualImage::exact(planes([20.0, 0.0, 20.0], 3)),
                 coverage: planes([1.0, 0.0, 1.0], 1),
                 samples: vec![4.0; 3],
             }),

@@ -17,6 +17,7 @@
 mod affinity;
 mod brightness;
 mod convolution;
+mod dual_image;
 mod input_statistics;
 mod layers;
 mod mixture;
@@ -40,10 +41,10 @@ use super::whole_image::{AllPixels, WholeImage};
 use crate::image::Planes;
 use crate::stats::{Block, Part, Store};
 use affinity::MARGIN;
+use dual_image::DualImage;
 use input_statistics::{ALIGNMENT, InputStatistics};
 use layers::ColourSteps;
-use mixture::{Candidates, Noisy};
-use network::Prediction;
+use mixture::Candidates;
 use visible_emission::VisibleEmission;
 pub use weight_file::WeightFileError;
 use weights::weights;
@@ -145,8 +146,7 @@ impl PartFilter for Learned {
 
     fn filter_part(&self, store: &Store, whole: &dyn WholeImage) -> FilterResult {
         let (nlm, _) = self.nlm.images(store, &[], whole);
-        let (result, _) = filter(store, nlm, std::iter::empty(), whole);
-        FilterResult { made_by: self.name(), ..result }
+        filter(self.name(), store, nlm, std::iter::empty(), whole).0
     }
 }
 
@@ -160,8 +160,7 @@ impl LayerFilter for Learned {
         let whole = AllPixels::new(store.width(), store.height());
         let (nlm, of_layers) = self.nlm.images(store, layers, &whole);
         let layers = layers.iter().cloned().zip(of_layers);
-        let (result, layers) = filter(store, nlm, layers, &whole);
-        (FilterResult { made_by: self.name(), ..result }, layers)
+        filter(self.name(), store, nlm, layers, &whole)
     }
 }
 
@@ -173,6 +172,7 @@ const FIREFLIES: FireflySettings =
 /// Filters a store, and layers that sum to its colour. `nlm` are the images of that denoiser, as is the second value of a
 /// layer.
 fn filter(
+    made_by: DenoiserName,
     store: &Store,
     mut nlm: nlm::Images,
     layers: impl Iterator<Item = ([Planes; 2], Planes)>,
@@ -191,7 +191,7 @@ fn filter(
     let mut predicted = weights().network.predict(&statistics.inputs(&candidates.nlm.mean), width, height);
     predicted.complete_margin(whole);
     let hit = InterleavedPlanes::extended(&statistics.hit, MARGIN);
-    let mut mixed = mix(&candidates, &predicted, &hit);
+    let mut mixed = candidates.filter_and_mix(&predicted, &hit);
     mixed.complete_margin(whole);
     let unfiltered_image = candidates.unfiltered();
     let nlm = candidates.nlm();
@@ -216,10 +216,13 @@ fn filter(
         factors: &factors,
     };
     let layers = layers.map(|(layer, nlm)| steps.filter(layer, nlm)).collect();
+    (assess(made_by, mixed, store, &counts), layers)
+}
 
-    // Estimate the error
-    let halves = mixed.halves(&counts);
-    let image = mixed.mean;
+/// Returns a filtered image with the maps that follow from its halves.
+fn assess(made_by: DenoiserName, filtered: DualImage, store: &Store, counts: &HalfCounts) -> FilterResult {
+    let halves = filtered.halves(counts);
+    let image = filtered.mean;
     let radiance = store.layout().radiance();
     let noisy_halves = [0, 1].map(|half| store.means(Part::Half(half), radiance.clone()));
     let [mean, variance] =
@@ -232,8 +235,8 @@ fn filter(
         noisy_halves.each_ref(),
         counts.integers(),
     );
-    let result = FilterResult {
-        made_by: DenoiserName { method: METHOD, preset: None },
+    FilterResult {
+        made_by,
         image,
         halves,
         variance,
@@ -243,15 +246,7 @@ fn filter(
         reliability: Reliability::LEARNED,
         interpolation: None,
         failure: None,
-    };
-    (result, layers)
-}
-
-/// Filters the candidates and mixes them.
-fn mix(candidates: &Candidates, predicted: &Prediction, hit: &InterleavedPlanes) -> Noisy {
-    let values = InterleavedPlanes::extended(&candidates.values(), MARGIN);
-    candidates
-        .mix(&predicted.mixture(), &affinity::filter(|level, out| predicted.kernels(level, out), hit, values))
+    }
 }
 
 /// Collects what is filtered and mixed.
@@ -263,11 +258,11 @@ fn candidates(
     nlm: nlm::Images,
 ) -> Candidates {
     let layout = store.layout();
-    let noisy = |mean: &Planes, halves| Noisy::new(mean.clone(), halves, counts);
+    let noisy = |mean: &Planes, halves| DualImage::new(mean.clone(), halves, counts);
     let emission =
         layout.block(Block::Emission).filter(|_| statistics.emission.data().iter().any(|&v| v > 0.0));
     let emission = emission.map(|dims| VisibleEmission::new(store, dims, &statistics.emission, counts));
-    let mut nlm = Noisy::new(nlm.image, nlm.halves, counts);
+    let mut nlm = DualImage::new(nlm.image, nlm.halves, counts);
     if let Some(emission) = &emission {
         nlm.add_scaled(-1.0, &emission.light);
     }
@@ -314,7 +309,7 @@ mod tests {
             hit: exported("hit"),
             count: plane("count"),
         };
-        let noisy = |mean: &Planes| Noisy { mean: mean.clone(), noise: mean.clone() };
+        let noisy = |mean: &Planes| DualImage { mean: mean.clone(), noise: mean.clone() };
         let mut nlm = noisy(&exported("nlm"));
         nlm.add_scaled(-1.0, &noisy(&statistics.emission));
         let candidates = Candidates {
@@ -332,7 +327,7 @@ mod tests {
         let expected = exported("mixed");
         let predicted = weights().network.predict(&inputs, expected.width(), expected.height());
         let hit = InterleavedPlanes::extended(&statistics.hit, MARGIN);
-        let mixed = mix(&candidates, &predicted, &hit);
+        let mixed = candidates.filter_and_mix(&predicted, &hit);
         for image in [&mixed.mean, &mixed.noise] {
             for (found, expected) in image.data().iter().zip(expected.data()) {
                 assert!((found - expected).abs() < 1e-3 * (1.0 + expected), "{found} {expected}");

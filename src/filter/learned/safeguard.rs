@@ -11,7 +11,7 @@
 
 use rayon::prelude::*;
 
-use super::mixture::Noisy;
+use super::dual_image::DualImage;
 use crate::filter::common::blur;
 use crate::filter::common::fireflies::pixel_luminance;
 use crate::filter::common::half_counts::HalfCounts;
@@ -38,7 +38,7 @@ pub fn reach() -> usize {
 }
 
 /// Blends the learned image with a second estimate. `fraction` is that of [`fraction_of_learned`].
-pub fn blend(learned: &mut Noisy, second: &Noisy, fraction: &[f32]) {
+pub fn blend(learned: &mut DualImage, second: &DualImage, fraction: &[f32]) {
     for (learned, second) in [(&mut learned.mean, &second.mean), (&mut learned.noise, &second.noise)] {
         for (plane, second) in learned.planes_mut().zip(second.data().chunks(second.pixels().max(1))) {
             let values = plane.par_iter_mut().with_min_len(1024).zip(second).zip(fraction);
@@ -50,10 +50,10 @@ pub fn blend(learned: &mut Noisy, second: &Noisy, fraction: &[f32]) {
 /// Computes the fraction of the learned image in each pixel. `noisy` is the unfiltered image, and `emission` the part of it that is directly
 /// visible.
 pub fn fraction_of_learned(
-    learned: &Noisy,
-    second: &Noisy,
-    noisy: &Noisy,
-    emission: Option<&Noisy>,
+    learned: &DualImage,
+    second: &DualImage,
+    noisy: &DualImage,
+    emission: Option<&DualImage>,
     counts: &HalfCounts,
     whole: &dyn WholeImage,
 ) -> Vec<f32> {
@@ -70,9 +70,9 @@ pub fn fraction_of_learned(
 /// Returns for each pixel the fraction of the learned image that brings the luminance of the second one within its limits: 0 where it is, and
 /// where emission is visible, since a lamp may be small.
 fn fraction_within_limits(
-    learned: &Noisy,
-    second: &Noisy,
-    emission: Option<&Noisy>,
+    learned: &DualImage,
+    second: &DualImage,
+    emission: Option<&DualImage>,
     counts: &HalfCounts,
 ) -> Vec<f32> {
     let [n_a, n_b] = counts.floats();
@@ -90,9 +90,9 @@ fn fraction_within_limits(
 
 /// Computes λ for each pixel.
 fn lambda(
-    learned: &Noisy,
-    second: &Noisy,
-    noisy: &Noisy,
+    learned: &DualImage,
+    second: &DualImage,
+    noisy: &DualImage,
     counts: &HalfCounts,
     whole: &dyn WholeImage,
 ) -> Vec<f32> {
@@ -150,7 +150,7 @@ fn known_fraction(width: usize, counts: &HalfCounts) -> Vec<f32> {
 
 /// Returns the variance of `noisy` over the squared brightness, mean of the channels, and over the surrounding pixels where it is
 /// known. Elsewhere the noise is 0.
-fn usual_variance(learned: &Noisy, noisy: &Noisy, known: &[f32], floor: f32) -> Vec<f32> {
+fn usual_variance(learned: &DualImage, noisy: &DualImage, known: &[f32], floor: f32) -> Vec<f32> {
     let (width, height, pixels) = (noisy.mean.width(), noisy.mean.height(), noisy.mean.pixels());
     let relative = |i: usize| {
         let of_channel =
@@ -180,7 +180,7 @@ mod tests {
             let mut planes = Planes::new(SIDE, SIDE, 3);
             planes.data_mut().fill(1.0);
             planes.planes_mut().zip(speck).for_each(|(plane, value)| plane[40] = value);
-            Noisy::exact(planes)
+            DualImage::exact(planes)
         };
         for (speck, samples, expected) in [
             ([5.0; 3], 2, [1.5; 3]),
@@ -193,7 +193,7 @@ mod tests {
         ] {
             let half = || vec![samples / 2; SIDE * SIDE];
             let counts = HalfCounts::new(SIDE, [half(), half()]);
-            let limited = |emission: Option<&Noisy>| {
+            let limited = |emission: Option<&DualImage>| {
                 let mut limited = image([1.0; 3]);
                 let fraction = fraction_within_limits(&limited, &image(speck), emission, &counts);
                 blend(&mut limited, &image(speck), &fraction);
@@ -221,9 +221,9 @@ mod tests {
             .map(|_| image(&mut |i| stripe(i) + noise * (rng.random::<f32>() + rng.random::<f32>() - 1.0)));
         let counts = HalfCounts::new(SIDE, [vec![4; SIDE * SIDE], vec![4; SIDE * SIDE]]);
         counts.fill_missing(&mut halves);
-        let noisy = Noisy::new(counts.mean([&halves[0], &halves[1]]), halves, &counts);
-        let flat = || Noisy { mean: image(&mut |_| 1.25), noise: image(&mut |_| 0.0) };
-        let striped = || Noisy { mean: image(&mut |i| stripe(i)), noise: image(&mut |_| 0.0) };
+        let noisy = DualImage::new(counts.mean([&halves[0], &halves[1]]), halves, &counts);
+        let flat = || DualImage { mean: image(&mut |_| 1.25), noise: image(&mut |_| 0.0) };
+        let striped = || DualImage { mean: image(&mut |i| stripe(i)), noise: image(&mut |_| 0.0) };
         let (learned, second) = if second_has_stripes { (flat(), striped()) } else { (striped(), flat()) };
         let whole = AllPixels::new(SIDE, SIDE);
         lambda(&learned, &second, &noisy, &counts, &whole)[SIDE * SIDE / 2 + SIDE / 2]
@@ -246,11 +246,11 @@ mod tests {
         // One pixel in five has met the light, but none around the middle, where the second image is dark
         let is_missed = |x: usize, y: usize| x.abs_diff(24) < 2 && y.abs_diff(24) < 2;
         let is_lit = |x: usize, y: usize| !is_missed(x, y) && (7 * x + 3 * y).is_multiple_of(5);
-        let noisy = Noisy {
+        let noisy = DualImage {
             mean: image(&|x, y| if is_lit(x, y) { 5.0 } else { 0.0 }),
             noise: image(&|x, y| if is_lit(x, y) { 5.0 } else { 0.05 }),
         };
-        let clean = |mean| Noisy { mean, noise: image(&|_, _| 0.0) };
+        let clean = |mean| DualImage { mean, noise: image(&|_, _| 0.0) };
         let learned = clean(image(&|_, _| 1.0));
         let second = clean(image(&|x, y| if is_missed(x, y) { 0.0 } else { 1.0 }));
         let counts = HalfCounts::new(SIDE, [vec![2; SIDE * SIDE], vec![2; SIDE * SIDE]]);
@@ -264,7 +264,7 @@ mod tests {
         let constant = |value: f32| {
             let mut mean = Planes::new(SIDE, SIDE, 3);
             mean.data_mut().fill(value);
-            Noisy::exact(mean)
+            DualImage::exact(mean)
         };
         let counts = |period: usize| {
             let second = (0..SIDE * SIDE).map(|i| u32::from(i.is_multiple_of(period))).collect();
@@ -281,7 +281,7 @@ mod tests {
         let constant = |value: f32| {
             let mut mean = Planes::new(3, 1, 3);
             mean.data_mut().fill(value);
-            Noisy { noise: Planes::new(3, 1, 3), mean }
+            DualImage { noise: Planes::new(3, 1, 3), mean }
         };
         let counts = HalfCounts::new(3, [vec![1; 3], vec![0; 3]]);
         let [learned, second] = [1.0, 2.0].map(constant);

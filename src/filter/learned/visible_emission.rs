@@ -10,7 +10,7 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
-use super::mixture::Noisy;
+use super::dual_image::DualImage;
 use crate::filter::common::fireflies::pixel_luminance;
 use crate::filter::common::half_counts::HalfCounts;
 use crate::image::{Planes, luminance};
@@ -18,7 +18,7 @@ use crate::stats::{Part, Store};
 
 /// Directly visible emission of each pixel.
 pub struct VisibleEmission {
-    pub light: Noisy,
+    pub light: DualImage,
     /// Fraction of the samples that met an emitter: 1 plane.
     pub coverage: Planes,
     /// Number of samples.
@@ -32,7 +32,7 @@ impl VisibleEmission {
         let [a, b] = counts.floats();
         let samples: Vec<f32> = a.iter().zip(b).map(|(a, b)| a + b).collect();
         let coverage = coverage(mean, &store.variances(Part::Whole, dims), &samples);
-        Self { light: Noisy::new(mean.clone(), halves, counts), coverage, samples }
+        Self { light: DualImage::new(mean.clone(), halves, counts), coverage, samples }
     }
 
     /// Returns how much of the filter a pixel takes, in [0, 1]. `light` is the filtered emission, and `coverage` the fraction of the
