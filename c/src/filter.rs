@@ -5,7 +5,7 @@ use std::ptr::null_mut;
 use std::sync::{Mutex, MutexGuard, TryLockError};
 use std::time::Instant;
 
-use prpf::filter::{CancellablePool, Denoiser, by_name, can_filter, suited_to};
+use prpf::filter::{CancellablePool, Denoiser, by_name, can_filter, draft_if_sparse};
 use prpf::progressive::{FilterPass, Filtered};
 use prpf::stats::Store;
 
@@ -69,7 +69,7 @@ impl Content {
             (content.store.clone(), content.seed)
         };
         can_filter(self.denoiser, &store).map_err(invalid)?;
-        let denoiser = suited_to(&store, self.denoiser);
+        let denoiser = draft_if_sparse(&store, self.denoiser);
         let units = units(&store, denoiser);
         let expected = units * self.unit_seconds;
         let pass = FilterPass { has_half_images: true, ..FilterPass::new(store, denoiser, seed) };

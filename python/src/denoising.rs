@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use prpf::filter::learned::{self, WeightFileError};
-use prpf::filter::{CancellablePool, DENOISERS, FilterResult, by_name, can_filter, suited_to};
+use prpf::filter::{CancellablePool, DENOISERS, FilterResult, by_name, can_filter, draft_if_sparse};
 use prpf::progressive::{ErrorEstimate, FilterPass, Filtered};
 use pyo3::exceptions::{PyOSError, PyRuntimeError};
 use pyo3::prelude::*;
@@ -105,7 +105,7 @@ pub fn denoise(py: Python, store: &Store, denoiser: &str) -> PyResult<Denoised> 
     let denoiser = by_name(denoiser).map_err(value_error)?;
     let statistics = store.statistics(py);
     can_filter(denoiser, &statistics).map_err(value_error)?;
-    let denoiser = suited_to(&statistics, denoiser);
+    let denoiser = draft_if_sparse(&statistics, denoiser);
     let pass = FilterPass { has_half_images: true, ..FilterPass::new(statistics, denoiser, store.seed) };
     let mut pool = CancellablePool::new(rayon::current_num_threads())
         .map_err(|error| PyRuntimeError::new_err(error.to_string()))?;

@@ -1,7 +1,7 @@
 //! Computes the sample counts of a batch from priorities.
 //!
-//! Takes priorities and sample counts of all pixels and the number of samples of the batch, which the counts
-//! add up to exactly. A fraction of the batch is distributed uniformly, and no pixel exceeds a ceiling.
+//! Takes priorities and sample counts of all pixels and the number of samples of the batch. The counts add up to it, or to the room
+//! that the ceiling per pixel leaves if that is less. A fraction of the batch is distributed uniformly.
 
 use rand::SeedableRng;
 use rand::seq::SliceRandom;
@@ -14,7 +14,7 @@ use crate::hash;
 const UNIFORM_FRACTION: f64 = 0.15;
 /// Maximum number of samples of a pixel in units of the batch's mean, apart from two samples of the uniform
 /// fraction.
-pub const CEILING: f64 = 8.0;
+pub const MAX_RATIO_TO_MEAN: f64 = 8.0;
 
 /// No ceiling per pixel: more samples than any render takes.
 pub const NO_CEILING: u32 = u32::MAX / 4;
@@ -70,7 +70,7 @@ pub fn allocate(
 
     // Distribute the other pairs by priority
     let other_room = |i: usize| (room(i) - f64::from(u8::from(is_selected[i]))).max(0.0);
-    let max_pairs = (CEILING * pairs as f64 / pixels as f64).max(1.0);
+    let max_pairs = (MAX_RATIO_TO_MEAN * pairs as f64 / pixels as f64).max(1.0);
     let targets = targets(priority, have, (pairs - selected) as f64, |i| max_pairs.min(other_room(i)));
     let mut counts = round(&targets, width, pairs - selected, other_room);
     let mut remaining = selected;
@@ -197,10 +197,12 @@ pub(super) fn round(targets: &[f64], width: usize, pairs: u64, room: impl Fn(usi
     counts
 }
 
+/// 2⁶⁴ ∕ φ, with φ⁴ = φ + 1 (Roberts 2018, R₃): its multiples spread keys evenly.
+const KEY_GAMMA: u64 = 0xd1b5_4a32_d192_ed03;
+
 /// Returns a pseudo-random number in [0, 1) for a pixel and a key.
 fn uniform_number(pixel: usize, key: u64) -> f64 {
-    let z = (pixel as u64 + 1).wrapping_mul(hash::GAMMA)
-        ^ key.wrapping_add(1).wrapping_mul(0xd1b5_4a32_d192_ed03);
+    let z = (pixel as u64 + 1).wrapping_mul(hash::GAMMA) ^ key.wrapping_add(1).wrapping_mul(KEY_GAMMA);
     (hash::finalise(z) >> 11) as f64 / (1u64 << 53) as f64
 }
 

@@ -8,7 +8,7 @@ mod next_counts;
 mod priority;
 mod sample_map;
 
-pub use allocate::{CEILING, NO_CEILING, allocate, allocate_above, uniform};
+pub use allocate::{MAX_RATIO_TO_MEAN, NO_CEILING, allocate, allocate_above, uniform};
 pub use next_counts::{NextCountsError, batch_key, next_counts};
 pub use priority::{Maps, PrioritySettings, expected_ratio, priority};
 pub use sample_map::{MapValues, SampleMap, SampleMapError, follow};

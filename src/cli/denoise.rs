@@ -15,7 +15,7 @@ use super::parse;
 use super::summary::describe;
 use super::terminal::print;
 use super::workers::in_pool;
-use crate::filter::{Lack, suited_to};
+use crate::filter::{Lack, draft_if_sparse};
 use crate::image::OutputFormat;
 use crate::import::LayerMap;
 use crate::output::{ImageOutput, Layers};
@@ -169,7 +169,7 @@ fn is_exr(path: &Path) -> bool {
 /// Data that the denoiser reads and the state lacks.
 pub(super) fn filter(checkpoint: &Checkpoint, settings: &Settings) -> anyhow::Result<Filtered> {
     let store = &checkpoint.store;
-    let denoiser = suited_to(store, settings.denoiser);
+    let denoiser = draft_if_sparse(store, settings.denoiser);
     if let Some(lack) = Lack::of(store, denoiser) {
         return Err(lack.into());
     }

@@ -58,9 +58,9 @@ pub fn draft_without_vectors(denoiser: &'static dyn Denoiser) -> &'static dyn De
     if reads_vectors { &nlm::DRAFT } else { draft }
 }
 
-/// Returns the denoiser with which to filter a store if `denoiser` is selected: its draft while the store has fewer
-/// samples than pixels, where better presets leave the same error.
-pub fn suited_to(store: &Store, denoiser: &'static dyn Denoiser) -> &'static dyn Denoiser {
+/// Returns the draft of a denoiser for a store with fewer samples than pixels, where better presets leave the same error; the
+/// denoiser itself for others.
+pub fn draft_if_sparse(store: &Store, denoiser: &'static dyn Denoiser) -> &'static dyn Denoiser {
     let is_sparse = store.samples_taken() < store.pixels() as u64;
     if is_sparse { draft_of(denoiser) } else { denoiser }
 }
@@ -183,15 +183,15 @@ mod tests {
     }
 
     #[test]
-    fn a_store_with_empty_pixels_gets_the_draft() {
+    fn a_store_with_fewer_samples_than_pixels_gets_the_draft() {
         let mut store = Store::new(2, 1, Layout::with_blocks(|_| false), 0, 0);
         store.push(0, 0, &[0.5; 5]);
-        assert_eq!(suited_to(&store, &nlm::STANDARD).name(), nlm::DRAFT.name());
-        assert_eq!(suited_to(&store, &learned::STANDARD).name(), learned::DRAFT.name());
-        assert_eq!(suited_to(&store, &prpf::PRPF).name(), prpf::INTERIM.name());
-        assert_eq!(suited_to(&store, &none::NONE).name(), none::NONE.name());
+        assert_eq!(draft_if_sparse(&store, &nlm::STANDARD).name(), nlm::DRAFT.name());
+        assert_eq!(draft_if_sparse(&store, &learned::STANDARD).name(), learned::DRAFT.name());
+        assert_eq!(draft_if_sparse(&store, &prpf::PRPF).name(), prpf::INTERIM.name());
+        assert_eq!(draft_if_sparse(&store, &none::NONE).name(), none::NONE.name());
         store.push(1, 0, &[0.5; 5]);
-        assert_eq!(suited_to(&store, &prpf::PRPF).name(), prpf::PRPF.name());
+        assert_eq!(draft_if_sparse(&store, &prpf::PRPF).name(), prpf::PRPF.name());
     }
 
     #[test]

@@ -30,7 +30,8 @@ pub use common::fireflies::FireflySettings;
 pub use denoiser::{Cost, Denoiser, LayerFilter, PartFilter, Reads, SampleVectors};
 pub use denoiser_name::DenoiserName;
 pub use denoisers::{
-    DEFAULTS, DENOISERS, UNFILTERED, draft_of, draft_without_vectors, find, presets, suited_to, weights_of,
+    DEFAULTS, DENOISERS, UNFILTERED, draft_if_sparse, draft_of, draft_without_vectors, find, presets,
+    weights_of,
 };
 pub use lack::Lack;
 pub use nlm::NlmSettings;

@@ -53,7 +53,8 @@ fn plan(now: &Situation) -> Result<Plan, StoppedBy> {
         return Err(StoppedBy::Interrupt);
     }
     let schedule = now.schedule();
-    if now.has_final_image && schedule.reaches_target(now.error) && now.mark == Mark::Plan {
+    // After a batch the estimate is still that of an image of fewer samples
+    if now.interim_is_by_final_denoiser && schedule.reaches_target(now.error) && now.mark == Mark::Plan {
         return Err(StoppedBy::TargetError);
     }
     schedule.next_batch(now.elapsed, now.samples, now.error)
@@ -108,14 +109,14 @@ fn next_after_batch(now: &Situation) -> Action {
 /// Returns the denoiser of the interim pass that is due before the next batch; `None` if none is.
 fn interim_pass(now: &Situation, is_last: bool) -> Option<&'static dyn Denoiser> {
     let has_target = now.settings.budget.target_error.is_some();
-    let is_of_use = now.conditions.is_watched || now.has_reference || has_target;
-    if now.sampling == Sampling::Uniform && !is_of_use {
+    let is_needed = now.conditions.is_watched || now.has_reference || has_target;
+    if now.sampling == Sampling::Uniform && !is_needed {
         return None;
     }
     let interim = interim_denoiser(now);
     let interim_total = now.measurements.interim_total;
     let is_often = now.has_interim && interim_total > INTERIM_FRACTION * now.elapsed;
-    if now.has_region && (now.is_sparse() || is_often) {
+    if now.has_region && (now.has_unsampled_pixels() || is_often) {
         // The batches of a region are small: several share one interim pass, of which the first waits for all pixels.
         return None;
     }
@@ -125,7 +126,7 @@ fn interim_pass(now: &Situation, is_last: bool) -> Option<&'static dyn Denoiser>
     };
     let budget = now.settings.budget.seconds.unwrap_or(0.0);
     let seconds = pass_seconds(now, interim);
-    let is_of_use = INTERIM_USE * seconds <= left;
+    let leaves_time = INTERIM_USE * seconds <= left;
     let is_due = if !now.has_interim {
         // The first pass waits for the floor of samples, and is exempt from the fraction of the time.
         now.samples >= u64::from(now.settings.min_spp) * now.pixels
@@ -138,7 +139,7 @@ fn interim_pass(now: &Situation, is_last: bool) -> Option<&'static dyn Denoiser>
         let spent = interim_total + seconds;
         spent <= fraction * now.elapsed && spent + seconds <= fraction * budget
     };
-    (is_due && is_of_use).then_some(interim)
+    (is_due && leaves_time).then_some(interim)
 }
 
 /// Returns the denoiser of the next interim pass: that of the final image once the error to be reached may be near.
@@ -185,12 +186,12 @@ fn calibration(now: &Situation) -> Option<&'static dyn Denoiser> {
     }
     let LastPass { denoiser, least_side } = now.last_pass();
     // Empty pixels add hole filling to the time, and a time that grows with the samples is soon outdated.
-    let is_of_use = least_side == 1 && !now.is_sparse() && !denoiser.cost().is_per_sample;
+    let is_predictable = least_side == 1 && !now.has_unsampled_pixels() && !denoiser.cost().is_per_sample;
     let is_due = match fresh {
         Some(fresh) => denoiser != fresh && denoiser != UNFILTERED,
         None => finalisation.is_due(now.elapsed, left, schedule.finalisation),
     };
-    (is_of_use && is_due).then_some(denoiser)
+    (is_predictable && is_due).then_some(denoiser)
 }
 
 /// Returns whether a checkpoint is due, if the next chance comes in `ahead` seconds.

@@ -36,29 +36,36 @@ impl Situation<'_> {
     pub(super) fn last_pass(&self) -> LastPass {
         let asked = self.settings.denoiser;
         if self.settings.budget.seconds.is_none() || self.samples == 0 {
-            let denoiser = if self.samples > 0 && self.is_sparse() { draft_of(asked) } else { asked };
+            let denoiser =
+                if self.samples > 0 && self.has_unsampled_pixels() { draft_of(asked) } else { asked };
             return LastPass::of_pixels(denoiser);
         }
-        let current = self.current_pass();
-        let is_slower = |pass: &LastPass| {
-            let is_calibrated = self.measurements.finalisation.is_calibrated();
-            is_calibrated
-                && *pass != current
-                && self.assumed_seconds_of(*pass) > self.assumed_seconds_of(current)
-        };
-        let drafts = [draft_of(asked), asked.stand_in()].map(LastPass::of_pixels).into_iter();
-        let of_pixels = std::iter::once(current).chain(drafts).filter(|pass| !is_slower(pass));
-        let squares = self.settings.sparse_denoiser();
-        let has_few_samples = self.samples as f64 <= MOST_SPP * self.pixels as f64;
-        let sides = SIDES.into_iter().filter(|_| has_few_samples && squares.least_spp() > 0.0);
-        let passes = of_pixels.chain(sides.map(|least_side| LastPass { denoiser: squares, least_side }));
-
+        let passes = self.passes_over_pixels().chain(self.passes_over_squares());
         let unfiltered = LastPass::of_pixels(UNFILTERED);
         let earliest_end = self.elapsed + self.seconds_of(unfiltered);
         let is_far_too_late =
             |pass: &LastPass| self.schedule_of(*pass).is_far_too_late(self.elapsed, earliest_end);
         let best = passes.clone().find(|&pass| self.has_time(pass));
         best.or_else(|| passes.clone().find(|pass| !is_far_too_late(pass))).unwrap_or(unfiltered)
+    }
+
+    /// Returns the passes over pixels, the best first. Once one is calibrated, none is slower than that one.
+    fn passes_over_pixels(&self) -> impl Iterator<Item = LastPass> + Clone {
+        let (asked, current) = (self.settings.denoiser, self.current_pass());
+        let is_calibrated = self.measurements.finalisation.is_calibrated();
+        let most_seconds = if is_calibrated { self.assumed_seconds_of(current) } else { f64::INFINITY };
+        let drafts = [draft_of(asked), asked.stand_in()].map(LastPass::of_pixels);
+        std::iter::once(current)
+            .chain(drafts)
+            .filter(move |&pass| self.assumed_seconds_of(pass) <= most_seconds)
+    }
+
+    /// Returns the passes over squares, the finest first; none where an unfiltered image is better.
+    fn passes_over_squares(&self) -> impl Iterator<Item = LastPass> + Clone {
+        let denoiser = self.settings.square_denoiser();
+        let has_few_samples = self.samples as f64 <= MOST_SPP * self.pixels as f64;
+        let sides: &[usize] = if has_few_samples && denoiser.least_spp() > 0.0 { &SIDES } else { &[] };
+        sides.iter().map(move |&least_side| LastPass { denoiser, least_side })
     }
 
     /// Returns the pass that has been calibrated, or is to be.
@@ -114,8 +121,7 @@ impl Situation<'_> {
     }
 
     fn assumed_seconds_of(&self, pass: LastPass) -> f64 {
-        let spp = self.samples as f64 / self.pixels.max(1) as f64;
-        let saves = self.conditions.checkpoint_interval.is_some();
+        let (spp, saves) = (self.spp(), self.conditions.checkpoint_interval.is_some());
         let side = if pass.least_side > 1 { pass.least_side.max(side_for(spp)) } else { 1 };
         assumed_seconds(pass.denoiser, side, self.pixels, spp, saves, self.processes)
     }

@@ -310,7 +310,9 @@ impl<'a> RenderLoop<'a> {
             },
             has_interim: interim.is_some(),
             error: self.estimate().map(|estimate| estimate.value),
-            has_final_image: interim.as_ref().is_some_and(|i| i.made_by == self.settings.denoiser.name()),
+            interim_is_by_final_denoiser: interim
+                .as_ref()
+                .is_some_and(|i| i.made_by == self.settings.denoiser.name()),
             has_region: self.region.is_some(),
             has_reference: self.reference.is_some(),
             processes: self.processes.as_ref().map_or(1, |processes| processes.count()),

@@ -9,7 +9,9 @@
 use super::budget::Budget;
 use super::speed::Speed;
 use super::stopped_by::StoppedBy;
-use super::time_constants::{LAST_BATCH_EXCESS, MARGIN, STEP_FRACTION, STEP_SECONDS, TOLERANCE};
+use super::time_constants::{
+    LAST_BATCH_EXCESS, LONGEST_TIMED_STEP, MARGIN, SHORTEST_TIMED_STEP, STEP_FRACTION, TOLERANCE,
+};
 
 /// A batch to come.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -23,8 +25,14 @@ pub struct Plan {
 const PILOT_SPP: u64 = 8;
 /// Most samples per pixel of any batch, so that there are results now and then.
 const LARGEST_BATCH_SPP: u64 = 64;
+/// Ratio of a budget of samples to its first batch.
+const PILOT_RATIO: u64 = 4;
 /// Ratio of all samples to those of the last batch.
 const LAST_RATIO: u64 = 4;
+/// Ratio of the last batch to the smallest rest before it that is a batch of its own.
+const REST_RATIO: u64 = 4;
+/// Least growth of the samples towards a target error, relative to those so far: the estimate may be off.
+const LEAST_GROWTH: f64 = 0.25;
 /// Fewest samples per pixel, in all, with a last batch of that size.
 const LEAST_SPP_WITH_LAST_BATCH: u64 = 16;
 /// The error of a filtered image falls about as the samples to this power: on our five scenes, from 8 to 128 samples per
@@ -32,7 +40,7 @@ const LEAST_SPP_WITH_LAST_BATCH: u64 = 16;
 const ERROR_POWER: f64 = 0.7;
 /// Most samples per pixel of a step.
 const STEP_SPP: u64 = 4;
-/// Fraction of the pixels that the first step under a time budget renders, whatever it costs: there has to be an image.
+/// Fraction of the batch that the first step under a time budget renders, whatever it costs: there has to be an image.
 const FIRST_STEP: f64 = 1.0 / 16.0;
 /// Samples per pixel of the first image: a pair in every second block of 4×4 pixels, no coarser than what a viewer saw of a moving
 /// camera before it.
@@ -97,7 +105,7 @@ impl Schedule<'_> {
             });
         };
         // The first batch comes whatever it costs.
-        if seconds < STEP_SECONDS.0 {
+        if seconds < SHORTEST_TIMED_STEP {
             return Err(StoppedBy::Time);
         }
         let affordable = (seconds * self.speed.rate().unwrap_or(0.0)) as u64;
@@ -107,11 +115,11 @@ impl Schedule<'_> {
         Ok(Plan { samples: samples.clamp(1, left), ..plan })
     }
 
-    /// Returns the samples that lead to the target error, at least a quarter of those so far: the estimate may be off.
+    /// Returns the samples that lead to the target error, at least [`LEAST_GROWTH`] of those so far.
     fn samples_to_target(&self, samples: u64, error: Option<f64>) -> u64 {
         let Some((target, error)) = self.budget.target_error.zip(error) else { return u64::MAX };
         let growth = (error / target).powf(1.0 / ERROR_POWER) - 1.0;
-        let pairs = (samples as f64 * growth.max(0.25) / self.pixels as f64 / 2.0).ceil() as u64;
+        let pairs = (samples as f64 * growth.max(LEAST_GROWTH) / self.pixels as f64 / 2.0).ceil() as u64;
         pairs.saturating_mul(2).saturating_mul(self.pixels)
     }
 
@@ -126,7 +134,7 @@ impl Schedule<'_> {
         let begins = ((spp - last) & !1) * self.pixels;
         let to_last = begins.saturating_sub(samples);
         // A small rest is not worth a batch of its own.
-        if to_last < last * self.pixels / LAST_RATIO {
+        if to_last < last * self.pixels / REST_RATIO {
             return Plan { samples: left, is_last: true };
         }
         Plan { samples: wanted.min(to_last), is_last: false }
@@ -140,11 +148,13 @@ impl Schedule<'_> {
         let Some(seconds) = self.seconds_left(elapsed) else {
             return Some(fraction(most));
         };
-        let (shortest, longest) = STEP_SECONDS;
         match self.speed.rate() {
             None => Some(FIRST_STEP),
-            Some(_) if samples > 0 && seconds < shortest => None,
-            Some(rate) => Some(fraction(rate * (STEP_FRACTION * seconds).clamp(shortest, longest))),
+            Some(_) if samples > 0 && seconds < SHORTEST_TIMED_STEP => None,
+            Some(rate) => {
+                let seconds = (STEP_FRACTION * seconds).clamp(SHORTEST_TIMED_STEP, LONGEST_TIMED_STEP);
+                Some(fraction(rate * seconds))
+            }
         }
     }
 
@@ -192,7 +202,7 @@ impl Schedule<'_> {
             // Nothing is known of the scene's speed yet, so the floor has to wait.
             return self.pixels;
         }
-        let quarter = self.budget.spp.map_or(PILOT_SPP, |spp| u64::from(spp) / 4);
+        let quarter = self.budget.spp.map_or(PILOT_SPP, |spp| u64::from(spp) / PILOT_RATIO);
         let spp = (quarter & !1).min(PILOT_SPP).max(self.min_spp).max(1);
         spp * self.pixels
     }

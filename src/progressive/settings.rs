@@ -140,9 +140,9 @@ impl Settings {
         if self.budget.target_error.is_some() && is_other_method { asked } else { stand_in }
     }
 
-    /// Returns the denoiser of a last pass over squares of pixels: the method's draft, and under a time budget that of `learned` in
+    /// Returns the denoiser that filters squares of pixels in a last pass: the method's draft, and under a time budget that of `learned` in
     /// place of the default denoisers.
-    pub fn sparse_denoiser(&self) -> &'static dyn Denoiser {
+    pub fn square_denoiser(&self) -> &'static dyn Denoiser {
         let [_, draft, ..] = DEFAULTS;
         let is_default = self.budget.seconds.is_some() && DEFAULTS.contains(&self.denoiser);
         if is_default { draft } else { draft_without_vectors(self.denoiser) }
@@ -170,7 +170,7 @@ impl Settings {
             return BlockSet::ALL;
         }
         // What is filtered with: the denoiser, and what takes its place where time or samples are short.
-        let denoisers = [self.denoiser, self.denoiser.stand_in(), self.sparse_denoiser(), UNFILTERED];
+        let denoisers = [self.denoiser, self.denoiser.stand_in(), self.square_denoiser(), UNFILTERED];
         denoisers.iter().flat_map(|denoiser| denoiser.reads().blocks).copied().collect::<BlockSet>() | outputs
     }
 
@@ -192,7 +192,7 @@ impl Settings {
         match (self.sampling, &self.sample_map) {
             (Sampling::Uniform, None) => 1.0,
             (Sampling::Uniform, Some(map)) => map.peak(),
-            (Sampling::Adaptive, _) => adaptive::CEILING,
+            (Sampling::Adaptive, _) => adaptive::MAX_RATIO_TO_MEAN,
         }
     }
 

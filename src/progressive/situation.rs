@@ -56,7 +56,7 @@ pub struct Situation<'a> {
     /// How the next samples are placed.
     pub sampling: Sampling,
     pub pixels: u64,
-    /// Samples so far, rejected ones included.
+    /// Samples taken so far, rejected ones included.
     pub samples: u64,
     /// Samples with which every pixel has those of a map of counts.
     pub map_end: Option<u64>,
@@ -65,9 +65,10 @@ pub struct Situation<'a> {
     pub mark: Mark,
     /// Whether there has been an interim pass.
     pub has_interim: bool,
-    /// Estimated relMSE of the latest interim image, and whether it is by the denoiser of the final image.
+    /// Estimated relMSE of the latest interim image.
     pub error: Option<f64>,
-    pub has_final_image: bool,
+    /// Whether that image is by the denoiser of the final image.
+    pub interim_is_by_final_denoiser: bool,
     /// Whether a region is rendered first.
     pub has_region: bool,
     /// Whether images between batches are compared with a reference.
@@ -87,14 +88,18 @@ impl Situation<'_> {
         self.schedule_of(self.last_pass())
     }
 
-    /// Returns whether some pixels have no sample yet. By a map, some never get any.
-    pub(super) fn is_sparse(&self) -> bool {
+    /// Returns whether some pixels have no sample yet. Where a map chooses the pixels, some never get any.
+    pub(super) fn has_unsampled_pixels(&self) -> bool {
         self.samples < self.pixels || self.empty_pixels > 0 && self.settings.sample_map.is_none()
     }
 
     /// Returns the assumed seconds of an interim pass by this denoiser.
     pub(super) fn assumed_interim_seconds(&self, denoiser: &dyn Denoiser) -> f64 {
-        let spp = self.samples as f64 / self.pixels.max(1) as f64;
-        assumed_seconds(denoiser, 1, self.pixels, spp, false, self.processes)
+        assumed_seconds(denoiser, 1, self.pixels, self.spp(), false, self.processes)
+    }
+
+    /// Returns the samples per pixel taken so far.
+    pub(super) fn spp(&self) -> f64 {
+        self.samples as f64 / self.pixels.max(1) as f64
     }
 }

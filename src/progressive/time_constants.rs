@@ -5,8 +5,10 @@
 
 /// Longest step where nobody asks for shorter ones, in seconds: an interruption is noticed between two.
 pub const LONGEST_STEP: f64 = 1.0;
-/// Under a time budget, the longest step and the shortest one that is begun, in seconds.
-pub const STEP_SECONDS: (f64, f64) = (0.01, 0.25);
+/// Under a time budget, the shortest step that is begun, in seconds.
+pub const SHORTEST_TIMED_STEP: f64 = 0.01;
+/// Under a time budget, the longest step, in seconds.
+pub const LONGEST_TIMED_STEP: f64 = 0.25;
 /// Largest fraction of the time left for samples that a step takes.
 pub const STEP_FRACTION: f64 = 0.5;
 /// An interrupted batch is finished if that takes at most this long, in seconds.

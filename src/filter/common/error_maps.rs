@@ -95,30 +95,30 @@ impl ErrorMaps {
             let maps = variance.par_iter_mut().zip(risk).zip(residual.data_mut());
             maps.enumerate().with_min_len(width).for_each(|(i, ((variance, risk), residual))| {
                 let [c, f, a] = colour.at(i);
-                let [emitted, shown, a_emission] =
+                let [c_emission, f_emission, a_emission] =
                     emission.as_ref().map_or([[0.0; 2]; 3], |emission| emission.at(i));
 
                 // Compare the change by the filter with its expectation. 0/0 is a pixel without noise that
                 // did not change
                 let expected =
                     0.25 * (v_a[i] + v_b[i]) * (1.0 - a[0] - a[1]).max(0.0) + 0.25 * (f[0] - f[1]).powi(2);
-                let change = (0.5 * (f[0] + f[1] - c[0] - c[1])).powi(2);
-                let ratio = if expected > 0.0 { change / expected } else { 0.0 };
+                let squared_change = (0.5 * (f[0] + f[1] - c[0] - c[1])).powi(2);
+                let ratio = if expected > 0.0 { squared_change / expected } else { 0.0 };
                 *residual += ratio.min(MAX_RESIDUAL) / 3.0;
 
                 // Estimate variance and risk of the sum
-                let [d_colour, d_emission] = [c[0] - c[1], emitted[0] - emitted[1]];
+                let [d_colour, d_emission] = [c[0] - c[1], c_emission[0] - c_emission[1]];
                 let difference = d_colour + d_emission;
-                let half = (f[0] + shown[0]) - (f[1] + shown[1]);
-                *variance = 0.25 * half.powi(2);
+                let f_difference = (f[0] + f_emission[0]) - (f[1] + f_emission[1]);
+                *variance = 0.25 * f_difference.powi(2);
                 let Some(p) = fractions(n_a[i], n_b[i]) else { return };
                 let risk_of = |h: usize| {
-                    let change = f[h] + shown[h] - c[h] - emitted[h];
+                    let change = f[h] + f_emission[h] - c[h] - c_emission[h];
                     // Covariance of the filtered with the noisy value
                     let kept = a[h] * d_colour + a_emission[h] * d_emission;
                     p[h] * (change.powi(2) - p[1 - h] * difference * (difference - 2.0 * kept))
                 };
-                *risk = risk_of(0) + risk_of(1) - p[0] * p[1] * half.powi(2);
+                *risk = risk_of(0) + risk_of(1) - p[0] * p[1] * f_difference.powi(2);
             });
         }
         Self { error: error(&variance, &risk), variance, residual, risk }
@@ -152,22 +152,22 @@ impl ErrorMaps {
                 let n = counts.map(|counts| counts[i] as f32);
                 *variance = 0.25 * (f[0] - f[1]).powi(2);
                 if let Some(p) = fractions(n[0], n[1]) {
-                    let squared = (c[0] - c[1]).powi(2);
-                    let risk_of = |h: usize| p[h] * ((f[h] - c[1 - h]).powi(2) - p[h] * squared);
+                    let squared_difference = (c[0] - c[1]).powi(2);
+                    let risk_of = |h: usize| p[h] * ((f[h] - c[1 - h]).powi(2) - p[h] * squared_difference);
                     *risk = risk_of(0) + risk_of(1) - 4.0 * p[0] * p[1] * *variance;
                 }
                 // With less than two samples the variance is unknown, and the residual that of an unbiased filter.
-                let n = n[0] + n[1];
-                if n < 2.0 {
+                let total = n[0] + n[1];
+                if total < 2.0 {
                     *residual += 1.0 / 3.0;
                     return;
                 }
-                let squared = (image[i] - mean[i]).powi(2);
-                let expected = sample_variance[i] / n
+                let squared_change = (image[i] - mean[i]).powi(2);
+                let expected = sample_variance[i] / total
                     + *variance
                     + MIN_RELATIVE_VARIANCE * mean[i] * mean[i]
                     + f32::MIN_POSITIVE;
-                *residual += (squared / expected).min(MAX_RESIDUAL) / 3.0;
+                *residual += (squared_change / expected).min(MAX_RESIDUAL) / 3.0;
             });
         }
         Self { error: error(&variance, &risk), variance, residual, risk }

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::Controller;
-use crate::filter::{FilterResult, suited_to};
+use crate::filter::{FilterResult, draft_if_sparse};
 use crate::preview::background_pass::Event;
 use crate::preview::configuration::SavedImage;
 use crate::preview::image_request::ImageRequest;
@@ -51,7 +51,7 @@ impl Controller<'_> {
         let has_samples = store.samples_taken() as f64 >= LEAST_SPP * store.pixels() as f64;
         // A map or a region spreads the samples unevenly
         let is_even = settings.sample_map.is_none() && self.pixel_region(store).is_none();
-        let suited = suited_to(store, settings.denoiser);
+        let suited = draft_if_sparse(store, settings.denoiser);
         let fills_gaps = suited.least_spp() > 0.0 && suited.name().method == settings.denoiser.name().method;
         self.is_covered(store) || has_samples && is_even && fills_gaps
     }
@@ -59,7 +59,7 @@ impl Controller<'_> {
     /// Saves the requested images, at once or, if the render has to go on to another generation, in the background.
     pub(super) fn save_requested_images(&mut self) {
         while let Some(request) = self.requests.pop_front() {
-            let made_by = suited_to(&request.store, request.settings.denoiser).name();
+            let made_by = draft_if_sparse(&request.store, request.settings.denoiser).name();
             let is_done = self.reporter.phase() == Phase::Finished
                 && self.reporter.shown_samples() == request.store.samples();
             let matches = |shown: &&FilterResult| is_done && shown.made_by == made_by;

@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use super::Controller;
-use crate::filter::{FilterResult, UNFILTERED, draft_of, sparse_filtering, suited_to};
+use crate::filter::{FilterResult, UNFILTERED, draft_if_sparse, draft_of, sparse_filtering};
 use crate::preview::background_pass::Event;
 use crate::preview::status::Phase;
 use crate::preview::view::View;
@@ -33,7 +33,8 @@ impl Controller<'_> {
             let is_affordable = self.viewer_pass_seconds < fraction * progress.elapsed;
             // One of another method is that of an interim pass, after a change of the method.
             let chosen = self.configuration.settings.denoiser;
-            let own = [chosen, suited_to(store, draft_of(chosen))].map(|denoiser| denoiser.name().method);
+            let own =
+                [chosen, draft_if_sparse(store, draft_of(chosen))].map(|denoiser| denoiser.name().method);
             let lacks_own = shown.is_none_or(|shown| !own.contains(&shown.made_by.method));
             lacks_own || is_affordable && has_grown
         };
@@ -153,7 +154,7 @@ impl Controller<'_> {
         let wants_map = self.wants_failure_map();
         FilterPass {
             failure_map: if wants_map { FailureMap::Compute } else { FailureMap::Carry(None) },
-            ..FilterPass::new(store.clone(), suited_to(store, settings.denoiser), settings.seed)
+            ..FilterPass::new(store.clone(), draft_if_sparse(store, settings.denoiser), settings.seed)
         }
     }
 

@@ -27,7 +27,7 @@ fn situation<'a>(settings: &'a Settings, measurements: &'a Measurements, mark: M
         mark,
         has_interim: true,
         error: None,
-        has_final_image: false,
+        interim_is_by_final_denoiser: false,
         has_reference: false,
         processes: 1,
         has_region: false,
@@ -127,9 +127,9 @@ fn the_final_denoisers_image_decides_whether_an_error_is_reached() {
     let measurements = Measurements::default();
     let mut settings = settings(None, None);
     settings.budget.target_error = Some(0.01);
-    let next = |mark, error, has_final_image| {
+    let next = |mark, error, interim_is_by_final_denoiser| {
         let now = situation(&settings, &measurements, mark);
-        next_action(&Situation { error: Some(error), has_final_image, ..now })
+        next_action(&Situation { error: Some(error), interim_is_by_final_denoiser, ..now })
     };
     assert_eq!(next(Mark::Plan, 0.009, true), Action::Finish(StoppedBy::TargetError));
     assert!(

@@ -9,6 +9,7 @@ pub struct SampleAddress {
     pub key: u64,
     /// The pixel's column and row, less than 2¹⁶ each, the row in the upper half; 0 where the key is the pixel's.
     pub pixel: u32,
+    /// Index among the samples of the key: within a half for Sobol' points, within the pixel for independent ones.
     pub index: u32,
 }
 

@@ -28,11 +28,15 @@ use crate::simd::{LANES, Lanes, apply, multiversioned};
 /// log₂ of the length of one sequence.
 const SEQUENCE_BITS: u32 = 16;
 
+/// Bit at which the lowest byte of a bit-reversed index begins.
+const REVERSED_START: u32 = u32::BITS - SEQUENCE_BITS;
+
 /// log₂ of a tile's side in pixels.
 const TILE_SIDE_BITS: u32 = 4;
 
 /// log₂ of a tile's pixels.
 const PLACE_BITS: u32 = 2 * TILE_SIDE_BITS;
+const _: () = assert!(PLACE_BITS == u8::BITS, "tables and bit reversals are made for a place of one byte");
 
 /// Digits by which a pixel's points are shifted for each bit of its place along the tile's Morton curve, the lowest
 /// bit first: `[dimension][bit]`, bit-reversed as the points.
@@ -63,7 +67,7 @@ struct Tables {
 static TABLES: LazyLock<Box<Tables>> = LazyLock::new(|| {
     let point = |reversed_index| std::array::from_fn(|d| parts::sobol_rev(reversed_index, d as u32));
     let byte = |byte: usize| {
-        std::array::from_fn(|value| point((value as u32) << (SEQUENCE_BITS as usize + 8 * byte)))
+        std::array::from_fn(|value| point((value as u32) << (REVERSED_START as usize + 8 * byte)))
     };
     let shift = |place: u8| {
         PLACE_SHIFTS.map(|bits| {
@@ -100,7 +104,8 @@ impl Sampler for Sobol {
     }
 }
 
-/// Returns how far the tiles of a set are shifted to the left and up, in pixels.
+/// Returns how far the tiles of a set are shifted to the left and up, in pixels: the upper bits of a hash by the multipliers of
+/// xxHash32 and MurmurHash3.
 #[inline(always)]
 fn tile_origin(key: u64, set: u32) -> [u32; 2] {
     let random = (key as u32 ^ set.wrapping_mul(0x9e37_79b1)).wrapping_mul(0x85eb_ca6b);
@@ -148,8 +153,8 @@ fn scrambled_points(tables: &Tables, samples: &SampleAddresses, sets: &Lanes<u32
     let ([low, high], shifts) = (&tables.indices, &tables.shifts);
     let mut points = [[0; LANES]; SET_SIZE as usize];
     for lane in 0..LANES {
-        let low = &low[(shuffled[lane] >> SEQUENCE_BITS & 0xff) as usize];
-        let high = &high[(shuffled[lane] >> (SEQUENCE_BITS + 8)) as usize];
+        let low = &low[(shuffled[lane] >> REVERSED_START & 0xff) as usize];
+        let high = &high[(shuffled[lane] >> (REVERSED_START + 8)) as usize];
         let shift = &shifts[(places[lane] & 0xff) as usize];
         for d in 0..SET_SIZE as usize {
             points[d][lane] = low[d] ^ high[d] ^ shift[d];
