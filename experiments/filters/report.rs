@@ -24,6 +24,22 @@ const ERRORS: [(&str, &str); 3] = [
 /// Errors below this fraction of the reference's own relMSE are its noise rather than the image's error.
 const MEASURABLE: f64 = 0.2;
 
+/// Where the samples of a ratio come from.
+#[derive(Clone, Copy)]
+struct Samples {
+    name: &'static str,
+    /// Those of the denoiser that is compared.
+    own: Sampling,
+    /// Those of the reference.
+    reference: Sampling,
+}
+
+const UNIFORM: Samples = Samples { name: "uniform", own: Sampling::Uniform, reference: Sampling::Uniform };
+const ADAPTIVE: Samples =
+    Samples { name: "adaptive", own: Sampling::Adaptive, reference: Sampling::Adaptive };
+const ADAPTIVE_OVER_UNIFORM: Samples =
+    Samples { name: "adaptive over uniform", own: Sampling::Adaptive, reference: Sampling::Uniform };
+
 /// A report in the making.
 struct Results<'a> {
     settings: &'a Settings,
@@ -54,11 +70,12 @@ pub fn write(
         report.section(heading);
         report.paragraph(&format!(
             "Over the better preset of `{reference}`, geometric mean over up to {} views and its 95 % interval. In brackets the \
-             largest ratio of a view. Samples are the same for all, adaptive ones driven by `nlm`. Views are left out where \
-             one of the errors is less than {MEASURABLE} of the reference's own; the last column counts those that are left.",
+             largest ratio of a view. Samples are the same for all, adaptive ones driven by `nlm`, but in the last rows, where \
+             those of `{reference}` are as many uniform ones. Views are left out where one of the errors is less than {MEASURABLE} of the reference's own; the last column counts those that are left.",
             results.scenes().len()
         ));
-        let rows = results.each(|sampling, spp| results.ratios_row(sampling, spp, error));
+        let kinds = [UNIFORM, ADAPTIVE, ADAPTIVE_OVER_UNIFORM];
+        let rows = results.each(&kinds, |samples, spp| results.ratios_row(samples, spp, error));
         let mut head = results.head(&["samples", "spp"]);
         head.push("views");
         report.table(&head, &rows);
@@ -77,7 +94,7 @@ pub fn write(
     // Compare brightness and time
     report.section("Brightness");
     report.paragraph("Mean over views of the image's deviation from the reference's mean, in per cent.");
-    let rows = results.each(|sampling, spp| results.brightness_row(sampling, spp));
+    let rows = results.each(&[UNIFORM, ADAPTIVE], |samples, spp| results.brightness_row(samples, spp));
     report.table(&results.head(&["samples", "spp"]), &rows);
     report.section("Time");
     report.paragraph("Median seconds of a pass per million pixels.");
@@ -89,21 +106,24 @@ pub fn write(
 
 impl Results<'_> {
     fn finding(&self) -> String {
-        let ratio = |name: &str, spp| {
-            let ratios = self.ratios(Sampling::Uniform, spp, name, "trimmed relmse");
+        let ratio = |samples, name: &str, spp| {
+            let ratios = self.ratios(samples, spp, name, "trimmed relmse");
             number(statistics::geometric_mean(&ratios).mean, 2)
         };
-        let of = |name: &str| {
-            let ratios = self.settings.spp.iter().map(|&spp| format!("{} at {spp}", ratio(name, spp)));
+        let of = |samples, name: &str| {
+            let ratios =
+                self.settings.spp.iter().map(|&spp| format!("{} at {spp}", ratio(samples, name, spp)));
             ratios.collect::<Vec<_>>().join(", ")
         };
         format!(
             "With the same uniform samples `learned standard` has this error relative to the better preset of `{}` (relMSE \
-             without the worst 0.1 %, geometric mean over up to {} views, by samples per pixel): {}. `nlm standard` has {}.",
+             without the worst 0.1 %, geometric mean over up to {} views, by samples per pixel): {}. `nlm standard` has {}. With as \
+             many adaptive samples, `learned standard` has {}.",
             self.reference,
             self.scenes().len(),
-            of("learned standard"),
-            of("nlm standard")
+            of(UNIFORM, "learned standard"),
+            of(UNIFORM, "nlm standard"),
+            of(ADAPTIVE_OVER_UNIFORM, "learned standard")
         )
     }
 
@@ -111,14 +131,13 @@ impl Results<'_> {
         self.samples.iter().map(|sample| sample.scene.as_str()).collect()
     }
 
-    /// Rows for all kinds of samples.
-    fn each(&self, row: impl Fn(Sampling, u32) -> Vec<String>) -> Vec<Vec<String>> {
-        let kinds = [Sampling::Uniform, Sampling::Adaptive];
-        kinds
-            .into_iter()
-            .flat_map(|kind| self.settings.spp.iter().map(move |&spp| (kind, spp)))
-            .map(|(kind, spp)| row(kind, spp))
-            .collect()
+    /// Rows for each kind of samples, which begin with its name and the samples per pixel.
+    fn each(&self, kinds: &[Samples], cells: impl Fn(Samples, u32) -> Vec<String>) -> Vec<Vec<String>> {
+        let row = |kind: Samples, spp: u32| {
+            [kind.name.to_owned(), spp.to_string()].into_iter().chain(cells(kind, spp)).collect()
+        };
+        let rows = |&kind: &Samples| self.settings.spp.iter().map(move |&spp| (kind, spp));
+        kinds.iter().flat_map(rows).map(|(kind, spp)| row(kind, spp)).collect()
     }
 
     fn head<'a>(&'a self, first: &[&'a str]) -> Vec<&'a str> {
@@ -134,61 +153,63 @@ impl Results<'_> {
     }
 
     /// Error of a denoiser over that of the better preset of the reference.
-    fn ratio(&self, scene: &str, sampling: Sampling, spp: u32, name: &str, error: &str) -> f64 {
+    fn ratio(&self, scene: &str, samples: Samples, spp: u32, name: &str, error: &str) -> f64 {
         let presets = self.names.iter().filter(|other| other.split(' ').next() == Some(self.reference));
         let best = presets
-            .map(|preset| self.mean(scene, sampling, spp, preset, error))
+            .map(|preset| self.mean(scene, samples.reference, spp, preset, error))
             .fold(f64::INFINITY, f64::min);
-        self.mean(scene, sampling, spp, name, error) / best
+        self.mean(scene, samples.own, spp, name, error) / best
     }
 
     /// Whether the reference tells the errors of all denoisers from its own.
-    fn is_measurable(&self, scene: &str, sampling: Sampling, spp: u32, error: &str) -> bool {
+    fn is_measurable(&self, scene: &str, samples: Samples, spp: u32, error: &str) -> bool {
         let Some(sample) = self.samples.iter().find(|sample| sample.scene == scene) else { return false };
         let smallest = match error {
             // It has no error of its own to take off
             "flip" => 0.0,
             _ => MEASURABLE * sample.reference_relmse,
         };
-        self.names.iter().all(|name| self.mean(scene, sampling, spp, name, error) >= smallest)
+        let is_larger =
+            |sampling| move |name: &String| self.mean(scene, sampling, spp, name, error) >= smallest;
+        [samples.own, samples.reference].iter().all(|&sampling| self.names.iter().all(is_larger(sampling)))
     }
 
     /// The ratios of a denoiser in all views where they can be measured.
-    fn ratios(&self, sampling: Sampling, spp: u32, name: &str, error: &str) -> Vec<f64> {
+    fn ratios(&self, samples: Samples, spp: u32, name: &str, error: &str) -> Vec<f64> {
         let scenes = self.scenes().into_iter();
-        let measurable = scenes.filter(|scene| self.is_measurable(scene, sampling, spp, error));
-        measurable.map(|scene| self.ratio(scene, sampling, spp, name, error)).collect()
+        let measurable = scenes.filter(|scene| self.is_measurable(scene, samples, spp, error));
+        measurable.map(|scene| self.ratio(scene, samples, spp, name, error)).collect()
     }
 
-    fn ratios_row(&self, sampling: Sampling, spp: u32, error: &str) -> Vec<String> {
+    fn ratios_row(&self, samples: Samples, spp: u32, error: &str) -> Vec<String> {
         let cell = |name: &String| {
-            let ratios = self.ratios(sampling, spp, name, error);
+            let ratios = self.ratios(samples, spp, name, error);
             let Interval { mean, low, high } = statistics::geometric_mean(&ratios);
             let largest = ratios.iter().copied().fold(0.0, f64::max);
             let [mean, low, high, largest] = [mean, low, high, largest].map(|ratio| number(ratio, 2));
             format!("{mean}, {low} to {high} ({largest})")
         };
-        let views = self.ratios(sampling, spp, &self.names[0], error).len().to_string();
-        first_cells(sampling, spp).into_iter().chain(self.names.iter().map(cell)).chain([views]).collect()
+        let views = self.ratios(samples, spp, &self.names[0], error).len().to_string();
+        self.names.iter().map(cell).chain([views]).collect()
     }
 
-    fn brightness_row(&self, sampling: Sampling, spp: u32) -> Vec<String> {
+    fn brightness_row(&self, samples: Samples, spp: u32) -> Vec<String> {
         let cell = |name: &String| {
             let scenes = self.scenes();
-            let off = |scene: &&str| (self.mean(scene, sampling, spp, name, "brightness") - 1.0).abs();
+            let off = |scene: &&str| (self.mean(scene, samples.own, spp, name, "brightness") - 1.0).abs();
             number(100.0 * scenes.iter().map(off).sum::<f64>() / scenes.len() as f64, 2)
         };
-        first_cells(sampling, spp).into_iter().chain(self.names.iter().map(cell)).collect()
+        self.names.iter().map(cell).collect()
     }
 
     fn view_rows(&self) -> Vec<Vec<String>> {
         let row = |scene: &str| {
             let cell = |&spp: &u32| {
-                if !self.is_measurable(scene, Sampling::Uniform, spp, "trimmed relmse") {
+                if !self.is_measurable(scene, UNIFORM, spp, "trimmed relmse") {
                     return "–".to_owned();
                 }
                 let ratios = ["learned standard", "nlm standard"]
-                    .map(|name| number(self.ratio(scene, Sampling::Uniform, spp, name, "trimmed relmse"), 2));
+                    .map(|name| number(self.ratio(scene, UNIFORM, spp, name, "trimmed relmse"), 2));
                 ratios.join(" / ")
             };
             std::iter::once(scene.to_owned()).chain(self.settings.spp.iter().map(cell)).collect()
@@ -201,13 +222,4 @@ impl Results<'_> {
         let key = format!("{name} seconds");
         median(self.samples.iter().map(|sample| sample.values[&key] / sample.pixels as f64 * 1e6))
     }
-}
-
-/// The cells that say which samples a row is about.
-fn first_cells(sampling: Sampling, spp: u32) -> [String; 2] {
-    let sampling = match sampling {
-        Sampling::Uniform => "uniform",
-        Sampling::Adaptive => "adaptive",
-    };
-    [sampling.to_owned(), spp.to_string()]
 }
