@@ -71,7 +71,8 @@ pub fn write(
         report.paragraph(&format!(
             "Over the better preset of `{reference}`, geometric mean over up to {} views and its 95 % interval. In brackets the \
              largest ratio of a view. Samples are the same for all, adaptive ones driven by `nlm`, but in the last rows, where \
-             those of `{reference}` are as many uniform ones. Views are left out where one of the errors is less than {MEASURABLE} of the reference's own; the last column counts those that are left.",
+             those of `{reference}` are as many uniform ones. Views are left out where one of the errors is less than \
+             {MEASURABLE} of the reference's own; the last column counts those that are left.",
             results.scenes().len()
         ));
         let kinds = [UNIFORM, ADAPTIVE, ADAPTIVE_OVER_UNIFORM];
