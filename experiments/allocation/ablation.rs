@@ -4,10 +4,9 @@
 //! all maps.
 
 use prpf::adaptive::{PrioritySettings, Sampling};
-use prpf::filter::DENOISERS;
+use prpf::filter::{DENOISERS, Denoiser};
 use prpf::geometry::Accel;
 
-use super::settings::MapSettings;
 use crate::curves::{self, Point};
 use crate::session::Session;
 use crate::test_scene::TestScene;
@@ -29,12 +28,41 @@ pub const ORACLE: &str = "true error";
 /// Accesses the weight of a map.
 type Weight = fn(&mut PrioritySettings) -> &mut f32;
 
-/// The maps of a denoiser that does not interpolate, by name.
-pub const MAPS: [(&str, Weight); 3] = [
-    ("filtered variance", |settings| &mut settings.filtered_variance),
-    ("unfiltered variance", |settings| &mut settings.raw_variance),
-    ("filter residual", |settings| &mut settings.residual),
-];
+/// The priority maps to ablate in the loop of a denoiser.
+pub struct PriorityMaps {
+    denoiser: &'static dyn Denoiser,
+    /// The maps, by name.
+    pub maps: &'static [(&'static str, Weight)],
+    /// Begins the names of the trials.
+    label: &'static str,
+}
+
+const RESIDUAL: (&str, Weight) = ("filter residual", |settings| &mut settings.residual);
+
+/// Those of the default denoiser, which does not interpolate.
+pub fn of_default() -> PriorityMaps {
+    let maps = &[
+        ("filtered variance", (|settings| &mut settings.filtered_variance) as Weight),
+        ("unfiltered variance", |settings| &mut settings.raw_variance),
+        RESIDUAL,
+    ];
+    PriorityMaps { denoiser: DENOISERS[0], maps, label: "maps" }
+}
+
+/// Those that P-RPF adds to the variances.
+pub fn of_prpf() -> PriorityMaps {
+    let maps =
+        &[("interpolation failure", (|settings| &mut settings.interpolation_failure) as Weight), RESIDUAL];
+    PriorityMaps { denoiser: prpf(), maps, label: "maps of prpf" }
+}
+
+/// P-RPF at its full quality.
+pub fn prpf() -> &'static dyn Denoiser {
+    DENOISERS
+        .into_iter()
+        .find(|denoiser| denoiser.name().method == "prpf")
+        .expect("the method's own denoiser")
+}
 
 /// Names of the selections with only this map, and without it.
 pub fn names(map: &str) -> [String; 2] {
@@ -42,18 +70,23 @@ pub fn names(map: &str) -> [String; 2] {
 }
 
 /// All selections: that of all maps first, the true error last.
-pub fn all() -> Vec<Ablation> {
+fn selections(maps: &[(&str, Weight)]) -> Vec<Ablation> {
     // Each selection is tried, whatever is expected of it
     let default = PrioritySettings { max_ratio: 1.0, ..PrioritySettings::default() };
-    let mut nothing = default;
-    MAPS.iter().for_each(|(_, weight)| *weight(&mut nothing) = 0.0);
+    let nothing = PrioritySettings {
+        filtered_variance: 0.0,
+        raw_variance: 0.0,
+        interpolation_failure: 0.0,
+        residual: 0.0,
+        ..default
+    };
     let ablation = |name: &str, priority: PrioritySettings, interim_passes: InterimPasses| Ablation {
         name: name.to_owned(),
         priority,
         interim_passes,
     };
     let mut ablations = vec![ablation(ALL_MAPS, default, InterimPasses::EveryBatch)];
-    for (map, weight) in MAPS {
+    for &(map, weight) in maps {
         let [alone, left_out] = names(map);
         let (mut only, mut without) = (nothing, default);
         *weight(&mut only) = 1.0;
@@ -61,39 +94,30 @@ pub fn all() -> Vec<Ablation> {
         ablations.push(ablation(&alone, only, InterimPasses::EveryBatch));
         ablations.push(ablation(&left_out, without, InterimPasses::EveryBatch));
     }
-    let mut variance = nothing;
-    variance.filtered_variance = 1.0;
+    let variance = PrioritySettings { filtered_variance: 1.0, ..nothing };
     ablations.push(ablation(ORACLE, variance, InterimPasses::Oracle));
     ablations
 }
 
-/// Measures the filtered images of each selection, if the settings name the scene.
+/// Measures the filtered images of each selection.
 pub fn measure(
     session: &mut Session,
     test_scene: &TestScene,
     accel: &Accel,
-    settings: &MapSettings,
+    maps: &PriorityMaps,
+    (spp, seeds): (u32, u64),
 ) -> anyhow::Result<Vec<(Ablation, Vec<Point>)>> {
     let mut measured = Vec::new();
-    if !settings.scenes.contains(&test_scene.name) {
-        return Ok(measured);
-    }
-    let spp = settings.spp;
-    for ablation in all() {
+    for ablation in selections(maps.maps) {
         let mut points = Vec::new();
-        for seed in 0..settings.seeds {
+        for seed in 0..seeds {
             let trial = Trial {
                 priority: ablation.priority,
                 interim_passes: ablation.interim_passes,
-                ..Trial::new(Sampling::Adaptive, DENOISERS[0], spp, seed)
+                ..Trial::new(Sampling::Adaptive, maps.denoiser, spp, seed)
             };
-            let values = curves::measure_trial(
-                session,
-                test_scene,
-                accel,
-                &trial,
-                &format!("maps: {}", ablation.name),
-            )?;
+            let name = format!("{}: {}", maps.label, ablation.name);
+            let values = curves::measure_trial(session, test_scene, accel, &trial, &name)?;
             points.push(Point::new(&trial, &values));
         }
         curves::use_median_seconds(&mut points);
@@ -108,18 +132,21 @@ mod tests {
 
     #[test]
     fn every_map_is_alone_once_and_left_out_once() {
-        let ablations = all();
-        let weights = |ablation: &Ablation| {
-            let mut priority = ablation.priority;
-            MAPS.map(|(_, weight)| *weight(&mut priority) > 0.0)
-        };
-        assert_eq!(weights(&ablations[0]), [true; 3]);
-        for (i, (map, _)) in MAPS.iter().enumerate() {
-            let [alone, left_out] = names(map);
-            let weights_of =
-                |name: &str| weights(ablations.iter().find(|ablation| ablation.name == name).unwrap());
-            assert_eq!(weights_of(&alone), std::array::from_fn(|k| k == i));
-            assert_eq!(weights_of(&left_out), std::array::from_fn(|k| k != i));
+        for PriorityMaps { maps, .. } in [of_default(), of_prpf()] {
+            let ablations = selections(maps);
+            let weights = |ablation: &Ablation| {
+                let mut priority = ablation.priority;
+                maps.iter().map(|(_, weight)| *weight(&mut priority) > 0.0).collect::<Vec<_>>()
+            };
+            let count = maps.len();
+            assert_eq!(weights(&ablations[0]), vec![true; count]);
+            for (i, (map, _)) in maps.iter().enumerate() {
+                let [alone, left_out] = names(map);
+                let weights_of =
+                    |name: &str| weights(ablations.iter().find(|ablation| ablation.name == name).unwrap());
+                assert_eq!(weights_of(&alone), (0..count).map(|k| k == i).collect::<Vec<_>>());
+                assert_eq!(weights_of(&left_out), (0..count).map(|k| k != i).collect::<Vec<_>>());
+            }
         }
     }
 }

@@ -4,6 +4,7 @@
 //! contributes.
 
 mod ablation;
+mod map_effects;
 mod own_loop;
 mod report;
 mod sample_maps;
@@ -17,7 +18,7 @@ use crate::curves;
 use crate::session::Session;
 use crate::test_scene::TestScene;
 use scene_results::SceneResults;
-use settings::Settings;
+use settings::{MapSettings, Settings};
 
 /// Runs the experiment.
 pub fn run(session: &mut Session) -> anyhow::Result<()> {
@@ -33,9 +34,11 @@ pub fn run(session: &mut Session) -> anyhow::Result<()> {
         let test_scene = TestScene::new(session, &file, &settings.size)?;
         let accel = Accel::build(&test_scene.scene);
         let curves = curves::measure(session, &test_scene, &accel, (&settings.spp, settings.seeds))?;
-        let ablations = ablation::measure(session, &test_scene, &accel, &settings.maps)?;
+        let MapSettings { spp, seeds } = settings.maps;
+        let ablations =
+            ablation::measure(session, &test_scene, &accel, &ablation::of_default(), (spp, seeds))?;
         let own_loop = own_loop::measure(session, &test_scene, &accel, &settings.own_loop)?;
-        let (picture, optimal_ratio) = sample_maps::write(session, &test_scene, &accel, settings.maps.spp)?;
+        let (picture, optimal_ratio) = sample_maps::write(session, &test_scene, &accel, spp)?;
         let (is_public, reference_relmse) = (test_scene.is_public, test_scene.reference.relmse);
         let scene = test_scene.name;
         all.push(SceneResults {

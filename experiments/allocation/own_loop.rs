@@ -2,20 +2,22 @@
 //! samples of its image.
 
 use prpf::adaptive::Sampling;
-use prpf::filter::{DENOISERS, Denoiser, FilterResult};
+use prpf::filter::FilterResult;
 use prpf::geometry::Accel;
 use prpf::image::Planes;
 
+use super::ablation::{self, Ablation, prpf};
+use super::map_effects::{self, AblatedScene};
 use super::report::format_interval;
 use super::sample_maps::{draw, sample_counts};
 use super::scene_results::SceneResults;
 use super::settings::OwnLoopSettings;
-use crate::curves::{EqualCost, Point, measure_trial, ratios, use_median_seconds};
+use crate::curves::{EqualCost, Metric, Point, measure_trial, ratios, use_median_seconds};
 use crate::ledger::{Key, Values};
 use crate::picture;
 use crate::report::{Report, number};
 use crate::session::Session;
-use crate::statistics::geometric_mean;
+use crate::statistics::{Interval, geometric_mean};
 use crate::test_scene::{TestScene, groups};
 use crate::trial::{Rendered, Trial};
 
@@ -23,19 +25,13 @@ use crate::trial::{Rendered, Trial};
 pub struct OwnLoop {
     uniform: Vec<Point>,
     adaptive: Vec<Point>,
+    /// The images of each selection of maps.
+    ablations: Vec<(Ablation, Vec<Point>)>,
     /// File name of the picture of its maps.
     picture: String,
 }
 
-/// P-RPF at its full quality.
-fn prpf() -> &'static dyn Denoiser {
-    DENOISERS
-        .into_iter()
-        .find(|denoiser| denoiser.name().method == "prpf")
-        .expect("the method's own denoiser")
-}
-
-/// Measures uniform and adaptive sampling, and draws the maps of adaptive sampling.
+/// Measures uniform and adaptive sampling and the selections of maps, and draws the maps of adaptive sampling.
 pub fn measure(
     session: &mut Session,
     test_scene: &TestScene,
@@ -53,6 +49,8 @@ pub fn measure(
         anyhow::Ok(points)
     };
     let (uniform, adaptive) = (points(Sampling::Uniform)?, points(Sampling::Adaptive)?);
+    let (spp, seeds) = (settings.spp, settings.ablation_seeds);
+    let ablations = ablation::measure(session, test_scene, accel, &ablation::of_prpf(), (spp, seeds))?;
 
     let picture = format!("prpf-maps-{}.png", test_scene.name);
     let path = session.out.join(&picture);
@@ -63,7 +61,7 @@ pub fn measure(
         picture::write(&path, &row(test_scene, &rendered), 0.0)?;
         Ok(Values::new())
     })?;
-    Ok(OwnLoop { uniform, adaptive, picture })
+    Ok(OwnLoop { uniform, adaptive, ablations, picture })
 }
 
 /// The image, its sample counts, its failures of interpolation, its residual and its true error in a row.
@@ -78,35 +76,58 @@ fn row(test_scene: &TestScene, rendered: &Rendered) -> Planes {
     picture::in_a_row(&pictures)
 }
 
+/// The selections of maps on a scene.
+fn ablated(m: &SceneResults) -> AblatedScene<'_> {
+    let OwnLoop { uniform, ablations, .. } = &m.own_loop;
+    AblatedScene { scene: &m.scene, uniform, ablations }
+}
+
+/// The finding on P-RPF's own maps, in a sentence each.
+pub fn finding(settings: &OwnLoopSettings, all: &[SceneResults]) -> String {
+    let scenes: Vec<_> = all.iter().map(ablated).collect();
+    let verdicts = map_effects::verdicts(&ablation::of_prpf(), &scenes, EqualCost::Samples);
+    format!(
+        "P-RPF's own maps in its own loop, at {} samples per pixel: {}",
+        settings.spp,
+        verdicts.join(" Of ")
+    )
+}
+
 /// Writes the section.
 pub fn report(report: &mut Report, settings: &OwnLoopSettings, all: &[SceneResults]) {
     report.section("P-RPF in its own loop");
     report.paragraph(&format!(
         "`--denoiser prpf`, {} samples per pixel: its own interim passes place the samples by the failures of its \
          interpolation, its residual and its variance. Ratios of adaptive to uniform sampling, geometric mean over {} seeds \
-         (95 % interval); relMSE at equal samples.",
+         (95 % interval); errors at equal samples, with and without the worst 0.1 % of the pixels.",
         settings.spp, settings.seeds
     ));
-    let relmse = |m: &SceneResults| {
+    let ratio = |m: &SceneResults, error: Metric| {
         let OwnLoop { uniform, adaptive, .. } = &m.own_loop;
-        geometric_mean(&ratios(adaptive, uniform, EqualCost::Samples, |p| p.error))
+        geometric_mean(&ratios(adaptive, uniform, EqualCost::Samples, error))
     };
+    let metrics: [Metric; 2] = [|p| p.error, |p| p.trimmed];
     let seconds = |m: &SceneResults| {
         let seconds = |points: &[Point]| points.first().map_or(f64::NAN, |p| p.seconds);
         seconds(&m.own_loop.adaptive) / seconds(&m.own_loop.uniform)
     };
-    let mut rows: Vec<Vec<String>> = all
-        .iter()
-        .map(|m| vec![m.scene.clone(), format_interval(relmse(m)), number(seconds(m), 2)])
-        .collect();
+    let row = |name: String, errors: [Interval; 2], seconds: f64| {
+        let [relmse, trimmed] = errors.map(format_interval);
+        vec![name, relmse, trimmed, number(seconds, 2)]
+    };
+    let mut rows: Vec<Vec<String>> =
+        all.iter().map(|m| row(m.scene.clone(), metrics.map(|error| ratio(m, error)), seconds(m))).collect();
     for (group, scenes) in groups(all, |m| m.is_public) {
         let over_scenes = |ratio: &dyn Fn(&SceneResults) -> f64| {
             geometric_mean(&scenes.iter().map(|m| ratio(m)).collect::<Vec<_>>())
         };
-        let [error, time] = [over_scenes(&|m| relmse(m).mean), over_scenes(&seconds)];
-        rows.push(vec![format!("**{group}**"), format_interval(error), number(time.mean, 2)]);
+        let errors = metrics.map(|error| over_scenes(&|m| ratio(m, error).mean));
+        rows.push(row(format!("**{group}**"), errors, over_scenes(&seconds).mean));
     }
-    report.table(&["scene", "relMSE", "seconds"], &rows);
+    report.table(&["scene", "relMSE", "relMSE, 99.9 %", "seconds"], &rows);
+    report.paragraph("What its own maps, beside the variances, contribute:");
+    let scenes: Vec<_> = all.iter().map(ablated).collect();
+    map_effects::write(report, &ablation::of_prpf(), &scenes, EqualCost::Samples);
     for m in all {
         report.picture(
             &m.own_loop.picture,

@@ -1,6 +1,7 @@
 //! Writes the report of `allocation` from its measurements.
 
-use super::ablation::{ALL_MAPS, MAPS, ORACLE, names};
+use super::ablation::{self, ALL_MAPS, ORACLE};
+use super::map_effects::{self, AblatedScene};
 use super::own_loop;
 use super::scene_results::SceneResults;
 use super::settings::Settings;
@@ -21,15 +22,22 @@ const FILTERED: [usize; 2] = [2, 3];
 /// Writes `report.md` and its plots.
 pub fn write(session: &Session, settings: &Settings, all: &[SceneResults]) -> anyhow::Result<()> {
     let max_spp = settings.spp.last().copied().unwrap_or(0);
-    let mut report = Report::new("Is adaptive sampling better than uniform?", &finding(all, max_spp));
+    let findings = [finding(all, max_spp), own_loop::finding(&settings.own_loop, all)];
+    let mut report = Report::new("Is adaptive sampling better than uniform?", &findings.join("\n\n"));
     ratio_tables(&mut report, settings, all);
     other_metrics(&mut report, settings, all);
     own_loop::report(&mut report, &settings.own_loop, all);
     curves(session, &mut report, all)?;
     errors(&mut report, all);
-    let ablated: Vec<&SceneResults> = all.iter().filter(|m| !m.ablations.is_empty()).collect();
-    optimum(&mut report, settings, &ablated);
-    maps(&mut report, settings, &ablated);
+    optimum(&mut report, settings, all);
+    report.section("Contribution of each priority map");
+    report.paragraph(&format!("Filtered images at {} spp.", settings.maps.spp));
+    map_effects::write(
+        &mut report,
+        &ablation::of_default(),
+        &all.iter().map(ablated).collect::<Vec<_>>(),
+        EqualCost::Seconds,
+    );
     sample_maps(&mut report, settings, all);
     let seeds = format!("0 to {}", settings.seeds.max(settings.maps.seeds) - 1);
     report.write(session, &seeds)
@@ -245,15 +253,16 @@ fn errors(report: &mut Report, all: &[SceneResults]) {
     ));
 }
 
-/// Ratios of the errors of a selection of maps and of uniform sampling, by seed.
-fn ablation_ratios(measured: &SceneResults, name: &str, equal: EqualCost) -> Vec<f64> {
-    let found = measured.ablations.iter().find(|(ablation, _)| ablation.name == name);
-    found.map_or(Vec::new(), |(_, points)| {
-        ratios(points, &measured.curves.points[FILTERED[0]], equal, |p| p.error)
-    })
+/// The selections of maps on a scene.
+fn ablated(measured: &SceneResults) -> AblatedScene<'_> {
+    AblatedScene {
+        scene: &measured.scene,
+        uniform: &measured.curves.points[FILTERED[0]],
+        ablations: &measured.ablations,
+    }
 }
 
-fn optimum(report: &mut Report, settings: &Settings, all: &[&SceneResults]) {
+fn optimum(report: &mut Report, settings: &Settings, all: &[SceneResults]) {
     report.section("Possible gain");
     let spp = settings.maps.spp;
     report.paragraph(&format!(
@@ -271,9 +280,9 @@ fn optimum(report: &mut Report, settings: &Settings, all: &[&SceneResults]) {
         }
         format!("{:.0} %", 100.0 * (1.0 - reached) / (1.0 - possible))
     };
-    let row = |m: &&SceneResults| {
+    let row = |m: &SceneResults| {
         let [default, oracle] =
-            [ALL_MAPS, ORACLE].map(|name| geometric_mean(&ablation_ratios(m, name, EqualCost::Samples)));
+            [ALL_MAPS, ORACLE].map(|name| geometric_mean(&ablated(m).ratios(name, EqualCost::Samples)));
         let unfiltered = ratio(m, spp, UNFILTERED, EqualCost::Samples);
         vec![
             m.scene.clone(),
@@ -289,57 +298,6 @@ fn optimum(report: &mut Report, settings: &Settings, all: &[&SceneResults]) {
     report.table(&head, &all.iter().map(row).collect::<Vec<_>>());
 }
 
-fn maps(report: &mut Report, settings: &Settings, all: &[&SceneResults]) {
-    // Compare each map alone, and all maps without it, with the default
-    report.section("Contribution of each priority map");
-    let against_default = |name: &str, equal: EqualCost| {
-        let ratios = |m: &SceneResults| {
-            let [with, default] = [name, ALL_MAPS].map(|name| ablation_ratios(m, name, equal));
-            with.iter().zip(default).map(|(with, default)| with / default).collect::<Vec<_>>()
-        };
-        geometric_mean(&all.iter().map(|m| geometric_mean(&ratios(m)).mean).collect::<Vec<_>>())
-    };
-    let verdict = |map: &str| {
-        let [alone, left_out] = names(map).map(|name| against_default(&name, EqualCost::Seconds));
-        let verdict = if left_out.low > 1.0 {
-            "reduces the error"
-        } else if left_out.high < 1.0 {
-            "increases the error"
-        } else {
-            "has no measurable effect"
-        };
-        format!(
-            "* {map}: the error without it is {} times that with all maps, with it alone {} times: the map {verdict}.",
-            format_interval(left_out),
-            format_interval(alone)
-        )
-    };
-    let verdicts: Vec<String> = MAPS.iter().map(|(map, _)| verdict(map)).collect();
-    report.paragraph(&format!(
-        "Filtered images at {} spp and equal seconds, geometric mean over the scenes (95 % interval):\n\n{}",
-        settings.maps.spp,
-        verdicts.join("\n")
-    ));
-
-    // Tabulate the ratios by scene
-    let scenes: Vec<&str> = all.iter().map(|m| m.scene.as_str()).collect();
-    let head = [&["maps"], &scenes[..], &["mean", "mean at equal seconds"]].concat();
-    let name_of =
-        |i: usize| all.first().and_then(|m| m.ablations.get(i)).map(|(ablation, _)| ablation.name.clone());
-    let rows = (0..).map_while(name_of).map(|name| {
-        let ratio = |m: &SceneResults, equal| geometric_mean(&ablation_ratios(m, &name, equal)).mean;
-        let overall = |equal| geometric_mean(&all.iter().map(|m| ratio(m, equal)).collect::<Vec<_>>()).mean;
-        let numbers = all
-            .iter()
-            .map(|m| ratio(m, EqualCost::Samples))
-            .chain([overall(EqualCost::Samples), overall(EqualCost::Seconds)])
-            .map(|ratio| format!("{ratio:.2}"));
-        std::iter::once(name.clone()).chain(numbers).collect()
-    });
-    report.paragraph("Ratios to the error of uniform sampling at equal samples:");
-    report.table(&head, &rows.collect::<Vec<_>>());
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -349,7 +307,7 @@ mod tests {
         let points = |errors: [f64; 2]| {
             let point = |(seed, error): (u64, f64)| {
                 let seconds = 1.0 + error;
-                Point { spp: 64, seed, seconds, error, trimmed: error, flip: error }
+                Point { spp: 64, seed, seconds, error, trimmed: error, flip: error, halving_seconds: None }
             };
             (0..).zip(errors).map(point).collect::<Vec<_>>()
         };

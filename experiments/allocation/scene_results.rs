@@ -14,7 +14,7 @@ pub struct SceneResults {
     pub curves: Curves,
     /// Ratio of the unfiltered error with the optimal allocation to that of uniform sampling.
     pub optimal_ratio: f64,
-    /// Of the scenes whose maps are ablated.
+    /// The images of each selection of maps.
     pub ablations: Vec<(Ablation, Vec<Point>)>,
     pub own_loop: OwnLoop,
     /// File name of the picture of the sample map.

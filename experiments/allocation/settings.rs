@@ -17,19 +17,19 @@ pub struct Settings {
     pub own_loop: OwnLoopSettings,
 }
 
-/// P-RPF in its own loop.
+/// P-RPF in its own loop, with and without its maps.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct OwnLoopSettings {
     pub spp: u32,
     pub seeds: u64,
+    pub ablation_seeds: u64,
 }
 
 /// The ablation of priority maps.
-#[derive(Clone, Debug, Deserialize)]
+#[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct MapSettings {
-    pub scenes: Vec<String>,
     pub spp: u32,
     pub seeds: u64,
 }
