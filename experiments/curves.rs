@@ -7,6 +7,7 @@ use std::collections::BTreeSet;
 use prpf::adaptive::Sampling;
 use prpf::filter::{DENOISERS, UNFILTERED};
 use prpf::geometry::Accel;
+use prpf::progressive::StoppedBy;
 
 use crate::configuration::CONFIGURATIONS;
 use crate::estimate_check::EstimateCheck;
@@ -28,6 +29,8 @@ pub struct Point {
     /// relMSE without the worst 0.1 % of the pixels.
     pub trimmed: f64,
     pub flip: f64,
+    /// Seconds until the error is halved, as the program forecasts; `None` without an estimate.
+    pub halving_seconds: Option<f64>,
 }
 
 impl Point {
@@ -50,6 +53,7 @@ impl Point {
             error: error("relmse"),
             trimmed: error("trimmed relmse"),
             flip: error("flip"),
+            halving_seconds: values.get("halving seconds").copied(),
         }
     }
 }
@@ -66,8 +70,8 @@ pub struct Curves {
     pub checks: [Vec<EstimateCheck>; 4],
 }
 
-/// Measures all configurations at ascending sample counts, and checks the program's error estimates. The unfiltered uniform image is the mean of the filtered render's samples; its time leaves
-/// the filter out.
+/// Measures all configurations at ascending sample counts, and checks the program's error estimates. The unfiltered
+/// uniform image is the mean of the filtered render's samples; its time leaves the filter out.
 pub fn measure(
     session: &mut Session,
     test_scene: &TestScene,
@@ -133,8 +137,9 @@ pub fn measure_trial(
     session.show_status(format!("{}: {name}, {spp} spp, seed {seed}", test_scene.name));
     let reference = test_scene.reference.spp;
     let (width, height) = (test_scene.reference.image.width(), test_scene.reference.image.height());
+    let target = trial.target_error.map_or_else(String::new, |target| format!(" target-error={target}"));
     let settings =
-        format!("configuration={name:?} spp={spp} size={width}x{height} reference-spp={reference}");
+        format!("configuration={name:?} spp={spp}{target} size={width}x{height} reference-spp={reference}");
     session.ledger.measure(Key::new(&test_scene.name, seed, settings), &[], || {
         let rendered = trial.run(test_scene, accel);
         let [render, filter, allocate] = rendered.seconds;
@@ -147,6 +152,11 @@ pub fn measure_trial(
         if let Some(estimate) = &rendered.estimate {
             measured.extend(EstimateCheck::measure(estimate, &rendered.result.image, test_scene));
         }
+        let halving_seconds = rendered.forecast.map(|forecast| forecast.halving_seconds);
+        measured.extend(halving_seconds.map(|seconds| ("halving seconds".to_owned(), seconds)));
+        let is_reached = f64::from(rendered.stopped_by == StoppedBy::TargetError);
+        let passes = rendered.passes as f64;
+        measured.extend(values([("passes", passes), ("target reached", is_reached)]));
         Ok(measured)
     })
 }

@@ -1,7 +1,7 @@
 //! Renders an image by the library's render loop, with an experiment's changes to its interim passes.
 //!
-//! Takes a [`TestScene`] and a [`Trial`]; gives the filtered image, the store, the times of the loop's stages
-//! and the estimate of the image's error.
+//! Takes a [`TestScene`] and a [`Trial`]; gives the filtered image, the store, the times of the loop's stages,
+//! the estimate of the image's error, and how that is expected to fall.
 
 use std::time::Instant;
 
@@ -10,8 +10,8 @@ use prpf::filter::{Denoiser, FilterResult};
 use prpf::geometry::Accel;
 use prpf::image::Planes;
 use prpf::progressive::{
-    Action, Budget, Conditions, ErrorEstimate, FilterPass, Filtered, HalfImages, Host, Outcome, RenderLoop,
-    Settings,
+    Action, Budget, Conditions, ErrorEstimate, FilterPass, Filtered, Forecast, HalfImages, Host, Outcome,
+    RenderLoop, Settings, StoppedBy,
 };
 use prpf::render::Renderer;
 use prpf::stats::{Part, Store};
@@ -23,8 +23,10 @@ use crate::test_scene::TestScene;
 pub struct Trial {
     pub sampling: Sampling,
     pub denoiser: &'static dyn Denoiser,
-    /// Samples per pixel.
+    /// Samples per pixel; the most of them if there is a target.
     pub spp: u32,
+    /// Estimated relMSE that ends the render.
+    pub target_error: Option<f64>,
     pub seed: u64,
     pub priority: PrioritySettings,
     pub interim_passes: InterimPasses,
@@ -49,6 +51,10 @@ pub struct Rendered {
     pub seconds: [f64; 3],
     /// The program's estimate of the filtered image's error.
     pub estimate: Option<ErrorEstimate>,
+    pub forecast: Option<Forecast>,
+    /// Number of filter passes, the last one among them.
+    pub passes: usize,
+    pub stopped_by: StoppedBy,
 }
 
 impl Rendered {
@@ -62,12 +68,13 @@ impl Trial {
     /// A render with the default priority maps and interim passes.
     pub fn new(sampling: Sampling, denoiser: &'static dyn Denoiser, spp: u32, seed: u64) -> Self {
         let priority = PrioritySettings::default();
-        Self { sampling, denoiser, spp, seed, priority, interim_passes: InterimPasses::EveryBatch }
+        let interim_passes = InterimPasses::EveryBatch;
+        Self { sampling, denoiser, spp, target_error: None, seed, priority, interim_passes }
     }
 
     fn settings(&self) -> Settings {
         Settings {
-            budget: Budget { spp: Some(self.spp), ..Budget::default() },
+            budget: Budget { spp: Some(self.spp), target_error: self.target_error, seconds: None },
             sampling: self.sampling,
             denoiser: self.denoiser,
             seed: self.seed,
@@ -81,12 +88,15 @@ impl Trial {
         let renderer = Renderer::new(&test_scene.scene, accel, self.seed);
         let render_loop = RenderLoop::new(&renderer, &self.settings(), Instant::now());
         let outcome = TrialDriver { trial: self, test_scene, passes: 0, latest: None }.run(render_loop);
-        let seconds = outcome.seconds;
+        let (seconds, forecast, passes) = (outcome.seconds, outcome.forecast(), outcome.passes.len());
         Rendered {
             result: outcome.result,
             store: outcome.store,
             seconds: [seconds.render, seconds.filter, seconds.allocate],
             estimate: outcome.estimate,
+            forecast,
+            passes,
+            stopped_by: outcome.stopped_by,
         }
     }
 }

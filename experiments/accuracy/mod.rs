@@ -1,16 +1,19 @@
 //! The experiment `accuracy`: what does accuracy cost in time?
 //!
 //! Measures the seconds to reach an error, cost and error of the filters' settings, the effect of fewer interim
-//! passes, and how well the loop's error estimates agree with the true error.
+//! passes, and how well the loop's error estimates agree with the true error: for an image, for the price of half its error,
+//! and where they end a render.
 
 mod agreement;
 mod filter_costs;
 mod filter_variant;
+mod halving;
 mod interim_passes;
 mod pareto_front;
 mod report;
 mod scene_results;
 mod settings;
+mod target_errors;
 mod times;
 
 use anyhow::ensure;
@@ -34,9 +37,18 @@ pub fn run(session: &mut Session) -> anyhow::Result<()> {
         let interim_passes = interim_passes::measure(session, &test_scene, &accel, &settings.interim_passes)?;
         let CurveSettings { spp, seeds } = &settings.curves;
         let curves = curves::measure(session, &test_scene, &accel, (spp, *seeds))?;
+        let target_runs = target_errors::measure(session, &test_scene, &accel, &settings.target_errors)?;
         let TestScene { name: scene, is_public, reference, .. } = test_scene;
         let reference_relmse = reference.relmse;
-        all.push(SceneResults { scene, is_public, reference_relmse, curves, filters, interim_passes });
+        all.push(SceneResults {
+            scene,
+            is_public,
+            reference_relmse,
+            curves,
+            filters,
+            interim_passes,
+            target_runs,
+        });
     }
     report::write(session, &settings, &all)
 }

@@ -1,6 +1,7 @@
 //! Holds the measurements of the experiment `accuracy` on a scene.
 
 use super::filter_costs::Cost;
+use super::target_errors::TargetRun;
 use crate::curves::{Curves, Point};
 
 /// The measurements on a scene.
@@ -15,4 +16,5 @@ pub struct SceneResults {
     pub filters: Vec<Cost>,
     /// By index of `interim_passes.every`.
     pub interim_passes: Vec<Vec<Point>>,
+    pub target_runs: Vec<TargetRun>,
 }

@@ -14,6 +14,7 @@ pub struct Settings {
     /// The relMSEs whose times are reported.
     pub targets: Vec<f64>,
     pub curves: CurveSettings,
+    pub target_errors: TargetErrorSettings,
     pub interim_passes: InterimPassSettings,
     pub filters: filter_costs::Settings,
 }
@@ -24,6 +25,17 @@ pub struct Settings {
 pub struct CurveSettings {
     /// Samples per pixel, ascending.
     pub spp: Vec<u32>,
+    pub seeds: u64,
+}
+
+/// Renders that end by their estimated error.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TargetErrorSettings {
+    /// relMSEs.
+    pub targets: Vec<f64>,
+    /// Most samples per pixel.
+    pub max_spp: u32,
     pub seeds: u64,
 }
 

@@ -1,0 +1,101 @@
+//! Compares the forecast price of half the error with the seconds that it took.
+
+use std::collections::BTreeSet;
+
+use super::scene_results::SceneResults;
+use crate::configuration::CONFIGURATIONS;
+use crate::curves::{Point, curve};
+use crate::report::{Report, median, number, range};
+use crate::statistics::{Crossing, crossing};
+use crate::test_scene::groups;
+
+/// Index in [`CONFIGURATIONS`] of the program's default: adaptive and filtered.
+const DEFAULT: usize = 3;
+
+/// A forecast within this factor of the truth is right: 30 %.
+const TOLERANCE: f64 = 1.3;
+
+/// Ratios of forecast to true seconds until the error is halved, by sample count and seed, where the curve of the error, mean
+/// of the seeds, reaches half of it.
+fn ratios(points: &[Point]) -> Vec<(u32, f64)> {
+    let curve = curve(points, None, |point| point.seconds, |point| point.error);
+    let counts: BTreeSet<u32> = points.iter().map(|point| point.spp).collect();
+    let of_count = |(spp, &(seconds, error)): (u32, &(f64, f64))| {
+        let Some(Crossing::At(end)) = crossing(&curve, 0.5 * error) else { return Vec::new() };
+        let forecasts =
+            points.iter().filter(|point| point.spp == spp).filter_map(|point| point.halving_seconds);
+        forecasts.map(|forecast| (spp, forecast / (end - seconds))).collect()
+    };
+    counts.into_iter().zip(&curve).flat_map(of_count).collect()
+}
+
+fn default_ratios(m: &SceneResults) -> Vec<(u32, f64)> {
+    ratios(&m.curves.points[DEFAULT])
+}
+
+fn is_right(ratio: f64) -> bool {
+    (1.0 / TOLERANCE..=TOLERANCE).contains(&ratio)
+}
+
+/// The finding, in a sentence.
+pub fn finding(all: &[SceneResults]) -> String {
+    let of_group = |(name, scenes): (&str, Vec<&SceneResults>)| {
+        let ratios: Vec<f64> =
+            scenes.iter().flat_map(|m| default_ratios(m)).map(|(_, ratio)| ratio).collect();
+        let right = ratios.iter().filter(|&&ratio| is_right(ratio)).count();
+        format!(
+            "on {name} {} times the true ones in the median ({}), right within 30 % in {right} of {} images",
+            number(median(ratios.iter().copied()), 2),
+            range(ratios.iter().copied(), 2),
+            ratios.len()
+        )
+    };
+    let parts: Vec<String> = groups(all, |m| m.is_public).into_iter().map(of_group).collect();
+    format!("The seconds that it forecasts until half the error are {}.", parts.join("; "))
+}
+
+/// Writes the section.
+pub fn write(report: &mut Report, all: &[SceneResults]) {
+    report.section("Is the price of half the error right?");
+    report.paragraph(&format!(
+        "Seconds until the error is halved as the program forecasts them at the end of a render, over those after which the \
+         curve of the true error (mean of the seeds, interpolated) has half its value; {}; median and range over the seeds, \
+         where the curve reaches so far.",
+        CONFIGURATIONS[DEFAULT].name()
+    ));
+    let counts: BTreeSet<u32> = all.iter().flat_map(|m| default_ratios(m)).map(|(spp, _)| spp).collect();
+    let row = |m: &SceneResults| {
+        let ratios = default_ratios(m);
+        let cell = |&at: &u32| {
+            let chosen = || ratios.iter().filter(|(spp, _)| *spp == at).map(|(_, ratio)| *ratio);
+            if chosen().next().is_none() {
+                return "–".to_owned();
+            }
+            format!("{} ({})", number(median(chosen()), 2), range(chosen(), 2))
+        };
+        std::iter::once(m.scene.clone()).chain(counts.iter().map(cell)).collect::<Vec<_>>()
+    };
+    let names: Vec<String> = counts.iter().map(|spp| format!("{spp} spp")).collect();
+    let head: Vec<&str> = std::iter::once("scene").chain(names.iter().map(String::as_str)).collect();
+    report.table(&head, &all.iter().map(row).collect::<Vec<_>>());
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn forecasts_are_compared_with_the_seconds_that_half_the_error_took() {
+        // Error 1/t: from 1 to 2 seconds it takes one second to halve, from 2 to 4 two; 4 is the last point.
+        let point = |spp: u32, forecast| {
+            let seconds = f64::from(spp);
+            let error = 1.0 / seconds;
+            Point { spp, seed: 0, seconds, error, trimmed: error, flip: error, halving_seconds: forecast }
+        };
+        let found = ratios(&[point(1, Some(1.0)), point(2, Some(3.0)), point(4, Some(1.0))]);
+        let [(1, first), (2, second)] = found[..] else { panic!("{found:?}") };
+        assert!((first - 1.0).abs() < 1e-12 && (second - 1.5).abs() < 1e-12);
+        assert!(is_right(first) && !is_right(second) && is_right(0.8) && !is_right(0.7));
+        assert!(ratios(&[point(1, None), point(2, None)]).is_empty());
+    }
+}
