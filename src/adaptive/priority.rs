@@ -8,8 +8,6 @@
 //! number of samples is minimal for n ∝ √e. A weighted sum of the maps estimates e/n, and the priority is
 //! √(n·(e/n)).
 
-use std::f32::consts::PI;
-
 use crate::filter::blur;
 use crate::image::Planes;
 
@@ -92,8 +90,8 @@ pub fn priority(maps: Maps, settings: &PrioritySettings) -> Vec<f32> {
     raw.iter_mut().for_each(|v| *v *= settings.raw_variance * scale);
 
     // Raise the filtered variance by residual and failure
-    // The noise of a residual has variance 2, and a Gaussian averages about 4πσ² of them
-    let noise = (2.0 / (4.0 * PI * settings.blur * settings.blur).max(1.0)).sqrt();
+    // The noise of a residual has variance 2
+    let noise = (2.0 * blur::variance_factor(settings.blur).min(1.0)).sqrt();
     let limited = |&r: &f32| r.min(1.0 + MAX_RESIDUAL_EXCESS);
     let mut excess = smooth(&maps.residual.plane(0).iter().map(limited).collect::<Vec<_>>());
     excess.iter_mut().for_each(|r| *r = (*r - 1.0 - 2.0 * noise).max(0.0));

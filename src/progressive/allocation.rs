@@ -4,13 +4,13 @@
 
 use super::checkpoint::{Checkpoint, InterimPass};
 use super::filter_pass::Filtered;
-use super::region::Region;
+use super::region_batch::RegionBatch;
 use super::schedule::LEAST_IMAGE;
 use super::settings::Settings;
 use super::steps;
 use crate::adaptive::{self, Maps, Sampling};
 use crate::filter;
-use crate::stats::{Part, Store};
+use crate::stats::{Part, Rectangle, Store};
 
 /// Samples that the pixels outside a region get for each of the region's, as long as some of them have none: the whole image
 /// is filtered, saved and sampled adaptively only once it has no gaps.
@@ -19,7 +19,7 @@ const OUTSIDE_REGION: f64 = 1.0 / 3.0;
 /// Spreads `total` samples over the pixels of a checkpoint's store. Returns the samples of each pixel.
 pub(super) fn allocate_batch(
     checkpoint: &Checkpoint,
-    region: Option<Region>,
+    region: Option<Rectangle>,
     settings: &Settings,
     total: u64,
 ) -> Vec<u32> {
@@ -39,7 +39,9 @@ pub(super) fn allocate_batch(
         (None, _) => adaptive::uniform(total, have, max_spp, key),
     };
 
-    let Some(batch) = region.and_then(|region| region.batch(&taken, store.width(), total, settings)) else {
+    let Some(batch) =
+        region.and_then(|region| RegionBatch::new(&region, &taken, store.width(), total, settings))
+    else {
         return spread(priority.as_deref(), &taken, store.width(), total);
     };
     if taken.iter().all(|&n| n == 0) {

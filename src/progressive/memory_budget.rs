@@ -88,7 +88,7 @@ impl Demand {
     }
 
     /// Returns the bytes of an image of this size, in pixels, without its sample vectors.
-    fn without_samples(&self, (width, height): (usize, usize)) -> f64 {
+    fn without_sample_vectors(&self, (width, height): (usize, usize)) -> f64 {
         // Statistics come in whole blocks of a row.
         let blocks = width.next_multiple_of(PIXEL_BLOCK) as f64 / width.max(1) as f64;
         self.of_pixels(width as f64 * height as f64, blocks)
@@ -107,12 +107,12 @@ impl Demand {
     }
 
     /// Returns the bytes of a pixel's sample vectors.
-    fn samples(&self) -> f64 {
+    fn of_sample_vectors(&self) -> f64 {
         self.memory.sample_vectors as f64 * self.memory.per_sample_vector as f64
     }
 
     fn bytes(&self, size: (usize, usize)) -> f64 {
-        self.without_samples(size) + self.samples() * (size.0 as f64 * size.1 as f64)
+        self.without_sample_vectors(size) + self.of_sample_vectors() * (size.0 as f64 * size.1 as f64)
     }
 
     fn fits(&self, available: f64, size: (usize, usize)) -> Result<(), MemoryError> {
@@ -126,7 +126,7 @@ impl Demand {
             size => format!(" with {size} sample vectors each"),
         };
         let per_sample_vector = self.memory.per_sample_vector as f64 * (width as f64 * height as f64);
-        let fewer = ((available - self.without_samples(size)) / per_sample_vector).floor();
+        let fewer = ((available - self.without_sample_vectors(size)) / per_sample_vector).floor();
         let fewer = if self.keeps_all && fewer >= 1.0 {
             format!(", or these with --max-spp {fewer}")
         } else {
@@ -147,8 +147,9 @@ impl Demand {
 
     /// Returns how many pixels would fit, in whole blocks, below a size that does not.
     fn most_pixels(&self, available: f64, (width, height): (usize, usize)) -> u64 {
-        let fits =
-            |&pixels: &u64| self.of_pixels(pixels as f64, 1.0) + self.samples() * pixels as f64 <= available;
+        let fits = |&pixels: &u64| {
+            self.of_pixels(pixels as f64, 1.0) + self.of_sample_vectors() * pixels as f64 <= available
+        };
         let (mut least, mut most) = (0, width as u64 * height as u64);
         while most - least > 1 {
             let middle = least + (most - least) / 2;

@@ -15,7 +15,7 @@
 //! | `time_constants` | every constant of time keeping |
 //! | `checkpoint`, `record`, `stopped_by` | the state of a render, and its outcome |
 //! | `render_loop` | the actions |
-//! | `allocation`, `region`, `steps`, `filter_pass`, `error_estimate` | their parts |
+//! | `allocation`, `region_batch`, `steps`, `filter_pass`, `error_estimate` | their parts |
 //! | `blocking`, `host` | the driver of the command line, and its interface to the program around it |
 //! | `process_group` | the loop's interface to processes that render one image together |
 //! | `settings`, `default_denoiser`, `memory_budget`, `store_size` | the settings, and the memory they need |
@@ -39,7 +39,7 @@ mod last_pass;
 mod memory_budget;
 mod process_group;
 mod record;
-mod region;
+mod region_batch;
 mod render_loop;
 mod schedule;
 mod settings;
@@ -63,7 +63,6 @@ pub use host::Host;
 pub use memory_budget::{MemoryError, fits_in_memory, memory_needed};
 pub use process_group::{ProcessGroup, ProcessRecord, Rendered, SampleTotals};
 pub use record::{Outcome, PassRecord, Progress, Seconds, excessive_ratio};
-pub use region::Region;
 pub use render_loop::RenderLoop;
 pub use schedule::Plan;
 pub use settings::{MIN_SPP, PixelMemory, RecordedStatistics, Settings, SettingsError};

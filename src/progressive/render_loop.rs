@@ -7,31 +7,27 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use super::action::{Action, next_action};
-use super::allocation::{allocate_batch, expected_ratio};
-use super::budget::Budget;
+use super::allocation::allocate_batch;
 use super::calibration::calibrate;
-use super::checkpoint::{Checkpoint, InterimPass, Position, SampleBatch};
+use super::checkpoint::{Checkpoint, Position, SampleBatch};
 use super::clock::Clock;
 use super::error_estimate::ErrorEstimate;
-use super::filter_pass::{FailureMap, FilterPass, Filtered};
+use super::filter_pass::Filtered;
 use super::host::Host;
-use super::last_pass::LastPass;
 use super::process_group::{ProcessGroup, Rendered, SampleTotals, filter_together};
-use super::record::{Outcome, PassRecord};
-use super::region::Region;
+use super::record::Outcome;
 use super::schedule::Plan;
 use super::settings::Settings;
 use super::situation::{Conditions, Mark, Measurements, Situation};
 use super::steps::Grain;
 use super::stopped_by::StoppedBy;
-use crate::adaptive::Sampling;
-use crate::filter::sparse_filtering::side;
 use crate::filter::{Denoiser, FilterResult};
 use crate::image::Planes;
 use crate::memory;
 use crate::render::Renderer;
-use crate::stats::{StatisticsExtent, Store};
+use crate::stats::{Rectangle, StatisticsExtent, Store};
 
+mod passes;
 mod processes;
 mod progress;
 
@@ -51,7 +47,7 @@ pub struct RenderLoop<'a> {
     /// What the checkpoint's store has of the statistics of all processes, its latest samples included.
     gathered: Option<StatisticsExtent>,
     /// The region that is rendered first.
-    region: Option<Region>,
+    region: Option<Rectangle>,
     /// Samples of the store that an earlier run took.
     resumed_samples: u64,
     /// The image that every filtered one is compared with: 3 planes.
@@ -137,7 +133,7 @@ impl<'a> RenderLoop<'a> {
 
     /// Gives a region all samples until each of its pixels has the budget's on average, or until the region is taken
     /// back; most of them as long as other pixels have none.
-    pub fn set_region(&mut self, region: Option<Region>) {
+    pub fn set_region(&mut self, region: Option<Rectangle>) {
         if region != self.region {
             self.region = region;
             self.give_up_batch();
@@ -208,67 +204,6 @@ impl<'a> RenderLoop<'a> {
         (self.measurements.saved_at, self.measurements.is_saved) = (self.clock.elapsed(), true);
     }
 
-    /// Returns the filter pass of [`Action::Filter`].
-    pub fn interim_pass(&mut self, denoiser: &'static dyn Denoiser) -> FilterPass {
-        let Budget { seconds, target_error, .. } = self.settings.budget;
-        let has_half_images = target_error.is_some() && seconds.is_none();
-        self.gather_for_pass(denoiser, has_half_images);
-        self.pass(denoiser, FailureMap::Carry(None), has_half_images)
-    }
-
-    /// Takes the result of [`Self::interim_pass`]: its maps decide where the next samples go.
-    pub fn complete_interim(&mut self, filtered: Filtered) {
-        let (made_by, seconds) = (filtered.result.made_by, filtered.seconds);
-        self.record(&filtered);
-        self.checkpoint.interim = Some(InterimPass::new(filtered));
-        self.checkpoint.position = Position::Plan;
-        self.predict_ratio();
-
-        // Learn from the time that the pass took
-        let last = self.measurements.finalisation.calibrated_denoiser();
-        let is_last = last.is_some_and(|last| last.name() == made_by && side(last, self.store(), 1) == 1);
-        let measured = &mut self.measurements;
-        measured.is_saved = false;
-        measured.interim_total += seconds;
-        if made_by == self.settings.interim_denoiser().name() {
-            measured.interim_seconds = Some(seconds);
-        }
-        if is_last {
-            // A pass over the whole image replaces the extrapolation from some rows.
-            measured.finalisation.correct(seconds);
-        }
-    }
-
-    /// Predicts by the first pass with enough samples whether adaptive sampling is worth its time.
-    fn predict_ratio(&mut self) {
-        let Self { checkpoint: Checkpoint { store, passes, interim, .. }, settings, samples, .. } = self;
-        let floor = u64::from(settings.min_spp) * store.pixels() as u64;
-        let is_predicted = passes.iter().any(|pass| pass.expected_ratio.is_some());
-        if settings.sampling == Sampling::Uniform || is_predicted || samples.taken < floor {
-            return;
-        }
-        if let (Some(pass), Some(interim)) = (passes.last_mut(), interim) {
-            pass.expected_ratio = Some(expected_ratio(store, interim, settings));
-        }
-    }
-
-    /// Returns the filter pass of [`Action::Finish`].
-    pub fn final_pass(&mut self, conditions: &Conditions, stopped_by: StoppedBy) -> FilterPass {
-        self.gather(StatisticsExtent::All);
-        let earlier = self.checkpoint.interim.as_ref().and_then(|interim| interim.interpolation.clone());
-        let has_half_images = self.settings.budget.seconds.is_none() && stopped_by != StoppedBy::Interrupt;
-        // No more samples come, whatever ends the render
-        let conditions = Conditions { is_interrupted: stopped_by != StoppedBy::Time, ..*conditions };
-        let LastPass { denoiser, least_side } = self.situation(&conditions).last_pass();
-        let pass = self.pass(denoiser, FailureMap::Carry(earlier), has_half_images);
-        FilterPass { least_side, ..pass }
-    }
-
-    /// Takes the result of [`Self::final_pass`], with which the render may end, or go on after a change.
-    pub fn complete_final(&mut self, filtered: &Filtered) {
-        self.record(filtered);
-    }
-
     /// Ends the render with the result of [`Self::final_pass`].
     pub fn finish(mut self, filtered: Filtered, stopped_by: StoppedBy) -> Outcome {
         self.complete_final(&filtered);
@@ -321,16 +256,6 @@ impl<'a> RenderLoop<'a> {
             elapsed: self.clock.elapsed(),
             conditions: *conditions,
         }
-    }
-
-    fn pass(
-        &self,
-        denoiser: &'static dyn Denoiser,
-        failure_map: FailureMap,
-        has_half_images: bool,
-    ) -> FilterPass {
-        let pass = FilterPass::new(self.store().clone(), denoiser, self.settings.seed);
-        FilterPass { failure_map, has_half_images, ..pass }
     }
 
     /// Begins a batch.
@@ -406,17 +331,6 @@ impl<'a> RenderLoop<'a> {
         times.spent += gathering;
         self.measurements.finalisation.add(times, left);
         self.measurements.seconds.calibrate += self.clock.elapsed() - elapsed;
-    }
-
-    fn record(&mut self, filtered: &Filtered) {
-        self.measurements.seconds.filter += filtered.seconds;
-        let pass = PassRecord {
-            index: self.checkpoint.passes.len(),
-            seconds: self.clock.elapsed(),
-            samples_total: self.samples.valid,
-            ..PassRecord::new(filtered, self.reference, self.store())
-        };
-        self.checkpoint.passes.push(pass);
     }
 }
 

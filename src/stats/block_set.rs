@@ -2,7 +2,7 @@
 
 use std::ops::BitOr;
 
-use super::layout::Block;
+use super::block::Block;
 
 /// A set of [`Block`]s.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]

@@ -2,7 +2,8 @@
 //!
 //! Takes the names of columns in any order; gives the layout that has these dimensions, and sample vectors in its order.
 
-use super::layout::{Layout, block_names};
+use super::block::block_names;
+use super::layout::Layout;
 
 /// The columns of a table of samples, one sample a row.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -7,7 +7,7 @@
 
 use rayon::prelude::*;
 
-use super::layout::Block;
+use super::block::Block;
 use super::moments::{Moments, round_deviations};
 use super::part::Part;
 use super::reservoir;

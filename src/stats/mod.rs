@@ -5,6 +5,7 @@
 //! of two independent halves; and for each pixel a bounded reservoir of whole sample vectors. A restricted
 //! layout keeps fewer dimensions. It does not depend on a renderer.
 
+mod block;
 mod block_set;
 mod columns;
 mod half_moments;
@@ -21,10 +22,11 @@ mod sample_rectangle;
 mod statistics_extent;
 mod store;
 
+pub use block::{Block, Dimension, Feature, Group, MAX_DIMENSIONS};
 pub use block_set::BlockSet;
 pub use columns::{ColumnError, Columns};
 pub use half_moments::{HalfMoments, HalfMomentsError};
-pub use layout::{Block, Dimension, Feature, Group, Layout, LayoutError, MAX_DIMENSIONS};
+pub use layout::{Layout, LayoutError};
 pub use moments::Moments;
 pub use part::Part;
 pub use rectangle::Rectangle;

@@ -10,7 +10,8 @@ pub use pixel_block::{LARGEST_VALUE, PIXEL_BLOCK, PixelBlockValues};
 
 use std::ops::Range;
 
-use super::layout::{Group, Layout};
+use super::block::Group;
+use super::layout::Layout;
 use super::moments::{Moments, round_deviations};
 use super::part::Part;
 use super::reservoir;

@@ -9,6 +9,8 @@ use super::rectangle::Rectangle;
 use super::row::{MOMENTS_BYTES, Row};
 use crate::image::Planes;
 
+mod rectangles;
+
 /// Statistics of every pixel of an image, current after every sample.
 ///
 /// Stored by row, so that a renderer can fill rows in parallel; within a row as planes, one for each

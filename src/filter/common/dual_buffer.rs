@@ -7,6 +7,7 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
+use super::TASK_PIXELS;
 use super::fireflies::{self, FireflyClamp, FireflySettings};
 use super::half_counts::HalfCounts;
 use super::variance_correction::variance_correction;
@@ -81,7 +82,7 @@ impl DualBuffer {
     /// Divides each half by a divisor of 3 planes.
     pub fn divide(&mut self, divisor: [&Planes; 2]) {
         for ((mean, variance), divisor) in self.mean.iter_mut().zip(&mut self.variance).zip(divisor) {
-            let values = mean.data_mut().par_iter_mut().with_min_len(1024).zip(variance.data_mut());
+            let values = mean.data_mut().par_iter_mut().with_min_len(TASK_PIXELS).zip(variance.data_mut());
             values.zip(divisor.data()).for_each(|((mean, variance), &d)| {
                 *mean /= d;
                 *variance /= d * d;

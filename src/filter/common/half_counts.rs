@@ -2,6 +2,7 @@
 
 use rayon::prelude::*;
 
+use super::TASK_PIXELS;
 use super::hole_filling::HoleFilling;
 use crate::image::Planes;
 use crate::stats::{Part, Store};
@@ -52,8 +53,12 @@ impl HalfCounts {
     pub fn mean(&self, halves: [&Planes; 2]) -> Planes {
         let mut mean = halves[0].clone();
         for (plane, b) in mean.planes_mut().zip(halves[1].data().chunks(halves[1].pixels().max(1))) {
-            let values =
-                plane.par_iter_mut().with_min_len(1024).zip(b).zip(&self.floats[0]).zip(&self.floats[1]);
+            let values = plane
+                .par_iter_mut()
+                .with_min_len(TASK_PIXELS)
+                .zip(b)
+                .zip(&self.floats[0])
+                .zip(&self.floats[1]);
             values.for_each(|(((a, &b), &n_a), &n_b)| {
                 let fraction = if n_a + n_b > 0.0 { n_b / (n_a + n_b) } else { 0.5 };
                 *a += fraction * (b - *a);
@@ -68,7 +73,8 @@ impl HalfCounts {
         let [a, b] = halves;
         let pixels = a.pixels().max(1);
         for (a, b) in a.data_mut().chunks_mut(pixels).zip(b.data_mut().chunks_mut(pixels)) {
-            let values = a.par_iter_mut().with_min_len(1024).zip(b).zip(&self.floats[0]).zip(&self.floats[1]);
+            let values =
+                a.par_iter_mut().with_min_len(TASK_PIXELS).zip(b).zip(&self.floats[0]).zip(&self.floats[1]);
             values.for_each(|(((a, b), &n_a), &n_b)| match (n_a > 0.0, n_b > 0.0) {
                 (true, false) => *b = *a,
                 (false, true) => *a = *b,

@@ -17,3 +17,6 @@ pub mod linear_estimate;
 pub mod padded_planes;
 pub mod variance_correction;
 pub mod variance_pooling;
+
+/// Fewest pixels of a task that takes a few operations for each: fewer are not worth another thread.
+pub const TASK_PIXELS: usize = 1024;

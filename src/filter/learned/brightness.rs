@@ -8,11 +8,15 @@
 use rayon::prelude::*;
 
 use super::dual_image::DualImage;
+use crate::filter::common::TASK_PIXELS;
 use crate::filter::common::blur;
 use crate::filter::common::half_counts::HalfCounts;
 
 /// Standard deviation of the prior of r.
 const USUAL_LOSS: f32 = 0.05;
+
+/// Least r, which halves the brightness.
+const LEAST_CHANGE: f32 = -0.5;
 
 /// Standard deviation of the blur that the sums are, in pixels.
 const SIGMA: f32 = 16.0;
@@ -30,7 +34,7 @@ pub fn factors(filtered: &DualImage, noisy: &DualImage, counts: &HalfCounts) -> 
             true => (0..3).map(|c| of(c * pixels + i)).sum(),
             false => 0.0,
         };
-        let plane: Vec<f32> = (0..pixels).into_par_iter().with_min_len(1024).map(sum).collect();
+        let plane: Vec<f32> = (0..pixels).into_par_iter().with_min_len(TASK_PIXELS).map(sum).collect();
         blur::gaussian(width, height, &plane, SIGMA)
     };
     let (mean, noise, image) = (noisy.mean.data(), noisy.noise.data(), filtered.mean.data());
@@ -43,9 +47,9 @@ pub fn factors(filtered: &DualImage, noisy: &DualImage, counts: &HalfCounts) -> 
         let loss = lost[i] / brightness[i];
         let uncertainty = variance_factor * variance[i] / (brightness[i] * brightness[i]);
         let change = loss / (1.0 + uncertainty / (USUAL_LOSS * USUAL_LOSS));
-        if change.is_finite() { 1.0 + change.max(-0.5) } else { 1.0 }
+        if change.is_finite() { 1.0 + change.max(LEAST_CHANGE) } else { 1.0 }
     };
-    (0..pixels).into_par_iter().with_min_len(1024).map(factor).collect()
+    (0..pixels).into_par_iter().with_min_len(TASK_PIXELS).map(factor).collect()
 }
 
 #[cfg(test)]

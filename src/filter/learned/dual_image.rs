@@ -2,6 +2,7 @@
 
 use rayon::prelude::*;
 
+use crate::filter::common::TASK_PIXELS;
 use crate::filter::common::half_counts::HalfCounts;
 use crate::filter::whole_image::WholeImage;
 use crate::image::Planes;
@@ -21,7 +22,7 @@ impl DualImage {
         counts.fill_missing(&mut halves);
         let [mut noise, b] = halves;
         for (noise, b) in noise.planes_mut().zip(b.data().chunks(b.pixels().max(1))) {
-            let values = noise.par_iter_mut().with_min_len(1024).zip(b).zip(counts.fractions());
+            let values = noise.par_iter_mut().with_min_len(TASK_PIXELS).zip(b).zip(counts.fractions());
             values.for_each(|((noise, b), [p_a, p_b])| *noise = (p_a * p_b).sqrt() * (*noise - b));
         }
         Self { mean, noise }
@@ -36,7 +37,7 @@ impl DualImage {
     pub fn scale(&mut self, factors: &[f32]) {
         for planes in [&mut self.mean, &mut self.noise] {
             for plane in planes.planes_mut() {
-                let values = plane.par_iter_mut().with_min_len(1024).zip(factors);
+                let values = plane.par_iter_mut().with_min_len(TASK_PIXELS).zip(factors);
                 values.for_each(|(v, factor)| *v *= factor);
             }
         }
@@ -48,7 +49,8 @@ impl DualImage {
             let mut image = self.mean.clone();
             for (image, noise) in image.planes_mut().zip(self.noise.data().chunks(self.noise.pixels().max(1)))
             {
-                let values = image.par_iter_mut().with_min_len(1024).zip(noise).zip(counts.fractions());
+                let values =
+                    image.par_iter_mut().with_min_len(TASK_PIXELS).zip(noise).zip(counts.fractions());
                 values.for_each(|((value, noise), p)| {
                     // Without samples of both halves the noise is not known.
                     let factor = if p[half] > 0.0 { (p[1 - half] / p[half]).sqrt() } else { 0.0 };
@@ -68,7 +70,7 @@ impl DualImage {
     /// Adds another image, multiplied by a factor.
     pub fn add_scaled(&mut self, factor: f32, other: &Self) {
         for (sum, term) in [(&mut self.mean, &other.mean), (&mut self.noise, &other.noise)] {
-            let values = sum.data_mut().par_iter_mut().with_min_len(1024).zip(term.data());
+            let values = sum.data_mut().par_iter_mut().with_min_len(TASK_PIXELS).zip(term.data());
             values.for_each(|(sum, &term)| *sum += factor * term);
         }
     }

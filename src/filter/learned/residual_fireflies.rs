@@ -8,6 +8,7 @@ use rayon::prelude::*;
 
 use super::input_statistics::InputStatistics;
 use super::mixture::divisor;
+use crate::filter::common::TASK_PIXELS;
 use crate::filter::common::fireflies::pixel_luminance;
 use crate::image::{Planes, luminance};
 
@@ -26,7 +27,7 @@ const CONFIDENCE: f32 = 2.0;
 /// Returns the factors that dim the fireflies of a filtered image, row by row. They are 1 elsewhere.
 pub fn factors(image: &Planes, statistics: &InputStatistics) -> Vec<f32> {
     let of_pixels = |value: &(dyn Fn(usize) -> f32 + Sync)| -> Vec<f32> {
-        (0..image.pixels()).into_par_iter().with_min_len(1024).map(value).collect()
+        (0..image.pixels()).into_par_iter().with_min_len(TASK_PIXELS).map(value).collect()
     };
     let luminances = of_pixels(&|i| pixel_luminance(image, i));
     let size = (image.width(), image.height());

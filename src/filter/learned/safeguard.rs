@@ -12,6 +12,7 @@
 use rayon::prelude::*;
 
 use super::dual_image::DualImage;
+use crate::filter::common::TASK_PIXELS;
 use crate::filter::common::blur;
 use crate::filter::common::fireflies::pixel_luminance;
 use crate::filter::common::half_counts::HalfCounts;
@@ -41,7 +42,7 @@ pub fn reach() -> usize {
 pub fn blend(learned: &mut DualImage, second: &DualImage, fraction: &[f32]) {
     for (learned, second) in [(&mut learned.mean, &second.mean), (&mut learned.noise, &second.noise)] {
         for (plane, second) in learned.planes_mut().zip(second.data().chunks(second.pixels().max(1))) {
-            let values = plane.par_iter_mut().with_min_len(1024).zip(second).zip(fraction);
+            let values = plane.par_iter_mut().with_min_len(TASK_PIXELS).zip(second).zip(fraction);
             values.for_each(|((value, second), fraction)| *value = second + fraction * (*value - second));
         }
     }
@@ -85,7 +86,7 @@ fn fraction_within_limits(
         // Equal ones have no fraction
         if fraction > 0.0 && !emits() { fraction.min(1.0) } else { 0.0 }
     };
-    (0..learned.mean.pixels()).into_par_iter().with_min_len(1024).map(fraction).collect()
+    (0..learned.mean.pixels()).into_par_iter().with_min_len(TASK_PIXELS).map(fraction).collect()
 }
 
 /// Computes λ for each pixel.
@@ -110,7 +111,7 @@ fn lambda(
     for c in 0..3 {
         let planes = [learned, second, noisy].map(|image| [image.mean.plane(c), image.noise.plane(c)]);
         let [n, q, v] = &mut sums;
-        let sums = n.par_iter_mut().zip(q).zip(v).enumerate().with_min_len(1024);
+        let sums = n.par_iter_mut().zip(q).zip(v).enumerate().with_min_len(TASK_PIXELS);
         sums.for_each(|(i, ((n, q), v))| {
             if a[i] == 0.0 || b[i] == 0.0 {
                 return;
@@ -157,7 +158,7 @@ fn usual_variance(learned: &DualImage, noisy: &DualImage, known: &[f32], floor: 
             |c: usize| noisy.noise.plane(c)[i].powi(2) / (learned.mean.plane(c)[i].powi(2) + floor);
         (0..3).map(of_channel).sum::<f32>() / 3.0
     };
-    let plane: Vec<f32> = (0..pixels).into_par_iter().with_min_len(1024).map(relative).collect();
+    let plane: Vec<f32> = (0..pixels).into_par_iter().with_min_len(TASK_PIXELS).map(relative).collect();
     let mut variance = blur::gaussian(width, height, &plane, VARIANCE_SIGMA);
     variance.iter_mut().zip(known).for_each(|(variance, known)| *variance /= known.max(f32::MIN_POSITIVE));
     variance

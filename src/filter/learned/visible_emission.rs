@@ -11,6 +11,7 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use super::dual_image::DualImage;
+use crate::filter::common::TASK_PIXELS;
 use crate::filter::common::fireflies::pixel_luminance;
 use crate::filter::common::half_counts::HalfCounts;
 use crate::image::{Planes, luminance};
@@ -55,7 +56,7 @@ impl VisibleEmission {
 /// same in all of these.
 fn coverage(mean: &Planes, variance: &Planes, samples: &[f32]) -> Planes {
     let mut fractions = Planes::new(mean.width(), mean.height(), 1);
-    fractions.data_mut().par_iter_mut().with_min_len(1024).enumerate().for_each(|(i, fraction)| {
+    fractions.data_mut().par_iter_mut().with_min_len(TASK_PIXELS).enumerate().for_each(|(i, fraction)| {
         let at = |planes: &Planes, channel: usize| planes.plane(channel)[i];
         let brightest = (1..3).fold(0, |best, c| if at(mean, c) > at(mean, best) { c } else { best });
         let (light, deviation) = (at(mean, brightest), at(variance, brightest).sqrt());

@@ -12,6 +12,7 @@
 
 use rayon::prelude::*;
 
+use crate::filter::common::TASK_PIXELS;
 use crate::filter::common::blur;
 use crate::filter::common::dual_buffer::DualBuffer;
 use crate::filter::common::linear_estimate::LinearEstimate;
@@ -52,7 +53,7 @@ impl Brightness {
         // The floor keeps the weight finite.
         let floor = (RELATIVE_FLOOR * level * level).max(f32::MIN_POSITIVE);
         let mut weight = image.clone();
-        weight.data_mut().par_iter_mut().with_min_len(1024).for_each(|v| *v = 1.0 / (*v * *v + floor));
+        weight.data_mut().par_iter_mut().with_min_len(TASK_PIXELS).for_each(|v| *v = 1.0 / (*v * *v + floor));
         Self { weight, black: BLACK * level }
     }
 }
@@ -105,7 +106,7 @@ pub fn fraction_of_first(
             let (mean, variance) = (noisy.mean[h].plane(c), noisy.variance[h].plane(c));
             let weight = brightness.weight.plane(c);
             let [n, q, p] = &mut sums;
-            let sums = n.par_iter_mut().zip(q).zip(p).enumerate().with_min_len(1024);
+            let sums = n.par_iter_mut().zip(q).zip(p).enumerate().with_min_len(TASK_PIXELS);
             sums.for_each(|(i, ((n, q), p))| {
                 let d = f1[i] - f2[i];
                 let (a1, a2) = (first.derivative[i], second.derivative[i]);

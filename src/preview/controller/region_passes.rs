@@ -9,7 +9,7 @@ use crate::filter::{UNFILTERED, draft_of};
 use crate::image::Planes;
 use crate::preview::generation_record::CoarseImage;
 use crate::preview::view::View;
-use crate::progressive::{Region, Settings};
+use crate::progressive::Settings;
 use crate::stats::{Rectangle, Store};
 
 /// A pass waits until the region has this many times the samples of the one before.
@@ -53,11 +53,9 @@ impl Controller<'_> {
 
     /// Returns the region that the render loop is to render first: none while a pause or a save waits until every pixel has
     /// samples.
-    pub(super) fn active_region(&self, store: &Store) -> Option<Region> {
+    pub(super) fn active_region(&self, store: &Store) -> Option<Rectangle> {
         let is_awaited = self.is_paused || !self.pending.saves.is_empty();
-        let Rectangle { x, y } =
-            self.pixel_region(store).filter(|_| !is_awaited || self.is_covered(store))?;
-        Some(Region { x, y })
+        self.pixel_region(store).filter(|_| !is_awaited || self.is_covered(store))
     }
 
     /// Returns the number of samples of the region.

@@ -77,7 +77,7 @@ fn samples_are_placed_uniformly_where_little_is_expected_of_priorities() {
 fn a_region_begins_at_once_and_the_others_go_on() {
     let mut store = Store::new(WIDTH, WIDTH, Layout::with_blocks(|_| false), 0, 0);
     let settings = Settings { sampling: Sampling::Uniform, ..Settings::default() };
-    let region = Region { x: [4, 12], y: [8, 16] };
+    let region = Rectangle { x: [4, 12], y: [8, 16] };
     let is_inside = |i: usize| (4..12).contains(&(i % WIDTH)) && (8..16).contains(&(i / WIDTH));
     let sample = vec![0.5; store.layout().len()];
     let mut batches = 0;

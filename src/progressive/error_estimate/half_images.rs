@@ -25,13 +25,23 @@ use crate::stats::{Part, Store};
 /// Standard deviation of the blur of the differences, in pixels.
 const SIGMA: f32 = 2.0;
 
-/// Ratio of the image's error to V + B for one sample per pixel, the exponent by which it grows with the samples up to 1, and the
-/// deviation of its logarithm. Measured, like the next, for `learned` with 8 to 64 samples on our scenes and some of the training
-/// generator.
-const SHARP: (f64, f64, f64) = (0.46, 0.15, 0.3);
+// Ratios of the image's error to the two means, measured for `learned` with 8 to 64 samples on our scenes and some of the
+// training generator.
 
-/// Ratio of the image's error to 2 V + B of blurred differences, and the deviation of its logarithm.
-const SMOOTH: (f64, f64) = (1.05, 0.5);
+/// Ratio to V + B for one sample per pixel, which grows by [`SHARP_GROWTH`] up to 1.
+const SHARP_RATIO: f64 = 0.46;
+
+/// Power of the samples per pixel by which it grows.
+const SHARP_GROWTH: f64 = 0.15;
+
+/// Standard deviation of its logarithm.
+const SHARP_DEVIATION: f64 = 0.3;
+
+/// Ratio to 2 V + B of blurred differences.
+const SMOOTH_RATIO: f64 = 1.05;
+
+/// Standard deviation of its logarithm.
+const SMOOTH_DEVIATION: f64 = 0.5;
 
 /// Images of the halves of an excerpt's samples, filtered and not: 3 planes.
 pub struct HalfImages {
@@ -109,8 +119,9 @@ impl HalfImages {
         };
         let (sharp, smooth) = (mean_of(&changes, 1.0), mean_of(&blurred, 2.0));
         let scale = self.scale(variance, mean_variance)?;
-        let factor = (SHARP.0 * self.spp.max(1.0).powf(SHARP.1)).min(1.0);
-        Some([(scale(sharp.times(factor)), SHARP.2), (scale(smooth.times(SMOOTH.0)), SMOOTH.1)])
+        let sharp = sharp.times((SHARP_RATIO * self.spp.max(1.0).powf(SHARP_GROWTH)).min(1.0));
+        let smooth = smooth.times(SMOOTH_RATIO);
+        Some([(scale(sharp), SHARP_DEVIATION), (scale(smooth), SMOOTH_DEVIATION)])
     }
 
     /// Returns a function that scales a mean over the excerpt to the image, by the ratio of their variances.
@@ -236,7 +247,7 @@ mod tests {
         let mut variance = Planes::new(SIDE, SIDE, 1);
         variance.data_mut().fill(1.0);
         let [(sharp, _), _] = halves.estimates(&exact, &variance, Mean::exactly(1.0)).unwrap();
-        let found = sharp.value / (SHARP.0 * 16f64.powf(SHARP.1));
+        let found = sharp.value / (SHARP_RATIO * 16f64.powf(SHARP_GROWTH));
         assert!((found / expected - 1.0).abs() < 0.1, "{found} {expected}");
     }
 

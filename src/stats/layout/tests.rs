@@ -1,6 +1,7 @@
 //! Tests of layouts.
 
 use super::*;
+use crate::stats::MAX_DIMENSIONS;
 
 #[test]
 fn all_blocks_give_the_papers_27_dimensions() {
@@ -13,7 +14,7 @@ fn all_blocks_give_the_papers_27_dimensions() {
 
 #[test]
 fn the_table_is_in_the_order_of_blocks() {
-    assert!(ALL.iter().enumerate().all(|(i, (block, _))| *block as usize == i));
+    assert!(BLOCKS.iter().enumerate().all(|(i, (block, _))| *block as usize == i));
 }
 
 #[test]
@@ -54,12 +55,12 @@ fn writing_a_disabled_block_changes_nothing() {
 
 #[test]
 fn blocks_follow_each_other_without_gaps() {
-    let dropped = ALL.map(|(block, _)| block).map(|block| move |b: Block| b != block);
+    let dropped = BLOCKS.map(|(block, _)| block).map(|block| move |b: Block| b != block);
     for is_enabled in dropped {
         let layout = Layout::with_blocks(is_enabled);
         layout.validate().unwrap();
         let mut end = 0;
-        for (block, dims) in ALL {
+        for (block, dims) in BLOCKS {
             let expected = matches!(block, Block::Film | Block::Colour) || is_enabled(block);
             assert_eq!(layout.block(block).is_some(), expected, "{block:?}");
             if let Some(range) = layout.block(block) {

@@ -1,44 +1,35 @@
-//! A region of the image that is rendered first.
+//! A batch for the region of the image that is rendered first.
 
 use super::settings::Settings;
-
-/// Columns and rows of the store, half open.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Region {
-    pub x: [usize; 2],
-    pub y: [usize; 2],
-}
+use crate::stats::Rectangle;
 
 /// A batch within a region.
-pub(super) struct RegionBatch {
+pub struct RegionBatch {
     pixels: Vec<usize>,
     width: usize,
     samples: u64,
 }
 
-impl Region {
-    /// Returns the batch of at most `total` samples that the region gets; `None` if it is empty or has its budget.
-    pub(super) fn batch(
-        &self,
+impl RegionBatch {
+    /// Plans the batch of at most `total` samples that the region gets; `None` if it is outside the image or has its budget.
+    pub fn new(
+        region: &Rectangle,
         counts: &[u32],
         width: usize,
         total: u64,
         settings: &Settings,
-    ) -> Option<RegionBatch> {
-        let height = counts.len() / width.max(1);
-        let [x0, x1] = self.x.map(|x| x.min(width));
-        let [y0, y1] = self.y.map(|y| y.min(height));
+    ) -> Option<Self> {
+        let image = Rectangle::of_image(width, counts.len() / width.max(1));
+        let Rectangle { x: [x0, x1], y: [y0, y1] } = region.intersection(&image)?;
         let pixels: Vec<usize> = (y0..y1).flat_map(|y| (x0..x1).map(move |x| y * width + x)).collect();
         let have: u64 = pixels.iter().map(|&i| u64::from(counts[i])).sum();
         let all = |spp: u32| u64::from(spp) * pixels.len() as u64;
         let most = settings.budget.spp.map_or(settings.max_spp, |spp| spp.min(settings.max_spp));
         // As with batches of the whole image: the total doubles.
         let samples = have.max(all(settings.min_spp.max(1))).min(total).min(all(most).saturating_sub(have));
-        (samples > 0).then_some(RegionBatch { pixels, width: x1 - x0, samples })
+        (samples > 0).then_some(Self { pixels, width: x1 - x0, samples })
     }
-}
 
-impl RegionBatch {
     /// Returns the samples of the batch.
     pub fn samples(&self) -> u64 {
         self.samples
@@ -79,10 +70,10 @@ mod tests {
 
     #[test]
     fn a_region_gets_samples_until_it_has_the_budget() {
-        let region = Region { x: [2, 4], y: [1, 3] };
+        let region = Rectangle { x: [2, 4], y: [1, 3] };
         let mut counts = vec![2; 6 * 5];
         let mut sizes = Vec::new();
-        while let Some(batch) = region.batch(&counts, 6, 10_000, &settings(20)) {
+        while let Some(batch) = RegionBatch::new(&region, &counts, 6, 10_000, &settings(20)) {
             let uniform = |_: Option<&[f32]>, have: &[u32], _, total| adaptive::uniform(total, have, 1000, 0);
             let added = batch.allocate(&counts, None, uniform);
             sizes.push(added.iter().sum::<u32>());
@@ -95,7 +86,7 @@ mod tests {
 
     #[test]
     fn a_region_outside_the_image_is_none() {
-        let region = Region { x: [7, 9], y: [0, 5] };
-        assert!(region.batch(&[2; 30], 6, 100, &settings(20)).is_none());
+        let region = Rectangle { x: [7, 9], y: [0, 5] };
+        assert!(RegionBatch::new(&region, &[2; 30], 6, 100, &settings(20)).is_none());
     }
 }
