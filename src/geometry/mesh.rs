@@ -4,7 +4,7 @@ use glam::{DVec3, Vec2, Vec3};
 
 use super::local_interaction::{Detail, LocalInteraction, Parametrisation};
 use super::rounding::gamma;
-use crate::scene::TriangleMesh;
+use crate::scene::{MeshTangents, TriangleMesh};
 
 /// Texture coordinates of the corners of a triangle whose mesh has none.
 const DEFAULT_UVS: [Vec2; 3] = [Vec2::ZERO, Vec2::X, Vec2::ONE];
@@ -109,7 +109,9 @@ pub fn interaction(
 
     let parametrisation = detail.then(|| {
         let uvs = corner_uvs(mesh, triangle);
-        let (dpdu, dpdv) = tangents(corners, uvs);
+        let parametric = tangents(corners, uvs);
+        let (dpdu, dpdv) =
+            if has_normal { shading_tangents(mesh.tangents, normal, parametric) } else { parametric };
         Parametrisation { uv: weights[0] * uvs[0] + weights[1] * uvs[1] + weights[2] * uvs[2], dpdu, dpdv }
     });
     LocalInteraction {
@@ -118,6 +120,20 @@ pub fn interaction(
         geometric_normal,
         shading_normal: has_normal.then_some(normal),
         parametrisation,
+    }
+}
+
+/// The tangents of a mesh with normals, from the interpolated normal of any length.
+#[inline]
+fn shading_tangents(kind: MeshTangents, normal: Vec3, (dpdu, dpdv): (Vec3, Vec3)) -> (Vec3, Vec3) {
+    let across = || normal.normalize().cross(dpdu);
+    match kind {
+        MeshTangents::Parametric => (dpdu, dpdv),
+        MeshTangents::Perpendicular => (dpdu, across()),
+        MeshTangents::Opposite => {
+            let across = across().normalize_or_zero();
+            (normal.normalize().cross(across), -across)
+        }
     }
 }
 

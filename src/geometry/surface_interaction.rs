@@ -15,7 +15,8 @@ pub struct SurfaceInteraction {
     /// Unit interpolated normal, in the hemisphere of `geometric_normal`.
     pub shading_normal: Vec3,
     /// ∂p/∂u; never zero, nor parallel to `dpdv`. Not normalised, and not orthogonal to either
-    /// normal or to `dpdv`.
+    /// normal or to `dpdv`. On meshes with normals, the tangents are those of
+    /// [`MeshTangents`](crate::scene::MeshTangents).
     pub dpdu: Vec3,
     /// ∂p/∂v.
     pub dpdv: Vec3,

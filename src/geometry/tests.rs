@@ -10,7 +10,7 @@ use super::test_scenes::{
 };
 use super::*;
 use crate::scene::texture::Texture;
-use crate::scene::{AnimatedTransform, Disk, Shape, Sphere, TriangleMesh};
+use crate::scene::{AnimatedTransform, Disk, MeshTangents, Shape, Sphere, TriangleMesh};
 
 #[test]
 fn the_nearest_of_random_triangles_is_found() {
@@ -392,6 +392,32 @@ fn normals_and_tangents_follow_pbrt() {
     assert_eq!(mapped.dpdu, 4.0 * Vec3::Y);
     assert_eq!(mapped.dpdv, Vec3::X);
     assert!(mapped.uv.distance(Vec2::new(0.125, 0.5)) < 1e-6);
+}
+
+/// By hand from pbrt's definitions, for a normal that is not the triangle's and a skewed parametrisation.
+#[test]
+fn tangents_of_meshes_with_normals_follow_the_dialect() {
+    let corners = [Vec3::ZERO, 2.0 * Vec3::X, Vec3::new(1.0, 4.0, 0.0)];
+    let down = ray(Vec3::new(0.5, 0.5, 1.0), -Vec3::Z);
+    let normal = Vec3::new(0.6, 0.0, 0.8);
+    let tangents = |tangents: MeshTangents| {
+        let uvs = vec![Vec2::ZERO, Vec2::X, Vec2::Y];
+        let mesh =
+            TriangleMesh { uvs, normals: vec![normal; 3], tangents, ..(*triangle_mesh(&[corners])).clone() };
+        let accel_scene = static_scene(vec![Shape::Mesh(Arc::new(mesh))]);
+        let accel = Accel::build(&accel_scene);
+        let point = accel.interaction(&down, &accel.intersect(&down).expect("aimed at it"));
+        [point.dpdu, point.dpdv]
+    };
+    let [dpdu, dpdv] = tangents(MeshTangents::Parametric);
+    assert_eq!([dpdu, dpdv], [2.0 * Vec3::X, Vec3::new(1.0, 4.0, 0.0)]);
+    // n × 2x = 1.6 y
+    let [dpdu, dpdv] = tangents(MeshTangents::Perpendicular);
+    assert!(dpdu == 2.0 * Vec3::X && dpdv.distance(1.6 * Vec3::Y) < 1e-6, "{dpdv}");
+    // The part of x that is perpendicular to n is along (0.8, 0, −0.6)
+    let [dpdu, dpdv] = tangents(MeshTangents::Opposite);
+    assert!(dpdu.distance(Vec3::new(-0.8, 0.0, 0.6)) < 1e-6, "{dpdu}");
+    assert!(dpdv.distance(Vec3::NEG_Y) < 1e-6, "{dpdv}");
 }
 
 #[test]

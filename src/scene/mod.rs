@@ -28,7 +28,7 @@ pub use light::{AreaLight, Light};
 pub use material::{Material, MaterialId, MaterialKind};
 pub use material_traits::MaterialTraits;
 pub use sampler_kind::SamplerKind;
-pub use shape::{Disk, Instance, Object, Primitive, Shape, Sphere, TriangleMesh};
+pub use shape::{Disk, Instance, MeshTangents, Object, Primitive, Shape, Sphere, TriangleMesh};
 pub use texture::{FloatTextureId, ImageId, RgbTextureId, TextureImage, Textures};
 pub use transform::AnimatedTransform;
 pub use validation::ValidationError;

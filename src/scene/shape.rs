@@ -19,6 +19,19 @@ pub struct TriangleMesh {
     pub normals: Vec<Vec3>,
     pub uvs: Vec<Vec2>,
     pub indices: Vec<[u32; 3]>,
+    pub tangents: MeshTangents,
+}
+
+/// The tangents along which heights tilt a mesh with normals. Without normals they are those of its parametrisation.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum MeshTangents {
+    /// ∂p/∂u and ∂p/∂v.
+    #[default]
+    Parametric,
+    /// ∂p/∂u and n × ∂p/∂u, whatever the direction and length of ∂p/∂v, as in pbrt-v4.
+    Perpendicular,
+    /// Unit vectors opposite to these, as in pbrt-v2 and v3, where heights are depths in units of the texture coordinates.
+    Opposite,
 }
 
 /// A (possibly partial) sphere around the origin of its own space, as pbrt's `sphere`.

@@ -108,6 +108,13 @@ mod tests {
     }
 
     #[test]
+    fn heights_along_opposite_tangents_are_depths() {
+        let opposite = SurfaceInteraction { dpdu: Vec3::NEG_X, dpdv: Vec3::NEG_Y, ..flat_point() };
+        let frame = bumped(&opposite, STEP, |at| at.uv.x + 2.0 * at.uv.y);
+        assert!((frame.z - Vec3::new(1.0, 2.0, 1.0).normalize()).length() < 1e-3, "{}", frame.z);
+    }
+
+    #[test]
     fn a_left_handed_parametrisation_keeps_the_side_of_the_normal() {
         let mirrored = SurfaceInteraction { dpdv: Vec3::NEG_Y, ..flat_point() };
         let frame = bumped(&mirrored, STEP, |at| at.uv.x);

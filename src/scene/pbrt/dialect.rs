@@ -5,6 +5,7 @@ use std::path::Path;
 use glam::Vec3;
 
 use super::spectrum::Spectrum;
+use crate::scene::MeshTangents;
 use crate::scene::film::PixelFilter;
 use crate::scene::light::SpotFalloff;
 use crate::scene::material::RoughnessScale;
@@ -47,6 +48,12 @@ impl Dialect {
 
     /// Whether `TransformEnd` restores the transform only; otherwise it restores all attributes.
     pub(super) fn transform_end_restores_transform_only(self) -> bool {
+        self != Dialect::V4
+    }
+
+    /// Whether the end of a block of attributes brings back the textures and materials that were redefined in it; otherwise
+    /// names hold for the whole scene, and pbrt defines none twice.
+    pub(super) fn restores_definitions(self) -> bool {
         self != Dialect::V4
     }
 
@@ -124,6 +131,19 @@ impl Dialect {
     /// Whether pixel values are proportional to the time that the shutter is open.
     pub(super) fn shutter_scales_exposure(self) -> bool {
         self == Dialect::V4
+    }
+
+    /// Whether the gloss of `plastic` and `uber` has the inverse index of refraction seen from behind, not the same.
+    pub(super) fn inverts_gloss_behind(self) -> bool {
+        self == Dialect::V3
+    }
+
+    /// The tangents of triangle meshes with normals.
+    pub(super) fn mesh_tangents(self) -> MeshTangents {
+        match self {
+            Self::V4 => MeshTangents::Perpendicular,
+            Self::V2 | Self::V3 => MeshTangents::Opposite,
+        }
     }
 
     /// Whether v = 0 is the bottom row of an image; otherwise it is the top row.

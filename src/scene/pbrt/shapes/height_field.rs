@@ -25,7 +25,7 @@ pub fn mesh(params: &ParameterDictionary) -> Result<MeshDescription> {
         .collect();
     let positions = uvs.iter().zip(heights).map(|(uv, &height)| uv.extend(height)).collect();
     let indices = grid_triangles(rows - 1, columns - 1);
-    Ok(MeshDescription { positions, normals: Vec::new(), uvs, indices })
+    Ok(MeshDescription { positions, uvs, indices, ..MeshDescription::default() })
 }
 
 #[cfg(test)]

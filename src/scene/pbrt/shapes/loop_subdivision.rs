@@ -49,7 +49,7 @@ pub fn subdivide(
         });
         normals.push(limit_normal(position, &ring, closed));
     }
-    Ok((MeshDescription { positions: limit, normals, uvs: Vec::new(), indices }, copies))
+    Ok((MeshDescription { positions: limit, normals, indices, ..MeshDescription::default() }, copies))
 }
 
 /// From one corner of a fan to the next in one direction; corners are numbered through all triangles.

@@ -3,7 +3,7 @@
 
 use glam::{DAffine3, DVec2, DVec3, Vec3};
 
-use crate::scene::TriangleMesh;
+use crate::scene::{MeshTangents, TriangleMesh};
 
 /// A mesh in shape space, not yet validated.
 #[derive(Debug, Default)]
@@ -14,6 +14,7 @@ pub struct MeshDescription {
     /// Empty, or one for each position.
     pub uvs: Vec<DVec2>,
     pub indices: Vec<[u32; 3]>,
+    pub tangents: MeshTangents,
 }
 
 impl MeshDescription {
@@ -58,8 +59,8 @@ impl MeshDescription {
         let normals: Vec<Vec3> =
             self.normals.iter().map(|&n| (sign * (to_normal * n)).normalize_or_zero().as_vec3()).collect();
         let uvs = self.uvs.iter().map(|uv| uv.as_vec2()).collect();
-        let mut mesh =
-            TriangleMesh { positions, normals, uvs, indices: Vec::with_capacity(self.indices.len()) };
+        let indices = Vec::with_capacity(self.indices.len());
+        let mut mesh = TriangleMesh { positions, normals, uvs, indices, tangents: self.tangents };
         for &triangle in &self.indices {
             mesh.add(triangle, flip_normal);
         }

@@ -1,5 +1,6 @@
 //! The directive `Shape`.
 
+use super::mesh_description::MeshDescription;
 use super::{curve, height_field, ply, revolution};
 use crate::scene::pbrt::builder::SceneBuilder;
 use crate::scene::pbrt::parser::{ParameterDictionary, ParseError, Result, Statement};
@@ -41,6 +42,7 @@ impl SceneBuilder {
                 let mesh = ply::read(&path).map_err(|message| {
                     named(format!("{message}; expected a valid PLY file that fits in memory"))
                 })?;
+                let mesh = MeshDescription { tangents: self.dialect.mesh_tangents(), ..mesh };
                 self.add_mesh(params, &mesh, named)?;
             }
             "bilinearmesh" => {

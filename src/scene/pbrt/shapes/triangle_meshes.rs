@@ -31,7 +31,7 @@ impl SceneBuilder {
         let uvs = self.per_vertex(uvs, uvs_name, positions.len(), params);
         let normals = params.triples("N")?.unwrap_or_default();
         let normals = self.per_vertex(normals, "N", positions.len(), params);
-        Ok(MeshDescription { positions, normals, uvs, indices })
+        Ok(MeshDescription { positions, normals, uvs, indices, tangents: self.dialect.mesh_tangents() })
     }
 
     /// The mesh of `loopsubdiv`.
@@ -60,7 +60,7 @@ impl SceneBuilder {
                 "\"loopsubdiv\" with separate surfaces that meet at a vertex; each has a vertex of its own";
             self.warnings.add(params.loc, message);
         }
-        Ok(mesh)
+        Ok(MeshDescription { tangents: self.dialect.mesh_tangents(), ..mesh })
     }
 
     /// The vertex indices of faces with `N` corners. As in pbrt, an empty list counts as not given,
