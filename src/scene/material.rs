@@ -84,6 +84,8 @@ pub struct Additive {
     pub diffuse: [Option<RgbTextureId>; 2],
     /// A glossy lobe; its transmission is the mirror image below the surface.
     pub gloss: Option<Lobe>,
+    /// Whether the gloss has the inverse index of refraction seen from behind (v3), not the same (v2).
+    pub inverts_gloss_behind: bool,
     /// A dielectric interface that reflects and refracts.
     pub dielectric: Option<Lobe>,
     /// Fraction of light that is scattered; the rest passes straight through. `None` is opaque.

@@ -166,7 +166,10 @@ impl MaterialEvaluator<'_> {
                 reflectance,
                 transmittance,
                 distribution: self.distribution(layer.roughness),
-                fresnel: MicrofacetFresnel::Dielectric(layer.eta),
+                fresnel: MicrofacetFresnel::Dielectric {
+                    front: layer.eta,
+                    back: if lobes.inverts_gloss_behind { layer.eta.recip() } else { layer.eta },
+                },
             })
         });
         let dielectric = lobes.dielectric.and_then(|layer| {

@@ -12,9 +12,12 @@ use super::microfacet_distribution::MicrofacetDistribution;
 /// The Fresnel reflectance of microfacets (pbrt-v3's `Fresnel`).
 #[derive(Clone, Copy, Debug)]
 pub(super) enum MicrofacetFresnel {
-    /// Index of refraction of the far side over that of the near side. It is below 1 for pbrt-v2's and v3's
-    /// `plastic`, which reflects everything beyond the critical angle.
-    Dielectric(f32),
+    /// Index of refraction of the far side over that of the near side, seen from the front and from behind. It is below 1 for
+    /// the front of pbrt-v2's and v3's `plastic`, which reflects everything beyond the critical angle.
+    Dielectric {
+        front: f32,
+        back: f32,
+    },
     Conductor {
         eta: Vec3,
         k: Vec3,
@@ -22,9 +25,12 @@ pub(super) enum MicrofacetFresnel {
 }
 
 impl MicrofacetFresnel {
-    fn reflectance(self, cos: f32) -> Vec3 {
+    /// The reflectance for light from the side of `wo`.
+    fn reflectance(self, wo: Vec3, cos: f32) -> Vec3 {
         match self {
-            Self::Dielectric(eta) => Vec3::splat(fresnel::dielectric(cos, eta)),
+            Self::Dielectric { front, back } => {
+                Vec3::splat(fresnel::dielectric(cos, if wo.z < 0.0 { back } else { front }))
+            }
             Self::Conductor { eta, k } => fresnel::conductor(cos, eta, k),
         }
     }
@@ -63,7 +69,7 @@ impl Bxdf for MicrofacetLobe {
             return Vec3::ZERO;
         }
         let (value, cos) = self.distribution.reflection_eval(wo, wi);
-        colour * self.fresnel.reflectance(cos) * value
+        colour * self.fresnel.reflectance(wo, cos) * value
     }
 
     fn pdf(&self, wo: Vec3, wi: Vec3) -> f32 {
@@ -95,6 +101,6 @@ impl Bxdf for MicrofacetLobe {
     }
 
     fn albedo(&self, wo: Vec3) -> Vec3 {
-        (self.reflectance + self.transmittance) * self.fresnel.reflectance(wo.z.abs())
+        (self.reflectance + self.transmittance) * self.fresnel.reflectance(wo, wo.z.abs())
     }
 }

@@ -47,7 +47,8 @@ fn gold(alpha_x: f32, alpha_y: f32) -> Conductor {
 
 /// A sum of all four bxdfs, with reflection and transmission each.
 fn sum(distribution: MicrofacetDistribution, colour: Vec3, dark: Vec3) -> BxdfSum {
-    let (diffuse, fresnel) = (0.3 * colour, MicrofacetFresnel::Dielectric(1.0 / 1.5));
+    let (diffuse, fresnel) =
+        (0.3 * colour, MicrofacetFresnel::Dielectric { front: 1.0 / 1.5, back: 1.0 / 1.5 });
     let dielectric = Dielectric { eta: 1.5, ggx: Ggx::new(0.0, 0.0) };
     BxdfSum {
         diffuse: Some(Diffuse { reflectance: diffuse, transmittance: 0.2 * dark }),
@@ -95,6 +96,9 @@ fn glossy_bxdfs() -> Vec<(String, Box<dyn Bxdf>)> {
         let metal =
             MicrofacetLobe { reflectance: Vec3::ONE, transmittance: Vec3::ZERO, distribution, fresnel };
         add(format!("blinn metal {x} {y}"), Box::new(metal));
+        let fresnel = MicrofacetFresnel::Dielectric { front: 1.0 / 1.5, back: 1.5 };
+        let plastic = MicrofacetLobe { fresnel, ..metal };
+        add(format!("blinn plastic {x} {y}"), Box::new(plastic));
         add(
             format!("blend {x} {y}"),
             Box::new(FresnelBlend { diffuse: colour, specular: dark, distribution }),

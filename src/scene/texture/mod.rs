@@ -17,4 +17,4 @@ pub use self::texture_id::{FloatTextureId, ImageId, RgbTextureId};
 pub use self::texture_image::{Texel, TextureImage, WrapMode};
 pub use self::texture_mapping::{TextureMapping, TexturePoint};
 pub use self::texture_value::TextureValue;
-pub use self::textures::{ImageTexture, PooledValue, Texture, Textures};
+pub use self::textures::{ImageFilter, ImageTexture, PooledValue, Texture, Textures};

@@ -126,6 +126,15 @@ impl TextureImage {
         }
     }
 
+    /// Value of the texel at (s, t), which run over [0, 1]² from the top left.
+    pub fn nearest<V: Texel>(&self, st: Vec2, wrap: WrapMode) -> V {
+        let position = (st * Vec2::new(self.width as f32, self.height as f32)).map(floor);
+        // `as` saturates, and takes NaN for 0
+        let [x, y] =
+            [(position.x, self.width), (position.y, self.height)].map(|(i, size)| wrap.index(i as i64, size));
+        x.zip(y).map_or(V::splat(0.0), |(x, y)| V::texel(self, x, y))
+    }
+
     /// Bilinearly filtered value at (s, t), which run over [0, 1]² from the top left.
     pub fn bilinear<V: Texel>(&self, st: Vec2, wrap: WrapMode) -> V {
         let position = st * Vec2::new(self.width as f32, self.height as f32) - 0.5;
@@ -218,6 +227,17 @@ mod tests {
             .map(|(s, t)| image().bilinear::<f32>(Vec2::new(s, t), WrapMode::Repeat));
         assert_eq!(values, [1.0, 2.0, 3.0, 4.0]);
         assert_eq!(image().bilinear::<f32>(Vec2::splat(0.5), WrapMode::Repeat), 2.5);
+    }
+
+    #[test]
+    fn the_nearest_texel_is_the_one_around_a_point() {
+        let at = |s, t, wrap| image().nearest::<f32>(Vec2::new(s, t), wrap);
+        assert_eq!([at(0.01, 0.49, WrapMode::Repeat), at(0.51, 0.99, WrapMode::Repeat)], [1.0, 4.0]);
+        assert_eq!(
+            [WrapMode::Repeat, WrapMode::Clamp, WrapMode::Black].map(|w| at(-0.1, 0.2, w)),
+            [2.0, 1.0, 0.0]
+        );
+        assert!(at(f32::NAN, f32::INFINITY, WrapMode::Repeat).is_finite());
     }
 
     #[test]

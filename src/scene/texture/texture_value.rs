@@ -10,7 +10,7 @@ use super::texture_id::{FloatTextureId, RgbTextureId};
 /// A value of a texture.
 pub trait TextureValue: Copy + Add<Output = Self> + Mul<Output = Self> + Mul<f32, Output = Self> {
     /// Index of a texture with values of this type.
-    type Id: Copy + Debug;
+    type Id: Copy + Debug + 'static;
 
     /// The value with all channels equal.
     fn splat(value: f32) -> Self;

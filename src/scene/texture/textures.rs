@@ -47,10 +47,19 @@ pub struct ImageTexture {
     pub image: ImageId,
     pub mapping: TextureMapping,
     pub wrap: WrapMode,
+    pub filter: ImageFilter,
     /// Scale factor of the image's values.
     pub scale: f32,
     /// Replaces the scaled value by 1 − value, clamped to at least 0.
     pub invert: bool,
+}
+
+/// How an image is looked up between the centres of its texels.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum ImageFilter {
+    #[default]
+    Bilinear,
+    Nearest,
 }
 
 /// A texture value whose textures are stored in [`Textures`].
@@ -257,7 +266,11 @@ impl Textures {
 
     fn image_value<V: PooledValue>(&self, texture: &ImageTexture, at: TexturePoint) -> V {
         let st = texture.mapping.coordinates(at).truncate();
-        let value = self.image(texture.image).bilinear::<V>(st, texture.wrap) * texture.scale;
+        let image = self.image(texture.image);
+        let value = match texture.filter {
+            ImageFilter::Bilinear => image.bilinear::<V>(st, texture.wrap),
+            ImageFilter::Nearest => image.nearest::<V>(st, texture.wrap),
+        } * texture.scale;
         if texture.invert { (V::splat(1.0) + value * -1.0).clamp_zero() } else { value }
     }
 }
@@ -328,7 +341,8 @@ mod tests {
         let mut textures = Textures::default();
         let image = textures.add_image(TextureImage::from_floats(2, 1, 1, vec![0.25, 4.0]));
         let mapping = TextureMapping::Uv { scale: Vec2::ONE, offset: Vec2::ZERO };
-        let texture = ImageTexture { image, mapping, wrap: WrapMode::Clamp, scale: 2.0, invert: true };
+        let (wrap, filter) = (WrapMode::Clamp, ImageFilter::Bilinear);
+        let texture = ImageTexture { image, mapping, wrap, filter, scale: 2.0, invert: true };
         let id = textures.add(Texture::<f32>::Image(texture));
         assert_eq!(textures.float(id, at(0.25, 0.5)), 0.5);
         assert_eq!(textures.float(id, at(0.75, 0.5)), 0.0);

@@ -9,7 +9,7 @@ use glam::{Affine3A, DAffine3, DVec3, Vec2, Vec3};
 use super::ValidationError;
 use crate::scene::light::{Environment, EnvironmentMap};
 use crate::scene::pbrt::read_str;
-use crate::scene::texture::{ImageTexture, Texture, TextureMapping, WrapMode};
+use crate::scene::texture::{ImageFilter, ImageTexture, Texture, TextureMapping, WrapMode};
 use crate::scene::{
     AnimatedTransform, FloatTextureId, ImageId, Instance, Integrator, Light, MaterialId, MaterialKind,
     PixelFilter, RgbTextureId, Scene, Shape, TextureImage, TriangleMesh,
@@ -170,7 +170,8 @@ fn invalid_textures_and_images_are_named() {
     assert_eq!(invalid_field(|s| s.textures.add_image(texel)), "textures.images[0] at (1, 0)");
     let mapping = TextureMapping::Uv { scale: Vec2::ONE, offset: Vec2::ZERO };
     let wrap = WrapMode::Repeat;
-    let missing = ImageTexture { image: ImageId(5), mapping, wrap, scale: 1.0, invert: false };
+    let filter = ImageFilter::default();
+    let missing = ImageTexture { image: ImageId(5), mapping, wrap, filter, scale: 1.0, invert: false };
     let missing = Texture::<Vec3>::Image(missing);
     assert_eq!(invalid_field(|s| s.textures.add(missing)), format!("{field}.image"));
     let unknown = RgbTextureId(99);

@@ -1,6 +1,6 @@
 //! Blocks that save and restore the graphics state.
 
-use super::GraphicsState;
+use super::{GraphicsState, SceneBuilder};
 use crate::scene::pbrt::parser::FileLoc;
 
 /// The kind of a block, such as `AttributeBegin` ... `AttributeEnd`.
@@ -29,4 +29,9 @@ pub struct ParserScope {
     pub block: ScopeKind,
     /// Location of the directive that opened the block.
     pub loc: FileLoc,
+    /// Bring back what definitions in the block have replaced.
+    pub restorations: Vec<Restoration>,
 }
+
+/// Brings back a definition that another one of the same name has replaced.
+pub type Restoration = Box<dyn FnOnce(&mut SceneBuilder)>;

@@ -1,5 +1,7 @@
 //! Blocks: `AttributeBegin`, `TransformBegin`, `ObjectBegin` and their ends.
 
+use std::collections::HashMap;
+
 use crate::scene::pbrt::builder::{ParserScope, SceneBuilder, ScopeKind};
 use crate::scene::pbrt::parser::{FileLoc, ParseError, Result};
 
@@ -13,7 +15,7 @@ impl SceneBuilder {
             let message = format!("blocks are nested too deep; expected at most {MAX_SCOPES} levels");
             return Err(ParseError::new(loc, message));
         }
-        self.scopes.push(ParserScope { saved: self.state.clone(), block, loc });
+        self.scopes.push(ParserScope { saved: self.state.clone(), block, loc, restorations: Vec::new() });
         Ok(())
     }
 
@@ -42,7 +44,26 @@ impl SceneBuilder {
         } else {
             self.state = scope.saved;
         }
+        scope.restorations.into_iter().rev().for_each(|restore| restore(self));
         Ok(())
+    }
+
+    /// Defines something under a name. What an older dialect has defined under the same name before the block of attributes
+    /// counts again after the block.
+    pub fn define<T: 'static>(
+        &mut self,
+        names: fn(&mut Self) -> &mut HashMap<String, T>,
+        name: String,
+        value: T,
+    ) {
+        let Some(earlier) = names(self).insert(name.clone(), value) else { return };
+        let mut blocks = self.scopes.iter_mut().rev();
+        let block = blocks.find(|scope| scope.block != ScopeKind::Transform);
+        if let Some(block) = block.filter(|_| self.dialect.restores_definitions()) {
+            block.restorations.push(Box::new(move |builder| {
+                names(builder).insert(name, earlier);
+            }));
+        }
     }
 
     /// Checks the end of the main file: open blocks, missing `WorldBegin`.

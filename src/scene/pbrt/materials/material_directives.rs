@@ -7,7 +7,9 @@ use glam::Vec3;
 use crate::scene::material::MaterialKind;
 use crate::scene::pbrt::builder::{MaterialEntity, MaterialRef, SceneBuilder};
 use crate::scene::pbrt::parser::{FileLoc, ParameterDictionary, ParseError, Result, Statement};
-use crate::scene::texture::{Channels, Encoding, ImageTexture, Texture, TextureMapping, WrapMode};
+use crate::scene::texture::{
+    Channels, Encoding, ImageFilter, ImageTexture, Texture, TextureMapping, WrapMode,
+};
 use crate::scene::{Material, MaterialId};
 
 /// The error for a reference to a material that is not defined.
@@ -86,7 +88,8 @@ impl SceneBuilder {
             })
         });
         let id = self.replace_forward_material(name, id);
-        self.named_materials.insert(name.clone(), MaterialRef { id, entity });
+        let material = MaterialRef { id, entity };
+        self.define(|builder| &mut builder.named_materials, name.clone(), material);
         Ok(())
     }
 
@@ -201,8 +204,8 @@ impl SceneBuilder {
                 let (encoding, channels) = (Encoding::Linear, Channels::All);
                 let image = self.images.add(path, encoding, channels, flip_rows, None, params.loc);
                 let mapping = TextureMapping::Uv { scale: glam::Vec2::new(1.0, -1.0), offset: glam::Vec2::Y };
-                let texture =
-                    ImageTexture { image, mapping, wrap: WrapMode::Repeat, scale: 1.0, invert: false };
+                let (wrap, filter) = (WrapMode::Repeat, ImageFilter::Bilinear);
+                let texture = ImageTexture { image, mapping, wrap, filter, scale: 1.0, invert: false };
                 Some(self.textures.add(Texture::<Vec3>::Image(texture)))
             }
         };

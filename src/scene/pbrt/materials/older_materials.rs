@@ -67,7 +67,9 @@ impl SceneBuilder {
                 let colours = [Some(self.rgb_texture_or(params, "Ks", gray(0.25))?), None];
                 let roughness = self.isotropic_roughness(params, 0.1)?;
                 let gloss = Some(Lobe { colours, eta: 1.0 / PLASTIC_ETA, roughness });
-                MaterialKind::Additive(Box::new(Additive { diffuse, gloss, ..Additive::default() }))
+                let inverts_gloss_behind = self.dialect.inverts_gloss_behind();
+                let lobes = Additive { diffuse, gloss, inverts_gloss_behind, ..Additive::default() };
+                MaterialKind::Additive(Box::new(lobes))
             }
             "uber" => self.uber(params)?,
             "translucent" => self.translucent(params)?,
@@ -115,11 +117,20 @@ impl SceneBuilder {
         let opacity = colour("opacity", 1.0)?;
         let roughness = match self.dialect {
             Dialect::V2 => self.isotropic_roughness(params, 0.1)?,
-            Dialect::V3 | Dialect::V4 => self.roughness(params, "", 0.1)?,
+            Dialect::V3 | Dialect::V4 => self.uber_roughness(params)?,
         };
         let gloss = Some(Lobe { colours: gloss, eta, roughness });
         let dielectric = Some(Lobe { colours: boundary, eta, roughness: self.zero_roughness() });
-        Ok(MaterialKind::Additive(Box::new(Additive { diffuse, gloss, dielectric, opacity })))
+        let inverts_gloss_behind = self.dialect.inverts_gloss_behind();
+        let lobes = Additive { diffuse, gloss, inverts_gloss_behind, dielectric, opacity };
+        Ok(MaterialKind::Additive(Box::new(lobes)))
+    }
+
+    /// The roughness of `uber` in v3, whose `vroughness` is `uroughness` by default.
+    fn uber_roughness(&mut self, params: &ParameterDictionary) -> Result<Roughness> {
+        let roughness = self.roughness(params, "", 0.1)?;
+        let v = if params.get("vroughness").is_some() { roughness.v } else { roughness.u };
+        Ok(Roughness { v, ..roughness })
     }
 
     /// `translucent`.
@@ -140,7 +151,7 @@ impl SceneBuilder {
             Dialect::V2 => (layer(1.0 / PLASTIC_ETA), None),
             Dialect::V3 | Dialect::V4 => (None, layer(PLASTIC_ETA)),
         };
-        Ok(MaterialKind::Additive(Box::new(Additive { diffuse, gloss, dielectric, opacity: None })))
+        Ok(MaterialKind::Additive(Box::new(Additive { diffuse, gloss, dielectric, ..Additive::default() })))
     }
 
     /// The index of refraction, named `eta` or `index`.

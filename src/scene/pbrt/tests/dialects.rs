@@ -41,6 +41,7 @@ fn uber_and_translucent_differ_between_the_dialects() {
     let uber = |dialect| additive(dialect, "Material \"uber\" \"float index\" 2 \"color Kr\" [1 1 1]");
     assert_eq!(uber(Dialect::V2).dielectric.unwrap().eta, 0.5);
     assert_eq!(uber(Dialect::V3).dielectric.unwrap().eta, 2.0);
+    assert!(uber(Dialect::V3).inverts_gloss_behind && !uber(Dialect::V2).inverts_gloss_behind);
     let translucent = |dialect| additive(dialect, "Material \"translucent\"");
     assert!(translucent(Dialect::V2).dielectric.is_none() && translucent(Dialect::V2).gloss.is_some());
     assert!(translucent(Dialect::V3).dielectric.is_some() && translucent(Dialect::V3).gloss.is_none());
@@ -94,9 +95,9 @@ fn older_materials_read_the_roughnesses_that_they_have() {
             "Material \"{material}\" \"float roughness\" .5 \"float uroughness\" .25 \"float vroughness\" .75"
         )
     };
-    let read = |dialect: Dialect, material: &str| {
+    let read = |dialect: Dialect, world: &str| {
         let header = if dialect == Dialect::V2 { "" } else { "Integrator \"path\"" };
-        let text = format!("{header} WorldBegin {} WorldEnd", world(material));
+        let text = format!("{header} WorldBegin {world} WorldEnd");
         let scene = read_str(&text, Path::new("")).unwrap();
         let roughness = match &scene.materials[1].kind {
             MaterialKind::Conductor { roughness, .. }
@@ -116,9 +117,11 @@ fn older_materials_read_the_roughnesses_that_they_have() {
         ("uber", common, axes),
         ("glass", [0.0; 2], axes),
     ] {
-        assert_eq!(read(Dialect::V2, material), v2, "{material}");
-        assert_eq!(read(Dialect::V3, material), v3, "{material}");
+        assert_eq!(read(Dialect::V2, &world(material)), v2, "{material}");
+        assert_eq!(read(Dialect::V3, &world(material)), v3, "{material}");
     }
+    let along_u = "Material \"uber\" \"float roughness\" .5 \"float uroughness\" .25";
+    assert_eq!(read(Dialect::V3, along_u), [0.25; 2]);
 }
 
 #[test]

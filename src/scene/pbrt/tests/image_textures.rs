@@ -86,6 +86,14 @@ fn as_linear(dialect: Dialect) -> &'static str {
     }
 }
 
+#[test]
+fn the_filter_point_takes_the_nearest_texel() {
+    let between = [0.3, 0.8];
+    let smooth = linear(V4, "", between);
+    assert_near(linear(V4, "\"string filter\" \"point\"", between), linear(V4, "", [0.25, 0.75]), "point");
+    assert!((smooth - linear(V4, "", [0.25, 0.75])).length() > 0.01, "the default is bilinear");
+}
+
 /// The value of the image of four texels, taken as linear, at a (u, v).
 fn linear(dialect: Dialect, params: &str, uv: [f32; 2]) -> Vec3 {
     colour(dialect, four_texels(), &format!("{} {params}", as_linear(dialect)), at_uv(uv))
@@ -134,9 +142,13 @@ fn bytes_are_decoded_by_their_encoding() {
 #[test]
 fn invalid_encodings_and_wrap_modes_are_errors() {
     let folder = folder_with("a.png", four_texels());
-    for (name, value) in
-        [("encoding", "rec709"), ("encoding", "gamma 0"), ("encoding", "gamma"), ("wrap", "mirror")]
-    {
+    for (name, value) in [
+        ("encoding", "rec709"),
+        ("encoding", "gamma 0"),
+        ("encoding", "gamma inf"),
+        ("encoding", "gamma"),
+        ("wrap", "mirror"),
+    ] {
         let text = format!("WorldBegin\n  {}", textured(&format!("\"string {name}\" \"{value}\"")));
         let error = read_str(&text, folder.path()).unwrap_err();
         assert_eq!((error.line, error.column), (2, 3), "{error}");
@@ -156,6 +168,13 @@ fn an_image_is_scaled_then_inverted_and_never_below_zero() {
     assert_near(linear(V4, "\"bool invert\" true", bright), [0.2; 3], "inverted");
     let both = "\"float scale\" 2 \"bool invert\" true";
     assert_near(linear(V4, both, dark), [0.6; 3], both);
+    // A constant of v4's `scale` is the image's
+    let folder = folder_with("a.png", four_texels());
+    let image = textured(&format!("{} \"bool invert\" true", as_linear(V4)));
+    let scaled = "Texture \"s\" \"spectrum\" \"scale\" \"texture tex\" \"t\" \"float scale\" 2
+        Material \"matte\" \"texture Kd\" \"s\"";
+    let scene = dialect_world(V4, folder.path(), &format!("{image} {scaled}"));
+    assert_near(reflectance(&scene, 2, at_uv(dark)), [0.6; 3], "scaled before it is inverted");
     assert_near(linear(V4, both, bright), [0.0; 3], both);
     // What is scaled is light, not what stands in the file.
     let gray = GrayImage::from_pixel(1, 1, image::Luma([128]));

@@ -5,7 +5,7 @@ use glam::{Vec2, Vec3};
 use super::{error, folder, scene, world};
 use crate::scene::pbrt::{Dialect, read};
 use crate::scene::texture::TexturePoint;
-use crate::scene::{Light, MaterialKind, Scene};
+use crate::scene::{Light, MaterialKind, MeshTangents, Scene, Shape};
 
 /// What a v3 file says of a world, read as such.
 fn v3_world(text: &str) -> Scene {
@@ -291,4 +291,43 @@ fn a_file_has_one_world() {
     let [warning] = &scene.warnings[..] else { panic!("{:?}", scene.warnings) };
     assert!(warning.ends_with("main.pbrt:2:2: everything after WorldEnd is ignored"), "{warning}");
     assert_eq!(scene.primitives.len(), 1);
+}
+
+#[test]
+fn a_redefined_name_counts_until_the_end_of_its_block_in_the_older_dialects() {
+    let definition = |kind: &str, value: f64| {
+        format!(
+            "MakeNamedMaterial \"m\" \"string type\" \"{kind}\"
+             Texture \"t\" \"float\" \"constant\" \"float value\" {value}"
+        )
+    };
+    let text = |kinds: [&str; 2]| {
+        let [outer, inner] = [definition(kinds[0], 0.25), definition(kinds[1], 0.75)];
+        let shape = "NamedMaterial \"m\" Shape \"sphere\" \"texture alpha\" \"t\"";
+        format!("{outer} AttributeBegin TransformBegin {inner} TransformEnd {shape} AttributeEnd {shape}")
+    };
+    let at = TexturePoint { uv: Vec2::ZERO, position: Vec3::ZERO };
+    let found = |scene: &Scene, primitive: usize| {
+        let primitive = &scene.primitives[primitive];
+        let is_glass =
+            matches!(scene.materials[primitive.material.0 as usize].kind, MaterialKind::Dielectric { .. });
+        (is_glass, primitive.alpha.map(|id| scene.textures.float(id, at)))
+    };
+    let v3 = v3_world(&text(["matte", "glass"]));
+    // Any alpha but 0 is opaque there
+    assert_eq!([found(&v3, 0).0, found(&v3, 1).0], [true, false]);
+    assert!(v3.warnings.is_empty(), "{:?}", v3.warnings);
+    let v4 = world(&text(["diffuse", "dielectric"]));
+    assert_eq!([found(&v4, 0), found(&v4, 1)], [(true, Some(0.75)); 2]);
+}
+
+#[test]
+fn meshes_have_the_tangents_of_their_dialect() {
+    let text = "Shape \"trianglemesh\" \"point3 P\" [0 0 0 1 0 0 0 1 0] \"normal N\" [0 0 1 0 0 1 0 0 1]";
+    for (scene, expected) in
+        [(v3_world(text), MeshTangents::Opposite), (world(text), MeshTangents::Perpendicular)]
+    {
+        let Shape::Mesh(mesh) = &scene.primitives[0].shape else { panic!("a mesh") };
+        assert_eq!(mesh.tangents, expected);
+    }
 }

@@ -4,7 +4,7 @@ use crate::scene::ImageId;
 use crate::scene::pbrt::builder::SceneBuilder;
 use crate::scene::pbrt::dialect::Dialect;
 use crate::scene::pbrt::parser::{FileLoc, ParameterDictionary, ParameterType, ParseError, Result};
-use crate::scene::texture::{Channels, Encoding, ImageTexture, WrapMode};
+use crate::scene::texture::{Channels, Encoding, ImageFilter, ImageTexture, WrapMode};
 
 impl SceneBuilder {
     /// The texture `imagemap`.
@@ -29,8 +29,12 @@ impl SceneBuilder {
                 ));
             }
         };
-        // Filtering is always bilinear
-        for name in ["filter", "maxanisotropy", "trilinear"] {
+        // Images are not prefiltered, so that the other filters are all bilinear
+        let filter = match params.string("filter")? {
+            Some("point") => ImageFilter::Nearest,
+            _ => ImageFilter::Bilinear,
+        };
+        for name in ["maxanisotropy", "trilinear"] {
             params.get(name);
         }
         let encoding = image_encoding(params, self.dialect)?;
@@ -44,6 +48,7 @@ impl SceneBuilder {
             image: self.image(file, encoding, channels, replacement, params.loc),
             mapping: self.texture_mapping(params, self.dialect.v_starts_at_bottom_row())?,
             wrap,
+            filter,
             scale,
             invert: params.bool_or("invert", false)?,
         })
@@ -82,7 +87,10 @@ pub fn image_encoding(params: &ParameterDictionary, dialect: Dialect) -> Result<
             ParameterType::Bool if !params.bool_or("gamma", true)? => Ok(Some(Encoding::Linear)),
             ParameterType::Bool => Ok(Some(Encoding::Srgb)),
             _ if dialect == Dialect::V3 => Ok(None),
-            _ => Ok(Some(Encoding::Gamma(params.positive_or("gamma", 1.0)? as f32))),
+            _ => match params.positive_or("gamma", 1.0)? as f32 {
+                gamma if gamma > 0.0 && gamma.is_finite() => Ok(Some(Encoding::Gamma(gamma))),
+                gamma => Err(param.error(gamma, "a number above 0 in single precision")),
+            },
         };
     }
     match params.string("encoding")? {
@@ -91,7 +99,7 @@ pub fn image_encoding(params: &ParameterDictionary, dialect: Dialect) -> Result<
         Some("linear") => Ok(Some(Encoding::Linear)),
         Some(other) => {
             match other.strip_prefix("gamma ").and_then(|gamma| gamma.trim().parse::<f32>().ok()) {
-                Some(gamma) if gamma > 0.0 => Ok(Some(Encoding::Gamma(gamma))),
+                Some(gamma) if gamma > 0.0 && gamma.is_finite() => Ok(Some(Encoding::Gamma(gamma))),
                 _ => {
                     let message =
                         format!("unknown encoding \"{other}\"; expected sRGB, linear or \"gamma <number>\"");

@@ -3,9 +3,10 @@
 use glam::Vec3;
 
 use super::texture_parameter::TextureParameter;
+use crate::scene::FloatTextureId;
 use crate::scene::pbrt::builder::SceneBuilder;
 use crate::scene::pbrt::parser::{ParameterDictionary, ParseError, Result, Statement};
-use crate::scene::texture::{Procedural, Texture, TextureMapping};
+use crate::scene::texture::{ImageTexture, Procedural, Texture, TextureMapping};
 
 /// Depth limit of texture expressions; evaluation follows every branch.
 const MAX_TEXTURE_DEPTH: usize = 12;
@@ -45,8 +46,23 @@ impl SceneBuilder {
             return Err(ParseError::new(statement.loc, message));
         }
         let id = self.textures.add(texture);
-        V::names(&mut self.named_textures).insert(name.clone(), (id, depth));
+        self.define(|builder| V::names(&mut builder.named_textures), name.clone(), (id, depth));
         Ok(())
+    }
+
+    /// An inverted image times a constant: pbrt-v4 scales the image's values and inverts them then.
+    fn scaled_before_inversion<V: TextureParameter>(
+        &self,
+        image: V::Id,
+        scale: FloatTextureId,
+    ) -> Option<ImageTexture> {
+        let factor = self.textures.constant_float(scale)?;
+        match V::texture(&self.textures, image) {
+            Texture::Image(image) if image.invert => {
+                Some(ImageTexture { scale: image.scale * factor, ..image.clone() })
+            }
+            _ => None,
+        }
     }
 
     /// The texture of type `kind`. Textures in its parameters raise `named_textures.depth`.
@@ -69,6 +85,9 @@ impl SceneBuilder {
                     self.texture_or(params, "tex2", one)?
                 } else {
                     let scale = self.float_texture_or(params, "scale", 1.0)?;
+                    if let Some(image) = self.scaled_before_inversion::<V>(first, scale) {
+                        return Ok(Texture::Image(image));
+                    }
                     self.textures.add(Texture::<V>::Gray(scale))
                 };
                 Texture::Product { first, second }
