@@ -190,9 +190,9 @@ fn random_parameter_filtering_is_refused_where_its_samples_do_not_fit() {
 #[test]
 fn an_image_beyond_all_memory_is_refused_before_it_takes_any() {
     let folder = folder_with(SCENE);
-    for more in [&[] as &[&str], &["--denoiser", "none"], &["--state", "a.state"], &["--denoiser", "prpf"]] {
-        let large =
-            ["render", "scene.pbrt", "--spp", "1", "--resolution", "65535x2048", "--reservoir", "1024"];
+    let kept = ["--state", "a.state", "--reservoir", "1024"];
+    for more in [&[] as &[&str], &["--denoiser", "none"], &kept, &["--denoiser", "prpf"]] {
+        let large = ["render", "scene.pbrt", "--spp", "1", "--resolution", "65535x2048"];
         let arguments = [&large[..], more].concat();
         let output = prpf(folder.path(), &arguments);
         assert_eq!(output.status.code(), Some(2), "{}", stderr(&output));
@@ -213,7 +213,7 @@ fn a_wrong_scene_gets_one_line_with_its_place() {
 #[test]
 fn wrong_command_lines_exit_with_2_and_say_what_is_accepted() {
     let folder = folder_with(SCENE);
-    let cases: [(&[&str], &str); 28] = [
+    let cases: [(&[&str], &str); 33] = [
         (&["render", "scene.pbrt", "--foo"], "found `--foo`"),
         (&["render", "scene.pbrt", "--qualty", "draft"], "`--quality`"),
         (&["render", "scene.pbrt", "--spp", "many"], "whole number"),
@@ -237,12 +237,20 @@ fn wrong_command_lines_exit_with_2_and_say_what_is_accepted() {
         ),
         (&["render", "scene.pbrt", "--quality", "paper"], "--denoiser prpf"),
         (&["render", "scene.pbrt", "--weights", "scene.pbrt"], "not a file of weights"),
-        (&["render", "scene.pbrt", "--denoiser", "nlm", "--weights", WEIGHTS], "accepted is learned"),
+        (
+            &["render", "scene.pbrt", "--denoiser", "nlm", "--weights", WEIGHTS],
+            "accepted with --denoiser learned",
+        ),
         (&["render", "scene.pbrt", "--time", "soon"], "20s"),
         (&["render", "scene.pbrt", "--pixelbounds", "0,50,0,10"], "24"),
         (&["render", "scene.pbrt", "--pixelbounds", "-1,5,0,5"], "accepted are four whole numbers"),
         (&["render", "scene.pbrt", "--resolution", "0x0"], "WIDTHxHEIGHT"),
         (&["render", "scene.pbrt", "--reference", "none.exr"], "none.exr"),
+        (&["render", "scene.pbrt", "--max-depth", "4294967295"], "whole numbers in the option's range"),
+        (&["render", "scene.pbrt", "--min-spp", "2000000000", "--time", "1s"], "max_spp"),
+        (&["render", "scene.pbrt", "--drive", "residual=1,residual=0"], "residual twice"),
+        (&["render", "scene.pbrt", "--reservoir", "4"], "--state"),
+        (&["render", "scene.pbrt", "-o", "a.png", "--layers", "Albedo"], "accepted with -o FILE.exr"),
         (&["info", "missing.pbrt"], "missing.pbrt"),
         (&["merge", "a.state", "-o", "b.state"], "found 1, and at least 2 are needed"),
         (&["allocate", "a.state", "--spp", "8", "-o", "a.png"], "a.png: unknown extension; accepted is .exr"),

@@ -8,12 +8,12 @@ use clap::Args;
 use super::denoise::filter;
 use super::denoiser_options::DenoiserOptions;
 use super::failure::Failure;
-use super::output_paths::{are_distinct, can_be_written, replaces_no_state};
 use super::workers::in_pool;
 use super::{parse, terminal};
 use crate::adaptive::{NO_CEILING, Sampling};
 use crate::filter::DENOISERS;
 use crate::image::exr_file::{self, Channel, Precision, Windows};
+use crate::output::paths::{are_distinct, can_be_written, replaces_no_state};
 use crate::progressive::{Settings, allocate_after};
 use crate::state::RenderState;
 
@@ -78,7 +78,8 @@ fn check(options: &AllocateOptions) -> anyhow::Result<()> {
     }
     can_be_written(&options.outfile)?;
     replaces_no_state(&options.outfile)?;
-    are_distinct([&*options.state], &[&options.outfile])
+    are_distinct([&*options.state], &[&options.outfile])?;
+    Ok(())
 }
 
 /// Returns the samples that each pixel is to have.

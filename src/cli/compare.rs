@@ -6,11 +6,11 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, ensure};
 use clap::Args;
 
-use super::output_paths::{are_distinct, can_be_written};
 use super::terminal;
 use crate::image::metrics::{BLOCK_SIDE, Pair};
 use crate::image::{Comparison, OutputFormat, read_rgb};
 use crate::image::{Planes, Problem, exr_file, png_file};
+use crate::output::paths::{are_distinct, can_be_written};
 
 /// Exit status when the images were compared and no limit was passed.
 const WITHIN: u8 = 0;

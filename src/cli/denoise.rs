@@ -10,7 +10,6 @@ use super::command_line::command_line;
 use super::denoise_images;
 use super::denoiser_options::DenoiserOptions;
 use super::failure::Failure;
-use super::output_paths::{are_distinct, can_be_written, replaces_no_state};
 use super::parse;
 use super::summary::describe;
 use super::terminal::print;
@@ -18,6 +17,7 @@ use super::workers::in_pool;
 use crate::filter::{Lack, draft_if_sparse};
 use crate::image::OutputFormat;
 use crate::import::LayerMap;
+use crate::output::paths::{are_distinct, can_be_written, is_exr, replaces_no_state};
 use crate::output::{ImageOutput, Layers};
 use crate::progressive::{Checkpoint, FailureMap, FilterPass, Filtered, Settings};
 use crate::state::RenderState;
@@ -157,10 +157,6 @@ fn beside(state: &Path) -> PathBuf {
         if is_plain { state.file_stem() } else { state.file_name() }.unwrap_or_default().to_owned();
     name.push("-denoised.exr");
     state.with_file_name(name)
-}
-
-fn is_exr(path: &Path) -> bool {
-    matches!(OutputFormat::from_path(path), Ok(OutputFormat::Exr))
 }
 
 /// Filters a checkpoint.

@@ -58,8 +58,11 @@ impl DenoiserOptions {
         let denoiser = self.find(default)?;
         if let Some(path) = &self.weights {
             use_weights(path).map_err(|error| anyhow!("--weights {}: {error}", path.display()))?;
-            if self.denoiser.is_some() && denoiser.weights().is_none() {
-                bail!("--weights: found with --denoiser {}; accepted is learned", denoiser.name().method);
+            if denoiser.weights().is_none() {
+                bail!(
+                    "--weights: found with the denoiser {}; accepted with --denoiser learned",
+                    denoiser.name()
+                );
             }
         }
         match denoiser.missing() {

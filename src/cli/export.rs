@@ -6,10 +6,10 @@ use anyhow::{Context, anyhow};
 use clap::Args;
 
 use super::failure::Failure;
-use super::output_paths::{are_distinct, can_be_written, replaces_no_state};
 use super::workers::in_pool;
 use super::{denoise, parse, terminal};
 use crate::files::replace_file;
+use crate::output::paths::{are_distinct, can_be_written, replaces_no_state};
 use crate::state::{self, RenderState};
 
 /// `prpf export`.
@@ -40,9 +40,10 @@ pub(super) fn run(options: &ExportOptions) -> Result<u8, Failure> {
         let error = anyhow!("{}: unknown extension; accepted is .npz", options.outfile.display());
         return Err(Failure::Input(error));
     }
-    can_be_written(&options.outfile).map_err(Failure::Input)?;
-    replaces_no_state(&options.outfile).map_err(Failure::Input)?;
-    are_distinct([&*options.state], &[&options.outfile]).map_err(Failure::Input)?;
+    let checked = can_be_written(&options.outfile)
+        .and_then(|()| replaces_no_state(&options.outfile))
+        .and_then(|()| are_distinct([&*options.state], &[&options.outfile]));
+    checked.map_err(|error| Failure::Input(error.into()))?;
     let state = RenderState::read(&options.state).map_err(|error| Failure::Input(error.into()))?;
     let denoiser = state.settings.denoiser;
     if let Some(reason) = denoiser.missing() {

@@ -6,8 +6,8 @@ use anyhow::Context;
 use clap::Args;
 
 use super::failure::Failure;
-use super::output_paths::{are_distinct, can_be_written, replaces_state};
 use super::terminal;
+use crate::output::paths::{are_distinct, can_be_written, replaces_state};
 use crate::state::{Merge, RenderState};
 
 /// `prpf merge`.
@@ -35,9 +35,11 @@ pub(super) struct MergeOptions {
 }
 
 pub(super) fn run(options: &MergeOptions) -> Result<u8, Failure> {
-    can_be_written(&options.outfile).map_err(Failure::Input)?;
-    are_distinct(options.states.iter().map(PathBuf::as_path), &[&options.outfile]).map_err(Failure::Input)?;
-    replaces_state(&options.outfile).map_err(Failure::Input)?;
+    let states = options.states.iter().map(PathBuf::as_path);
+    let checked = can_be_written(&options.outfile)
+        .and_then(|()| are_distinct(states, &[&options.outfile]))
+        .and_then(|()| replaces_state(&options.outfile));
+    checked.map_err(|error| Failure::Input(error.into()))?;
     let sum = merge(&options.states).map_err(Failure::Input)?;
     sum.write(&options.outfile).map_err(|error| Failure::Run(error.into()))?;
     if !options.quiet {

@@ -22,7 +22,6 @@ mod job;
 mod merge;
 mod mode;
 mod options;
-mod output_paths;
 mod parse;
 mod preview;
 mod processes;

@@ -3,7 +3,7 @@
 use std::net::SocketAddr;
 use std::path::PathBuf;
 
-use clap::{Args, ValueEnum};
+use clap::{Args, ValueEnum, value_parser};
 
 use super::debug_sample::DebugSample;
 use super::denoiser_options::DenoiserOptions;
@@ -13,6 +13,7 @@ use super::state_options::StateOptions;
 use crate::adaptive::{NO_CEILING, PrioritySettings, Sampling};
 use crate::filter::DENOISERS;
 use crate::progressive::{Budget, MIN_SPP, Settings, default_denoiser};
+use crate::scene::integrator::MAX_DEPTH;
 use crate::scene::{Integrator, Scene};
 
 /// `prpf render`.
@@ -74,7 +75,7 @@ pub(super) struct RenderOptions {
     #[arg(long, value_name = "FILE")]
     pub camera: Option<PathBuf>,
     /// Override the integrator's path depth
-    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    #[arg(long, value_name = "N", value_parser = value_parser!(u32).range(..=i64::from(MAX_DEPTH)), allow_negative_numbers = true)]
     pub max_depth: Option<u32>,
     /// Only these layers of an EXR beside the image, e.g. Albedo,Ns [default: all]
     #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
@@ -160,7 +161,7 @@ impl RenderOptions {
     /// Returns the settings of the render loop.
     ///
     /// # Errors
-    /// An unknown denoiser.
+    /// An unknown denoiser; a floor per pixel above the scene's own budget, or above any ceiling.
     pub fn settings(&self, scene: &Scene, processes: usize) -> anyhow::Result<Settings> {
         let on = |value: Option<f64>| value.filter(|&v| v > 0.0);
         let (seconds, target_error) = (on(self.time), on(self.target_error));
@@ -173,7 +174,14 @@ impl RenderOptions {
         let max_spp = self.max_spp.filter(|&n| n > 0).unwrap_or(NO_CEILING);
         let budget = Budget { spp, seconds, target_error };
         let pixels = scene.film.width * scene.film.height;
-        Ok(Settings {
+        if let (Some(floor), Some(spp)) = (self.min_spp, spp)
+            && floor > spp
+        {
+            anyhow::bail!(
+                "--min-spp {floor}: found more than the scene's {spp} samples per pixel; accepted is at most that"
+            );
+        }
+        let settings = Settings {
             budget,
             sampling: match self.sampling {
                 Some(SamplingOption::Uniform) => Sampling::Uniform,
@@ -188,7 +196,9 @@ impl RenderOptions {
             priority: self.drive,
             reservoir: self.state.reservoir,
             statistics: self.state.statistics.into(),
-        })
+        };
+        settings.validate()?;
+        Ok(settings)
     }
 
     /// Returns the options for another scene: those that name files of this one, or parts of its image, are left out.

@@ -86,6 +86,7 @@ pub(super) fn host(text: &str) -> Result<String, String> {
 
 pub(super) fn drive(text: &str) -> Result<PrioritySettings, String> {
     let mut settings = PrioritySettings::default();
+    let mut named = Vec::new();
     for item in text.split(',').filter(|item| !item.is_empty()) {
         let error = || {
             format!(
@@ -94,6 +95,10 @@ pub(super) fn drive(text: &str) -> Result<PrioritySettings, String> {
             )
         };
         let (map, weight) = item.split_once('=').ok_or_else(error)?;
+        if named.contains(&map) {
+            return Err(format!("found {map} twice; accepted is one weight of each map"));
+        }
+        named.push(map);
         let weight: f32 =
             weight.parse().ok().filter(|w: &f32| *w >= 0.0 && w.is_finite()).ok_or_else(error)?;
         match map {

@@ -42,10 +42,10 @@ pub(super) fn finish(file: Option<SampleFile>, path: Option<&Path>) -> Result<()
 
 /// Describes the size of a file of `samples` samples, whose number may not be known.
 fn predict(samples: Option<u64>, bytes: u64, pixels: u64) -> String {
-    let size = |bytes: u64| format_bytes(bytes as f64);
+    let size = |samples: u64| format_bytes(samples as f64 * bytes as f64);
     match samples {
-        Some(samples) => format!("at most {} ({samples} samples of {bytes} bytes)", size(samples * bytes)),
-        None => format!("{} for each sample per pixel ({bytes} bytes a sample)", size(pixels * bytes)),
+        Some(samples) => format!("at most {} ({samples} samples of {bytes} bytes)", size(samples)),
+        None => format!("{} for each sample per pixel ({bytes} bytes a sample)", size(pixels)),
     }
 }
 
@@ -56,6 +56,7 @@ mod tests {
     #[test]
     fn sizes_are_predicted() {
         assert_eq!(predict(Some(30_000_000), 100, 1), "at most 3.0 GB (30000000 samples of 100 bytes)");
+        assert!(predict(Some(1 << 60), 100, 1).contains("115"), "{}", predict(Some(1 << 60), 100, 1));
         assert_eq!(predict(None, 100, 50_000), "5.0 MB for each sample per pixel (100 bytes a sample)");
     }
 }

@@ -5,8 +5,8 @@ use std::path::PathBuf;
 use anyhow::ensure;
 use clap::{Args, ValueEnum};
 
-use super::output_paths::replaces_state;
 use super::parse;
+use crate::output::paths::replaces_state;
 use crate::progressive::{Budget, RecordedStatistics};
 use crate::render::Shard;
 use crate::state::Stream;
@@ -20,7 +20,7 @@ pub(super) struct StateOptions {
     #[arg(long, requires = "state")]
     pub resume: bool,
     /// Time from one state to the next
-    #[arg(long, value_name = "DURATION", value_parser = parse::duration, default_value = "40s")]
+    #[arg(long, value_name = "DURATION", value_parser = parse::duration, default_value = "40s", requires = "state")]
     pub state_every: f64,
     /// Render the K-th of N shards of the samples that --spp means; `prpf merge` adds their states
     #[arg(long, value_name = "K/N", value_parser = parse::shard, default_value = "1/1")]
@@ -31,7 +31,7 @@ pub(super) struct StateOptions {
     pub statistics: StatisticsOption,
     /// Sample vectors to keep per pixel, with every dimension, for another denoiser or an export later;
     /// `--denoiser prpf` keeps 8
-    #[arg(long, value_name = "N", default_value_t = 0, value_parser = parse::reservoir)]
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = parse::reservoir, requires = "state")]
     pub reservoir: usize,
 }
 
@@ -61,7 +61,8 @@ impl StateOptions {
     /// # Errors
     /// The file exists and is no state.
     pub fn replaces_one(&self) -> anyhow::Result<bool> {
-        self.state.as_deref().filter(|_| !self.resume).map_or(Ok(false), replaces_state)
+        let replaced = self.state.as_deref().filter(|_| !self.resume);
+        Ok(replaced.map_or(Ok(false), replaces_state)?)
     }
 
     /// Reduces a budget of all shards to that of this one.

@@ -1,7 +1,8 @@
-//! The outputs of a render: image files with layers and attributes, and the report.
+//! The outputs of a render: their paths, image files with layers and attributes, and the report.
 
 mod image_output;
 mod layers;
+pub mod paths;
 mod report;
 mod sample_counts;
 

@@ -1,33 +1,44 @@
-//! Checks of output paths, before anything is rendered.
+//! Checks of the paths of outputs, before anything is rendered.
 
 use std::path::{Path, PathBuf};
 
-use crate::{files, image, state};
+use crate::image::{self, OutputFormat};
+use crate::{files, state};
+
+/// In one line: the path, what is in its way, what is accepted.
+#[derive(Debug, thiserror::Error)]
+#[error("{0}")]
+pub struct OutputPathError(String);
 
 /// Checks, before minutes of rendering, that an output can be written.
 ///
 /// # Errors
 /// One line that names the path and what is in its way.
-pub(super) fn can_be_written(path: &Path) -> anyhow::Result<()> {
+pub fn can_be_written(path: &Path) -> Result<(), OutputPathError> {
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     if !folder.is_dir() {
-        anyhow::bail!("{}: found no folder {}; it has to exist", path.display(), folder.display());
+        let message = format!("{}: found no folder {}; it has to exist", path.display(), folder.display());
+        return Err(OutputPathError(message));
     }
     if path.is_dir()
         || path.as_os_str().as_encoded_bytes().ends_with(std::path::MAIN_SEPARATOR_STR.as_bytes())
     {
-        anyhow::bail!("{}: found a folder; accepted is the name of a file", path.display());
+        let message = format!("{}: found a folder; accepted is the name of a file", path.display());
+        return Err(OutputPathError(message));
     }
-    Ok(files::can_replace(path).map_err(|error| image::Problem::from(error).at(path))?)
+    files::can_replace(path)
+        .map_err(|error| OutputPathError(image::Problem::from(error).at(path).to_string()))
 }
 
 /// Checks that an output does not replace a render state.
 ///
 /// # Errors
 /// One line that names the path.
-pub(super) fn replaces_no_state(path: &Path) -> anyhow::Result<()> {
+pub fn replaces_no_state(path: &Path) -> Result<(), OutputPathError> {
     if path.is_file() && state::check_signature(path).is_ok() {
-        anyhow::bail!("{}: found a render state; accepted is the name of another file", path.display());
+        let message =
+            format!("{}: found a render state; accepted is the name of another file", path.display());
+        return Err(OutputPathError(message));
     }
     Ok(())
 }
@@ -36,15 +47,22 @@ pub(super) fn replaces_no_state(path: &Path) -> anyhow::Result<()> {
 ///
 /// # Errors
 /// The file exists and is no state.
-pub(super) fn replaces_state(path: &Path) -> anyhow::Result<bool> {
+pub fn replaces_state(path: &Path) -> Result<bool, OutputPathError> {
     let Ok(there) = std::fs::metadata(path) else { return Ok(false) };
     // An empty file may be a reserved name.
-    Ok(there.is_file() && there.len() > 0 && state::check_signature(path).map(|()| true)?)
+    if !there.is_file() || there.len() == 0 {
+        return Ok(false);
+    }
+    state::check_signature(path).map(|()| true).map_err(|error| OutputPathError(error.to_string()))
 }
 
 /// Returns the canonical spelling of a file's name, whether there is such a file yet or not.
-fn canonical(path: &Path) -> std::io::Result<PathBuf> {
-    let absolute = std::path::absolute(files::resolve_links(path)?)?;
+///
+/// # Errors
+/// Links in a circle, or a name that cannot be followed.
+fn canonical(path: &Path) -> Result<PathBuf, OutputPathError> {
+    let absolute = files::resolve_links(path).and_then(std::path::absolute);
+    let absolute = absolute.map_err(|error| OutputPathError(format!("{}: {error}", path.display())))?;
     let of_new = || Some(absolute.parent()?.canonicalize().ok()?.join(absolute.file_name()?));
     Ok(absolute.canonicalize().ok().or_else(of_new).unwrap_or(absolute))
 }
@@ -53,22 +71,28 @@ fn canonical(path: &Path) -> std::io::Result<PathBuf> {
 ///
 /// # Errors
 /// One line that names the path.
-pub(super) fn are_distinct<'a>(
+pub fn are_distinct<'a>(
     inputs: impl IntoIterator<Item = &'a Path>,
     outputs: &[&Path],
-) -> anyhow::Result<()> {
+) -> Result<(), OutputPathError> {
     let mut seen = inputs.into_iter().map(canonical).collect::<Result<Vec<_>, _>>()?;
     for path in outputs {
         let name = canonical(path)?;
         if seen.contains(&name) {
-            anyhow::bail!(
-                "{}: found the same file twice; accepted is another file for each output and input",
+            let accepted = "accepted is another file for each output and input";
+            return Err(OutputPathError(format!(
+                "{}: found the same file twice; {accepted}",
                 path.display()
-            );
+            )));
         }
         seen.push(name);
     }
     Ok(())
+}
+
+/// Returns whether an output's name is that of an EXR image, which has layers.
+pub fn is_exr(path: &Path) -> bool {
+    matches!(OutputFormat::from_path(path), Ok(OutputFormat::Exr))
 }
 
 #[cfg(test)]

@@ -253,6 +253,8 @@ fn too_large() -> Case {
         "scene.pbrt",
         "--resolution",
         "65535x2048",
+        "--state",
+        "a.state",
         "--reservoir",
         "64",
         "--quiet",
