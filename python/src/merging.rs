@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use prpf::output::paths::{are_distinct, replaces_state};
 use prpf::state::{Merge, RenderState};
 use pyo3::prelude::*;
 
@@ -14,6 +15,8 @@ pub fn merge(py: Python, states: Vec<PathBuf>, output: PathBuf) -> PyResult<Stor
     let Some((first, others)) = states.split_first().filter(|(_, others)| !others.is_empty()) else {
         return Err(value_error(format!("states: found {}; accepted are two or more", states.len())));
     };
+    replaces_state(&output).map_err(value_error)?;
+    are_distinct(states.iter().map(PathBuf::as_path), &[&output]).map_err(value_error)?;
     py.detach(|| {
         let mut merge = Merge::new(RenderState::read(first).map_err(state_error)?);
         for path in others {

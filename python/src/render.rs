@@ -9,6 +9,7 @@ use prpf::adaptive::{MapValues, NO_CEILING, PrioritySettings, SampleMap, Samplin
 use prpf::files::{can_replace, error_message};
 use prpf::filter::by_name;
 use prpf::image::OutputFormat;
+use prpf::output::paths::{are_distinct, replaces_no_state, replaces_state};
 use prpf::progressive::{Budget, Filtered, Outcome, PassRecord, RecordedStatistics, Settings};
 use prpf::render::Shard;
 use prpf::state::{ImageMetadata, RenderState, SampleFile, Stream};
@@ -141,7 +142,7 @@ pub fn render(
     if let Some(path) = &output {
         OutputFormat::from_path(path).map_err(image_error)?;
     }
-    check_files([("output", &output), ("state", &state), ("samples", &samples)])?;
+    check_files(&scene.scene, [&output, &samples], &state)?;
     let reference = reference.map(|reference| arrays::rgb("reference", reference)).transpose()?;
 
     // Render
@@ -192,22 +193,26 @@ pub fn render(
     Render::new(py, rendered.outcome)
 }
 
-/// Checks that the files to write are different ones that can be written.
+/// Checks that the files to write are different ones that can be written, and replace nothing but earlier outputs.
 ///
 /// # Errors
 /// The first one that cannot.
-fn check_files(files: [(&str, &Option<PathBuf>); 3]) -> PyResult<()> {
-    for (i, (name, path)) in files.iter().enumerate() {
-        let Some(path) = path else { continue };
-        if let Some((other, _)) = files[..i].iter().find(|(_, other)| other.as_ref() == Some(path)) {
-            return Err(value_error(format!("{name}: found the file of {other}; accepted is another one")));
-        }
+fn check_files(
+    scene: &prpf::scene::Scene,
+    outputs: [&Option<PathBuf>; 2],
+    state: &Option<PathBuf>,
+) -> PyResult<()> {
+    let mut files: Vec<&Path> = outputs.into_iter().flatten().map(PathBuf::as_path).collect();
+    files.iter().try_for_each(|path| replaces_no_state(path)).map_err(value_error)?;
+    state.as_deref().map_or(Ok(false), replaces_state).map_err(value_error)?;
+    files.extend(state.as_deref());
+    are_distinct(scene.files.iter().map(PathBuf::as_path), &files).map_err(value_error)?;
+    files.into_iter().try_for_each(|path| {
         can_replace(path).map_err(|error| {
             let message = format!("{}: {}", path.display(), error_message(&error));
             file_error(error.kind(), message)
-        })?;
-    }
-    Ok(())
+        })
+    })
 }
 
 /// The exception of a file of samples that cannot be written.

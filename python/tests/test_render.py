@@ -99,7 +99,7 @@ def test_an_interrupt_is_heard_and_other_threads_run(scene, interrupts):
         ({"reference": np.zeros((5, 5, 3))}, ValueError, "reference: found 5x5 pixels; .* 40x24 pixels"),
         ({"reference": np.zeros((24, 40))}, ValueError, r"reference: found the shape \(24, 40\)"),
         ({"output": "out.bmp"}, ValueError, "use .exr or .png"),
-        ({"output": "out.png", "state": "out.png"}, ValueError, "state: found the file of output; accepted is another"),
+        ({"output": "out.png", "state": "out.png"}, ValueError, "out.png: found the same file twice"),
         ({"callback": 3}, TypeError, "found 3; accepted is a function"),
         ({"counts": "all"}, TypeError, "found 'all'; accepted is a function"),
         ({"spp": -1}, ValueError, "found -1; accepted is a whole number from 0 to 4294967295"),
@@ -221,6 +221,28 @@ def test_a_render_goes_on_from_its_state(scene, tmp_path):
         prpf.render(other, resume=state)
     with pytest.raises(FileNotFoundError):
         prpf.render(scene, resume=tmp_path / "missing.state")
+
+
+def test_outputs_replace_nothing_but_earlier_outputs(scene, tmp_path):
+    samples = tmp_path / "good.npz"
+    prpf.render(scene, spp=1, samples=samples)
+    before = samples.read_bytes()
+    with pytest.raises(ValueError, match="spp: found 0"):
+        prpf.render(scene, spp=0, samples=samples)
+    assert samples.read_bytes() == before
+    text = tmp_path / "scene.pbrt"
+    text.write_text("a scene")
+    with pytest.raises(ValueError, match="found no render state"):
+        prpf.render(scene, spp=1, state=text)
+    states = [tmp_path / f"{seed}.state" for seed in range(2)]
+    for seed, state in enumerate(states):
+        prpf.render(scene, spp=1, seed=seed, state=state)
+    for output, words in [(text, "found no render state"), (states[0], "found the same file twice")]:
+        with pytest.raises(ValueError, match=words):
+            prpf.merge(states, output)
+    with pytest.raises(ValueError, match="found a render state"):
+        prpf.render(scene, spp=1, samples=states[1])
+    assert text.read_text() == "a scene"
 
 
 def test_an_exception_loses_no_samples(scene, tmp_path):
