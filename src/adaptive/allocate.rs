@@ -109,12 +109,15 @@ fn place_remaining(
         let room = |counts: &[u32], i: usize| room(counts, i).min(ceiling.saturating_sub(counts[i]));
         let mut order: Vec<usize> = (0..counts.len()).filter(|&i| room(counts, i) > 0).collect();
         order.sort_by(|&a, &b| priority[b].total_cmp(&priority[a]).then(a.cmp(&b)));
-        while remaining >= step && !order.is_empty() {
+        while remaining >= step {
             order.retain(|&i| u64::from(room(counts, i)) >= step);
-            for &i in order.iter().take(usize::try_from(remaining / step).unwrap_or(usize::MAX)) {
-                counts[i] += step as u32;
-                remaining -= step;
-            }
+            let Some(least) = order.iter().map(|&i| room(counts, i)).min() else { break };
+            // As many rounds at once as every pixel has room for; the last round reaches the first pixels only
+            let pixels = order.len() as u64;
+            let rounds = (remaining / step / pixels).min(u64::from(least) / step).max(1);
+            let reached = pixels.min(remaining / step);
+            order[..reached as usize].iter().for_each(|&i| counts[i] += (rounds * step) as u32);
+            remaining -= rounds * step * reached;
         }
     }
 }

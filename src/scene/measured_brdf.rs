@@ -24,6 +24,8 @@ const AZIMUTH: usize = if cfg!(fuzzing) { 4 } else { 12 };
 const ALBEDO: usize = if cfg!(fuzzing) { 4 } else { 24 };
 /// Uniform fraction of the density of half vectors, so that every half vector can be sampled.
 const UNIFORM_FRACTION: f32 = 0.05;
+/// Greatest value of a table, beyond any material's: sums over the table stay finite.
+const LARGEST_VALUE: f32 = 1e12;
 
 /// A table of BRDF values in 1/sr.
 #[derive(Clone, Debug, PartialEq)]
@@ -62,7 +64,7 @@ impl MeasuredBrdf {
             let (half, rest) = (i / (DIFFERENCE * AZIMUTH), i % (DIFFERENCE * AZIMUTH));
             let [a, b] = directions(half, rest / AZIMUTH, rest % AZIMUTH);
             let found = value(raised(a), raised(b));
-            if found.is_finite() { found.max(Vec3::ZERO) } else { Vec3::ZERO }
+            if found.is_finite() { found.clamp(Vec3::ZERO, Vec3::splat(LARGEST_VALUE)) } else { Vec3::ZERO }
         };
         let values = (0..HALF * DIFFERENCE * AZIMUTH).into_par_iter().map(node).collect();
         let mut table = Self { values, cdf: Vec::new(), albedo: Vec::new() };

@@ -10,6 +10,7 @@ use super::array_bytes::ArrayReader;
 use super::error::StateErrorKind;
 use super::format::{ArraySizes, CHECKSUM, MAGIC, PREAMBLE, VERSION};
 use super::header::{EstimateHeader, Header, InterimHeader, PositionHeader};
+use super::image_metadata::ImageMetadata;
 use super::render_state::RenderState;
 use crate::filter::Interpolation;
 use crate::memory::check_available;
@@ -31,6 +32,10 @@ pub fn decode(file: &[u8]) -> Result<RenderState, StateErrorKind> {
     let header: Header =
         serde_json::from_slice(text).map_err(|error| StateErrorKind::Header(error.to_string()))?;
     header.settings.validate().map_err(|error| StateErrorKind::Header(error.to_string()))?;
+    let ImageMetadata { diameter, origin, .. } = &header.metadata;
+    if !(*diameter > 0.0 && diameter.is_finite() && origin.iter().all(|v| v.is_finite())) {
+        return Err(wrong("a scene without finite size or origin"));
+    }
 
     // Compare the sizes with the bytes that are there
     let layout = Layout::from_names(&header.dimensions, &header.left_out)

@@ -51,7 +51,51 @@ fn no_error_anywhere_falls_back_to_uniform() {
     assert_eq!(allocate(&[0.0; 64], &[4; 64], 8, 640, NO_CEILING, 3), uniform(640, &[4; 64], NO_CEILING, 3));
 }
 
+#[test]
+fn enormous_totals_are_placed_at_once() {
+    let mut priority = vec![0.0; 64];
+    priority[3] = 1.0;
+    let a = allocate(&priority, &[4; 64], 8, 1 << 40, NO_CEILING, 0);
+    assert!(a.iter().all(|&n| n == NO_CEILING - 4), "{a:?}");
+}
+
+/// Does the same as [`place_remaining`] in rounds of one step for each pixel.
+fn place_round_by_round(
+    counts: &mut [u32],
+    mut remaining: u64,
+    ceiling: u32,
+    priority: &[f32],
+    most: &[u32],
+) {
+    for (step, ceiling) in [(2, ceiling), (2, u32::MAX), (1, u32::MAX)] {
+        let room = |counts: &[u32], i: usize| (most[i] - counts[i]).min(ceiling.saturating_sub(counts[i]));
+        let mut order: Vec<usize> = (0..counts.len()).collect();
+        order.sort_by(|&a, &b| priority[b].total_cmp(&priority[a]).then(a.cmp(&b)));
+        while remaining >= step.into() && order.iter().any(|&i| room(counts, i) >= step) {
+            for &i in &order {
+                if room(counts, i) >= step && remaining >= step.into() {
+                    counts[i] += step;
+                    remaining -= u64::from(step);
+                }
+            }
+        }
+    }
+}
+
 proptest! {
+    #[test]
+    fn rounds_at_once_place_what_single_rounds_do(
+        priority in prop::collection::vec(0.0f32..10.0, 16),
+        most in prop::collection::vec(0u32..50, 16),
+        remaining in 0u64..900,
+        ceiling in 0u32..30,
+    ) {
+        let (mut found, mut expected) = (vec![0; 16], vec![0; 16]);
+        place_remaining(&mut found, remaining, ceiling, &priority, |counts, i| most[i] - counts[i]);
+        place_round_by_round(&mut expected, remaining, ceiling, &priority, &most);
+        prop_assert_eq!(found, expected);
+    }
+
     #[test]
     fn budgets_are_spent_exactly_and_ceilings_hold(
         priority in prop::collection::vec(0.0f32..10.0, 64),

@@ -8,6 +8,7 @@ use super::dual_image::DualImage;
 use super::input_statistics::ALBEDO_RANGE;
 use super::network::{MIXTURE, Prediction};
 use super::visible_emission::VisibleEmission;
+use crate::filter::common::TASK_PIXELS;
 use crate::filter::common::emitter_outlines::outside_emitters;
 use crate::filter::common::interleaved_planes::InterleavedPlanes;
 use crate::image::Planes;
@@ -47,7 +48,9 @@ impl MixtureWeights {
     fn new(predicted: [f32; MIXTURE]) -> Self {
         /// Greatest magnitude of a logarithmic weight.
         const MAX_LOG: f32 = 8.0;
-        let [demodulated, plain, own, nlm, albedo, emission] = predicted;
+        // Wrong weights may overflow
+        let [demodulated, plain, own, nlm, albedo, emission] =
+            predicted.map(|v| if v.is_nan() { 0.0 } else { v });
         let weight = |v: f32| (MAX_LOG * (v / MAX_LOG).tanh()).exp();
         let [demodulated, plain, own, nlm] = [demodulated, plain, own, nlm].map(weight);
         let sum = demodulated + plain + own + nlm;
@@ -92,7 +95,7 @@ impl Candidates {
         let emissions = self.emission.as_ref().map(|emission| emission.light.parts());
         for (part, colour) in self.colour.parts().into_iter().enumerate() {
             let demodulated =
-                next().par_iter_mut().with_min_len(1024).zip(colour.data()).zip(self.albedo.data());
+                next().par_iter_mut().with_min_len(TASK_PIXELS).zip(colour.data()).zip(self.albedo.data());
             demodulated.for_each(|((out, colour), &albedo)| *out = colour / divisor(albedo));
             next().copy_from_slice(colour.data());
             if let Some(emissions) = emissions {

@@ -29,11 +29,9 @@ impl Row {
 
     /// Adds the samples of every `side` pixels of a longer row to one pixel, without reservoirs. A pixel's halves change places where
     /// that evens the halves of the sum: first samples are all of the first half.
-    ///
-    /// # Panics
-    /// If a pixel would have more than `u32::MAX` samples.
     pub(crate) fn merge_groups(&mut self, other: &Self, side: usize) {
-        let add = |a: &mut u32, b: u32| *a = a.checked_add(b).expect("a pixel has at most u32::MAX samples");
+        // A count beyond all renders may be in a file
+        let add = |a: &mut u32, b: u32| *a = a.saturating_add(b);
         // Pixels behind the last one have no samples.
         for x in (0..other.width).filter(|&x| other.next_index[x] > 0) {
             let to = x / side;
@@ -47,7 +45,7 @@ impl Row {
                     let (i, j) = (dim * self.stride + to, dim * other.stride + x);
                     half.set(i, half.moments(to, i).merge(other_half.moments(x, j)));
                 }
-                half.count[to] += other_half.count[x];
+                add(&mut half.count[to], other_half.count[x]);
             }
         }
     }

@@ -66,8 +66,9 @@ impl SceneBuilder {
                 return self.warn_or_fail(ParseError::new(statement.loc, message), "the light is ignored");
             }
         };
-        if !has_finite_geometry(&light) {
-            let message = "the light does not have a finite position; expected finite coordinates";
+        if !has_valid_geometry(&light) {
+            let message =
+                "the light has no finite position or a singular transform; expected finite coordinates";
             return Err(ParseError::new(statement.loc, message));
         }
         if emission(&light) != Vec3::ZERO {
@@ -163,17 +164,22 @@ impl SceneBuilder {
     }
 }
 
-/// Whether a light's position and axes are finite as `f32`.
-fn has_finite_geometry(light: &Light) -> bool {
+/// Whether a light's position and axes are finite as `f32`, and its transforms can be inverted.
+fn has_valid_geometry(light: &Light) -> bool {
     match light {
         Light::Point { position, .. } => position.is_finite(),
         Light::Spot { position, axis, .. } => position.is_finite() && axis.is_finite(),
-        Light::Projector { position, from_render, .. } => position.is_finite() && from_render.is_finite(),
+        Light::Projector { position, from_render, .. } => {
+            position.is_finite() && from_render.is_finite() && from_render.determinant() != 0.0
+        }
         Light::Distant { direction, .. } => direction.is_finite(),
         Light::Environment(Environment { to_render, portal, .. }) => {
-            let is_finite =
-                |portal: &Portal| portal.corner.is_finite() && portal.edges.iter().all(|e| e.is_finite());
-            to_render.is_finite() && portal.as_ref().is_none_or(is_finite)
+            let is_usable = |portal: &Portal| {
+                let mut edges = portal.edges.iter();
+                portal.corner.is_finite() && edges.all(|e| e.is_finite() && e.length_squared() > 0.0)
+            };
+            let is_invertible = to_render.is_finite() && to_render.matrix3.determinant() != 0.0;
+            is_invertible && portal.as_ref().is_none_or(is_usable)
         }
     }
 }

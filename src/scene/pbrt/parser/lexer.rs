@@ -158,7 +158,7 @@ impl<'a> Lexer<'a> {
         loop {
             match self.text.get(end) {
                 Some(b'"') => break,
-                Some(b'\\') => {
+                Some(b'\\') if self.text.get(end + 1) != Some(&b'\n') => {
                     escaped = true;
                     end += 2;
                 }
@@ -238,7 +238,7 @@ mod tests {
 
     #[test]
     fn invalid_numbers_and_unterminated_strings_are_errors() {
-        for text in ["1.2.3", "1e39", "1e999", "-", "\"abc\ndef\"", "\"abc\\"] {
+        for text in ["1.2.3", "1e39", "1e999", "-", "\"abc\ndef\"", "\"abc\\\ndef\"", "\"abc\\"] {
             assert!(Lexer::new(text.as_bytes(), 0).next().is_err(), "{text}");
         }
     }

@@ -9,7 +9,7 @@ use std::f64::consts::{PI, TAU};
 use glam::{DMat3, DVec2, DVec3};
 
 use super::mesh_description::MeshDescription;
-use super::triangle_grid::grid_triangles;
+use super::triangle_grid::{MAX_TRIANGLES, grid_triangles};
 use crate::scene::pbrt::parser::{ParameterDictionary, ParseError, Result};
 
 /// Sides of a tube.
@@ -73,6 +73,10 @@ pub fn mesh(params: &ParameterDictionary) -> Result<MeshDescription> {
 
     // Sweep the outline along the curve
     let sections = sections(&segments, widths, ribbon.as_deref());
+    let triangles = 2 * if ribbon.is_some() { 1 } else { SIDES as usize } * (sections.len() - 1);
+    if triangles > MAX_TRIANGLES {
+        return Err(error(format!("curve of {triangles} triangles; expected at most {MAX_TRIANGLES}")));
+    }
     Ok(sweep(&sections, ribbon.is_some()))
 }
 
