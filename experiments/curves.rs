@@ -187,7 +187,7 @@ mod tests {
     use super::*;
 
     fn point(spp: u32, seed: u64, seconds: f64, error: f64) -> Point {
-        Point { spp, seed, seconds, error, trimmed: error, flip: error }
+        Point { spp, seed, seconds, error, trimmed: error, flip: error, halving_seconds: None }
     }
 
     #[test]

@@ -89,7 +89,7 @@ pub fn finding(settings: &OwnLoopSettings, all: &[SceneResults]) -> String {
     format!(
         "P-RPF's own maps in its own loop, at {} samples per pixel: {}",
         settings.spp,
-        verdicts.join(" Of ")
+        verdicts.join(" And ")
     )
 }
 
