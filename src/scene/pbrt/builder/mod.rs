@@ -17,7 +17,7 @@ pub use self::camera_file::CameraFile;
 pub use self::graphics_state::{AreaLightSource, GraphicsState, TransformSet};
 pub use self::image_files::ImageFiles;
 pub use self::material_ref::{MaterialEntity, MaterialRef};
-pub use self::named_textures::{NamedTextures, TexturesByName};
+pub use self::named_textures::{NamedTextures, TextureSize, TexturesByName};
 pub use self::object_definition::{InstanceEntity, ObjectDefinition, ObjectPart};
 pub use self::parser_scope::{ParserScope, ScopeKind};
 pub use self::primitive_group::PrimitiveGroup;

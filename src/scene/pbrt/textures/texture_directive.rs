@@ -4,12 +4,14 @@ use glam::Vec3;
 
 use super::texture_parameter::TextureParameter;
 use crate::scene::FloatTextureId;
-use crate::scene::pbrt::builder::SceneBuilder;
+use crate::scene::pbrt::builder::{SceneBuilder, TextureSize};
 use crate::scene::pbrt::parser::{ParameterDictionary, ParseError, Result, Statement};
 use crate::scene::texture::{ImageTexture, Procedural, Texture, TextureMapping};
 
-/// Depth limit of texture expressions; evaluation follows every branch.
+/// Depth limit of texture expressions.
 const MAX_TEXTURE_DEPTH: usize = 12;
+/// Largest number of textures in an expression; evaluation follows every branch, at each point that is shaded.
+const MAX_EVALUATIONS: usize = 8192;
 /// Largest number of noise octaves. Higher octaves are finer than the precision of coordinates.
 const MAX_OCTAVES: u32 = 64;
 
@@ -37,16 +39,23 @@ impl SceneBuilder {
         params: &ParameterDictionary,
     ) -> Result<()> {
         let [name, _, kind] = &statement.strings[..] else { unreachable!("the table says three strings") };
-        self.named_textures.depth = 0;
+        self.named_textures.size = TextureSize::default();
         let texture = self.texture_expression::<V>(kind, params)?;
-        let depth = self.named_textures.depth;
-        if depth > MAX_TEXTURE_DEPTH {
+        let size = self.named_textures.size;
+        if size.depth > MAX_TEXTURE_DEPTH {
             let message =
                 format!("textures are nested too deep; expected at most {MAX_TEXTURE_DEPTH} levels");
             return Err(ParseError::new(statement.loc, message));
         }
+        if size.evaluations > MAX_EVALUATIONS {
+            let message = format!(
+                "a texture of {} others, repeated ones counted; expected at most {MAX_EVALUATIONS}",
+                size.evaluations
+            );
+            return Err(ParseError::new(statement.loc, message));
+        }
         let id = self.textures.add(texture);
-        self.define(|builder| V::names(&mut builder.named_textures), name.clone(), (id, depth));
+        self.define(|builder| V::names(&mut builder.named_textures), name.clone(), (id, size));
         Ok(())
     }
 
@@ -65,7 +74,7 @@ impl SceneBuilder {
         }
     }
 
-    /// The texture of type `kind`. Textures in its parameters raise `named_textures.depth`.
+    /// The texture of type `kind`. Textures in its parameters raise `named_textures.size`.
     fn texture_expression<V: TextureParameter>(
         &mut self,
         kind: &str,

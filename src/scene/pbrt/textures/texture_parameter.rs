@@ -2,7 +2,7 @@
 
 use glam::Vec3;
 
-use crate::scene::pbrt::builder::{NamedTextures, SceneBuilder, TexturesByName};
+use crate::scene::pbrt::builder::{NamedTextures, SceneBuilder, TextureSize, TexturesByName};
 use crate::scene::pbrt::dialect::Dialect;
 use crate::scene::pbrt::parser::{ParameterDictionary, ParameterType, Result};
 use crate::scene::texture::{Channels, FloatTextureId, PooledValue, RgbTextureId, Texture};
@@ -92,13 +92,17 @@ impl SceneBuilder {
                         param.error(format_args!("a list of {} names", param.strings().len()), "one name")
                     );
                 };
-                let Some(&(id, depth)) = V::names(&mut self.named_textures).get(wanted) else {
+                let Some(&(id, TextureSize { depth, evaluations })) =
+                    V::names(&mut self.named_textures).get(wanted)
+                else {
                     let expected = format!("a {} texture that is defined before", V::KIND);
                     let error = param.error(format_args!("the unknown texture \"{wanted}\""), &expected);
                     self.warn_or_fail(error, "using the default")?;
                     return Ok(self.textures.add(Texture::Constant(default)));
                 };
-                self.named_textures.depth = self.named_textures.depth.max(depth + 1);
+                let size = &mut self.named_textures.size;
+                size.depth = size.depth.max(depth + 1);
+                size.evaluations += evaluations + 1;
                 Ok(id)
             }
             _ => {
