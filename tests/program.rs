@@ -213,7 +213,7 @@ fn a_wrong_scene_gets_one_line_with_its_place() {
 #[test]
 fn wrong_command_lines_exit_with_2_and_say_what_is_accepted() {
     let folder = folder_with(SCENE);
-    let cases: [(&[&str], &str); 33] = [
+    let cases: [(&[&str], &str); 34] = [
         (&["render", "scene.pbrt", "--foo"], "found `--foo`"),
         (&["render", "scene.pbrt", "--qualty", "draft"], "`--quality`"),
         (&["render", "scene.pbrt", "--spp", "many"], "whole number"),
@@ -247,9 +247,13 @@ fn wrong_command_lines_exit_with_2_and_say_what_is_accepted() {
         (&["render", "scene.pbrt", "--resolution", "0x0"], "WIDTHxHEIGHT"),
         (&["render", "scene.pbrt", "--reference", "none.exr"], "none.exr"),
         (&["render", "scene.pbrt", "--max-depth", "4294967295"], "whole numbers in the option's range"),
-        (&["render", "scene.pbrt", "--min-spp", "2000000000", "--time", "1s"], "max_spp"),
+        (
+            &["render", "scene.pbrt", "--min-spp", "2000000000", "--time", "1s"],
+            "--min-spp 2000000000: accepted",
+        ),
+        (&["render", "scene.pbrt", "--min-spp", "64"], "--min-spp 64: found more than the scene's 16"),
         (&["render", "scene.pbrt", "--drive", "residual=1,residual=0"], "residual twice"),
-        (&["render", "scene.pbrt", "--reservoir", "4"], "--state"),
+        (&["render", "scene.pbrt", "--state-every", "4s"], "--state"),
         (&["render", "scene.pbrt", "-o", "a.png", "--layers", "Albedo"], "accepted with -o FILE.exr"),
         (&["info", "missing.pbrt"], "missing.pbrt"),
         (&["merge", "a.state", "-o", "b.state"], "found 1, and at least 2 are needed"),

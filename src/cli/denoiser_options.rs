@@ -55,6 +55,8 @@ impl DenoiserOptions {
     /// A preset that the denoiser does not have; a denoiser that this machine lacks; a wrong file of weights. A spelling of
     /// an earlier version gets the new one.
     pub fn choose(&self, default: &'static dyn Denoiser) -> anyhow::Result<&'static dyn Denoiser> {
+        // Weights are those of `learned`
+        let default = if self.weights.is_some() { DENOISERS[0] } else { default };
         let denoiser = self.find(default)?;
         if let Some(path) = &self.weights {
             use_weights(path).map_err(|error| anyhow!("--weights {}: {error}", path.display()))?;

@@ -10,7 +10,7 @@ use super::terminal::{escaped, print_error};
 use crate::adaptive::SampleMap;
 use crate::image::OutputFormat;
 use crate::image::{self, Planes};
-use crate::output::paths::{are_distinct, can_be_written, is_exr, replaces_no_state};
+use crate::output::paths::{are_distinct, can_be_written, replaces_no_state};
 use crate::scene::{Scene, pbrt};
 
 /// The inputs of a render, and the paths of its images.
@@ -52,9 +52,6 @@ fn check_outputs(options: &RenderOptions, scene: &Scene, outfiles: &[PathBuf]) -
     let others = [&options.reference, &options.sample_map.sample_map, &options.denoiser.weights];
     let inputs = scene.files.iter().chain(others.into_iter().flatten());
     are_distinct(inputs.map(PathBuf::as_path), &outputs)?;
-    if options.layers.is_some() && !outfiles.iter().any(|path| is_exr(path)) {
-        anyhow::bail!("--layers: found no output that has layers; accepted with -o FILE.exr");
-    }
     if options.state.replaces_one()? && !options.quiet {
         print_error("warning: --state replaces the existing state; --resume would go on from it");
     }

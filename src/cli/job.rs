@@ -20,6 +20,7 @@ use super::scene_files::scenes_beside;
 use super::terminal::{escaped, print_error};
 use super::viewers::{self, Viewers};
 use crate::filter::DENOISERS;
+use crate::output::paths::is_exr;
 use crate::output::{ImageOutput, Layers};
 use crate::preview::{self, Configuration, Controller, ControllerEnd, Hub, SceneSession, TevClient};
 use crate::progressive::{self, Checkpoint, Outcome, RenderLoop, Settings, fits_in_memory};
@@ -56,6 +57,12 @@ impl Job<'_> {
         }
         self.options.state.apply_shard(&mut settings.budget)?;
         self.apply_sample_map(&mut settings)?;
+        // A page saves EXR images, whatever the outputs are
+        let has_layers = self.serves() || self.inputs.outfiles.iter().any(|path| is_exr(path));
+        ensure!(
+            has_layers || self.options.layers.is_none(),
+            "--layers: found no output that has layers; accepted with -o FILE.exr"
+        );
         Ok(settings)
     }
 

@@ -75,7 +75,12 @@ pub(super) struct RenderOptions {
     #[arg(long, value_name = "FILE")]
     pub camera: Option<PathBuf>,
     /// Override the integrator's path depth
-    #[arg(long, value_name = "N", value_parser = value_parser!(u32).range(..=i64::from(MAX_DEPTH)), allow_negative_numbers = true)]
+    #[arg(
+        long,
+        value_name = "N",
+        value_parser = value_parser!(u32).range(..=i64::from(MAX_DEPTH)),
+        allow_negative_numbers = true
+    )]
     pub max_depth: Option<u32>,
     /// Only these layers of an EXR beside the image, e.g. Albedo,Ns [default: all]
     #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
@@ -148,6 +153,9 @@ impl RenderOptions {
             && floor > spp
         {
             anyhow::bail!("--min-spp {floor}: found more than --spp {spp}; accepted is at most that");
+        }
+        if let Some(floor) = self.min_spp.filter(|&floor| floor > NO_CEILING) {
+            anyhow::bail!("--min-spp {floor}: accepted is a number up to {NO_CEILING}");
         }
         let Some(max_spp) = self.max_spp.filter(|&n| n > 0) else { return Ok(()) };
         for (name, spp) in [("--min-spp", self.min_spp), ("--spp", self.spp)] {

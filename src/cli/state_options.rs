@@ -31,7 +31,7 @@ pub(super) struct StateOptions {
     pub statistics: StatisticsOption,
     /// Sample vectors to keep per pixel, with every dimension, for another denoiser or an export later;
     /// `--denoiser prpf` keeps 8
-    #[arg(long, value_name = "N", default_value_t = 0, value_parser = parse::reservoir, requires = "state")]
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = parse::reservoir)]
     pub reservoir: usize,
 }
 

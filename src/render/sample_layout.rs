@@ -34,7 +34,7 @@ mod tests {
     #[test]
     fn each_effect_enables_its_blocks_and_no_others() {
         use Block::*;
-        const BLOCKS: [Block; 14] = [
+        const ALL: [Block; 14] = [
             Film, Colour, Position1, Normal1, Albedo, Position2, Normal2, Lens, Time, Light1, Bsdf1,
             Radiance, Emission, Hit,
         ];
@@ -50,7 +50,7 @@ mod tests {
         ] {
             let layout = sample_layout(&effects);
             let always = [Film, Colour, Position1, Normal1, Hit];
-            for block in BLOCKS {
+            for block in ALL {
                 let expected = always.contains(&block) || blocks.contains(&block);
                 assert_eq!(layout.block(block).is_some(), expected, "{block:?} {effects:?}");
             }

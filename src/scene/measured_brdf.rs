@@ -180,6 +180,12 @@ fn locate(coordinate: f32, nodes: usize) -> (usize, f32) {
 mod tests {
     use super::*;
 
+    #[test]
+    fn enormous_values_have_finite_densities() {
+        let brdf = MeasuredBrdf::new(|_, _| Vec3::splat(1e37));
+        assert!(brdf.cdf.iter().all(|c| c.is_finite()) && brdf.half_vector_pdf(0.5) > 0.0);
+    }
+
     fn direction(cos: f32, phi: f32) -> Vec3 {
         let sin = (1.0 - cos * cos).sqrt();
         Vec3::new(sin * phi.cos(), sin * phi.sin(), cos)

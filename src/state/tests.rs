@@ -313,3 +313,16 @@ fn an_image_without_pixels_cannot_have_rows_without_end() {
     let problem = decode(&sealed(file)).unwrap_err().to_string();
     assert!(problem.ends_with("an image without pixels"), "{problem}");
 }
+
+#[test]
+fn a_state_of_a_scene_without_size_is_refused() {
+    let header = u64::from_le_bytes(FILE[20..28].try_into().unwrap()) as usize;
+    let (text, arrays) = FILE[28..].split_at(header);
+    let mut header_json: serde_json::Value = serde_json::from_slice(text).unwrap();
+    header_json["metadata"]["diameter"] = 0.into();
+    let header_json = serde_json::to_vec(&header_json).unwrap();
+    let mut file = [&FILE[..28], &header_json, arrays].concat();
+    file[20..28].copy_from_slice(&(header_json.len() as u64).to_le_bytes());
+    let problem = decode(&sealed(file)).unwrap_err().to_string();
+    assert!(problem.ends_with("a scene without finite size or origin"), "{problem}");
+}

@@ -223,6 +223,16 @@ mod tests {
     use super::*;
 
     #[test]
+    fn weights_of_predictions_that_are_no_numbers_are_numbers() {
+        for nan in 0..MIXTURE {
+            let mut predicted = [0.0; MIXTURE];
+            predicted[nan] = f32::NAN;
+            let MixtureWeights { demodulated, plain, nlm, albedo, emission } = MixtureWeights::new(predicted);
+            assert_eq!([demodulated, plain, nlm, albedo, emission], [0.25, 0.25, 0.25, 0.5, 0.5]);
+        }
+    }
+
+    #[test]
     fn a_leaf_before_the_sky_keeps_its_own_emission() {
         let planes = |values: [f32; 3], count: usize| {
             let mut planes = Planes::new(3, 1, count);

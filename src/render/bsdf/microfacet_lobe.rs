@@ -104,3 +104,25 @@ impl Bxdf for MicrofacetLobe {
         (self.reflectance + self.transmittance) * self.fresnel.reflectance(wo, wo.z.abs())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::blinn::Blinn;
+    use super::*;
+
+    #[test]
+    fn a_lobe_has_the_index_of_the_side_that_it_is_seen_from() {
+        let lobe = MicrofacetLobe {
+            reflectance: Vec3::ONE,
+            transmittance: Vec3::ZERO,
+            distribution: MicrofacetDistribution::Blinn(Blinn::new(200.0, 200.0)),
+            fresnel: MicrofacetFresnel::Dielectric { front: 1.0 / 1.5, back: 1.5 },
+        };
+        let wo = Vec3::new(0.8, 0.0, 0.6);
+        assert_eq!(lobe.albedo(wo), Vec3::ONE, "beyond the critical angle");
+        assert_eq!(lobe.albedo(-wo), Vec3::splat(fresnel::dielectric(0.6, 1.5)));
+        let mirrored = |w: Vec3| Vec3::new(-w.x, 0.0, w.z);
+        let ratio = lobe.eval(-wo, mirrored(-wo)) / lobe.eval(wo, mirrored(wo));
+        assert!((ratio.x - fresnel::dielectric(0.6, 1.5)).abs() < 1e-5, "{ratio}");
+    }
+}

@@ -68,7 +68,7 @@ impl SceneBuilder {
         };
         if !has_valid_geometry(&light) {
             let message =
-                "the light has no finite position or a singular transform; expected finite coordinates";
+                "the light does not have a finite position and an invertible transform; expected both";
             return Err(ParseError::new(statement.loc, message));
         }
         if emission(&light) != Vec3::ZERO {

@@ -33,6 +33,7 @@ fn plastic_is_diffuse_and_glossy_with_an_inverted_index() {
         assert!(parts.diffuse[0].is_some() && parts.diffuse[1].is_none() && parts.dielectric.is_none());
         let gloss = parts.gloss.unwrap();
         assert_eq!((gloss.eta, gloss.roughness.scale), (1.0 / 1.5, scale));
+        assert_eq!(parts.inverts_gloss_behind, dialect == Dialect::V3);
     }
 }
 

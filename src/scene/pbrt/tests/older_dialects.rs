@@ -302,7 +302,7 @@ fn a_redefined_name_counts_until_the_end_of_its_block_in_the_older_dialects() {
         )
     };
     let text = |kinds: [&str; 2]| {
-        let [outer, inner] = [definition(kinds[0], 0.25), definition(kinds[1], 0.75)];
+        let [outer, inner] = [definition(kinds[0], 0.0), definition(kinds[1], 0.75)];
         let shape = "NamedMaterial \"m\" Shape \"sphere\" \"texture alpha\" \"t\"";
         format!("{outer} AttributeBegin TransformBegin {inner} TransformEnd {shape} AttributeEnd {shape}")
     };
@@ -315,7 +315,7 @@ fn a_redefined_name_counts_until_the_end_of_its_block_in_the_older_dialects() {
     };
     let v3 = v3_world(&text(["matte", "glass"]));
     // Any alpha but 0 is opaque there
-    assert_eq!([found(&v3, 0).0, found(&v3, 1).0], [true, false]);
+    assert_eq!([found(&v3, 0), found(&v3, 1)], [(true, None), (false, Some(0.0))]);
     assert!(v3.warnings.is_empty(), "{:?}", v3.warnings);
     let v4 = world(&text(["diffuse", "dielectric"]));
     assert_eq!([found(&v4, 0), found(&v4, 1)], [(true, Some(0.75)); 2]);

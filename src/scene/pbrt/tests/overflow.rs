@@ -60,6 +60,13 @@ fn the_position_of_a_light_is_finite() {
 }
 
 #[test]
+fn a_portal_below_single_precision_is_an_error() {
+    let tiny = "\"infinite\" \"point3 portal\" [0 0 0 0 1e-30 0 1e-30 1e-30 0 1e-30 0 0]";
+    let error = error(&format!("WorldBegin\nLightSource {tiny}"));
+    assert!(error.line == 2 && error.message.contains("invertible transform"), "{error}");
+}
+
+#[test]
 fn transforms_with_an_overflowing_determinant_are_errors() {
     let huge = "Scale 1e38 1e38 1e38 ".repeat(3);
     for then in [
