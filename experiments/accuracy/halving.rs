@@ -15,18 +15,19 @@ const DEFAULT: usize = 3;
 /// A forecast within this factor of the truth is right: 30 %.
 const TOLERANCE: f64 = 1.3;
 
-/// Ratios of forecast to true seconds until the error is halved, by sample count and seed, where the curve of the error, mean
-/// of the seeds, reaches half of it.
+/// Ratios of forecast to true seconds until the error is halved, by sample count and seed, where the curve of the
+/// error, mean of the seeds, reaches half of it.
 fn ratios(points: &[Point]) -> Vec<(u32, f64)> {
     let curve = curve(points, None, |point| point.seconds, |point| point.error);
     let counts: BTreeSet<u32> = points.iter().map(|point| point.spp).collect();
-    let of_count = |(spp, &(seconds, error)): (u32, &(f64, f64))| {
-        let Some(Crossing::At(end)) = crossing(&curve, 0.5 * error) else { return Vec::new() };
+    let of_count = |(i, spp): (usize, u32)| {
+        let (seconds, error) = curve[i];
+        let Some(Crossing::At(end)) = crossing(&curve[i..], 0.5 * error) else { return Vec::new() };
         let forecasts =
             points.iter().filter(|point| point.spp == spp).filter_map(|point| point.halving_seconds);
         forecasts.map(|forecast| (spp, forecast / (end - seconds))).collect()
     };
-    counts.into_iter().zip(&curve).flat_map(of_count).collect()
+    counts.into_iter().enumerate().flat_map(of_count).collect()
 }
 
 fn default_ratios(m: &SceneResults) -> Vec<(u32, f64)> {
@@ -51,7 +52,7 @@ pub fn finding(all: &[SceneResults]) -> String {
         )
     };
     let parts: Vec<String> = groups(all, |m| m.is_public).into_iter().map(of_group).collect();
-    format!("The seconds that it forecasts until half the error are {}.", parts.join("; "))
+    format!("The program's forecasts of the seconds until half the error are {}.", parts.join("; "))
 }
 
 /// Writes the section.
@@ -87,15 +88,19 @@ mod tests {
     #[test]
     fn forecasts_are_compared_with_the_seconds_that_half_the_error_took() {
         // Error 1/t: from 1 to 2 seconds it takes one second to halve, from 2 to 4 two; 4 is the last point.
-        let point = |spp: u32, forecast| {
+        let with_error = |spp: u32, error: f64, forecast| {
             let seconds = f64::from(spp);
-            let error = 1.0 / seconds;
             Point { spp, seed: 0, seconds, error, trimmed: error, flip: error, halving_seconds: forecast }
         };
+        let point = |spp: u32, forecast| with_error(spp, 1.0 / f64::from(spp), forecast);
         let found = ratios(&[point(1, Some(1.0)), point(2, Some(3.0)), point(4, Some(1.0))]);
         let [(1, first), (2, second)] = found[..] else { panic!("{found:?}") };
         assert!((first - 1.0).abs() < 1e-12 && (second - 1.5).abs() < 1e-12);
         assert!(is_right(first) && !is_right(second) && is_right(0.8) && !is_right(0.7));
         assert!(ratios(&[point(1, None), point(2, None)]).is_empty());
+        // A firefly in the third image: what follows it counts, not what came before
+        let errors = [(1, 1.0), (2, 0.2), (3, 0.5), (4, 0.25)];
+        let found = ratios(&errors.map(|(spp, error)| with_error(spp, error, Some(1.0))));
+        assert_eq!(found.last().map(|&(spp, ratio)| (spp, (1e6 * ratio).round())), Some((3, 1e6)));
     }
 }

@@ -1,8 +1,8 @@
 //! The experiment `accuracy`: what does accuracy cost in time?
 //!
 //! Measures the seconds to reach an error, cost and error of the filters' settings, the effect of fewer interim
-//! passes, and how well the loop's error estimates agree with the true error: for an image, for the price of half its error,
-//! and where they end a render.
+//! passes, and how well the loop's error estimates agree with the true error: for an image, for the price of half
+//! its error, and where they end a render.
 
 mod agreement;
 mod filter_costs;

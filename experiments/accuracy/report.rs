@@ -30,6 +30,7 @@ pub fn write(session: &Session, settings: &Settings, all: &[SceneResults]) -> an
         "Expected relMSE of the references, from their halves, whose noise no error contains: {}.",
         references.join(", ")
     ));
-    let seeds = settings.curves.seeds.max(settings.interim_passes.seeds).max(settings.filters.seeds);
-    report.write(session, &format!("0 to {}", seeds - 1))
+    let Settings { curves, interim_passes, filters, target_errors, .. } = settings;
+    let seeds = [curves.seeds, interim_passes.seeds, filters.seeds, target_errors.seeds].into_iter().max();
+    report.write(session, &format!("0 to {}", seeds.unwrap_or(1) - 1))
 }

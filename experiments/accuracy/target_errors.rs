@@ -81,9 +81,11 @@ pub fn finding(all: &[SceneResults]) -> String {
         let accepted = runs.iter().filter(|run| run.is_accepted()).count();
         let ratios = || runs.iter().map(|run| run.ratio);
         format!(
-            "on {name} {} times the target in the median ({}), between half of it and 1.5 times in {accepted} of {} renders",
+            "on {name} {} times the target in the median ({}), within {} to {} times in {accepted} of {} renders",
             number(median(ratios()), 2),
             range(ratios(), 2),
+            ACCEPTED[0],
+            ACCEPTED[1],
             runs.len()
         )
     };

@@ -22,6 +22,8 @@ pub struct Ablation {
 
 /// Name of the selection of all maps.
 pub const ALL_MAPS: &str = "all maps";
+/// Name of the selection of the other maps alone.
+pub const NONE_OF_THEM: &str = "none of them";
 /// Name of the selection that replaces all maps by the true error.
 pub const ORACLE: &str = "true error";
 
@@ -33,27 +35,29 @@ pub struct PriorityMaps {
     denoiser: &'static dyn Denoiser,
     /// The maps, by name.
     pub maps: &'static [(&'static str, Weight)],
+    /// Whether there are others, which stay when all of these are left out.
+    has_others: bool,
     /// Begins the names of the trials.
     label: &'static str,
 }
 
 const RESIDUAL: (&str, Weight) = ("filter residual", |settings| &mut settings.residual);
 
-/// Those of the default denoiser, which does not interpolate.
-pub fn of_default() -> PriorityMaps {
+/// Returns the maps of the default denoiser, which does not interpolate.
+pub fn default_maps() -> PriorityMaps {
     let maps = &[
         ("filtered variance", (|settings| &mut settings.filtered_variance) as Weight),
         ("unfiltered variance", |settings| &mut settings.raw_variance),
         RESIDUAL,
     ];
-    PriorityMaps { denoiser: DENOISERS[0], maps, label: "maps" }
+    PriorityMaps { denoiser: DENOISERS[0], maps, has_others: false, label: "maps" }
 }
 
-/// Those that P-RPF adds to the variances.
-pub fn of_prpf() -> PriorityMaps {
+/// Returns the maps that P-RPF adds to the variances.
+pub fn prpf_maps() -> PriorityMaps {
     let maps =
         &[("interpolation failure", (|settings| &mut settings.interpolation_failure) as Weight), RESIDUAL];
-    PriorityMaps { denoiser: prpf(), maps, label: "maps of prpf" }
+    PriorityMaps { denoiser: prpf(), maps, has_others: true, label: "maps of prpf" }
 }
 
 /// P-RPF at its full quality.
@@ -70,7 +74,7 @@ pub fn names(map: &str) -> [String; 2] {
 }
 
 /// All selections: that of all maps first, the true error last.
-fn selections(maps: &[(&str, Weight)]) -> Vec<Ablation> {
+fn selections(&PriorityMaps { maps, has_others, .. }: &PriorityMaps) -> Vec<Ablation> {
     // Each selection is tried, whatever is expected of it
     let default = PrioritySettings { max_ratio: 1.0, ..PrioritySettings::default() };
     let nothing = PrioritySettings {
@@ -94,6 +98,11 @@ fn selections(maps: &[(&str, Weight)]) -> Vec<Ablation> {
         ablations.push(ablation(&alone, only, InterimPasses::EveryBatch));
         ablations.push(ablation(&left_out, without, InterimPasses::EveryBatch));
     }
+    if has_others {
+        let mut others = default;
+        maps.iter().for_each(|(_, weight)| *weight(&mut others) = 0.0);
+        ablations.push(ablation(NONE_OF_THEM, others, InterimPasses::EveryBatch));
+    }
     let variance = PrioritySettings { filtered_variance: 1.0, ..nothing };
     ablations.push(ablation(ORACLE, variance, InterimPasses::Oracle));
     ablations
@@ -108,7 +117,7 @@ pub fn measure(
     (spp, seeds): (u32, u64),
 ) -> anyhow::Result<Vec<(Ablation, Vec<Point>)>> {
     let mut measured = Vec::new();
-    for ablation in selections(maps.maps) {
+    for ablation in selections(maps) {
         let mut points = Vec::new();
         for seed in 0..seeds {
             let trial = Trial {
@@ -132,8 +141,8 @@ mod tests {
 
     #[test]
     fn every_map_is_alone_once_and_left_out_once() {
-        for PriorityMaps { maps, .. } in [of_default(), of_prpf()] {
-            let ablations = selections(maps);
+        for priority_maps in [default_maps(), prpf_maps()] {
+            let (ablations, maps) = (selections(&priority_maps), priority_maps.maps);
             let weights = |ablation: &Ablation| {
                 let mut priority = ablation.priority;
                 maps.iter().map(|(_, weight)| *weight(&mut priority) > 0.0).collect::<Vec<_>>()

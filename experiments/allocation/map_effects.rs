@@ -1,6 +1,6 @@
 //! Reports what each priority map contributes: the error without it, and with it alone.
 
-use super::ablation::{ALL_MAPS, Ablation, PriorityMaps, names};
+use super::ablation::{ALL_MAPS, Ablation, NONE_OF_THEM, PriorityMaps, names};
 use super::report::format_interval;
 use crate::curves::{EqualCost, Point, ratios};
 use crate::report::Report;
@@ -31,7 +31,7 @@ fn against_all_maps(scenes: &[AblatedScene], name: &str, equal: EqualCost) -> In
     geometric_mean(&scenes.iter().map(of_scene).collect::<Vec<_>>())
 }
 
-/// Says of each map what it does, in one sentence each.
+/// Returns a sentence for each map, and one for all of them where other maps stay.
 pub fn verdicts(maps: &PriorityMaps, scenes: &[AblatedScene], equal: EqualCost) -> Vec<String> {
     let verdict = |map: &str| {
         let [alone, left_out] = names(map).map(|name| against_all_maps(scenes, &name, equal));
@@ -48,25 +48,35 @@ pub fn verdicts(maps: &PriorityMaps, scenes: &[AblatedScene], equal: EqualCost) 
             format_interval(alone)
         )
     };
-    maps.maps.iter().map(|(map, _)| verdict(map)).collect()
+    let mut verdicts: Vec<String> = maps.maps.iter().map(|(map, _)| verdict(map)).collect();
+    let neither = against_all_maps(scenes, NONE_OF_THEM, equal);
+    if neither.mean.is_finite() {
+        verdicts.push(format!(
+            "without any of them the error is {} times that with all maps.",
+            format_interval(neither)
+        ));
+    }
+    verdicts
 }
 
-/// Writes the verdicts and a table of all selections.
-pub fn write(report: &mut Report, maps: &PriorityMaps, scenes: &[AblatedScene], equal: EqualCost) {
-    let cost = match equal {
-        EqualCost::Samples => "samples",
-        EqualCost::Seconds => "seconds",
-    };
-    report.paragraph(&format!(
-        "At equal {cost}, geometric means over {} scenes (95 % interval):\n\n* {}",
-        scenes.len(),
-        verdicts(maps, scenes, equal).join("\n* ")
-    ));
+/// Writes the verdicts at equal costs, and a table of all selections.
+pub fn write(report: &mut Report, maps: &PriorityMaps, scenes: &[AblatedScene], costs: &[EqualCost]) {
+    for &equal in costs {
+        let cost = match equal {
+            EqualCost::Samples => "samples",
+            EqualCost::Seconds => "seconds",
+        };
+        report.paragraph(&format!(
+            "At equal {cost}, geometric means over {} scenes (95 % interval):\n\n* {}",
+            scenes.len(),
+            verdicts(maps, scenes, equal).join("\n* ")
+        ));
+    }
 
     // Tabulate the ratios by scene
     let mut head: Vec<&str> = std::iter::once("maps").chain(scenes.iter().map(|m| m.scene)).collect();
     head.push("mean");
-    if equal == EqualCost::Seconds {
+    if costs.contains(&EqualCost::Seconds) {
         head.push("mean at equal seconds");
     }
     let selections = scenes.first().map_or(&[][..], |m| m.ablations);

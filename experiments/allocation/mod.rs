@@ -36,7 +36,7 @@ pub fn run(session: &mut Session) -> anyhow::Result<()> {
         let curves = curves::measure(session, &test_scene, &accel, (&settings.spp, settings.seeds))?;
         let MapSettings { spp, seeds } = settings.maps;
         let ablations =
-            ablation::measure(session, &test_scene, &accel, &ablation::of_default(), (spp, seeds))?;
+            ablation::measure(session, &test_scene, &accel, &ablation::default_maps(), (spp, seeds))?;
         let own_loop = own_loop::measure(session, &test_scene, &accel, &settings.own_loop)?;
         let (picture, optimal_ratio) = sample_maps::write(session, &test_scene, &accel, spp)?;
         let (is_public, reference_relmse) = (test_scene.is_public, test_scene.reference.relmse);

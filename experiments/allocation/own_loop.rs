@@ -50,7 +50,7 @@ pub fn measure(
     };
     let (uniform, adaptive) = (points(Sampling::Uniform)?, points(Sampling::Adaptive)?);
     let (spp, seeds) = (settings.spp, settings.ablation_seeds);
-    let ablations = ablation::measure(session, test_scene, accel, &ablation::of_prpf(), (spp, seeds))?;
+    let ablations = ablation::measure(session, test_scene, accel, &ablation::prpf_maps(), (spp, seeds))?;
 
     let picture = format!("prpf-maps-{}.png", test_scene.name);
     let path = session.out.join(&picture);
@@ -85,7 +85,7 @@ fn ablated(m: &SceneResults) -> AblatedScene<'_> {
 /// The finding on P-RPF's own maps, in a sentence each.
 pub fn finding(settings: &OwnLoopSettings, all: &[SceneResults]) -> String {
     let scenes: Vec<_> = all.iter().map(ablated).collect();
-    let verdicts = map_effects::verdicts(&ablation::of_prpf(), &scenes, EqualCost::Samples);
+    let verdicts = map_effects::verdicts(&ablation::prpf_maps(), &scenes, EqualCost::Samples);
     format!(
         "P-RPF's own maps in its own loop, at {} samples per pixel: {}",
         settings.spp,
@@ -125,9 +125,11 @@ pub fn report(report: &mut Report, settings: &OwnLoopSettings, all: &[SceneResul
         rows.push(row(format!("**{group}**"), errors, over_scenes(&seconds).mean));
     }
     report.table(&["scene", "relMSE", "relMSE, 99.9 %", "seconds"], &rows);
-    report.paragraph("What its own maps, beside the variances, contribute:");
+    report.paragraph(
+        "What its own maps, beside the variances, contribute, if samples follow the maps whatever gain is predicted:",
+    );
     let scenes: Vec<_> = all.iter().map(ablated).collect();
-    map_effects::write(report, &ablation::of_prpf(), &scenes, EqualCost::Samples);
+    map_effects::write(report, &ablation::prpf_maps(), &scenes, &[EqualCost::Samples]);
     for m in all {
         report.picture(
             &m.own_loop.picture,

@@ -31,16 +31,20 @@ pub fn write(session: &Session, settings: &Settings, all: &[SceneResults]) -> an
     errors(&mut report, all);
     optimum(&mut report, settings, all);
     report.section("Contribution of each priority map");
-    report.paragraph(&format!("Filtered images at {} spp.", settings.maps.spp));
+    report.paragraph(&format!(
+        "Filtered images at {} spp, whose samples follow the maps whatever gain is predicted.",
+        settings.maps.spp
+    ));
     map_effects::write(
         &mut report,
-        &ablation::of_default(),
+        &ablation::default_maps(),
         &all.iter().map(ablated).collect::<Vec<_>>(),
-        EqualCost::Seconds,
+        &[EqualCost::Samples, EqualCost::Seconds],
     );
     sample_maps(&mut report, settings, all);
-    let seeds = format!("0 to {}", settings.seeds.max(settings.maps.seeds) - 1);
-    report.write(session, &seeds)
+    let own_loop = &settings.own_loop;
+    let seeds = settings.seeds.max(own_loop.seeds).max(own_loop.ablation_seeds);
+    report.write(session, &format!("0 to {}", seeds - 1))
 }
 
 fn ratio_tables(report: &mut Report, settings: &Settings, all: &[SceneResults]) {
@@ -266,8 +270,9 @@ fn optimum(report: &mut Report, settings: &Settings, all: &[SceneResults]) {
     report.section("Possible gain");
     let spp = settings.maps.spp;
     report.paragraph(&format!(
-        "Filtered: the same loop at {spp} spp with the true error of each interim image in place of its maps; this is no \
-         bound, but what the loop gains from perfect knowledge of the error. Unfiltered: sample counts in proportion to \
+        "Filtered: the loop at {spp} spp, whose samples follow the maps whatever gain is predicted, and the same with the \
+         true error of each interim image in place of its maps; this is no bound, but what the loop gains from perfect \
+         knowledge of the error. Unfiltered: the program's own choice, and sample counts in proportion to \
          the pixels' relative standard deviation (Neyman 1934), the optimal allocation of independent samples, from the \
          variances in {spp} samples per pixel. Ratios to the error of uniform sampling at equal samples, and the fraction \
          of the possible gain that adaptive sampling reaches."
