@@ -64,7 +64,7 @@ pub fn write(report: &mut Report, all: &[SceneResults]) {
          where the curve reaches so far.",
         CONFIGURATIONS[DEFAULT].name()
     ));
-    let counts: BTreeSet<u32> = all.iter().flat_map(|m| default_ratios(m)).map(|(spp, _)| spp).collect();
+    let counts: BTreeSet<u32> = all.iter().flat_map(default_ratios).map(|(spp, _)| spp).collect();
     let row = |m: &SceneResults| {
         let ratios = default_ratios(m);
         let cell = |&at: &u32| {
