@@ -126,15 +126,16 @@ pub fn interaction(
 /// The tangents of a mesh with normals, from the interpolated normal of any length.
 #[inline]
 fn shading_tangents(kind: MeshTangents, normal: Vec3, (dpdu, dpdv): (Vec3, Vec3)) -> (Vec3, Vec3) {
-    let across = || normal.normalize().cross(dpdu);
-    match kind {
-        MeshTangents::Parametric => (dpdu, dpdv),
-        MeshTangents::Perpendicular => (dpdu, across()),
-        MeshTangents::Opposite => {
-            let across = across().normalize_or_zero();
-            (normal.normalize().cross(across), -across)
-        }
+    if kind == MeshTangents::Parametric {
+        return (dpdu, dpdv);
     }
+    let normal = normal.normalize();
+    let across = normal.cross(dpdu);
+    if kind == MeshTangents::Perpendicular {
+        return (dpdu, across);
+    }
+    let across = across.normalize_or_zero();
+    (normal.cross(across), -across)
 }
 
 /// ∂p/∂u and ∂p/∂v; zero if the texture coordinates span no area.
