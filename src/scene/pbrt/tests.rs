@@ -258,27 +258,6 @@ fn a_mix_of_v4_may_name_later_materials_but_not_itself() {
 }
 
 #[test]
-fn textures_of_too_many_others_are_errors() {
-    let first = "WorldBegin Texture \"t0\" \"float\" \"checkerboard\"".to_owned();
-    let nested = |levels: usize, kind: &str, operands: &[&str]| {
-        let next = |i: usize| {
-            let of = |name: &&str| format!("\"texture {name}\" \"t{}\"", i - 1);
-            let operands = operands.iter().map(of).collect::<Vec<_>>().join(" ");
-            format!("\nTexture \"t{i}\" \"float\" \"{kind}\" {operands}")
-        };
-        first.clone() + &(1..=levels).map(next).collect::<String>()
-    };
-    // 3 + 9 + ... + 3⁷ = 3279
-    let mixes = |levels| nested(levels, "mix", &["tex1", "tex2", "amount"]);
-    scene(&mixes(7));
-    let too_many = error(&mixes(8));
-    assert!(too_many.line == 9 && too_many.message.contains("of 9840 others"), "{too_many}");
-    scene(&nested(12, "scale", &["tex"]));
-    let too_deep = error(&nested(13, "scale", &["tex"]));
-    assert!(too_deep.line == 14 && too_deep.message.contains("nested too deep"), "{too_deep}");
-}
-
-#[test]
 fn a_distant_object_keeps_its_precision() {
     let scene = world(&format!(
         "ObjectBegin \"a\" Translate 1e8 0 0 {TRIANGLE} ObjectEnd Translate -1e8 0 0 ObjectInstance \"a\""

@@ -188,6 +188,28 @@ mod tests {
     }
 
     #[test]
+    fn textures_of_too_many_others_are_errors() {
+        let read = |text: &str| read_str(text, Path::new(""));
+        let first = "WorldBegin Texture \"t0\" \"float\" \"checkerboard\"".to_owned();
+        let nested = |levels: usize, kind: &str, operands: &[&str]| {
+            let next = |i: usize| {
+                let of = |name: &&str| format!("\"texture {name}\" \"t{}\"", i - 1);
+                let operands = operands.iter().map(of).collect::<Vec<_>>().join(" ");
+                format!("\nTexture \"t{i}\" \"float\" \"{kind}\" {operands}")
+            };
+            first.clone() + &(1..=levels).map(next).collect::<String>()
+        };
+        // 3 + 9 + ... + 3⁷ = 3279
+        let mixes = |levels| nested(levels, "mix", &["tex1", "tex2", "amount"]);
+        assert!(read(&mixes(7)).is_ok());
+        let too_many = read(&mixes(8)).unwrap_err();
+        assert!(too_many.line == 9 && too_many.message.contains("of 9840 others"), "{too_many}");
+        assert!(read(&nested(12, "scale", &["tex"])).is_ok());
+        let too_deep = read(&nested(13, "scale", &["tex"])).unwrap_err();
+        assert!(too_deep.line == 14 && too_deep.message.contains("nested too deep"), "{too_deep}");
+    }
+
+    #[test]
     fn procedural_textures_are_read_with_their_parameters() {
         let loc = Vec3::new(0.5, 0.25, 0.75);
         let at = |texture: &str| colour(texture, loc, Vec2::ZERO);
