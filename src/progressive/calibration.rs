@@ -48,10 +48,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_eighth_of_a_large_image_and_all_of_a_small_one_are_calibrated() {
-        let of_large = rows(512);
+    fn a_sixteenth_of_a_large_image_and_all_of_a_small_one_are_calibrated() {
+        let of_large = rows(1024);
         assert_eq!(of_large.len(), 64);
-        assert!(of_large.is_sorted() && of_large[0] > 0 && of_large[63] < 511);
+        assert!(of_large.is_sorted() && of_large[0] > 0 && of_large[63] < 1023);
         assert_eq!(rows(40), (0..40).collect::<Vec<_>>());
         assert!(rows(0).is_empty());
     }

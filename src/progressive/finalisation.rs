@@ -11,7 +11,7 @@ use crate::filter::Denoiser;
 use crate::filter::sparse_filtering::core_seconds;
 
 /// Ratio of an image's rows to those on which a calibration is made.
-pub(super) const ROW_RATIO: usize = 8;
+pub(super) const ROW_RATIO: usize = 16;
 
 /// Times of one calibration, in seconds.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -200,8 +200,8 @@ mod tests {
     #[test]
     fn the_first_calibration_comes_if_enough_time_is_left_for_it_to_be_of_use() {
         let none = Finalisation::default();
-        // It takes 2 ∕ 8 of 0.8 seconds.
-        assert!(none.is_due(0.0, 0.41, 0.8) && !none.is_due(9.0, 0.39, 0.8));
+        // It takes 3 ∕ 16 of 0.8 seconds.
+        assert!(none.is_due(0.0, 0.31, 0.8) && !none.is_due(9.0, 0.29, 0.8));
     }
 
     #[test]

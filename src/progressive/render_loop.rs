@@ -21,6 +21,7 @@ use super::settings::Settings;
 use super::situation::{Conditions, Mark, Measurements, Situation};
 use super::steps::Grain;
 use super::stopped_by::StoppedBy;
+use super::time_constants::PREPARED;
 use crate::filter::{Denoiser, FilterResult};
 use crate::image::Planes;
 use crate::memory;
@@ -316,7 +317,7 @@ impl<'a> RenderLoop<'a> {
         let situation = self.situation(&Conditions::default());
         let left = situation.schedule().seconds_left(situation.elapsed).unwrap_or(f64::INFINITY);
         if !self.measurements.finalisation.is_calibrated() {
-            let bytes_per_pixel = denoiser.cost().bytes;
+            let bytes_per_pixel = (PREPARED * denoiser.cost().bytes as f64) as usize;
             match &mut self.processes {
                 Some(processes) if denoiser.parts().is_some() => processes.prepare_memory(bytes_per_pixel),
                 _ => memory::prepare(bytes_per_pixel * self.store().pixels()),

@@ -44,10 +44,14 @@ pub const INTERIM_USE: f64 = 3.0;
 pub const CALIBRATION_FRACTION: f64 = 0.02;
 /// A calibration is followed by more than this many times its own time for samples.
 pub const CALIBRATION_USE: f64 = 2.0;
-/// The first calibration takes about this many times as long as later ones: memory is prepared before it.
-pub const FIRST_CALIBRATION_EXCESS: f64 = 2.0;
+/// Ratio of the time of the first calibration to what its rows take of a pass: memory is prepared before it, its data is in no
+/// cache, and of an image of few rows it takes more of them.
+pub const FIRST_CALIBRATION_EXCESS: f64 = 3.0;
 /// A last calibration is due when this many times its result is left for samples: the machine may be busier by then.
 pub const LAST_CALIBRATION: f64 = 1.0;
+/// Fraction of a filter pass's memory that is prepared: more does not save it time, since it takes the rest in blocks of other
+/// sizes.
+pub const PREPARED: f64 = 0.8;
 /// Ratio of the filter's time for a whole image to that extrapolated from some of its rows (measured: 1 to 1.18, growing
 /// with the image): less of it is in the cache. The budget's margin covers what this leaves.
 pub const FILTER_EXCESS: f64 = 1.06;

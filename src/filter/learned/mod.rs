@@ -63,7 +63,7 @@ pub struct Learned {
 pub static STANDARD: Learned = Learned {
     preset: "standard",
     summary: "Kernels that a small network predicts, mixed with nlm",
-    cost: Cost { core_seconds: 9.3e-6, bytes: 950, pass_time: 4.3, is_per_sample: false },
+    cost: Cost { core_seconds: 9.3e-6, bytes: 700, pass_time: 4.3, is_per_sample: false },
     nlm: &nlm::STANDARD,
 };
 
@@ -71,7 +71,7 @@ pub static STANDARD: Learned = Learned {
 pub static DRAFT: Learned = Learned {
     preset: "draft",
     summary: "The same, mixed with the preset draft of nlm: faster",
-    cost: Cost { core_seconds: 6e-6, bytes: 950, pass_time: 2.1, is_per_sample: false },
+    cost: Cost { core_seconds: 6e-6, bytes: 700, pass_time: 2.1, is_per_sample: false },
     nlm: &nlm::DRAFT,
 };
 
@@ -188,7 +188,7 @@ fn filter(
     let candidates = candidates(store, &counts, &statistics, clamped.halves, nlm);
 
     // Filter the image
-    let mut predicted = weights().network.predict(&statistics.inputs(&candidates.nlm.mean), width, height);
+    let mut predicted = weights().network.predict(statistics.inputs(&candidates.nlm.mean), width, height);
     predicted.complete_margin(whole);
     let hit = InterleavedPlanes::extended(&statistics.hit, MARGIN);
     let mut mixed = candidates.filter_and_mix(&predicted, &hit);
@@ -325,7 +325,7 @@ mod tests {
         };
         let inputs = statistics.inputs(&candidates.nlm.mean);
         let expected = exported("mixed");
-        let predicted = weights().network.predict(&inputs, expected.width(), expected.height());
+        let predicted = weights().network.predict(inputs, expected.width(), expected.height());
         let hit = InterleavedPlanes::extended(&statistics.hit, MARGIN);
         let mixed = candidates.filter_and_mix(&predicted, &hit);
         for image in [&mixed.mean, &mixed.noise] {

@@ -59,9 +59,11 @@ impl Network {
     }
 
     /// Predicts the filter of an image of `width`×`height` pixels. `inputs` are those of `InputStatistics::inputs`.
-    pub fn predict(&self, inputs: &InterleavedPlanes, width: usize, height: usize) -> Prediction<'_> {
+    pub fn predict(&self, inputs: InterleavedPlanes, width: usize, height: usize) -> Prediction<'_> {
+        // Planes are given back as soon as they are read: here the filter takes most memory
         // Down
-        let fine = self.enter.activate(inputs);
+        let fine = self.enter.activate(&inputs);
+        drop(inputs);
         let [middle, coarse] = &self.down;
         let descend = |[a, b]: &[Convolution; 2], x: &InterleavedPlanes| b.activate(&a.activate(&shrink(x)));
         let middle = descend(middle, &fine);
@@ -70,7 +72,11 @@ impl Network {
 
         // Up, each level beside what it was made of
         let up = self.up.iter().zip([coarse, middle, fine]);
-        let last = up.fold(coarsest, |x, (layer, skipped)| layer.activate(&grow_beside(&x, &skipped)));
+        let last = up.fold(coarsest, |x, (layer, skipped)| {
+            let both = grow_beside(&x, &skipped);
+            drop((x, skipped));
+            layer.activate(&both)
+        });
         Prediction { network: self, last, width, height }
     }
 }
