@@ -234,7 +234,7 @@ impl Reporter {
         let curve = &self.record.curve;
         let (first, _) = curve.first()?;
         let of_first = curve.iter().filter(|(made_by, _)| made_by == first);
-        let rate = forecast(&of_first.map(|(_, point)| *point).collect::<Vec<_>>())?;
+        let rate = forecast(&of_first.map(|(_, point)| *point).collect::<Vec<_>>(), *first)?;
 
         let (_, latest) = curve.last().filter(|(_, point)| point.error > 0.0)?;
         let now = self.record.seconds_of(self.record.progress?.samples)?;

@@ -2,14 +2,17 @@
 //!
 //! Error falls as a power of the time spent on samples: t⁻¹ for independent samples, more slowly where a
 //! filter has already taken the easy part. The power is fitted to the latest estimates (least squares
-//! in logarithms, relative to the latest, newer points counting more), and kept within what renders show.
+//! in logarithms, relative to the latest, newer points counting more), drawn to the one that is typical (ridge regression),
+//! and kept within what renders show.
 
 use serde::Serialize;
+
+use crate::filter::{DenoiserName, UNFILTERED};
 
 /// What the image's relMSE was estimated to be at some time.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Point {
-    /// Time spent on samples and on filtering them, in seconds.
+    /// Time spent on samples, in seconds.
     pub seconds: f64,
     pub error: f64,
 }
@@ -20,8 +23,14 @@ const LOOK_BACK: usize = 6;
 const FADING: f64 = 0.7;
 /// Smallest and largest power that a fit may give.
 const POWERS: (f64, f64) = (0.25, 2.0);
-/// Power while there is one point only: independent samples.
-const PLAIN_POWER: f64 = 1.0;
+/// Power of independent samples.
+const UNFILTERED_POWER: f64 = 1.0;
+/// Typical power of filtered images: on our five scenes, from 8 to 128 samples per pixel, the error falls to 0.62 to 0.93 by twice
+/// the samples.
+pub(super) const FILTERED_POWER: f64 = 0.7;
+/// Weight of the typical power, as a sum of squared logarithms of times. Chosen on our five scenes, of which 25 in 30 forecasts after
+/// 8 to 64 samples per pixel were right within 30 %; without it 5 were.
+const TYPICAL_WEIGHT: f64 = 1.5;
 
 /// How the error is expected to go on.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -44,8 +53,8 @@ impl Forecast {
     }
 }
 
-/// Fits a forecast to points in order of time; `None` before the first estimate that is above zero.
-pub fn forecast(points: &[Point]) -> Option<Forecast> {
+/// Fits a forecast to points in order of time, of images by a denoiser; `None` before the first estimate that is above zero.
+pub fn forecast(points: &[Point], made_by: DenoiserName) -> Option<Forecast> {
     let usable = |p: &&Point| p.error > 0.0 && p.seconds > 0.0;
     let recent: Vec<_> = points.iter().filter(usable).rev().take(LOOK_BACK).collect();
     let latest = recent.first()?;
@@ -62,9 +71,9 @@ pub fn forecast(points: &[Point]) -> Option<Forecast> {
         xx += weight * t * t;
         xy += weight * t * e;
     }
-    let spread = xx - x * x / w;
-    let slope = if spread > 1e-9 { -(xy - x * y / w) / spread } else { PLAIN_POWER };
-    let power = slope.clamp(POWERS.0, POWERS.1);
+    let typical = if made_by == UNFILTERED.name() { UNFILTERED_POWER } else { FILTERED_POWER };
+    let (spread, fall) = (xx - x * x / w, x * y / w - xy);
+    let power = ((fall + TYPICAL_WEIGHT * typical) / (spread + TYPICAL_WEIGHT)).clamp(POWERS.0, POWERS.1);
     let found = Forecast { power, halving_seconds: 0.0 };
     Some(Forecast { halving_seconds: found.halving_after(latest.seconds), ..found })
 }
@@ -77,12 +86,17 @@ mod tests {
         times.iter().map(|&seconds| Point { seconds, error: 0.3 * seconds.powf(-power) }).collect()
     }
 
+    const LEARNED: DenoiserName = DenoiserName { method: "learned", preset: None };
+
     #[test]
-    fn a_power_law_is_found_and_its_halving_told() {
+    fn a_power_law_is_approached_from_the_typical_power_and_its_halving_told() {
         for power in [0.5, 1.0, 1.4] {
-            let found = forecast(&points(power, &[1.0, 2.0, 4.0, 8.0])).unwrap();
-            assert!((found.power - power).abs() < 1e-9);
-            let halved = 8.0 * 2f64.powf(1.0 / power);
+            let few = forecast(&points(power, &[4.0, 8.0]), LEARNED).unwrap().power;
+            let found = forecast(&points(power, &[1e-9, 1e-6, 1e-3, 8.0]), LEARNED).unwrap();
+            let distance = |found: f64| (found - power).abs();
+            assert!(distance(few) < distance(FILTERED_POWER), "{few}");
+            assert!(distance(found.power) < 0.02, "{}", found.power);
+            let halved = 8.0 * 2f64.powf(1.0 / found.power);
             assert!((8.0 + found.halving_seconds - halved).abs() < 1e-9);
             assert!((8.0 * found.growth_to(0.4, 0.2) - halved).abs() < 1e-9);
             assert_eq!(found.growth_to(0.1, 0.2), 1.0);
@@ -90,19 +104,21 @@ mod tests {
     }
 
     #[test]
-    fn one_estimate_is_taken_for_independent_samples() {
-        let found = forecast(&points(1.0, &[3.0])).unwrap();
-        assert_eq!((found.power, found.halving_seconds), (1.0, 3.0));
+    fn one_estimate_is_followed_by_the_typical_power() {
+        let found = forecast(&points(1.0, &[3.0]), UNFILTERED.name()).unwrap();
+        assert_eq!((found.power, found.halving_seconds), (UNFILTERED_POWER, 3.0));
+        let filtered = forecast(&points(1.0, &[3.0]), LEARNED).unwrap();
+        assert!((filtered.power - FILTERED_POWER).abs() < 1e-9, "{}", filtered.power);
     }
 
     #[test]
     fn noise_cannot_make_it_absurd() {
         let rising = [
             Point { seconds: 1.0, error: 0.1 },
-            Point { seconds: 2.0, error: 0.2 },
-            Point { seconds: 3.0, error: -1.0 },
+            Point { seconds: 20.0, error: 9.0 },
+            Point { seconds: 30.0, error: -1.0 },
         ];
-        assert_eq!(forecast(&rising).unwrap().power, POWERS.0);
-        assert_eq!(forecast(&[Point { seconds: 1.0, error: -1.0 }]), None);
+        assert_eq!(forecast(&rising, LEARNED).unwrap().power, POWERS.0);
+        assert_eq!(forecast(&[Point { seconds: 1.0, error: -1.0 }], LEARNED), None);
     }
 }

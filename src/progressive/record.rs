@@ -110,11 +110,11 @@ impl Outcome {
     /// Returns how the error is expected to fall, from the estimates of the interim images, or from that of the final image
     /// if there are none; `halving_seconds` counts from the final image. Another denoiser may have made that one, so that it
     /// is no point of the same curve. Time is taken as proportional to samples, so that an interruption or a change of speed
-    /// does not count.
+    /// does not count. What is spent on filtering does not count either: a render that goes on filters another image in place of this one.
     pub fn forecast(&self) -> Option<Forecast> {
-        let Seconds { render, filter, calibrate, allocate } = self.seconds;
-        let spent = render + filter + calibrate + allocate;
-        let seconds_per_sample = (self.own_samples > 0).then(|| spent / self.own_samples as f64)?;
+        let Seconds { render, allocate, .. } = self.seconds;
+        let seconds_per_sample =
+            (self.own_samples > 0).then(|| (render + allocate) / self.own_samples as f64)?;
         let (last, interim) = self.passes.split_last()?;
         let has_estimates = interim.iter().any(|pass| pass.estimated_error.is_some());
         let passes = if has_estimates { interim } else { std::slice::from_ref(last) };
@@ -125,7 +125,7 @@ impl Outcome {
             })
         };
         let points: Vec<Point> = passes.iter().filter_map(point).collect();
-        let found = forecast(&points)?;
+        let found = forecast(&points, self.result.made_by)?;
         Some(Forecast {
             halving_seconds: found.halving_after(seconds_per_sample * self.store.samples() as f64),
             ..found

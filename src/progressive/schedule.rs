@@ -7,6 +7,7 @@
 //! predicted.
 
 use super::budget::Budget;
+use super::forecast::FILTERED_POWER;
 use super::speed::Speed;
 use super::stopped_by::StoppedBy;
 use super::time_constants::{
@@ -35,9 +36,6 @@ const REST_RATIO: u64 = 4;
 const LEAST_GROWTH: f64 = 0.25;
 /// Fewest samples per pixel, in all, with a last batch of that size.
 const LEAST_SPP_WITH_LAST_BATCH: u64 = 16;
-/// The error of a filtered image falls about as the samples to this power: on our five scenes, from 8 to 128 samples per
-/// pixel, to 0.62 to 0.93.
-const ERROR_POWER: f64 = 0.7;
 /// Most samples per pixel of a step.
 const STEP_SPP: u64 = 4;
 /// Fraction of the batch that the first step under a time budget renders, whatever it costs: there has to be an image.
@@ -118,7 +116,7 @@ impl Schedule<'_> {
     /// Returns the samples that lead to the target error, at least [`LEAST_GROWTH`] of those so far.
     fn samples_to_target(&self, samples: u64, error: Option<f64>) -> u64 {
         let Some((target, error)) = self.budget.target_error.zip(error) else { return u64::MAX };
-        let growth = (error / target).powf(1.0 / ERROR_POWER) - 1.0;
+        let growth = (error / target).powf(1.0 / FILTERED_POWER) - 1.0;
         let pairs = (samples as f64 * growth.max(LEAST_GROWTH) / self.pixels as f64 / 2.0).ceil() as u64;
         pairs.saturating_mul(2).saturating_mul(self.pixels)
     }

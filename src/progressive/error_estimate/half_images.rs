@@ -41,7 +41,7 @@ const SHARP_DEVIATION: f64 = 0.3;
 const SMOOTH_RATIO: f64 = 1.05;
 
 /// Standard deviation of its logarithm.
-const SMOOTH_DEVIATION: f64 = 0.5;
+const SMOOTH_DEVIATION: f64 = 0.3;
 
 /// Images of the halves of an excerpt's samples, filtered and not: 3 planes.
 pub struct HalfImages {

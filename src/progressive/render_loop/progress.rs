@@ -30,7 +30,7 @@ impl RenderLoop<'_> {
             Some(Point { seconds: pass.samples_total as f64, error: pass.estimated_error? })
         };
         let points: Vec<Point> = self.checkpoint.passes.iter().filter_map(point).collect();
-        let growth = forecast(&points)?.growth_to(estimate.value, target);
+        let growth = forecast(&points, self.settings.denoiser.name())?.growth_to(estimate.value, target);
         Some((self.samples.valid as f64 / (growth * estimate.samples as f64)).min(1.0))
     }
 }
