@@ -326,7 +326,7 @@ fn a_time_budget_ends_in_an_image() {
 fn the_forecast_counts_from_the_final_image() {
     let mut outcome = render(&settings(32, Sampling::Adaptive, 0));
     let whole = outcome.forecast().expect("estimates on the way");
-    let spent = outcome.seconds.render + outcome.seconds.filter + outcome.seconds.allocate;
+    let spent = outcome.seconds.render + outcome.seconds.allocate;
     let expected = spent * (2f64.powf(1.0 / whole.power) - 1.0);
     assert!((whole.halving_seconds / expected - 1.0).abs() < 1e-9, "{whole:?} {expected}");
     // Had another run made half of the samples, this one would have taken as long for half as many.

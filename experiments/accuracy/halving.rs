@@ -60,8 +60,8 @@ pub fn write(report: &mut Report, all: &[SceneResults]) {
     report.section("Is the price of half the error right?");
     report.paragraph(&format!(
         "Seconds until the error is halved as the program forecasts them at the end of a render, over those after which the \
-         curve of the true error (mean of the seeds, interpolated) has half its value; {}; median and range over the seeds, \
-         where the curve reaches so far.",
+         curve of the true error (mean of the seeds, interpolated) has half its value, filter passes on the way included; {}; \
+         median and range over the seeds, where the curve reaches so far.",
         CONFIGURATIONS[DEFAULT].name()
     ));
     let counts: BTreeSet<u32> = all.iter().flat_map(default_ratios).map(|(spp, _)| spp).collect();

@@ -2,7 +2,8 @@
 //! proportional to it.
 //!
 //! The priority of a pixel uses the maps of the pixels around it, not its own: a rare bright sample would draw further
-//! samples that dilute it, and the image would get darker where light is rare.
+//! samples that dilute it, and the image would get darker where light is rare. Variance far above that of the pixels around
+//! counts in every pixel: a single firefly does not show where the next one will be.
 //!
 //! If a pixel contributes e/n to the relative error of the image after n samples, the total error for a given
 //! number of samples is minimal for n ∝ √e. A weighted sum of the maps estimates e/n, and the priority is
@@ -50,11 +51,14 @@ impl Default for PrioritySettings {
     }
 }
 
+/// Maximum relative variance: sums over an image are finite.
+const MAX_VARIANCE: f32 = 1e20;
+
 /// Maximum excess of the residual.
 const MAX_RESIDUAL_EXCESS: f32 = 10.0;
 
-/// Ratio of a pixel's variance to the mean around it beyond which it tells of rare light. Without a limit adaptive sampling left up
-/// to three times the error of uniform sampling on random scenes with many fireflies.
+/// Maximum ratio of a pixel's variance to the mean around it. Without it adaptive sampling left up to three times the error of uniform
+/// sampling on random scenes with many fireflies.
 const MAX_VARIANCE_RATIO: f32 = 30.0;
 
 /// The maps of a filtered image.
@@ -84,13 +88,15 @@ pub fn priority(maps: Maps, settings: &PrioritySettings) -> Vec<f32> {
     let average = level.iter().map(|&v| f64::from(v)).sum::<f64>() / level.len().max(1) as f64;
     let epsilon = (f64::from(settings.epsilon) * average * average) as f32;
     let relative = |variance: &Planes| {
-        let value =
-            |i: usize| variance.channel_mean(i) / (level[i] * level[i] + epsilon).max(f32::MIN_POSITIVE);
-        let mut variance: Vec<f32> = (0..width * height).map(value).collect();
-        let around = smooth(&variance);
-        let rare = clamp_spikes(&mut variance, &around);
-        let mut smoothed = smooth(&variance);
-        smoothed.iter_mut().for_each(|v| *v += rare);
+        let value = |i: usize| {
+            let squared_level = (level[i] * level[i] + epsilon).max(f32::MIN_POSITIVE);
+            (variance.channel_mean(i) / squared_level).min(MAX_VARIANCE)
+        };
+        let mut relative: Vec<f32> = (0..width * height).map(value).collect();
+        let around = smooth(&relative);
+        let excess = limit_variance(&mut relative, &around);
+        let mut smoothed = smooth(&relative);
+        smoothed.iter_mut().for_each(|v| *v += excess);
         smoothed
     };
     let mut filtered = relative(maps.filtered_variance);
@@ -142,8 +148,8 @@ fn mean(plane: &[f32]) -> f32 {
     (plane.iter().map(|&v| f64::from(v)).sum::<f64>() / plane.len().max(1) as f64) as f32
 }
 
-/// Clamps variances to [`MAX_VARIANCE_RATIO`] times those around. Returns what that takes from their mean.
-fn clamp_spikes(variance: &mut [f32], around: &[f32]) -> f32 {
+/// Limits variances to [`MAX_VARIANCE_RATIO`] times those around. Returns what that takes from their mean.
+fn limit_variance(variance: &mut [f32], around: &[f32]) -> f32 {
     let before = mean(variance);
     variance.iter_mut().zip(around).for_each(|(v, around)| *v = v.min(MAX_VARIANCE_RATIO * around));
     before - mean(variance)
@@ -214,24 +220,24 @@ mod tests {
             residual: &residual,
             interpolation_failure: None,
         };
-        let settings = PrioritySettings { cap_quantile: 1.0, epsilon: 0.05, ..PrioritySettings::default() };
+        let settings = PrioritySettings { cap_quantile: 1.0, ..PrioritySettings::default() };
         let p = priority(maps, &settings);
-        assert!(p[32 * 64 + 31] > 1.8 * p[32 * 64 + 8], "{} {}", p[32 * 64 + 31], p[32 * 64 + 8]);
+        assert!(p[32 * 64 + 31] > 1.5 * p[32 * 64 + 8], "{} {}", p[32 * 64 + 31], p[32 * 64 + 8]);
     }
 
     #[test]
-    fn a_single_pixels_variance_draws_samples_to_no_place() {
+    fn a_single_pixels_variance_raises_all_priorities_alike() {
         let with_spike = |x: usize, y: usize| if (x, y) == (40, 20) { 50.0 } else { 0.01 };
         let [p, without] = [constant_priority(1.0, with_spike), constant_priority(1.0, |_, _| 0.01)];
         let (own, beside, far) = (p[20 * 64 + 40], p[20 * 64 + 41], p[50 * 64 + 8]);
         assert!((own / far - 1.0).abs() < 0.02 && (beside / far - 1.0).abs() < 0.15, "{own} {beside} {far}");
-        // Its 50 ∕ 64² are everywhere as likely.
+        // Its excess of 50 ∕ 64² counts in every pixel.
         let expected = ((0.01 + 50.0 / 4096.0) / 0.01f32).sqrt();
         assert!((far / without[50 * 64 + 8] / expected - 1.0).abs() < 0.02, "{far} {expected}");
     }
 
     #[test]
-    fn many_pixels_with_more_variance_draw_samples_to_their_place() {
+    fn many_pixels_with_more_variance_raise_the_priority_around_them() {
         let p = constant_priority(1.0, |x, y| if x < 16 && (x + y) % 2 == 0 { 0.5 } else { 0.01 });
         assert!(p[32 * 64 + 8] > 4.0 * p[32 * 64 + 40], "{} {}", p[32 * 64 + 8], p[32 * 64 + 40]);
     }
@@ -296,7 +302,8 @@ mod tests {
             planes
         };
         let counts: Vec<u32> = (0..pixels).map(|i| (i * 5 % 9) as u32).collect();
-        let (image, filtered, raw) = (planes(3, 37, 2.0), planes(3, 29, 0.01), planes(3, 43, 0.2));
+        let (image, mut filtered, mut raw) = (planes(3, 37, 2.0), planes(3, 29, 0.01), planes(3, 43, 0.2));
+        [&mut filtered, &mut raw].into_iter().for_each(|map| map.planes_mut().for_each(|p| p[50] = 40.0));
         let (residual, failure) = (planes(1, 31, 30.0), planes(1, 23, 1.0));
         let settings = PrioritySettings {
             filtered_variance: 0.8,
@@ -330,7 +337,7 @@ mod tests {
         let relative = |v: &Planes| {
             let value = |i: usize| mean(v, i) / (level[i].powi(2) + 0.1 * average * average);
             let around = smooth(&value);
-            let clamped = |i: usize| value(i).min(30.0 * around[i]);
+            let clamped = |i: usize| value(i).min(MAX_VARIANCE_RATIO * around[i]);
             let rare = (0..pixels).map(|i| value(i) - clamped(i)).sum::<f32>() / pixels as f32;
             smooth(&clamped).into_iter().map(|v| v + rare).collect::<Vec<_>>()
         };

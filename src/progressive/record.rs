@@ -110,7 +110,7 @@ impl Outcome {
     /// Returns how the error is expected to fall, from the estimates of the interim images, or from that of the final image
     /// if there are none; `halving_seconds` counts from the final image. Another denoiser may have made that one, so that it
     /// is no point of the same curve. Time is taken as proportional to samples, so that an interruption or a change of speed
-    /// does not count. What is spent on filtering does not count either: a render that goes on filters another image in place of this one.
+    /// does not count. Neither do filter passes: the last one is made in place of another, and those before it are few.
     pub fn forecast(&self) -> Option<Forecast> {
         let Seconds { render, allocate, .. } = self.seconds;
         let seconds_per_sample =
@@ -125,7 +125,9 @@ impl Outcome {
             })
         };
         let points: Vec<Point> = passes.iter().filter_map(point).collect();
-        let found = forecast(&points, self.result.made_by)?;
+        let made_by =
+            if has_estimates { self.settings.interim_denoiser().name() } else { self.result.made_by };
+        let found = forecast(&points, made_by)?;
         Some(Forecast {
             halving_seconds: found.halving_after(seconds_per_sample * self.store.samples() as f64),
             ..found

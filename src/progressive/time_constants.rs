@@ -1,5 +1,5 @@
 //! Every constant of time keeping: how long steps are, when filter passes, calibrations and checkpoints are due, and how
-//! far predictions are trusted. Seconds, or fractions of a time.
+//! far predictions are trusted. Seconds, or fractions of a time or of memory.
 
 // Steps of a sample batch
 

@@ -60,9 +60,9 @@ impl Network {
 
     /// Predicts the filter of an image of `width`×`height` pixels. `inputs` are those of `InputStatistics::inputs`.
     pub fn predict(&self, inputs: InterleavedPlanes, width: usize, height: usize) -> Prediction<'_> {
-        // Planes are given back as soon as they are read: here the filter takes most memory
         // Down
         let fine = self.enter.activate(&inputs);
+        // Planes are freed as soon as they are read: here the filter takes most memory
         drop(inputs);
         let [middle, coarse] = &self.down;
         let descend = |[a, b]: &[Convolution; 2], x: &InterleavedPlanes| b.activate(&a.activate(&shrink(x)));
