@@ -79,6 +79,8 @@ pub fn forecast(points: &[Point], made_by: DenoiserName) -> Option<Forecast> {
 
 #[cfg(test)]
 mod tests {
+    use std::f64::consts::LN_2;
+
     use super::*;
 
     fn points(power: f64, times: &[f64]) -> Vec<Point> {
@@ -88,13 +90,15 @@ mod tests {
     const LEARNED: DenoiserName = DenoiserName { method: "learned", preset: None };
 
     #[test]
-    fn a_power_law_is_found_from_long_renders_and_its_halving_told() {
+    fn a_power_law_is_found_between_it_and_the_typical_power_and_its_halving_told() {
         for power in [0.5, 1.0, 1.4] {
-            let few = forecast(&points(power, &[4.0, 8.0]), LEARNED).unwrap().power;
-            let found = forecast(&points(power, &[1e-9, 1e-6, 1e-3, 8.0]), LEARNED).unwrap();
-            let distance = |found: f64| (found - power).abs();
-            assert!(distance(few) < distance(FILTERED_POWER), "{few}");
-            assert!(distance(found.power) < 0.02, "{}", found.power);
+            let found = forecast(&points(power, &[1.0, 2.0, 4.0, 8.0]), LEARNED).unwrap();
+            // Of weights 1, 0.7, 0.49 and 0.343 at 0 to 3 halvings: Σwk² − (Σwk)² ∕ Σw
+            let spread = (5.747 - 2.709f64.powi(2) / 2.533) * LN_2 * LN_2;
+            let expected = (spread * power + TYPICAL_WEIGHT * FILTERED_POWER) / (spread + TYPICAL_WEIGHT);
+            assert!((found.power - expected).abs() < 1e-9, "{} {expected}", found.power);
+            let of_long = forecast(&points(power, &[1e-9, 1e-6, 1e-3, 8.0]), LEARNED).unwrap().power;
+            assert!((of_long - power).abs() < 0.02, "{of_long}");
             let halved = 8.0 * 2f64.powf(1.0 / found.power);
             assert!((8.0 + found.halving_seconds - halved).abs() < 1e-9);
             assert!((8.0 * found.growth_to(0.4, 0.2) - halved).abs() < 1e-9);

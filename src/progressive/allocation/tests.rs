@@ -69,10 +69,7 @@ fn samples_are_placed_uniformly_where_little_is_expected_of_priorities() {
     checkpoint.passes = vec![pass(0.9)];
     assert_eq!(per_pixel(&checkpoint), Some(8));
     let ratio = expected_ratio(&checkpoint.store, checkpoint.interim.as_ref().unwrap(), &settings);
-    assert!(
-        (0.3..f64::from(settings.priority.max_ratio)).contains(&ratio),
-        "half of the image is noisy: {ratio}"
-    );
+    assert!((0.3..0.8).contains(&ratio), "half of the image is noisy: {ratio}");
 }
 
 /// A region is rendered before other pixels have samples, which get a fraction of the samples until all have some.
