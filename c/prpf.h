@@ -35,6 +35,10 @@ typedef enum {
      * The library is at fault. The objects of the call can only be freed.
      */
     PRPF_STATUS_INTERNAL_ERROR = 4,
+    /**
+     * A library that the denoiser uses has failed. The filter keeps its latest result.
+     */
+    PRPF_STATUS_DENOISER_FAILED = 5,
 } PrpfStatus;
 
 /**
@@ -116,7 +120,7 @@ typedef struct {
 typedef int (*PrpfProgress)(void *user, double fraction);
 
 /**
- * The estimated relMSE of an image; all NaN if too few pixels have samples in both halves.
+ * The estimated relMSE of an image; all NaN if too few pixels have samples in both halves, or squares of pixels were filtered.
  */
 typedef struct {
     /**
@@ -298,8 +302,8 @@ PrpfStatus prpf_filter_set_progress(PrpfFilter *filter,
  * Filters a store, and keeps the result until the filter's next completed pass. The calling thread waits. Others may add
  * samples to the store meanwhile; the pass does not see them, but the store is then copied.
  *
- * A store with fewer samples than pixels is filtered by a faster denoiser, and not at all if the library of "oidn" fails; see
- * prpf_filter_made_by().
+ * A store with fewer samples than pixels may be filtered by a faster denoiser; see prpf_filter_made_by(). If the library of "oidn"
+ * fails the status is PRPF_STATUS_DENOISER_FAILED.
  *
  * Pointers are null or point to a filter and a store.
  */

@@ -50,13 +50,15 @@ static Image read_pfm(const char *path) {
 
 static void write_pfm(const char *path, Image image) {
     size_t y;
+    int failed;
     FILE *file = fopen(path, "wb");
     if (!file)
         fail(path, "cannot be opened");
     fprintf(file, "PF\n%zu %zu\n-1\n", image.width, image.height);
     for (y = image.height; y-- > 0;)
         fwrite(image.rgb + 3 * image.width * y, 3 * sizeof(float), image.width, file);
-    if (ferror(file) | fclose(file))
+    failed = ferror(file);
+    if (fclose(file) || failed)
         fail(path, "cannot be written");
 }
 
@@ -90,10 +92,14 @@ int main(int count, char **paths) {
     pixels = images[0].width * images[0].height;
     counts = calloc(pixels + 1, sizeof *counts);
     variances = calloc(pixels * columns + 1, sizeof *variances);
+    if (!counts || !variances)
+        fail(paths[2], "too large");
     for (i = 0; i < pixels; i++)
         counts[i] = 1;
     for (k = 0; k < 2; k++) {
         means[k] = calloc(pixels * columns + 1, sizeof *means[k]);
+        if (!means[k])
+            fail(paths[2], "too large");
         for (i = 0; i < pixels; i++) {
             memcpy(means[k] + i * columns, images[k].rgb + 3 * i, 3 * sizeof(float));
             if (groups == 3) {

@@ -4,7 +4,7 @@ use prpf::adaptive::{self, Maps, NO_CEILING, PrioritySettings, next_counts};
 use prpf::filter::variance_of_mean;
 use prpf::stats::Part;
 
-use crate::arguments::{array, object, output};
+use crate::arguments::{array, object, output, write};
 use crate::filter::PrpfFilter;
 use crate::status::{PrpfStatus, guard, invalid};
 use crate::store::PrpfStore;
@@ -45,7 +45,7 @@ pub unsafe extern "C" fn prpf_filter_priority(
             residual: &result.residual,
             interpolation_failure: result.interpolation.as_ref().map(|found| &found.failure),
         };
-        priority.copy_from_slice(&adaptive::priority(maps, &PrioritySettings::default()));
+        write(priority, &adaptive::priority(maps, &PrioritySettings::default()));
         Ok(())
     })
 }
@@ -80,7 +80,7 @@ pub unsafe extern "C" fn prpf_store_allocate(
         let counts = unsafe { output("counts", counts, value_count, store.store.pixels()) }?;
         let bounds = [min_spp, if max_spp == 0 { NO_CEILING } else { max_spp }];
         let next = next_counts(&store.store, priority, samples, bounds, store.seed).map_err(invalid)?;
-        counts.copy_from_slice(&next);
+        write(counts, &next);
         Ok(())
     })
 }

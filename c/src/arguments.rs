@@ -1,9 +1,10 @@
-//! Checks pointers and turns them into references, slices and strings.
+//! Checks pointers and turns them into references, slices and strings. Memory that a call writes to may be uninitialised.
 //!
 //! What can be told from a pointer is checked: that it is not null, is aligned, and that its length is one that memory can
 //! have. That it points to so many values is the caller's promise, which every function of the header asks for.
 
 use std::ffi::{CStr, c_char};
+use std::mem::MaybeUninit;
 use std::slice::{from_raw_parts, from_raw_parts_mut};
 
 use crate::status::{Failure, invalid};
@@ -22,10 +23,10 @@ pub unsafe fn object<'a, T>(name: &str, pointer: *const T) -> Result<&'a T, Fail
 ///
 /// # Safety
 /// `pointer` is null or points to memory of a `T` that nothing else uses while the reference lives.
-pub unsafe fn place<'a, T>(name: &str, pointer: *mut T) -> Result<&'a mut T, Failure> {
+pub unsafe fn place<'a, T>(name: &str, pointer: *mut T) -> Result<&'a mut MaybeUninit<T>, Failure> {
     check(name, pointer)?;
     // SAFETY: neither null nor misaligned; the rest is promised.
-    Ok(unsafe { &mut *pointer })
+    Ok(unsafe { &mut *pointer.cast() })
 }
 
 /// Takes an array of `count` values; it may be null if there are none.
@@ -45,13 +46,13 @@ pub unsafe fn array<'a, T>(name: &str, pointer: *const T, count: usize) -> Resul
 /// Takes an array of `count` values to write to, which must be `accepted`.
 ///
 /// # Safety
-/// `pointer` is null or points to `count` initialised values that nothing else uses while the slice lives.
+/// `pointer` is null or points to memory of `count` values that nothing else uses while the slice lives.
 pub unsafe fn output<'a, T>(
     name: &str,
     pointer: *mut T,
     count: usize,
     accepted: usize,
-) -> Result<&'a mut [T], Failure> {
+) -> Result<&'a mut [MaybeUninit<T>], Failure> {
     if count != accepted {
         return Err(invalid(format!(
             "{name}: found room for {count} values; accepted is room for {accepted}"
@@ -60,7 +61,18 @@ pub unsafe fn output<'a, T>(
     check(name, pointer)?;
     check_count::<T>(name, count)?;
     // SAFETY: neither null nor misaligned nor too long; the rest is promised.
-    Ok(unsafe { from_raw_parts_mut(pointer, count) })
+    Ok(unsafe { from_raw_parts_mut(pointer.cast(), count) })
+}
+
+/// Writes a value to each place.
+pub fn write<'a, T: Copy + 'a>(
+    places: impl IntoIterator<Item = &'a mut MaybeUninit<T>>,
+    values: impl IntoIterator<Item = &'a T>,
+) {
+    let mut values = values.into_iter();
+    for place in places {
+        place.write(*values.next().expect("a value for each place"));
+    }
 }
 
 /// Takes a text in UTF-8.

@@ -2,7 +2,7 @@
 
 use std::ffi::{c_char, c_int, c_void};
 use std::ptr::null_mut;
-use std::sync::{Mutex, MutexGuard, TryLockError};
+use std::sync::{Arc, Mutex, MutexGuard, TryLockError};
 use std::time::Instant;
 
 use prpf::filter::{CancellablePool, Denoiser, by_name, can_filter, draft_if_sparse};
@@ -63,11 +63,15 @@ impl Content {
     }
 
     fn run(&mut self, store: &PrpfStore) -> Result<(), Failure> {
-        // Prepare the pass
         let (store, seed) = {
             let content = store.lock()?;
             (content.store.clone(), content.seed)
         };
+        self.filter(store, seed)
+    }
+
+    fn filter(&mut self, store: Arc<Store>, seed: u64) -> Result<(), Failure> {
+        // Prepare the pass
         can_filter(self.denoiser, &store).map_err(invalid)?;
         let denoiser = draft_if_sparse(&store, self.denoiser);
         let units = units(&store, denoiser);
@@ -87,6 +91,9 @@ impl Content {
             status: PrpfStatus::Cancelled,
             message: "the progress callback has cancelled the pass".to_owned(),
         })?;
+        if let Some(message) = filtered.result.failure {
+            return Err(Failure { status: PrpfStatus::DenoiserFailed, message });
+        }
         self.unit_seconds = filtered.seconds / units;
         self.filtered = Some(filtered);
         Ok(())
@@ -115,7 +122,7 @@ pub unsafe extern "C" fn prpf_filter_create(
     guard(|| {
         // SAFETY: the caller's promise.
         let (place, name) = unsafe { (place("filter", filter)?, text("denoiser", denoiser)) };
-        *place = null_mut();
+        place.write(null_mut());
         let denoiser = by_name(name?).map_err(invalid)?;
         let pool = CancellablePool::new(threads::limit()).map_err(|error| Failure {
             status: PrpfStatus::OutOfMemory,
@@ -124,7 +131,7 @@ pub unsafe extern "C" fn prpf_filter_create(
         let unit_seconds = denoiser.cost().core_seconds / pool.threads() as f64;
         let content =
             Content { denoiser, pool, progress: None, user: null_mut(), unit_seconds, filtered: None };
-        *place = Box::into_raw(Box::new(PrpfFilter { content: Mutex::new(content) }));
+        place.write(Box::into_raw(Box::new(PrpfFilter { content: Mutex::new(content) })));
         Ok(())
     })
 }
@@ -151,8 +158,8 @@ pub unsafe extern "C" fn prpf_filter_set_progress(
 /// Filters a store, and keeps the result until the filter's next completed pass. The calling thread waits. Others may add
 /// samples to the store meanwhile; the pass does not see them, but the store is then copied.
 ///
-/// A store with fewer samples than pixels is filtered by a faster denoiser, and not at all if the library of "oidn" fails; see
-/// prpf_filter_made_by().
+/// A store with fewer samples than pixels may be filtered by a faster denoiser; see prpf_filter_made_by(). If the library of "oidn"
+/// fails the status is PRPF_STATUS_DENOISER_FAILED.
 ///
 /// # Safety
 /// Pointers are null or point to a filter and a store.
@@ -174,5 +181,66 @@ pub unsafe extern "C" fn prpf_filter_free(filter: *mut PrpfFilter) {
     if !filter.is_null() {
         // SAFETY: the caller's promise.
         drop(unsafe { Box::from_raw(filter) });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use prpf::filter::{Cost, DenoiserName, FilterResult, Reads, SampleVectors, nlm, unfiltered};
+    use prpf::stats::{Block, Columns, SampleRectangle};
+
+    use super::*;
+
+    /// Gives the unfiltered image, as a denoiser does whose library fails.
+    struct Failing;
+
+    impl Denoiser for Failing {
+        fn name(&self) -> DenoiserName {
+            DenoiserName { method: "failing", preset: None }
+        }
+
+        fn summary(&self) -> &'static str {
+            ""
+        }
+
+        fn reads(&self) -> Reads {
+            Reads { blocks: &[Block::Colour], sample_vectors: SampleVectors::None }
+        }
+
+        fn cost(&self) -> Cost {
+            nlm::DRAFT.cost()
+        }
+
+        fn stand_in(&self) -> &'static dyn Denoiser {
+            &Failing
+        }
+
+        fn filter(&self, store: &Store, _: u64) -> FilterResult {
+            FilterResult { failure: Some("there is no library".to_owned()), ..unfiltered(store) }
+        }
+    }
+
+    #[test]
+    fn a_denoiser_that_fails_leaves_the_latest_result() {
+        let columns = Columns::new(&["R", "G", "B"]).unwrap();
+        let mut store = Store::new(8, 8, columns.layout().clone(), 0, 0);
+        let values = [0.5; 8 * 8 * 4 * 3];
+        let rectangle = SampleRectangle { corner: [0, 0], size: [8, 8], samples: 4, values: &values };
+        store.push_rectangle(&columns, &rectangle).unwrap();
+        let store = Arc::new(store);
+        let mut content = Content {
+            denoiser: &nlm::DRAFT,
+            pool: CancellablePool::new(1).unwrap(),
+            progress: None,
+            user: null_mut(),
+            unit_seconds: 1e-6,
+            filtered: None,
+        };
+        content.filter(store.clone(), 0).unwrap();
+        content.denoiser = &Failing;
+        let failure = content.filter(store, 0).unwrap_err();
+        assert_eq!(failure.status, PrpfStatus::DenoiserFailed);
+        assert_eq!(failure.message, "there is no library");
+        assert_eq!(content.result().unwrap().result.made_by, nlm::DRAFT.name());
     }
 }

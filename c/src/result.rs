@@ -6,7 +6,7 @@ use std::ptr::null;
 use prpf::filter::{DENOISERS, FilterResult};
 use prpf::image::Planes;
 
-use crate::arguments::{object, output, place};
+use crate::arguments::{object, output, place, write};
 use crate::denoisers::prpf_denoiser_name;
 use crate::filter::PrpfFilter;
 use crate::status::{Failure, PrpfStatus, contained, guard, invalid};
@@ -66,7 +66,7 @@ impl PrpfMap {
     }
 }
 
-/// The estimated relMSE of an image; all NaN if too few pixels have samples in both halves.
+/// The estimated relMSE of an image; all NaN if too few pixels have samples in both halves, or squares of pixels were filtered.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct PrpfEstimate {
@@ -102,8 +102,7 @@ pub unsafe extern "C" fn prpf_filter_read(
         // SAFETY: the caller's promise.
         let values = unsafe { output("values", values, value_count, planes.pixels() * channels) }?;
         for channel in 0..channels {
-            let to = values[channel..].iter_mut().step_by(channels);
-            to.zip(planes.plane(channel)).for_each(|(to, from)| *to = *from);
+            write(values[channel..].iter_mut().step_by(channels), planes.plane(channel));
         }
         Ok(())
     })
@@ -124,7 +123,7 @@ pub unsafe extern "C" fn prpf_filter_estimate(
         let content = filter.lock()?;
         let found = content.result()?.estimate.as_ref();
         let [low, high] = found.map_or([f64::NAN; 2], |found| found.interval());
-        *place = PrpfEstimate { relmse: found.map_or(f64::NAN, |found| found.value), low, high };
+        place.write(PrpfEstimate { relmse: found.map_or(f64::NAN, |found| found.value), low, high });
         Ok(())
     })
 }

@@ -20,6 +20,8 @@ pub enum PrpfStatus {
     Cancelled = 3,
     /// The library is at fault. The objects of the call can only be freed.
     InternalError = 4,
+    /// A library that the denoiser uses has failed. The filter keeps its latest result.
+    DenoiserFailed = 5,
 }
 
 /// A status other than `Ok`, with its message.
@@ -47,7 +49,8 @@ pub fn guard(body: impl FnOnce() -> Result<(), Failure>) -> PrpfStatus {
             (status, Some(CString::new(message).expect("zero bytes are gone")))
         }
     };
-    MESSAGE.set(message);
+    // That of a thread that is ending is already gone
+    let _ = MESSAGE.try_with(|latest| latest.replace(message));
     status
 }
 
@@ -68,5 +71,7 @@ fn panic_message(payload: &dyn Any) -> &str {
 /// found and what is accepted. NULL if nothing did. The text lives until that thread's next such call.
 #[unsafe(no_mangle)]
 pub extern "C" fn prpf_error_message() -> *const c_char {
-    MESSAGE.with_borrow(|message| message.as_ref().map_or(null(), |message| message.as_ptr()))
+    let latest = MESSAGE
+        .try_with(|message| message.borrow().as_ref().map_or(null(), |message: &CString| message.as_ptr()));
+    latest.unwrap_or(null())
 }

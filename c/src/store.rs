@@ -7,7 +7,7 @@ use std::sync::{Arc, Mutex, MutexGuard};
 use prpf::progressive::{StoreSizeError, check_store_size};
 use prpf::stats::{self, Columns, HalfMoments, Part, SampleRectangle};
 
-use crate::arguments::{array, object, output, place, texts};
+use crate::arguments::{array, object, output, place, texts, write};
 use crate::status::{Failure, PrpfStatus, guard, invalid};
 use crate::threads;
 
@@ -99,10 +99,10 @@ pub unsafe extern "C" fn prpf_store_create(
         // SAFETY: the caller's promise.
         let (place, names) =
             unsafe { (place("store", store)?, texts("dimensions", dimensions, dimension_count)) };
-        *place = null_mut();
+        place.write(null_mut());
         let columns = columns(&names?, width, height, reservoir)?;
         let layout = columns.layout().clone();
-        *place = PrpfStore::new(stats::Store::new(width, height, layout, reservoir, seed), columns, seed);
+        place.write(PrpfStore::new(stats::Store::new(width, height, layout, reservoir, seed), columns, seed));
         Ok(())
     })
 }
@@ -131,7 +131,7 @@ pub unsafe extern "C" fn prpf_store_create_from_moments(
         // SAFETY: the caller's promise.
         let (place, names) =
             unsafe { (place("store", store)?, texts("dimensions", dimensions, dimension_count)) };
-        *place = null_mut();
+        place.write(null_mut());
         let columns = columns(&names?, width, height, 0)?;
         let (pixels, values) = (width * height, width * height * columns.count());
         // SAFETY: the caller's promise; the size is checked.
@@ -149,7 +149,7 @@ pub unsafe extern "C" fn prpf_store_create_from_moments(
         let halves = [moments(first)?, moments(second)?];
         let made =
             stats::Store::from_half_moments(width, height, &columns, &halves, seed).map_err(invalid)?;
-        *place = PrpfStore::new(made, columns, seed);
+        place.write(PrpfStore::new(made, columns, seed));
         Ok(())
     })
 }
@@ -232,7 +232,7 @@ pub unsafe extern "C" fn prpf_store_counts(
         let content = unsafe { object("store", store) }?.lock()?;
         // SAFETY: the caller's promise.
         let counts = unsafe { output("counts", counts, value_count, content.store.pixels()) }?;
-        counts.copy_from_slice(&content.store.counts(Part::Whole));
+        write(counts, &content.store.counts(Part::Whole));
         Ok(())
     })
 }
@@ -257,7 +257,7 @@ pub unsafe extern "C" fn prpf_store_samples(
         {
             if !pointer.is_null() {
                 // SAFETY: the caller's promise.
-                *unsafe { place(name, pointer) }? = value;
+                unsafe { place(name, pointer) }?.write(value);
             }
         }
         Ok(())
