@@ -14,7 +14,7 @@ use crate::estimate_check::EstimateCheck;
 use crate::ledger::{Key, Values, values};
 use crate::report::median;
 use crate::session::Session;
-use crate::statistics::interpolate_log_log;
+use crate::statistics::{interpolate_log_log, slope_log_log, variance_within};
 use crate::test_scene::TestScene;
 use crate::trial::Trial;
 
@@ -68,6 +68,17 @@ pub struct Curves {
     pub points: [Vec<Point>; 4],
     /// Likewise; none of the first, which is no render of its own.
     pub checks: [Vec<EstimateCheck>; 4],
+    /// Variance of the logarithm of one measured time.
+    pub clock_variance: f64,
+}
+
+/// Which images to measure.
+pub struct Counts<'a> {
+    /// Samples per pixel, ascending.
+    pub spp: &'a [u32],
+    /// Samples per pixel of more uniform images, whose curve then reaches the time of the last adaptive one.
+    pub more_uniform_spp: &'a [u32],
+    pub seeds: u64,
 }
 
 /// Measures all configurations at ascending sample counts, and checks the program's error estimates. The unfiltered
@@ -76,11 +87,18 @@ pub fn measure(
     session: &mut Session,
     test_scene: &TestScene,
     accel: &Accel,
-    (spps, seeds): (&[u32], u64),
+    counts: &Counts,
 ) -> anyhow::Result<Curves> {
     let mut curves = Curves::default();
-    for (seed, &spp) in (0..seeds).flat_map(|seed| spps.iter().map(move |spp| (seed, spp))) {
+    let with_seed = |seed| {
+        let spp = counts.spp.iter().map(move |&spp| (seed, spp, false));
+        spp.chain(counts.more_uniform_spp.iter().map(move |&spp| (seed, spp, true)))
+    };
+    for (seed, spp, only_uniform) in (0..counts.seeds).flat_map(with_seed) {
         for (i, configuration) in CONFIGURATIONS.iter().enumerate().skip(1) {
+            if only_uniform && configuration.sampling != Sampling::Uniform {
+                continue;
+            }
             let denoiser = if configuration.filtered { DENOISERS[0] } else { UNFILTERED };
             let trial = Trial::new(configuration.sampling, denoiser, spp, seed);
             let measured = measure_trial(session, test_scene, accel, &trial, configuration.name())?;
@@ -91,8 +109,19 @@ pub fn measure(
             curves.checks[i].extend(EstimateCheck::from_values(spp, &measured));
         }
     }
+    let groups = curves.points.iter().flat_map(|points| seconds_by_count(points));
+    let logarithms: Vec<Vec<f64>> =
+        groups.map(|seconds| seconds.into_iter().map(f64::ln).collect()).collect();
+    curves.clock_variance = variance_within(&logarithms);
     curves.points.iter_mut().for_each(|points| use_median_seconds(points));
     Ok(curves)
+}
+
+/// The seconds of the points of each sample count.
+fn seconds_by_count(points: &[Point]) -> Vec<Vec<f64>> {
+    let spps: BTreeSet<u32> = points.iter().map(|point| point.spp).collect();
+    let of_count = |spp| points.iter().filter(|point| point.spp == spp).map(|point| point.seconds).collect();
+    spps.into_iter().map(of_count).collect()
 }
 
 /// Replaces the seconds of all points with the same sample count by their median. Seeds do not differ in speed,
@@ -122,6 +151,20 @@ pub fn ratios(points: &[Point], curve_points: &[Point], equal: EqualCost, error:
         error(point) / interpolate_log_log(&curve(curve_points, Some(point.seed), x, error), x(point))
     };
     points.iter().map(ratio).collect()
+}
+
+/// Variance of the logarithm of a ratio at equal seconds, of points with one sample count, that comes from the clock: from the
+/// median times of both sides.
+pub fn clock_variance_of_ratio(
+    points: &[Point],
+    curve_points: &[Point],
+    error: Metric,
+    clock_variance: f64,
+) -> f64 {
+    let Some(Point { seconds, .. }) = points.first() else { return 0.0 };
+    let slope = slope_log_log(&curve(curve_points, None, |point| point.seconds, error), *seconds);
+    // The median of n values has at most about π/2 times the variance of their mean
+    2.0 * slope * slope * clock_variance * std::f64::consts::FRAC_PI_2 / points.len() as f64
 }
 
 /// Runs a trial, or returns its recorded values. `name` tells it from other trials with the same sample count
@@ -207,6 +250,20 @@ mod tests {
         let adaptive = [point(8, 2.0, 0.4)];
         assert!((ratios(&adaptive, &uniform, EqualCost::Samples, |p| p.error)[0] - 0.5).abs() < 1e-12);
         assert!((ratios(&adaptive, &uniform, EqualCost::Seconds, |p| p.error)[0] - 1.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn the_clock_makes_ratios_as_uncertain_as_the_curve_is_steep() {
+        let curve = |power: i32| [1.0_f64, 4.0].map(|seconds| point(8, 0, seconds, seconds.powi(-power)));
+        let curve = |power| {
+            let [first, last] = curve(power);
+            [first, Point { spp: 32, ..last }]
+        };
+        let adaptive = [2.0; 4].map(|seconds| point(16, 0, seconds, 0.1));
+        let variance = |power| clock_variance_of_ratio(&adaptive, &curve(power), |p| p.error, 0.01);
+        let expected = 2.0 * 0.01 * std::f64::consts::FRAC_PI_2 / 4.0;
+        assert!((variance(1) - expected).abs() < 1e-9 && (variance(2) - 4.0 * expected).abs() < 1e-9);
+        assert_eq!(seconds_by_count(&curve(1)), [[1.0], [4.0]]);
     }
 
     #[test]

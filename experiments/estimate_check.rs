@@ -10,7 +10,7 @@ use crate::statistics::rank_correlation;
 use crate::test_scene::TestScene;
 
 /// An error estimate beside the true error of its image.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EstimateCheck {
     pub spp: u32,
     /// Estimated relMSE, and its 95 % interval.

@@ -78,27 +78,30 @@ pub struct Ledger {
 }
 
 impl Ledger {
-    /// Reads the file if it exists, unless `fresh`. Discards measurements of another machine or commit.
+    /// Reads the file if it exists; removes it if `fresh`. Those of its measurements that are of another machine or commit stay in it until
+    /// [`Self::finish`], and are not used.
     ///
     /// # Errors
-    /// A file that cannot be read or written.
+    /// A file that cannot be read or removed.
     pub fn open(path: &Path, machine: Machine, fresh: bool) -> anyhow::Result<Self> {
         let mut recorded: BTreeMap<Key, Values> = BTreeMap::new();
-        if path.exists() && !fresh {
+        if path.exists() && fresh {
+            std::fs::remove_file(path).with_context(|| format!("cannot remove {}", path.display()))?;
+        }
+        if path.exists() {
+            cut_incomplete_line(path).with_context(|| format!("cannot write {}", path.display()))?;
             let mut reader =
                 csv::Reader::from_path(path).with_context(|| format!("cannot read {}", path.display()))?;
             for row in reader.deserialize::<Row>() {
-                // A run that was stopped while writing leaves an incomplete last line.
-                let Ok(row) = row else { break };
+                let row =
+                    row.with_context(|| format!("cannot read {}; --fresh discards it", path.display()))?;
                 if row.cores == machine.cores && row.commit == machine.commit {
                     let key = Key { scene: row.scene, seed: row.seed, settings: row.settings };
                     recorded.entry(key).or_default().insert(row.quantity, row.value);
                 }
             }
         }
-        let ledger = Self { path: path.to_owned(), machine, recorded, requested: Vec::new() };
-        ledger.write(ledger.recorded.keys())?;
-        Ok(ledger)
+        Ok(Self { path: path.to_owned(), machine, recorded, requested: Vec::new() })
     }
 
     /// Returns the recorded values of `key`, or calls `measure` and records what it returns. Measures again if
@@ -163,9 +166,21 @@ impl Ledger {
         for key in keys {
             self.rows(key).try_for_each(|row| writer.serialize(row))?;
         }
-        std::fs::write(&self.path, writer.into_inner()?)
+        let temporary = self.path.with_extension("csv.tmp");
+        std::fs::write(&temporary, writer.into_inner()?)
+            .and_then(|()| std::fs::rename(&temporary, &self.path))
             .with_context(|| format!("cannot write {}", self.path.display()))
     }
+}
+
+/// Removes an incomplete last line, which is left if a run is stopped while it writes.
+fn cut_incomplete_line(path: &Path) -> std::io::Result<()> {
+    let text = std::fs::read(path)?;
+    let complete = text.iter().rposition(|&byte| byte == b'\n').map_or(0, |end| end + 1);
+    if complete < text.len() {
+        std::fs::OpenOptions::new().write(true).open(path)?.set_len(complete as u64)?;
+    }
+    Ok(())
 }
 
 /// Values by quantity.
@@ -209,6 +224,17 @@ mod tests {
         assert!(measures(&mut fresh, &key, &[]));
         let mut other = Ledger::open(&path, machine("b"), false).unwrap();
         assert!(measures(&mut other, &key, &[]));
+        // What another commit has measured stays until the end, whatever a stopped run left
+        let mut text = std::fs::read_to_string(&path).unwrap();
+        text.push_str("pool,1,\"meth");
+        std::fs::write(&path, text).unwrap();
+        let mut again = Ledger::open(&path, machine("a"), false).unwrap();
+        assert!(!measures(&mut again, &key, &[]));
+        assert!(measures(&mut again, &Key { seed: 3, ..key.clone() }, &[]));
+        let mut last = Ledger::open(&path, machine("a"), false).unwrap();
+        assert!(!measures(&mut last, &Key { seed: 3, ..key.clone() }, &[]));
+        last.finish().unwrap();
+        assert_eq!(std::fs::read_to_string(&path).unwrap().lines().count(), 3);
     }
 
     #[test]

@@ -7,6 +7,13 @@ use anyhow::Context;
 
 use crate::session::Session;
 
+/// A goal of the project, beside what was measured.
+pub struct Goal {
+    pub goal: String,
+    pub measured: String,
+    pub is_met: bool,
+}
+
 /// A report in progress.
 pub struct Report {
     text: String,
@@ -31,6 +38,20 @@ impl Report {
     /// Adds a table. Rows shorter than its head are padded with empty cells.
     pub fn table(&mut self, head: &[&str], rows: &[Vec<String>]) {
         let _ = write!(self.text, "\n{}", table(head, rows));
+    }
+
+    /// Adds a table of goals. `explanation` is the section, from the root of the repository, that says why some are missed.
+    pub fn goals(&mut self, goals: &[Goal], explanation: &str) {
+        self.section("Goals");
+        let is_met = |is_met| if is_met { "yes" } else { "no" }.to_owned();
+        let row =
+            |Goal { goal, measured, is_met: met }: &Goal| vec![goal.clone(), measured.clone(), is_met(*met)];
+        self.table(&["goal", "measured", "met"], &goals.iter().map(row).collect::<Vec<_>>());
+        if goals.iter().any(|goal| !goal.is_met) {
+            self.paragraph(&format!(
+                "Why some are missed, and what was tried: [{explanation}](../../../{explanation})."
+            ));
+        }
     }
 
     /// Adds a plot or picture by its name in the results folder.

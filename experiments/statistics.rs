@@ -16,19 +16,49 @@ pub struct Interval {
 
 /// Mean and 95 % confidence interval by Student's t. The interval of a single value is NaN.
 pub fn mean(values: &[f64]) -> Interval {
+    mean_with_shared_error(values, 0.0)
+}
+
+/// Degrees of freedom of the variance of a shared error: the clock's comes from about as many differences of times.
+const SHARED_FREEDOM: f64 = 24.0;
+
+/// The same, if all values share an error of a known variance beside their own spread; by Student's t with the degrees of freedom of a sum
+/// of variances (Welch and Satterthwaite).
+fn mean_with_shared_error(values: &[f64], variance: f64) -> Interval {
     let n = values.len() as f64;
     let mean = values.iter().sum::<f64>() / n;
     let squares: f64 = values.iter().map(|v| (v - mean).powi(2)).sum();
-    let half = StudentsT::new(0.0, 1.0, n - 1.0)
-        .map_or(f64::NAN, |t| t.inverse_cdf(0.5 + 0.5 * CONFIDENCE) * (squares / (n - 1.0) / n).sqrt());
+    let own = squares / (n - 1.0) / n;
+    let freedom = if variance > 0.0 {
+        (own + variance).powi(2) / (own.powi(2) / (n - 1.0) + variance.powi(2) / SHARED_FREEDOM)
+    } else {
+        n - 1.0
+    };
+    let half = StudentsT::new(0.0, 1.0, freedom)
+        .map_or(f64::NAN, |t| t.inverse_cdf(0.5 + 0.5 * CONFIDENCE) * (own + variance).sqrt());
     Interval { mean, low: mean - half, high: mean + half }
 }
 
 /// Geometric mean of positive values, such as ratios, and its 95 % confidence interval.
 pub fn geometric_mean(values: &[f64]) -> Interval {
+    geometric_mean_with_shared_error(values, 0.0)
+}
+
+/// The same, if the logarithms of all values share an error of a known variance.
+pub fn geometric_mean_with_shared_error(values: &[f64], variance: f64) -> Interval {
     let logarithms: Vec<f64> = values.iter().map(|v| v.ln()).collect();
-    let Interval { mean, low, high } = mean(&logarithms);
+    let Interval { mean, low, high } = mean_with_shared_error(&logarithms, variance);
     Interval { mean: mean.exp(), low: low.exp(), high: high.exp() }
+}
+
+/// Unbiased variance of the values of several groups around the groups' own means; 0 if no group has two values.
+pub fn variance_within(groups: &[Vec<f64>]) -> f64 {
+    let squares = |group: &Vec<f64>| {
+        let mean = group.iter().sum::<f64>() / group.len() as f64;
+        group.iter().map(|v| (v - mean).powi(2)).sum::<f64>()
+    };
+    let freedom = groups.iter().map(|group| group.len().saturating_sub(1)).sum::<usize>();
+    groups.iter().map(squares).sum::<f64>() / freedom.max(1) as f64
 }
 
 /// Spearman's rank correlation. NaN if one side is constant.
@@ -73,6 +103,13 @@ pub fn interpolate_log_log(points: &[(f64, f64)], x: f64) -> f64 {
     (y0 + (y1 - y0) * (x.ln() - x0) / (x1 - x0)).exp()
 }
 
+/// Returns the slope of the same curve at `x`, in logarithms.
+pub fn slope_log_log(points: &[(f64, f64)], x: f64) -> f64 {
+    const STEP: f64 = 1.001;
+    let [before, after] = [x / STEP, x * STEP].map(|x| interpolate_log_log(points, x));
+    (after / before).ln() / (2.0 * STEP.ln())
+}
+
 /// Where a falling curve crosses a value.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Crossing {
@@ -111,6 +148,15 @@ mod tests {
         assert!((high - 3.0 - 2.776_445 * 1.581_139 / 5_f64.sqrt()).abs() < 1e-4, "{high}");
         assert!((low + high - 6.0).abs() < 1e-12);
         assert!(super::mean(&[1.0]).high.is_nan());
+        // An error of variance 0.6² beside one of 0.8² is one of 1, with 2.41 degrees of freedom
+        let own = geometric_mean_with_shared_error(&[1.0, 1.6_f64.exp()], 0.36);
+        assert!((own.high.ln() - 0.8 - 3.672_41).abs() < 1e-3, "{}", own.high.ln());
+    }
+
+    #[test]
+    fn variances_are_those_within_groups() {
+        assert_eq!(variance_within(&[vec![1.0, 3.0], vec![11.0, 13.0], vec![7.0]]), 2.0);
+        assert_eq!(variance_within(&[vec![1.0], vec![]]), 0.0);
     }
 
     #[test]
@@ -148,6 +194,7 @@ mod tests {
         assert!((interpolate_log_log(&curve, 1000.0) - 0.025).abs() < 1e-12);
         assert!((interpolate_log_log(&curve, 0.1) - 10.0).abs() < 1e-9);
         assert_eq!(interpolate_log_log(&curve[..1], 7.0), 1.0);
+        assert!((slope_log_log(&curve, 3.0) + 1.0).abs() < 1e-9 && slope_log_log(&curve[..1], 3.0) == 0.0);
     }
 
     #[test]

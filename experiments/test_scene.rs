@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use anyhow::ensure;
 use prpf::image::Planes;
 use prpf::image::metrics::Pair;
 use prpf::scene::Scene;
@@ -39,14 +40,20 @@ impl TestScene {
     /// Loads the scene and scales its film down to `size.pixels`.
     ///
     /// # Errors
-    /// A scene file or a cached reference that cannot be read.
+    /// A scene file or a cached reference that cannot be read; a size that is too small.
     pub fn new(session: &Session, file: &SceneFile, size: &Size) -> anyhow::Result<Self> {
+        ensure!(size.pixels >= 1.0, "size.pixels: found {}; accepted is 1 or more", size.pixels);
         session.show_status(format!("{}: reading", file.name));
         let mut scene = file.load(View::default())?;
         let (width, height) = (scene.film.width as f64, scene.film.height as f64);
         let scale = (size.pixels / (width * height)).sqrt().min(1.0);
-        scene.resize_film((width * scale).round() as usize, (height * scale).round() as usize);
+        let [width, height] = [width, height].map(|side| (side * scale).round().max(1.0) as usize);
+        scene.resize_film(width, height);
         let spp = size.harder.get(&file.name).copied().unwrap_or(size.reference_spp);
+        ensure!(
+            spp >= 2,
+            "size.reference_spp or size.harder: found {spp}; accepted is 2 or more, one for each half"
+        );
         let show = |status| session.show_status(status);
         let reference = reference::reference(&scene, &file.name, spp, &session.cache, show)?;
         Ok(Self { name: file.name.clone(), is_public: file.is_public, scene, reference })

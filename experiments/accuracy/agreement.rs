@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use super::scene_results::SceneResults;
 use crate::configuration::CONFIGURATIONS;
 use crate::estimate_check::EstimateCheck;
-use crate::report::{Report, median, number, range};
+use crate::report::{Goal, Report, median, number, range};
 use crate::test_scene::groups;
 
 /// Agreement of the estimates with the true error for the images of one scene and sample count.
@@ -23,6 +23,15 @@ struct Agreement {
 /// Whether the true error is within the estimate's interval.
 fn is_within_interval(check: &EstimateCheck) -> bool {
     (check.low..=check.high).contains(&check.truth)
+}
+
+/// Removes checks that equal an earlier one: adaptive sampling that chose uniform sampling made the same image.
+fn keep_once(checks: &mut [Vec<EstimateCheck>]) {
+    let mut found: Vec<EstimateCheck> = Vec::new();
+    for checks in checks {
+        checks.retain(|check| !found.contains(check));
+        found.extend(&*checks);
+    }
 }
 
 /// Agreement over the seeds at a sample count; `None` without estimates.
@@ -56,7 +65,9 @@ impl Summary {
         let configurations = |m: &&SceneResults| {
             let pairs = CONFIGURATIONS.iter().zip(&m.curves.checks);
             let chosen = pairs.filter(|(configuration, _)| configuration.filtered == filtered);
-            chosen.map(|(_, checks)| checks.clone()).collect::<Vec<_>>()
+            let mut checks: Vec<_> = chosen.map(|(_, checks)| checks.clone()).collect();
+            keep_once(&mut checks);
+            checks
         };
         let checks: Vec<Vec<EstimateCheck>> = scenes.iter().flat_map(configurations).collect();
         let counts: BTreeSet<u32> = checks.iter().flatten().map(|check| check.spp).collect();
@@ -103,6 +114,36 @@ pub fn finding(all: &[SceneResults]) -> String {
     format!("The program's estimate of an image's relMSE over the true one: {}.", parts.join("; "))
 }
 
+/// The goals, beside what was measured.
+pub fn goals(all: &[SceneResults]) -> Vec<Goal> {
+    const WITHIN: f64 = 0.9;
+    const HALF_WIDTH: f64 = 0.5;
+    const RANK_CORRELATION: f64 = 0.7;
+    let summaries: Vec<Summary> = summaries(all).into_iter().map(|(_, summary)| summary).collect();
+    let goal = |goal: String, value: fn(&Summary) -> f64, is_met: &dyn Fn(f64) -> bool| {
+        let values: Vec<f64> = summaries.iter().map(value).collect();
+        let measured: Vec<String> = values.iter().map(|&value| number(value, 2)).collect();
+        Goal { goal, measured: measured.join(", "), is_met: values.iter().all(|&value| is_met(value)) }
+    };
+    vec![
+        goal(
+            format!("true error within the interval in {WITHIN} of the images, by kind of images as below"),
+            |summary| summary.within,
+            &|within| within >= WITHIN,
+        ),
+        goal(
+            format!("half the interval's width at most {HALF_WIDTH} of the estimate, median"),
+            |summary| summary.half_width,
+            &|half_width| half_width <= HALF_WIDTH,
+        ),
+        goal(
+            format!("rank correlation of tiles at least {RANK_CORRELATION}, median"),
+            |summary| median(summary.rank_correlations.iter().copied()),
+            &|correlation| correlation >= RANK_CORRELATION,
+        ),
+    ]
+}
+
 /// Writes the section.
 pub fn write(report: &mut Report, all: &[SceneResults]) {
     report.section("Do the error estimates agree with the true error?");
@@ -133,7 +174,7 @@ pub fn write(report: &mut Report, all: &[SceneResults]) {
         &rows,
     );
     report.paragraph(
-        "Ratio of the program's estimate for the final image to that image's true relMSE (both means over the seeds) / \
+        "Images that adaptive and uniform sampling have in common count once above. Below: ratio of the program's estimate for the final image to that image's true relMSE (both means over the seeds) / \
          Spearman's rank correlation of the two over tiles of 16×16 pixels / images whose true error is within the interval.",
     );
     let checks = all.iter().flat_map(|m| m.curves.checks.iter().flatten());
@@ -172,6 +213,10 @@ mod tests {
             truth,
             rank_correlation,
         };
+        let mut twice =
+            [vec![check(8, 0.3, 0.1, 0.5)], vec![check(8, 0.3, 0.1, 0.5), check(16, 0.3, 0.1, 0.5)]];
+        keep_once(&mut twice);
+        assert_eq!(twice.map(|checks| checks.len()), [1, 1]);
         let checks = [check(8, 0.3, 0.1, 0.5), check(8, 0.1, 0.1, 0.7), check(16, 9.0, 1.0, 0.0)];
         let found = agreement(&checks, 8).unwrap();
         assert!((found.ratio - 2.0).abs() < 1e-12 && (found.rank_correlation - 0.6).abs() < 1e-12);

@@ -19,7 +19,7 @@ mod times;
 use anyhow::ensure;
 use prpf::geometry::Accel;
 
-use crate::curves;
+use crate::curves::{self, Counts};
 use crate::session::Session;
 use crate::test_scene::TestScene;
 use scene_results::SceneResults;
@@ -28,15 +28,19 @@ use settings::{CurveSettings, Settings};
 /// Runs the experiment.
 pub fn run(session: &mut Session) -> anyhow::Result<()> {
     let settings: Settings = session.settings()?;
-    ensure!(settings.curves.spp.len() >= 2, "accuracy.toml: curves.spp needs two values or more");
+    let CurveSettings { spp, seeds } = &settings.curves;
+    ensure!(
+        spp.len() >= 2 && *seeds > 0,
+        "accuracy.toml: curves.spp needs two values or more, curves.seeds one"
+    );
     let mut all = Vec::new();
     for file in session.scenes(&settings.scenes)? {
         let test_scene = TestScene::new(session, &file, &settings.size)?;
         let accel = Accel::build(&test_scene.scene);
         let filters = filter_costs::measure(session, &test_scene, &accel, &settings.filters)?;
         let interim_passes = interim_passes::measure(session, &test_scene, &accel, &settings.interim_passes)?;
-        let CurveSettings { spp, seeds } = &settings.curves;
-        let curves = curves::measure(session, &test_scene, &accel, (spp, *seeds))?;
+        let counts = Counts { spp, more_uniform_spp: &[], seeds: *seeds };
+        let curves = curves::measure(session, &test_scene, &accel, &counts)?;
         let target_runs = target_errors::measure(session, &test_scene, &accel, &settings.target_errors)?;
         let TestScene { name: scene, is_public, reference, .. } = test_scene;
         let reference_relmse = reference.relmse;

@@ -17,6 +17,9 @@ pub fn write(session: &Session, settings: &Settings, all: &[SceneResults]) -> an
         format!("{} {}", halving::finding(all), target_errors::finding(all)),
     ];
     let mut report = Report::new("What does accuracy cost in time?", &findings.join("\n\n"));
+    let mut goals = agreement::goals(all);
+    goals.extend([target_errors::goal(all), halving::goal(all)]);
+    report.goals(&goals, "docs/loop.md#the-error-estimate");
     times::write(session, &mut report, settings, all)?;
     front.write(session, &mut report)?;
     interim_passes::write(&mut report, &settings.interim_passes, all);

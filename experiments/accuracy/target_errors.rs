@@ -7,7 +7,7 @@ use prpf::geometry::Accel;
 use super::scene_results::SceneResults;
 use super::settings::TargetErrorSettings;
 use crate::curves::measure_trial;
-use crate::report::{Report, median, number, range};
+use crate::report::{Goal, Report, median, number, range};
 use crate::session::Session;
 use crate::test_scene::{TestScene, groups};
 use crate::trial::Trial;
@@ -68,39 +68,70 @@ pub fn measure(
     Ok(runs)
 }
 
-/// Runs that the estimate has ended with a later image than the first.
-fn runs_to_judge(scenes: &[&SceneResults]) -> Vec<TargetRun> {
-    let runs = scenes.iter().flat_map(|m| &m.target_runs);
-    runs.filter(|run| run.end == End::LaterImage).copied().collect()
+/// Runs that the estimate has ended; not those whose first image is better than what was asked for.
+fn runs_to_judge<'a>(scenes: impl IntoIterator<Item = &'a SceneResults>) -> Vec<TargetRun> {
+    let runs = scenes.into_iter().flat_map(|m| &m.target_runs);
+    let is_judged = |run: &&TargetRun| match run.end {
+        End::FirstImage => run.ratio >= ACCEPTED[0],
+        End::LaterImage => true,
+        End::Samples => false,
+    };
+    runs.filter(is_judged).copied().collect()
 }
 
 /// The finding, in a sentence.
 pub fn finding(all: &[SceneResults]) -> String {
     let of_group = |(name, scenes): (&str, Vec<&SceneResults>)| {
-        let runs = runs_to_judge(&scenes);
+        let runs = runs_to_judge(scenes.iter().copied());
         let accepted = runs.iter().filter(|run| run.is_accepted()).count();
         let ratios = || runs.iter().map(|run| run.ratio);
+        let ended_by = |end| {
+            let runs = scenes.iter().flat_map(|m| &m.target_runs).filter(|run| run.end == end);
+            let ratios: Vec<f64> = runs.map(|run| run.ratio).collect();
+            let of_target = || format!(" at {} times the target", range(ratios.iter().copied(), 2));
+            format!("{}{}", ratios.len(), if ratios.is_empty() { String::new() } else { of_target() })
+        };
         format!(
-            "on {name} {} times the target in the median ({}), within {} to {} times in {accepted} of {} renders",
+            "on {name} {} times the target in the median ({}), within {} to {} times in {accepted} of {} renders; {} ended with the first \
+             image, {} with the largest number of samples",
             number(median(ratios()), 2),
             range(ratios(), 2),
             ACCEPTED[0],
             ACCEPTED[1],
-            runs.len()
+            runs.len(),
+            ended_by(End::FirstImage),
+            ended_by(End::Samples),
         )
     };
     let parts: Vec<String> = groups(all, |m| m.is_public).into_iter().map(of_group).collect();
     format!("`--target-error` ended renders at a true error {}.", parts.join("; "))
 }
 
+/// The goal, beside what was measured.
+pub fn goal(all: &[SceneResults]) -> Goal {
+    const FRACTION: f64 = 0.9;
+    let runs = runs_to_judge(all);
+    let accepted = runs.iter().filter(|run| run.is_accepted()).count();
+    Goal {
+        goal: format!(
+            "`--target-error` ends at {} to {} times the target in {:.0} %",
+            ACCEPTED[0],
+            ACCEPTED[1],
+            100.0 * FRACTION
+        ),
+        measured: format!("{accepted} of {}", runs.len()),
+        is_met: !runs.is_empty() && accepted as f64 >= FRACTION * runs.len() as f64,
+    }
+}
+
 /// Writes the section.
 pub fn write(report: &mut Report, settings: &TargetErrorSettings, all: &[SceneResults]) {
     report.section("Does `--target-error` end at the error that was asked for?");
     report.paragraph(&format!(
-        "True relMSE over the target, by seed, adaptive and filtered with the default denoiser. `<`: the first image with an \
-         estimate was good enough, and may be far better; such a render is not judged. `>`: {} samples per pixel were not \
-         enough. Judged are the others, which should end between {} and {} times the target.",
-        settings.max_spp, ACCEPTED[0], ACCEPTED[1]
+        "True relMSE over the target, by seed, adaptive and filtered with the default denoiser. `<`: the estimate of the first \
+         image ended the render, which is judged unless its error is below {} times the target. `>`: {} samples per pixel were \
+         not enough; such a render is not judged. The others should end between {} and {} times the target.",
+        ACCEPTED[0], settings.max_spp, ACCEPTED[0], ACCEPTED[1]
     ));
     let cell = |run: &TargetRun| {
         let sign = match run.end {

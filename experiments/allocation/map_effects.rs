@@ -6,6 +6,9 @@ use crate::curves::{EqualCost, Point, ratios};
 use crate::report::Report;
 use crate::statistics::{Interval, geometric_mean};
 
+/// A map whose ratio of errors lies between this factor and its inverse has a negligible effect.
+const NEGLIGIBLE: f64 = 1.05;
+
 /// The errors of all selections of maps on a scene, beside those of uniform sampling.
 pub struct AblatedScene<'a> {
     pub scene: &'a str,
@@ -35,12 +38,13 @@ fn against_all_maps(scenes: &[AblatedScene], name: &str, equal: EqualCost) -> In
 pub fn verdicts(maps: &PriorityMaps, scenes: &[AblatedScene], equal: EqualCost) -> Vec<String> {
     let verdict = |map: &str| {
         let [alone, left_out] = names(map).map(|name| against_all_maps(scenes, &name, equal));
-        let verdict = if left_out.low > 1.0 {
-            "reduces the error"
-        } else if left_out.high < 1.0 {
-            "increases the error"
-        } else {
-            "has no measurable effect"
+        let verdict = match left_out {
+            Interval { low, .. } if low > 1.0 => "reduces the error",
+            Interval { high, .. } if high < 1.0 => "increases the error",
+            Interval { low, high, .. } if low >= 1.0 / NEGLIGIBLE && high <= NEGLIGIBLE => {
+                "changes the error by less than 5 %"
+            }
+            _ => "has no effect that these scenes show",
         };
         format!(
             "{map}: the error without it is {} times that with all maps, with it alone {} times: the map {verdict}.",

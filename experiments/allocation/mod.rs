@@ -14,7 +14,7 @@ mod settings;
 use anyhow::ensure;
 use prpf::geometry::Accel;
 
-use crate::curves;
+use crate::curves::{self, Counts};
 use crate::session::Session;
 use crate::test_scene::TestScene;
 use scene_results::SceneResults;
@@ -26,14 +26,19 @@ pub fn run(session: &mut Session) -> anyhow::Result<()> {
     ensure!(
         settings.spp.len() >= 2
             && settings.spp.contains(&settings.maps.spp)
-            && settings.maps.seeds <= settings.seeds,
-        "allocation.toml: spp needs two values or more, maps.spp among them; maps.seeds is at most seeds"
+            && (1..=settings.seeds).contains(&settings.maps.seeds)
+            && settings.own_loop.ablation_seeds <= settings.own_loop.seeds
+            && settings.more_uniform_spp.iter().all(|spp| !settings.spp.contains(spp)),
+        "allocation.toml: spp needs two values or more, maps.spp among them; maps.seeds is 1 to seeds, \
+         own_loop.ablation_seeds at most own_loop.seeds; more_uniform_spp has none of spp"
     );
     let mut all = Vec::new();
     for file in session.scenes(&settings.scenes)? {
         let test_scene = TestScene::new(session, &file, &settings.size)?;
         let accel = Accel::build(&test_scene.scene);
-        let curves = curves::measure(session, &test_scene, &accel, (&settings.spp, settings.seeds))?;
+        let Settings { spp, more_uniform_spp, seeds, .. } = &settings;
+        let counts = Counts { spp, more_uniform_spp, seeds: *seeds };
+        let curves = curves::measure(session, &test_scene, &accel, &counts)?;
         let MapSettings { spp, seeds } = settings.maps;
         let ablations =
             ablation::measure(session, &test_scene, &accel, &ablation::default_maps(), (spp, seeds))?;

@@ -22,6 +22,7 @@ use crate::test_scene::{TestScene, groups};
 use crate::trial::{Rendered, Trial};
 
 /// The measurements on a scene.
+#[derive(Default)]
 pub struct OwnLoop {
     uniform: Vec<Point>,
     adaptive: Vec<Point>,

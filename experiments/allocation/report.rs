@@ -6,11 +6,11 @@ use super::own_loop;
 use super::scene_results::SceneResults;
 use super::settings::Settings;
 use crate::configuration::CONFIGURATIONS;
-use crate::curves::{Curves, EqualCost, Metric, Point, curve, ratios};
+use crate::curves::{Curves, EqualCost, Metric, Point, clock_variance_of_ratio, curve, ratios};
 use crate::plot::{Panel, Plot, Series};
-use crate::report::{Report, number, range};
+use crate::report::{Goal, Report, median, number, range};
 use crate::session::Session;
-use crate::statistics::{Interval, geometric_mean, mean};
+use crate::statistics::{Interval, geometric_mean, geometric_mean_with_shared_error, mean};
 use crate::test_scene::groups;
 
 /// Adaptive sampling is reported as worse above this ratio of errors at equal time.
@@ -21,9 +21,9 @@ const FILTERED: [usize; 2] = [2, 3];
 
 /// Writes `report.md` and its plots.
 pub fn write(session: &Session, settings: &Settings, all: &[SceneResults]) -> anyhow::Result<()> {
-    let max_spp = settings.spp.last().copied().unwrap_or(0);
-    let findings = [finding(all, max_spp), own_loop::finding(&settings.own_loop, all)];
+    let findings = [finding(all, &settings.spp), own_loop::finding(&settings.own_loop, all)];
     let mut report = Report::new("Is adaptive sampling better than uniform?", &findings.join("\n\n"));
+    report.goals(&goals(settings, all), "docs/method.md#adaptive-allocation");
     ratio_tables(&mut report, settings, all);
     other_metrics(&mut report, settings, all);
     own_loop::report(&mut report, &settings.own_loop, all);
@@ -50,50 +50,46 @@ pub fn write(session: &Session, settings: &Settings, all: &[SceneResults]) -> an
 fn ratio_tables(report: &mut Report, settings: &Settings, all: &[SceneResults]) {
     report.section("Ratio of errors");
     report.paragraph(
-        "relMSE of adaptive sampling divided by that of uniform sampling, geometric mean over the seeds (95 % interval). \
+        "relMSE, in one table ꟻLIP, of adaptive sampling divided by that of uniform sampling, geometric mean over the seeds (95 % interval). \
          Below 1 adaptive sampling is better. At equal seconds, both sides include the time of the filter, of its interim \
-         passes and of the allocation, and intervals leave out the spread of times; between and beyond measured times, uniform sampling's error is interpolated \
-         on logarithmic axes. Uniform images are filtered once, at the end. Constants were chosen on our scenes; means are \
+         passes and of the allocation, and intervals the spread of errors over seeds and that of times; between and beyond measured times, uniform sampling's error is interpolated \
+         on logarithmic axes. Uniform images are filtered once, at the end. Constants were chosen on our scenes, `ajar` among them, and random ones; means are \
          over scenes, those of the public ones apart, with the interval of a mean over such scenes.",
     );
-    for (title, configurations, equal) in [
-        ("Filtered, at equal seconds", FILTERED, EqualCost::Seconds),
-        ("Filtered, at equal samples", FILTERED, EqualCost::Samples),
-        ("Unfiltered, at equal seconds", UNFILTERED, EqualCost::Seconds),
-        ("Unfiltered, at equal samples", UNFILTERED, EqualCost::Samples),
+    let relmse: Metric = |p| p.error;
+    for (title, configurations, equal, error) in [
+        ("Filtered, at equal seconds", FILTERED, EqualCost::Seconds, relmse),
+        ("Filtered, at equal samples", FILTERED, EqualCost::Samples, relmse),
+        ("ꟻLIP, filtered, at equal seconds", FILTERED, EqualCost::Seconds, |p| p.flip),
+        ("Unfiltered, at equal seconds", UNFILTERED, EqualCost::Seconds, relmse),
+        ("Unfiltered, at equal samples", UNFILTERED, EqualCost::Samples, relmse),
     ] {
         report.paragraph(&format!("**{title}**"));
         let head = settings.spp.iter().map(|spp| format!("{spp} spp"));
         let head: Vec<String> = std::iter::once("scene".to_owned()).chain(head).collect();
         let head: Vec<&str> = head.iter().map(String::as_str).collect();
-        report.table(&head, &ratio_rows(all, &settings.spp, configurations, equal));
+        report.table(&head, &ratio_rows(all, &settings.spp, configurations, equal, error));
     }
 }
 
-/// Tabulates ratios of other errors than relMSE.
+/// Tabulates ratios of relMSE without the worst pixels.
 fn other_metrics(report: &mut Report, settings: &Settings, all: &[SceneResults]) {
     report.paragraph(
-        "**Other errors**, filtered, at equal seconds: relMSE without the worst 0.1 % of the pixels, and ꟻLIP; and relMSE \
-         of the unfiltered images without those pixels.",
+        "**relMSE without the worst 0.1 % of the pixels**, at equal seconds, of filtered and of unfiltered images.",
     );
-    let metrics: [(&str, [usize; 2], Metric); 3] = [
-        ("relMSE, 99.9 %", FILTERED, |p| p.trimmed),
-        ("ꟻLIP", FILTERED, |p| p.flip),
-        ("unfiltered relMSE, 99.9 %", UNFILTERED, |p| p.trimmed),
-    ];
+    let metrics: [(&str, [usize; 2], Metric); 2] =
+        [("filtered", FILTERED, |p| p.trimmed), ("unfiltered", UNFILTERED, |p| p.trimmed)];
     let mut rows = Vec::new();
     for (name, configurations, metric) in metrics {
         for (group, scenes) in groups(all, |m| m.is_public) {
             let intervals = settings.spp.iter().map(|&spp| {
-                let ratios =
-                    scenes.iter().map(|m| ratio_of(metric, m, spp, configurations, EqualCost::Seconds).mean);
-                format_interval(geometric_mean(&ratios.collect::<Vec<_>>()))
+                format_interval(over_scenes(metric, &scenes, spp, configurations, EqualCost::Seconds))
             });
             rows.push([name.to_owned(), group.to_owned()].into_iter().chain(intervals).collect());
         }
     }
     let spps = settings.spp.iter().map(|spp| format!("{spp} spp"));
-    let head: Vec<String> = ["error".to_owned(), "scenes".to_owned()].into_iter().chain(spps).collect();
+    let head: Vec<String> = ["images".to_owned(), "scenes".to_owned()].into_iter().chain(spps).collect();
     report.table(&head.iter().map(String::as_str).collect::<Vec<_>>(), &rows);
 }
 
@@ -130,66 +126,147 @@ fn points_of_spp(points: &[Point], spp: u32) -> Vec<Point> {
     points.iter().filter(|point| point.spp == spp).copied().collect()
 }
 
-/// Ratio of the relMSEs of adaptive and uniform sampling on a scene.
-fn ratio(measured: &SceneResults, spp: u32, configurations: [usize; 2], equal: EqualCost) -> Interval {
-    ratio_of(|p| p.error, measured, spp, configurations, equal)
-}
-
 /// Ratio of the errors of adaptive and uniform sampling on a scene.
-fn ratio_of(
+fn ratio(
     error: Metric,
     measured: &SceneResults,
     spp: u32,
     [uniform, adaptive]: [usize; 2],
     equal: EqualCost,
 ) -> Interval {
-    let points = &measured.curves.points;
-    geometric_mean(&ratios(&points_of_spp(&points[adaptive], spp), &points[uniform], equal, error))
+    let Curves { points, clock_variance, .. } = &measured.curves;
+    let (adaptive, uniform) = (points_of_spp(&points[adaptive], spp), &points[uniform]);
+    let of_clock = match equal {
+        EqualCost::Samples => 0.0,
+        EqualCost::Seconds => clock_variance_of_ratio(&adaptive, uniform, error, *clock_variance),
+    };
+    geometric_mean_with_shared_error(&ratios(&adaptive, uniform, equal, error), of_clock)
 }
 
-fn over_scenes(all: &[&SceneResults], spp: u32, configurations: [usize; 2], equal: EqualCost) -> Interval {
-    geometric_mean(&all.iter().map(|m| ratio(m, spp, configurations, equal).mean).collect::<Vec<_>>())
+fn over_scenes(
+    error: Metric,
+    all: &[&SceneResults],
+    spp: u32,
+    configurations: [usize; 2],
+    equal: EqualCost,
+) -> Interval {
+    geometric_mean(&all.iter().map(|m| ratio(error, m, spp, configurations, equal).mean).collect::<Vec<_>>())
 }
 
-fn finding(all: &[SceneResults], spp: u32) -> String {
+fn finding(all: &[SceneResults], spps: &[u32]) -> String {
+    let last = spps.last().copied().unwrap_or(0);
     let gains = groups(all, |m| m.is_public).into_iter().map(|(group, scenes)| {
-        let gain = |configurations| over_scenes(&scenes, spp, configurations, EqualCost::Seconds);
+        let of_counts = |error: Metric, configurations: [usize; 2]| {
+            let of_count = |&spp: &u32| {
+                format_interval(over_scenes(error, &scenes, spp, configurations, EqualCost::Seconds))
+            };
+            spps.iter().map(of_count).collect::<Vec<_>>().join(", ")
+        };
+        let by_scene = scenes.iter().map(|m| ratio(|p| p.error, m, last, FILTERED, EqualCost::Seconds).mean);
         format!(
-            "on {group} ({}) {} times in filtered images ({} by scene) and {} times in unfiltered ones",
+            "on {group} ({}) {} times in filtered images (with {last} {} by scene), whose ꟻLIP is {} times as large, and {} \
+             times in unfiltered ones, for which it chose uniform sampling on {} of the scenes",
             scenes.len(),
-            format_interval(gain(FILTERED)),
-            range(scenes.iter().map(|m| ratio(m, spp, FILTERED, EqualCost::Seconds).mean), 2),
-            format_interval(gain(UNFILTERED)),
+            of_counts(|p| p.error, FILTERED),
+            range(by_scene, 2),
+            of_counts(|p| p.flip, FILTERED),
+            of_counts(|p| p.error, UNFILTERED),
+            scenes.iter().filter(|m| chose_uniform(m, UNFILTERED, last)).count(),
         )
     });
-    let ratio = |m: &SceneResults| ratio(m, spp, FILTERED, EqualCost::Seconds);
-    let names = |chosen: &dyn Fn(&SceneResults) -> bool| {
-        let names: Vec<_> = all.iter().filter(|m| chosen(m)).map(|m| format!("`{}`", m.scene)).collect();
-        if names.is_empty() { "none".to_owned() } else { names.join(", ") }
+    let at_last = |m: &SceneResults| ratio(|p| p.error, m, last, FILTERED, EqualCost::Seconds);
+    let list = |chosen: &dyn Fn(&Interval) -> bool| {
+        names(all, &|m| !chose_uniform(m, FILTERED, last) && chosen(&at_last(m)))
     };
-    let list =
-        |chosen: &dyn Fn(&Interval) -> bool| names(&|m| !chose_uniform(&m.curves, spp) && chosen(&ratio(m)));
     format!(
-        "**At equal time and {spp} samples per pixel the relMSE of adaptive sampling relative to that of uniform sampling is {}.** \
-         In filtered images adaptive sampling is better, with 95 % confidence, on {}; it is worse, likewise, on {}; its \
-         error is more than {WORSE_RATIO} times as large on {}. It chose uniform sampling by itself, so that only the times \
-         differ, on {}.",
+        "**At equal time and {} samples per pixel the relMSE of adaptive sampling relative to that of uniform sampling is {}.** \
+         In filtered images with {last} samples per pixel adaptive sampling is better, with 95 % confidence, on {}; it is worse, \
+         likewise, on {}; its error is more than {WORSE_RATIO} times as large on {}. It chose uniform sampling by itself, so that \
+         only the times differ, on {}.",
+        spps.iter().map(u32::to_string).collect::<Vec<_>>().join(", "),
         gains.collect::<Vec<_>>().join("; "),
         list(&|interval| interval.high < 1.0),
         list(&|interval| interval.low > 1.0),
         list(&|interval| interval.mean > WORSE_RATIO),
-        names(&|m| chose_uniform(&m.curves, spp)),
+        names(all, &|m| chose_uniform(m, FILTERED, last)),
     )
+}
+
+/// Returns the names of chosen scenes.
+fn names(all: &[SceneResults], chosen: &dyn Fn(&SceneResults) -> bool) -> String {
+    let names: Vec<_> = all.iter().filter(|m| chosen(m)).map(|m| format!("`{}`", m.scene)).collect();
+    if names.is_empty() { "none".to_owned() } else { names.join(", ") }
 }
 
 /// Returns whether adaptive sampling gave the images of uniform sampling with every seed, since it predicted too small a gain. A
 /// ratio of their errors at equal time tells the clock's noise alone.
-fn chose_uniform(curves: &Curves, spp: u32) -> bool {
-    let [uniform, adaptive] = FILTERED.map(|i| {
-        let points = points_of_spp(&curves.points[i], spp);
+fn chose_uniform(measured: &SceneResults, configurations: [usize; 2], spp: u32) -> bool {
+    let [uniform, adaptive] = configurations.map(|i| {
+        let points = points_of_spp(&measured.curves.points[i], spp);
         points.iter().map(|point| (point.seed, point.error)).collect::<Vec<_>>()
     });
     uniform == adaptive
+}
+
+/// Compares the measurements with the project's goals.
+fn goals(settings: &Settings, all: &[SceneResults]) -> Vec<Goal> {
+    const FIRST_SPP: u32 = 16;
+    const RATIO: f64 = 0.75;
+    const LARGEST_RATIO: f64 = 1.02;
+    const FRACTION: f64 = 0.8;
+
+    // Compare with uniform sampling
+    let spps = || settings.spp.iter().copied().filter(|&spp| spp >= FIRST_SPP);
+    let over_groups = |error: Metric| -> Vec<Interval> {
+        let groups = groups(all, |m| m.is_public);
+        let of_group = |(_, scenes): &(&str, Vec<&SceneResults>)| {
+            spps()
+                .map(|spp| over_scenes(error, scenes, spp, FILTERED, EqualCost::Seconds))
+                .collect::<Vec<_>>()
+        };
+        groups.iter().flat_map(of_group).collect()
+    };
+    let list = |intervals: &[Interval]| {
+        let means = intervals.iter().map(|interval| format!("{:.2}", interval.mean));
+        means.collect::<Vec<_>>().join(", ")
+    };
+    let (relmse, flip) = (over_groups(|p| p.error), over_groups(|p| p.flip));
+    let is_larger = |m: &SceneResults| {
+        spps().any(|spp| ratio(|p| p.error, m, spp, FILTERED, EqualCost::Seconds).low > LARGEST_RATIO)
+    };
+
+    // Compare the maps with the true error
+    let fractions = all.iter().filter_map(|m| {
+        let [reached, possible] = maps_and_true_error(m);
+        gain_fraction(reached.mean, possible.mean)
+    });
+    let fraction = median(fractions);
+
+    // List the goals
+    vec![
+        Goal {
+            goal: format!(
+                "relMSE at most {RATIO} of uniform sampling's in the mean, filtered, at equal seconds, from {FIRST_SPP} spp on"
+            ),
+            measured: list(&relmse),
+            is_met: relmse.iter().all(|interval| interval.mean <= RATIO),
+        },
+        Goal {
+            goal: format!("above {LARGEST_RATIO} beyond its interval on no scene, likewise"),
+            measured: format!("on {}", names(all, &is_larger)),
+            is_met: !all.iter().any(is_larger),
+        },
+        Goal {
+            goal: "ꟻLIP not larger beyond its interval in the mean, likewise".to_owned(),
+            measured: flip.iter().copied().map(format_interval).collect::<Vec<_>>().join(", "),
+            is_met: !flip.iter().any(|interval| interval.low > 1.0),
+        },
+        Goal {
+            goal: format!("{FRACTION} of what the loop gains with the true error, median of the scenes"),
+            measured: number(fraction, 2),
+            is_met: fraction >= FRACTION,
+        },
+    ]
 }
 
 /// Formats an interval as `0.81 (0.77 to 0.85)`.
@@ -202,6 +279,7 @@ fn ratio_rows(
     spps: &[u32],
     configurations: [usize; 2],
     equal: EqualCost,
+    error: Metric,
 ) -> Vec<Vec<String>> {
     let row = |name: &str, interval: &dyn Fn(u32) -> Interval| {
         std::iter::once(name.to_owned())
@@ -209,9 +287,9 @@ fn ratio_rows(
             .collect()
     };
     let mut rows: Vec<Vec<String>> =
-        all.iter().map(|m| row(&m.scene, &|spp| ratio(m, spp, configurations, equal))).collect();
+        all.iter().map(|m| row(&m.scene, &|spp| ratio(error, m, spp, configurations, equal))).collect();
     rows.extend(groups(all, |m| m.is_public).iter().map(|(group, scenes)| {
-        row(&format!("**{group}**"), &|spp| over_scenes(scenes, spp, configurations, equal))
+        row(&format!("**{group}**"), &|spp| over_scenes(error, scenes, spp, configurations, equal))
     }));
     rows
 }
@@ -277,18 +355,13 @@ fn optimum(report: &mut Report, settings: &Settings, all: &[SceneResults]) {
          variances in {spp} samples per pixel. Ratios to the error of uniform sampling at equal samples, and the fraction \
          of the possible gain that adaptive sampling reaches."
     ));
-    /// Fractions of smaller gains are noise.
-    const MIN_GAIN: f64 = 0.05;
     let fraction = |reached: f64, possible: f64| {
-        if 1.0 - possible < MIN_GAIN {
-            return "–".to_owned();
-        }
-        format!("{:.0} %", 100.0 * (1.0 - reached) / (1.0 - possible))
+        gain_fraction(reached, possible)
+            .map_or("–".to_owned(), |v| format!("{:.0} %", (100.0 * v).round() + 0.0))
     };
     let row = |m: &SceneResults| {
-        let [default, oracle] =
-            [ALL_MAPS, ORACLE].map(|name| geometric_mean(&ablated(m).ratios(name, EqualCost::Samples)));
-        let unfiltered = ratio(m, spp, UNFILTERED, EqualCost::Samples);
+        let [default, oracle] = maps_and_true_error(m);
+        let unfiltered = ratio(|p| p.error, m, spp, UNFILTERED, EqualCost::Samples);
         vec![
             m.scene.clone(),
             format_interval(default),
@@ -301,6 +374,18 @@ fn optimum(report: &mut Report, settings: &Settings, all: &[SceneResults]) {
     };
     let head = ["scene", "filtered", "with the true error", "fraction", "unfiltered", "optimum", "fraction"];
     report.table(&head, &all.iter().map(row).collect::<Vec<_>>());
+}
+
+/// Ratios to the error of uniform sampling at equal samples: of the loop whose samples follow the maps, and the true error.
+fn maps_and_true_error(m: &SceneResults) -> [Interval; 2] {
+    [ALL_MAPS, ORACLE].map(|name| geometric_mean(&ablated(m).ratios(name, EqualCost::Samples)))
+}
+
+/// Returns the fraction of a possible gain that is reached; `None` where the possible one is noise.
+fn gain_fraction(reached: f64, possible: f64) -> Option<f64> {
+    /// Fractions of smaller gains are noise.
+    const MIN_GAIN: f64 = 0.05;
+    (1.0 - possible >= MIN_GAIN).then(|| (1.0 - reached) / (1.0 - possible))
 }
 
 #[cfg(test)]
@@ -317,10 +402,10 @@ mod tests {
             (0..).zip(errors).map(point).collect::<Vec<_>>()
         };
         for (adaptive, is_uniform) in [([0.1, 0.2], true), ([0.1, 0.15], false)] {
-            let mut curves = Curves::default();
-            curves.points[FILTERED[0]] = points([0.1, 0.2]);
-            curves.points[FILTERED[1]] = points(adaptive);
-            assert_eq!(chose_uniform(&curves, 64), is_uniform);
+            let mut measured = SceneResults::default();
+            measured.curves.points[FILTERED[0]] = points([0.1, 0.2]);
+            measured.curves.points[FILTERED[1]] = points(adaptive);
+            assert_eq!(chose_uniform(&measured, FILTERED, 64), is_uniform);
         }
     }
 }

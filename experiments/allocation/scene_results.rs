@@ -5,6 +5,7 @@ use super::own_loop::OwnLoop;
 use crate::curves::{Curves, Point};
 
 /// The measurements on a scene.
+#[derive(Default)]
 pub struct SceneResults {
     pub scene: String,
     /// See [`TestScene`](crate::test_scene::TestScene).

@@ -12,6 +12,8 @@ pub struct Settings {
     pub size: Size,
     /// Samples per pixel of the curves, ascending.
     pub spp: Vec<u32>,
+    /// Samples per pixel of more uniform images: adaptive ones take longer.
+    pub more_uniform_spp: Vec<u32>,
     pub seeds: u64,
     pub maps: MapSettings,
     pub own_loop: OwnLoopSettings,

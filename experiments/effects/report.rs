@@ -44,8 +44,8 @@ fn finding(all: &[VariantResults]) -> String {
     format!(
         "**Without effects, the scene's sample vector has {} dimensions, {} of them random, and {} pairs of mutual \
          information; with all effects {}, {} and {}.** With all effects rendering takes {} times as long, `nlm` {} times, \
-         `prpf` {} times, and the statistics of a pixel are {} times as large. The most expensive effect is {} for \
-         rendering, {} for `nlm` and {} for `prpf`.",
+         `prpf` {} times, and the statistics of a pixel are {} times as large. The most expensive effect for \
+         rendering is {}.",
         count(first, quantity::DIMENSIONS),
         count(first, quantity::RANDOM),
         count(first, quantity::PAIRS),
@@ -57,8 +57,6 @@ fn finding(all: &[VariantResults]) -> String {
         growth(quantity::PRPF),
         growth(quantity::STATISTICS),
         most_expensive(all, quantity::RENDER),
-        most_expensive(all, quantity::NLM),
-        most_expensive(all, quantity::PRPF),
     )
 }
 

@@ -7,6 +7,7 @@ mod settings;
 
 use std::time::Instant;
 
+use anyhow::ensure;
 use prpf::adaptive::Sampling;
 use prpf::filter::{DENOISERS, Denoiser, SampleVectors, nlm};
 use prpf::geometry::Accel;
@@ -24,6 +25,7 @@ struct Sample {
     pixels: usize,
     sampling: Sampling,
     spp: u32,
+    seed: u64,
     /// Expected relMSE of the reference itself.
     reference_relmse: f64,
     /// `DENOISER QUANTITY`, with the errors of [`TestScene::errors`], `brightness` relative to the reference's and `seconds`.
@@ -33,6 +35,7 @@ struct Sample {
 /// Runs the experiment.
 pub fn run(session: &mut Session) -> anyhow::Result<()> {
     let settings: Settings = session.settings()?;
+    ensure!(settings.seeds > 0, "filters.toml: seeds is at least 1");
     // Those that this machine has, but for the one that keeps all samples
     let is_compared = |denoiser: &&dyn Denoiser| {
         denoiser.missing().is_none() && !matches!(denoiser.reads().sample_vectors, SampleVectors::All { .. })
@@ -49,7 +52,7 @@ pub fn run(session: &mut Session) -> anyhow::Result<()> {
                     let values = measure(session, &test_scene, &accel, &trial, &denoisers)?;
                     let (scene, pixels) = (test_scene.name.clone(), test_scene.reference.image.pixels());
                     let reference_relmse = test_scene.reference.relmse;
-                    samples.push(Sample { scene, pixels, sampling, spp, reference_relmse, values });
+                    samples.push(Sample { scene, pixels, sampling, spp, seed, reference_relmse, values });
                 }
             }
         }

@@ -21,9 +21,6 @@ const ERRORS: [(&str, &str); 3] = [
     ("flip", "ꟻLIP"),
 ];
 
-/// Errors below this fraction of the reference's own relMSE are its noise rather than the image's error.
-const MEASURABLE: f64 = 0.2;
-
 /// Where the samples of a ratio come from.
 #[derive(Clone, Copy)]
 struct Samples {
@@ -69,18 +66,24 @@ pub fn write(
     for (error, heading) in ERRORS {
         report.section(heading);
         report.paragraph(&format!(
-            "Over the better preset of `{reference}`, geometric mean over up to {} views and its 95 % interval. In brackets the \
+            "Over the better preset of `{reference}`, geometric mean over {} views and its 95 % interval. In brackets the \
              largest ratio of a view. Samples are the same for all, adaptive ones driven by `nlm`, but in the last rows, where \
-             those of `{reference}` are as many uniform ones. Views are left out where one of the errors is less than \
-             {MEASURABLE} of the reference's own; the last column counts those that are left.",
+             those of `{reference}` are as many uniform ones. Adaptive samples are left out where all are uniform.",
             results.scenes().len()
         ));
         let kinds = [UNIFORM, ADAPTIVE, ADAPTIVE_OVER_UNIFORM];
         let rows = results.each(&kinds, |samples, spp| results.ratios_row(samples, spp, error));
-        let mut head = results.head(&["samples", "spp"]);
-        head.push("views");
-        report.table(&head, &rows);
+        report.table(&results.head(&["samples", "spp"]), &rows);
     }
+    let references = results.scenes().into_iter().map(|scene| {
+        let sample = samples.iter().find(|sample| sample.scene == scene);
+        format!("{scene} {}", number(sample.map_or(f64::NAN, |sample| sample.reference_relmse), 2))
+    });
+    report.section("References");
+    report.paragraph(&format!(
+        "Expected relMSE of the references, from their halves. It is not part of any relMSE here, but makes them uncertain: {}.",
+        references.collect::<Vec<_>>().join(", ")
+    ));
 
     // Compare view by view
     report.section("View by view");
@@ -112,20 +115,32 @@ impl Results<'_> {
             number(statistics::geometric_mean(&ratios).mean, 2)
         };
         let of = |samples, name: &str| {
-            let ratios =
-                self.settings.spp.iter().map(|&spp| format!("{} at {spp}", ratio(samples, name, spp)));
-            ratios.collect::<Vec<_>>().join(", ")
+            let ratios = self.counts(samples).map(|spp| format!("{} at {spp}", ratio(samples, name, spp)));
+            let ratios: Vec<String> = ratios.collect();
+            if ratios.is_empty() { "no value".to_owned() } else { ratios.join(", ") }
         };
         format!(
             "With the same uniform samples `learned standard` has this error relative to the better preset of `{}` (relMSE \
-             without the worst 0.1 %, geometric mean over up to {} views, by samples per pixel): {}. `nlm standard` has {}. With as \
-             many adaptive samples, `learned standard` has {}.",
+             without the worst 0.1 %, geometric mean over {} views, by samples per pixel): {}. `nlm standard` has {}. With the \
+             same adaptive samples `learned standard` has {}; with adaptive samples, over the other with as many uniform ones, {}.",
             self.reference,
             self.scenes().len(),
             of(UNIFORM, "learned standard"),
             of(UNIFORM, "nlm standard"),
-            of(ADAPTIVE_OVER_UNIFORM, "learned standard")
+            of(ADAPTIVE, "learned standard"),
+            of(ADAPTIVE_OVER_UNIFORM, "learned standard"),
         )
+    }
+
+    /// Sample counts; of adaptive samples those where some differ from uniform ones.
+    fn counts(&self, samples: Samples) -> impl Iterator<Item = u32> {
+        let all = self.samples;
+        let of = move |spp: u32, sampling: Sampling| {
+            let chosen = all.iter().filter(move |s| s.spp == spp && s.sampling == sampling);
+            chosen.map(|s| (&s.scene, s.seed, s.values["none relmse"].to_bits()))
+        };
+        let adapts = move |spp: &u32| of(*spp, Sampling::Uniform).ne(of(*spp, Sampling::Adaptive));
+        self.settings.spp.iter().copied().filter(move |spp| samples.own == Sampling::Uniform || adapts(spp))
     }
 
     fn scenes(&self) -> BTreeSet<&str> {
@@ -137,7 +152,7 @@ impl Results<'_> {
         let row = |kind: Samples, spp: u32| {
             [kind.name.to_owned(), spp.to_string()].into_iter().chain(cells(kind, spp)).collect()
         };
-        let rows = |&kind: &Samples| self.settings.spp.iter().map(move |&spp| (kind, spp));
+        let rows = |&kind: &Samples| self.counts(kind).map(move |spp| (kind, spp));
         kinds.iter().flat_map(rows).map(|(kind, spp)| row(kind, spp)).collect()
     }
 
@@ -162,24 +177,9 @@ impl Results<'_> {
         self.mean(scene, samples.own, spp, name, error) / best
     }
 
-    /// Whether the reference tells the errors of all denoisers from its own.
-    fn is_measurable(&self, scene: &str, samples: Samples, spp: u32, error: &str) -> bool {
-        let Some(sample) = self.samples.iter().find(|sample| sample.scene == scene) else { return false };
-        let smallest = match error {
-            // It has no error of its own to take off
-            "flip" => 0.0,
-            _ => MEASURABLE * sample.reference_relmse,
-        };
-        let is_larger =
-            |sampling| move |name: &String| self.mean(scene, sampling, spp, name, error) >= smallest;
-        [samples.own, samples.reference].iter().all(|&sampling| self.names.iter().all(is_larger(sampling)))
-    }
-
-    /// The ratios of a denoiser in all views where they can be measured.
+    /// The ratios of a denoiser in all views.
     fn ratios(&self, samples: Samples, spp: u32, name: &str, error: &str) -> Vec<f64> {
-        let scenes = self.scenes().into_iter();
-        let measurable = scenes.filter(|scene| self.is_measurable(scene, samples, spp, error));
-        measurable.map(|scene| self.ratio(scene, samples, spp, name, error)).collect()
+        self.scenes().into_iter().map(|scene| self.ratio(scene, samples, spp, name, error)).collect()
     }
 
     fn ratios_row(&self, samples: Samples, spp: u32, error: &str) -> Vec<String> {
@@ -190,8 +190,7 @@ impl Results<'_> {
             let [mean, low, high, largest] = [mean, low, high, largest].map(|ratio| number(ratio, 2));
             format!("{mean}, {low} to {high} ({largest})")
         };
-        let views = self.ratios(samples, spp, &self.names[0], error).len().to_string();
-        self.names.iter().map(cell).chain([views]).collect()
+        self.names.iter().map(cell).collect()
     }
 
     fn brightness_row(&self, samples: Samples, spp: u32) -> Vec<String> {
@@ -206,9 +205,6 @@ impl Results<'_> {
     fn view_rows(&self) -> Vec<Vec<String>> {
         let row = |scene: &str| {
             let cell = |&spp: &u32| {
-                if !self.is_measurable(scene, UNIFORM, spp, "trimmed relmse") {
-                    return "–".to_owned();
-                }
                 let ratios = ["learned standard", "nlm standard"]
                     .map(|name| number(self.ratio(scene, UNIFORM, spp, name, "trimmed relmse"), 2));
                 ratios.join(" / ")

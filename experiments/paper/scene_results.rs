@@ -24,20 +24,21 @@ impl SceneResults {
         self.runs.entry(run.into()).or_default().push(values);
     }
 
-    /// A quantity of a run, seed by seed.
+    /// A quantity of a run, seed by seed; NaN for seeds without it.
     fn by_seed(&self, run: &str, quantity: &str) -> Vec<f64> {
         let seeds = self.runs.get(run).into_iter().flatten();
         seeds.map(|values| values.get(quantity).copied().unwrap_or(f64::NAN)).collect()
     }
 
-    /// The mean of a quantity over the seeds; NaN if it was not measured.
+    /// The mean of a quantity over the seeds that have it; NaN if none has.
     pub fn get(&self, run: &str, quantity: &str) -> f64 {
         self.interval(run, quantity).mean
     }
 
     /// The mean of a quantity over the seeds, and its interval.
     pub fn interval(&self, run: &str, quantity: &str) -> Interval {
-        mean(&self.by_seed(run, quantity))
+        let seeds = self.runs.get(run).into_iter().flatten();
+        mean(&seeds.filter_map(|values| values.get(quantity).copied()).collect::<Vec<_>>())
     }
 
     /// Does the same over the first seeds alone.
@@ -146,6 +147,9 @@ mod tests {
         let ratio = scene.mse_over_rpf("prpf 8", 8);
         assert!((ratio.mean - 1.0).abs() < 1e-12 && ratio.low < 0.5, "{ratio:?}");
         assert_eq!((scene.seeds("prpf 8"), scene.get("rpf 8", "mse 64")), (3, 2.5));
+        // One seed alone has the quantity
+        scene.add("rpf 8", values([("mse 64", 4.0), ("weights mse", 0.5)]));
+        assert_eq!(scene.get("rpf 8", "weights mse"), 0.5);
         assert!(scene.get("prpf 16", "mse").is_nan() && scene.mse_over_rpf("prpf 16", 16).mean.is_nan());
     }
 }
