@@ -1,15 +1,16 @@
 //! Denoisers: filtering a store, and the maps of the result.
 
+use std::io;
 use std::path::PathBuf;
 
 use prpf::filter::learned::{self, WeightFileError};
 use prpf::filter::{CancellablePool, DENOISERS, FilterResult, by_name, can_filter, draft_if_sparse};
 use prpf::progressive::{ErrorEstimate, FilterPass, Filtered};
-use pyo3::exceptions::{PyOSError, PyRuntimeError};
+use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
 
 use crate::arrays;
-use crate::errors::{Error, value_error};
+use crate::errors::{Error, file_error, open_failure, value_error};
 use crate::store::Store;
 
 /// See `__init__.pyi`.
@@ -92,7 +93,9 @@ pub fn denoisers() -> Vec<String> {
 pub fn use_weights(path: PathBuf) -> PyResult<()> {
     let message = |error: &WeightFileError| format!("{}: {error}", path.display());
     learned::use_weights(&path).map_err(|error| match &error {
-        WeightFileError::Read(_) => PyOSError::new_err(message(&error)),
+        WeightFileError::Read(_) => {
+            file_error(open_failure(&path).unwrap_or(io::ErrorKind::Other), message(&error))
+        }
         WeightFileError::InUse => value_error(message(&error)),
         _ => Error::new_err(message(&error)),
     })

@@ -3,7 +3,9 @@
 //! Arguments out of range are `ValueError`, the file system's errors `OSError` or one of its subclasses, too little memory
 //! is `MemoryError`, and a file with wrong content is [`Error`].
 
+use std::fs::File;
 use std::io;
+use std::path::Path;
 
 use prpf::RenderError;
 use prpf::image::{ImageError, Problem};
@@ -47,10 +49,20 @@ pub fn state_error(error: StateError) -> PyErr {
 }
 
 /// The exception of a scene that cannot be read; `file` is why its main file cannot be opened.
-pub fn scene_error(error: SceneError, file: Option<io::Error>) -> PyErr {
+pub fn scene_error(error: SceneError, file: Option<io::ErrorKind>) -> PyErr {
     match file {
-        Some(cause) => file_error(cause.kind(), error.to_string()),
+        Some(kind) => file_error(kind, error.to_string()),
         None => Error::new_err(error.to_string()),
+    }
+}
+
+/// Returns why a file cannot be opened for reading; `None` if it can. Nothing is read, because a device may never end.
+pub fn open_failure(path: &Path) -> Option<io::ErrorKind> {
+    match path.metadata() {
+        Err(error) => Some(error.kind()),
+        // Opening a pipe would wait for a writer
+        Ok(found) if !found.is_file() => Some(io::ErrorKind::InvalidInput),
+        Ok(_) => File::open(path).err().map(|error| error.kind()),
     }
 }
 

@@ -13,7 +13,7 @@ use self_cell::self_cell;
 
 use crate::arguments;
 use crate::arrays;
-use crate::errors::{Error, scene_error, value_error};
+use crate::errors::{Error, open_failure, scene_error, value_error};
 use crate::store::Store;
 
 /// Samples that are rendered between two looks at signals: a fraction of a second in most scenes.
@@ -96,7 +96,7 @@ impl Scene {
         #[pyo3(from_py_with = arguments::wholes_or_none)] pixel_bounds: Option<[usize; 4]>,
     ) -> PyResult<Self> {
         py.detach(|| {
-            let scene = pbrt::read(&path).map_err(|error| scene_error(error, std::fs::read(&path).err()))?;
+            let scene = pbrt::read(&path).map_err(|error| scene_error(error, open_failure(&path)))?;
             Self::new(scene, resolution, pixel_bounds)
         })
     }

@@ -1,5 +1,9 @@
 """Scenes: reading, sizes, and rendering into stores."""
 
+import os
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 
@@ -78,6 +82,28 @@ def test_scenes_that_cannot_be_read_are_exceptions(tmp_path):
     wrong.write_text("WorldBegin\nShape 7")
     with pytest.raises(prpf.Error, match=r"wrong.pbrt:2:"):
         prpf.Scene.load(wrong)
+
+
+LOAD_ALL = """
+import sys
+import prpf
+
+for path in sys.argv[1:]:
+    try:
+        prpf.Scene.load(path)
+    except OSError as error:
+        print(error)
+"""
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes with names")
+def test_pipes_and_devices_are_not_waited_for(tmp_path):
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    # In a process of its own, which may be killed. The pipe comes first: the device would fill the memory
+    command = [sys.executable, "-c", LOAD_ALL, pipe, "/dev/zero"]
+    lines = subprocess.run(command, capture_output=True, text=True, check=True, timeout=60).stdout.splitlines()
+    assert len(lines) == 2 and all("cannot be read: it is no regular file" in line for line in lines), lines
 
 
 @pytest.mark.parametrize("resolution", [(0, 5), (70000, 1), (60000, 60000)])

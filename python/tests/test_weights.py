@@ -43,8 +43,10 @@ def test_other_weights_make_another_image(tmp_path):
 
 
 def test_files_that_are_no_weights_are_exceptions(tmp_path):
-    with pytest.raises(OSError, match="none: no such file or folder"):
+    with pytest.raises(FileNotFoundError, match="none: no such file or folder"):
         prpf.use_weights(tmp_path / "none")
+    with pytest.raises(OSError, match="it is a folder"):
+        prpf.use_weights(tmp_path)
     text = tmp_path / "text"
     text.write_text("These are no weights.")
     with pytest.raises(prpf.Error, match="not a file of weights"):
