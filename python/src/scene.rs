@@ -84,6 +84,19 @@ impl Scene {
     }
 }
 
+/// Moves the samples of the next step from `left` to `now`, both of the pixels of a band. Returns whether there are some: if
+/// not, `now` is all 0.
+fn take_step(left: &mut [u32], now: &mut [u32]) -> bool {
+    let open = left.iter().filter(|&&count| count > 0).count() as u64;
+    // Where few pixels are open, each gets many samples: every step passes over the counts of the whole image
+    let most = (STEP_SAMPLES / open.max(1)).max(1) as u32;
+    for (now, left) in now.iter_mut().zip(left) {
+        *now = most.min(*left);
+        *left -= *now;
+    }
+    open > 0
+}
+
 #[pymethods]
 impl Scene {
     /// Reads a pbrt scene.
@@ -207,16 +220,11 @@ impl Scene {
 
         // Render in steps, of bands of rows if the image is large: signals are looked at between two
         let renderer = py.detach(|| self.renderer(store.seed));
-        let step = (STEP_SAMPLES / (width * height) as u64).max(1) as u32;
         let band = (STEP_SAMPLES as usize / width).max(1) * width;
+        let mut now = vec![0; width * height];
         for first in (0..width * height).step_by(band) {
             let band = first..(first + band).min(width * height);
-            while counts[band.clone()].iter().any(|&count| count > 0) {
-                let mut now = vec![0; width * height];
-                for (now, count) in now[band.clone()].iter_mut().zip(&mut counts[band.clone()]) {
-                    *now = step.min(*count);
-                    *count -= *now;
-                }
+            while take_step(&mut counts[band.clone()], &mut now[band.clone()]) {
                 store.add(py, |store| renderer.render_batch(&now, store));
                 py.check_signals()?;
             }
