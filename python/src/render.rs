@@ -4,7 +4,6 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use prpf::RenderBuilder;
 use prpf::adaptive::{MapValues, NO_CEILING, PrioritySettings, SampleMap, Sampling};
 use prpf::files::{can_replace, error_message};
 use prpf::filter::by_name;
@@ -14,6 +13,7 @@ use prpf::progressive::{Budget, Filtered, Outcome, PassRecord, RecordedStatistic
 use prpf::render::Shard;
 use prpf::state::{ImageMetadata, RenderState, SampleFile, Stream};
 use prpf::stats::BlockSet;
+use prpf::{RenderBuilder, RenderedImage};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
@@ -37,7 +37,7 @@ pub struct Render {
 }
 
 impl Render {
-    fn new(py: Python, outcome: Outcome) -> PyResult<Self> {
+    fn new(py: Python, RenderedImage { outcome, metadata }: RenderedImage) -> PyResult<Self> {
         let seconds = PyDict::new(py);
         seconds.set_item("render", outcome.seconds.render)?;
         seconds.set_item("filter", outcome.seconds.filter)?;
@@ -49,7 +49,7 @@ impl Render {
         Ok(Self {
             passes: outcome.passes.iter().map(|pass| record(py, pass)).collect::<PyResult<_>>()?,
             result: Py::new(py, Denoised::new(py, filtered)?)?,
-            store: Py::new(py, Store::wrap(Arc::new(outcome.store), outcome.settings.seed))?,
+            store: Py::new(py, Store::wrap(Arc::new(outcome.store), metadata, outcome.settings.seed))?,
             stopped_by: outcome.stopped_by.to_string(),
             seconds: seconds.unbind(),
         })
@@ -190,7 +190,7 @@ pub fn render(
     if let Some(path) = &output {
         py.detach(|| rendered.write(path)).map_err(image_error)?;
     }
-    Render::new(py, rendered.outcome)
+    Render::new(py, rendered)
 }
 
 /// Checks that the files to write are different ones that can be written, and replace nothing but earlier outputs.

@@ -50,7 +50,7 @@ impl RenderHost {
             let pass = Pass {
                 index: self.passes,
                 result: Py::new(py, Denoised::new(py, filtered.clone())?)?,
-                store: Py::new(py, Store::wrap(store.clone(), self.seed))?,
+                store: Py::new(py, Store::wrap(store.clone(), self.metadata.clone(), self.seed))?,
             };
             let pass = Py::new(py, pass)?;
             if let Some(callback) = &self.callback {

@@ -7,6 +7,7 @@ use prpf::geometry::Accel;
 use prpf::render::{Renderer, sample_layout};
 use prpf::scene::film::{MAX_PIXELS, MAX_SIDE};
 use prpf::scene::{self, pbrt};
+use prpf::state::ImageMetadata;
 use prpf::stats::{Columns, Layout};
 use pyo3::prelude::*;
 use self_cell::self_cell;
@@ -220,6 +221,7 @@ impl Scene {
 
         // Render in steps, of bands of rows if the image is large: signals are looked at between two
         let renderer = py.detach(|| self.renderer(store.seed));
+        store.check_image(&ImageMetadata::new(&self.scene, &renderer))?;
         let band = (STEP_SAMPLES as usize / width).max(1) * width;
         let mut now = vec![0; width * height];
         for first in (0..width * height).step_by(band) {

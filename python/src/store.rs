@@ -1,13 +1,13 @@
 //! Pixel statistics: taking samples in, and reading moments as arrays.
 
 use std::path::PathBuf;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
 use numpy::{PyArrayMethods, PyUntypedArrayMethods};
 use prpf::image::Planes;
 use prpf::progressive::{StoreSizeError, check_store_size};
 use prpf::render::Shard;
-use prpf::state::RenderState;
+use prpf::state::{ImageMetadata, RenderState};
 use prpf::stats::{self, Columns, HalfMoments, Layout, Part, SampleRectangle};
 use pyo3::exceptions::PyMemoryError;
 use pyo3::prelude::*;
@@ -26,6 +26,8 @@ pub struct Store {
     columns: Columns,
     /// Whether the renderer can go on: it cannot after a shard's samples, some of which it would take again.
     pub can_go_on: bool,
+    /// The image that the renderer's samples are of; not set before it has taken some.
+    metadata: OnceLock<ImageMetadata>,
 }
 
 impl Store {
@@ -41,19 +43,40 @@ impl Store {
         check_size(&columns, [width, height], reservoir)?;
         let layout = columns.layout().clone();
         let store = py.detach(|| stats::Store::new(width, height, layout, reservoir, seed));
-        Ok(Self { store: Mutex::new(Arc::new(store)), seed, columns, can_go_on: true })
+        Ok(Self::from_parts(Arc::new(store), columns, seed))
     }
 
-    /// Wraps a store whose samples come from the renderer.
-    pub fn wrap(store: Arc<stats::Store>, seed: u64) -> Self {
+    /// Wraps a store of the renderer's samples of an image.
+    pub fn wrap(store: Arc<stats::Store>, metadata: ImageMetadata, seed: u64) -> Self {
         let columns = Columns::from_layout(store.layout().clone());
-        Self { store: Mutex::new(store), seed, columns, can_go_on: true }
+        Self { metadata: metadata.into(), ..Self::from_parts(store, columns, seed) }
     }
 
     /// Takes the store of a state.
     pub fn of_state(state: RenderState) -> Self {
         let can_go_on = state.streams.iter().all(|stream| stream.shard == Shard::WHOLE);
-        Self { can_go_on, ..Self::wrap(state.checkpoint.store, state.settings.seed) }
+        Self { can_go_on, ..Self::wrap(state.checkpoint.store, state.metadata, state.settings.seed) }
+    }
+
+    fn from_parts(store: Arc<stats::Store>, columns: Columns, seed: u64) -> Self {
+        Self { store: Mutex::new(store), seed, columns, can_go_on: true, metadata: OnceLock::new() }
+    }
+
+    /// Checks that the renderer's samples in the store are of this image, from now on if there are none.
+    ///
+    /// # Errors
+    /// The first thing in which the images differ.
+    pub fn check_image(&self, metadata: &ImageMetadata) -> PyResult<()> {
+        match metadata.difference(self.metadata.get_or_init(|| metadata.clone())) {
+            None => Ok(()),
+            Some((field, found, accepted)) => {
+                // A scene from a text has no name before its hash
+                let (found, accepted) = (found.trim_start(), accepted.trim_start());
+                Err(value_error(format!(
+                    "store: {field}: found samples of {found}; accepted are those of this scene, {accepted}"
+                )))
+            }
+        }
     }
 
     /// Returns the statistics of the samples so far. Waits for calls of other threads that add some.
@@ -187,7 +210,7 @@ impl Store {
         let store = py
             .detach(|| stats::Store::from_half_moments(width, height, &columns, &halves, seed))
             .map_err(value_error)?;
-        Ok(Self { store: Mutex::new(Arc::new(store)), seed, columns, can_go_on: true })
+        Ok(Self::from_parts(Arc::new(store), columns, seed))
     }
 
     /// Reads the store of a render state.

@@ -7,6 +7,7 @@ import time
 
 import numpy as np
 import pytest
+from conftest import SCENE
 
 import prpf
 
@@ -87,6 +88,22 @@ def test_a_store_of_another_scene_is_refused(scene):
         scene.render(prpf.Store(3, 2, ["R", "G", "B"]), 1)
     with pytest.raises(ValueError, match="found the dimensions film.x film.y R G B; accepted"):
         scene.render(prpf.Store(40, 24, ["R", "G", "B"]), 1)
+
+
+def test_samples_of_another_scene_of_the_same_kind_are_refused(scene, tmp_path):
+    other = prpf.Scene.parse(SCENE.replace("0.8 0.2 0.1", "0.1 0.2 0.8"))
+    assert (other.resolution, other.dimensions) == (scene.resolution, scene.dimensions)
+    rendered = prpf.render(scene, spp=4, state=tmp_path / "a.state")
+    own = scene.store()
+    scene.render(own, 4)
+    for store in [own, rendered.store, prpf.Store.load(tmp_path / "a.state")]:
+        with pytest.raises(ValueError, match=r"store: scene: found samples of \(.*; accepted are those of this scene, \("):
+            other.render(store, 4)
+        assert store.spp == 4
+        scene.render(store, 4)
+        assert store.spp == 8
+    # Until it has samples a store is of no scene
+    other.render(scene.store(), 4)
 
 
 def test_scenes_that_cannot_be_read_are_exceptions(tmp_path):

@@ -99,6 +99,8 @@ class Scene:
         ``counts``: samples of every pixel, or an integer array of shape (height, width). The sample sequence of each pixel
         goes on where it stands, so the result does not depend on how samples are divided among calls. Ctrl-C is heard
         between steps of about 130 000 samples; the store then has the samples of the steps before it.
+
+        Raises ``ValueError`` for a store whose samples are of another scene or view.
         """
 
 @final
@@ -138,8 +140,8 @@ class Store:
 
     @staticmethod
     def load(path: str | PathLike[str]) -> Store:
-        """Reads the store of a render state, as :func:`render` and ``prpf render --state`` write it. :meth:`Scene.render` does not
-        go on from the state of a shard, some of whose samples it would take again."""
+        """Reads the store of a render state, as :func:`render` and ``prpf render --state`` write it. :meth:`Scene.render` goes on
+        from one of the same scene and view, but not from that of a shard, some of whose samples it would take again."""
 
     @property
     def width(self) -> int:
@@ -155,7 +157,7 @@ class Store:
         """Sample vectors that are kept of each pixel at most."""
     @property
     def seed(self) -> int:
-        """The seed of the store's samples."""
+        """The seed of the store's samples; of a merged store, that of the first state."""
     @property
     def samples(self) -> int:
         """Valid samples of the whole image."""
