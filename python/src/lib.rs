@@ -10,6 +10,7 @@ mod denoising;
 mod errors;
 mod images;
 mod merging;
+mod paths;
 mod render;
 mod render_host;
 mod scene;

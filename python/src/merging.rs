@@ -7,6 +7,7 @@ use prpf::state::{Merge, RenderState};
 use pyo3::prelude::*;
 
 use crate::errors::{Error, state_error, value_error};
+use crate::paths::can_be_written;
 use crate::store::Store;
 
 /// Adds the samples of some states and writes the sum.
@@ -15,6 +16,7 @@ pub fn merge(py: Python, states: Vec<PathBuf>, output: PathBuf) -> PyResult<Stor
     let Some((first, others)) = states.split_first().filter(|(_, others)| !others.is_empty()) else {
         return Err(value_error(format!("states: found {}; accepted are two or more", states.len())));
     };
+    can_be_written(&output)?;
     replaces_state(&output).map_err(value_error)?;
     are_distinct(states.iter().map(PathBuf::as_path), &[&output]).map_err(value_error)?;
     py.detach(|| {

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use prpf::adaptive::{MapValues, NO_CEILING, PrioritySettings, SampleMap, Sampling};
-use prpf::files::{can_replace, error_message};
+use prpf::files::error_message;
 use prpf::filter::by_name;
 use prpf::image::OutputFormat;
 use prpf::output::paths::{are_distinct, replaces_no_state, replaces_state};
@@ -21,6 +21,7 @@ use crate::arguments;
 use crate::arrays;
 use crate::denoising::Denoised;
 use crate::errors::{Error, file_error, image_error, render_error, state_error, value_error};
+use crate::paths::can_be_written;
 use crate::render_host::RenderHost;
 use crate::scene::Scene;
 use crate::store::Store;
@@ -207,12 +208,7 @@ fn check_files(
     state.as_deref().map_or(Ok(false), replaces_state).map_err(value_error)?;
     files.extend(state.as_deref());
     are_distinct(scene.files.iter().map(PathBuf::as_path), &files).map_err(value_error)?;
-    files.into_iter().try_for_each(|path| {
-        can_replace(path).map_err(|error| {
-            let message = format!("{}: {}", path.display(), error_message(&error));
-            file_error(error.kind(), message)
-        })
-    })
+    files.into_iter().try_for_each(can_be_written)
 }
 
 /// The exception of a file of samples that cannot be written.

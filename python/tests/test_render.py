@@ -268,3 +268,11 @@ def test_states_of_other_seeds_are_merged(scene, tmp_path):
         prpf.merge([paths[1], paths[1]], tmp_path / "twice.state")
     with pytest.raises(ValueError, match="states: found 1; accepted are two or more"):
         prpf.merge(paths[:1], tmp_path / "one.state")
+
+
+def test_a_merge_checks_its_output_before_it_reads_states(tmp_path):
+    states = [tmp_path / "a.state", tmp_path / "b.state"]
+    with pytest.raises(FileNotFoundError, match="missing/all.state: no such file or folder"):
+        prpf.merge(states, tmp_path / "missing" / "all.state")
+    with pytest.raises(OSError, match="found a folder; accepted is the name of a file"):
+        prpf.merge(states, f"{tmp_path}/all.state/")
