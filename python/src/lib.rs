@@ -11,8 +11,11 @@ mod errors;
 mod images;
 mod merging;
 mod paths;
+mod placement;
 mod render;
+mod render_files;
 mod render_host;
+mod render_job;
 mod scene;
 mod store;
 

@@ -1,28 +1,22 @@
 //! The whole render loop.
 
-use std::io;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 
-use prpf::adaptive::{MapValues, NO_CEILING, PrioritySettings, SampleMap, Sampling};
-use prpf::files::error_message;
+use prpf::RenderedImage;
+use prpf::adaptive::{NO_CEILING, PrioritySettings};
 use prpf::filter::by_name;
-use prpf::image::OutputFormat;
-use prpf::output::paths::{are_distinct, replaces_no_state, replaces_state};
 use prpf::progressive::{Budget, Filtered, Outcome, PassRecord, RecordedStatistics, Settings};
-use prpf::render::Shard;
-use prpf::state::{ImageMetadata, RenderState, SampleFile, Stream};
-use prpf::stats::BlockSet;
-use prpf::{RenderBuilder, RenderedImage};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use crate::arguments;
 use crate::arrays;
 use crate::denoising::Denoised;
-use crate::errors::{Error, file_error, image_error, render_error, state_error, value_error};
-use crate::paths::can_be_written;
-use crate::render_host::RenderHost;
+use crate::errors::value_error;
+use crate::placement::Placement;
+use crate::render_files::RenderFiles;
+use crate::render_job::RenderJob;
 use crate::scene::Scene;
 use crate::store::Store;
 
@@ -112,26 +106,16 @@ pub fn render(
     samples: Option<PathBuf>,
 ) -> PyResult<Render> {
     // Check the arguments before minutes of rendering
-    let sample_map = sample_map.map(|map| self::sample_map(map, sample_map_values, scene)).transpose()?;
-    let default = if sample_map.is_some() { "uniform" } else { "adaptive" };
-    let sampling = self::sampling(sampling.unwrap_or(default))?;
-    if sampling == Sampling::Adaptive && sample_map.is_some() {
-        return Err(value_error("sampling: found adaptive with sample_map; accepted is one of them"));
-    }
-    if counts.is_some() && sampling == Sampling::Uniform {
-        return Err(value_error(
-            "counts: found a function with uniform sampling; accepted is one with adaptive sampling",
-        ));
-    }
-    if let (Some(spp), Some(_)) = (spp, sample_map.as_ref().and_then(SampleMap::total)) {
+    let placement = Placement::new(sampling, sample_map, sample_map_values, counts.is_some(), scene)?;
+    if let (Some(spp), Some(_)) = (spp, placement.total()) {
         return Err(value_error(format!(
             "spp: found {spp} with absolute counts, which give the number of samples; accepted is one of them"
         )));
     }
     let settings = Settings {
         budget: Budget { spp, seconds: time, target_error },
-        sampling,
-        sample_map,
+        sampling: placement.sampling,
+        sample_map: placement.sample_map,
         denoiser: by_name(denoiser).map_err(value_error)?,
         seed,
         min_spp,
@@ -140,112 +124,13 @@ pub fn render(
         priority: priority_settings(counts.is_some()),
         statistics: statistics_kept(statistics)?,
     };
-    if let Some(path) = &output {
-        OutputFormat::from_path(path).map_err(image_error)?;
-    }
-    check_files(&scene.scene, [&output, &samples], &state)?;
+    let files = RenderFiles::new(&scene.scene, output, state, resume, samples)?;
     let reference = reference.map(|reference| arrays::rgb("reference", reference)).transpose()?;
 
     // Render
-    let rendered = py.detach(|| {
-        let mut builder = RenderBuilder::new(&scene.scene).settings(settings.clone());
-        if let Some(reference) = &reference {
-            builder = builder.reference(reference);
-        }
-        let renderer = scene.renderer(seed);
-        let metadata = ImageMetadata::new(&scene.scene, &renderer);
-        if let Some(path) = resume {
-            let found = RenderState::read(&path).map_err(state_error)?;
-            let stream = Stream::new(seed, Shard::WHOLE);
-            // A file of sample vectors has every dimension
-            let asked = if samples.is_some() { BlockSet::ALL } else { BlockSet::NONE };
-            found
-                .can_resume(&metadata, stream, renderer.layout(), &settings, asked)
-                .map_err(|error| Error::new_err(format!("{}: {error}", path.display())))?;
-            builder = builder.resume(found.checkpoint);
-        }
-        let begin = |path: &PathBuf| SampleFile::begin(path, renderer.layout());
-        let mut host = RenderHost {
-            samples: samples
-                .as_ref()
-                .map(begin)
-                .transpose()
-                .map_err(|error| cannot_write(&samples, error))?,
-            callback,
-            counts,
-            state,
-            metadata,
-            seed,
-            passes: 0,
-            latest: None,
-            is_stopped: false,
-            error: None,
-        };
-        let rendered = builder.run_with(&mut host).map_err(render_error)?;
-        let finished = host.samples.map_or(Ok(()), SampleFile::finish);
-        match host.error {
-            Some(error) => Err(error),
-            None => finished.map(|()| rendered).map_err(|error| cannot_write(&samples, error)),
-        }
-    })?;
-    if let Some(path) = &output {
-        py.detach(|| rendered.write(path)).map_err(image_error)?;
-    }
+    let job = RenderJob { scene, settings, files, reference, callback, counts };
+    let rendered = py.detach(|| job.run())?;
     Render::new(py, rendered)
-}
-
-/// Checks that the files to write are different ones that can be written, and replace nothing but earlier outputs.
-///
-/// # Errors
-/// The first one that cannot.
-fn check_files(
-    scene: &prpf::scene::Scene,
-    outputs: [&Option<PathBuf>; 2],
-    state: &Option<PathBuf>,
-) -> PyResult<()> {
-    let mut files: Vec<&Path> = outputs.into_iter().flatten().map(PathBuf::as_path).collect();
-    files.iter().try_for_each(|path| replaces_no_state(path)).map_err(value_error)?;
-    state.as_deref().map_or(Ok(false), replaces_state).map_err(value_error)?;
-    files.extend(state.as_deref());
-    are_distinct(scene.files.iter().map(PathBuf::as_path), &files).map_err(value_error)?;
-    files.into_iter().try_for_each(can_be_written)
-}
-
-/// The exception of a file of samples that cannot be written.
-fn cannot_write(path: &Option<PathBuf>, error: io::Error) -> PyErr {
-    let name = path.as_deref().unwrap_or(Path::new("")).display();
-    file_error(error.kind(), format!("{name}: cannot write the samples: {}", error_message(&error)))
-}
-
-/// Takes a map of the size of the render by which samples are placed.
-///
-/// # Errors
-/// Another shape or type, values that cannot be followed, an unknown kind of values.
-fn sample_map(map: &Bound<PyAny>, values: &str, scene: &Scene) -> PyResult<SampleMap> {
-    let kind = match values {
-        "relative" => MapValues::Relative,
-        "absolute" => MapValues::Absolute,
-        found => {
-            return Err(value_error(format!(
-                "sample_map_values: found `{found}`; accepted are relative and absolute"
-            )));
-        }
-    };
-    let (width, height) = scene.size();
-    let values = arrays::plane("sample_map", map, [height, width])?;
-    SampleMap::new(values, kind).map_err(|error| value_error(format!("sample_map: {error}")))
-}
-
-/// Returns how samples are placed, by its name.
-///
-/// # Errors
-/// An unknown name.
-fn sampling(name: &str) -> PyResult<Sampling> {
-    match name {
-        "adaptive" => Ok(Sampling::Adaptive),
-        "uniform" => Ok(Sampling::Uniform),
-        _ => Err(value_error(format!("sampling: found `{name}`; accepted are adaptive and uniform"))),
-    }
 }
 
 /// Returns the settings of priorities. Where a function chooses counts, every batch follows a pass: ours would do without

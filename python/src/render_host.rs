@@ -1,17 +1,17 @@
 //! What surrounds a render loop in Python: a callback after every filter pass, a rule for counts, signals, the state file.
 
-use std::path::PathBuf;
 use std::sync::Arc;
 
 use prpf::progressive::{Checkpoint, Filtered, Host, Progress, Settings};
-use prpf::render::{SampleSink, Shard};
-use prpf::state::{ImageMetadata, RenderState, SampleFile, Stream};
+use prpf::render::SampleSink;
+use prpf::state::{ImageMetadata, SampleFile};
 use prpf::stats;
 use pyo3::prelude::*;
 
 use crate::arrays;
 use crate::denoising::Denoised;
-use crate::errors::{state_error, value_error};
+use crate::errors::value_error;
+use crate::render_files::RenderFiles;
 use crate::store::Store;
 
 /// See `__init__.pyi`.
@@ -24,26 +24,58 @@ pub struct Pass {
 }
 
 /// See the module.
-pub struct RenderHost {
-    pub callback: Option<Py<PyAny>>,
+pub struct RenderHost<'a> {
+    callback: Option<Py<PyAny>>,
     /// The function that chooses the counts of a batch.
-    pub counts: Option<Py<PyAny>>,
-    pub state: Option<PathBuf>,
+    counts: Option<Py<PyAny>>,
+    files: &'a RenderFiles,
     /// The file that gets every sample.
-    pub samples: Option<SampleFile>,
-    pub metadata: ImageMetadata,
-    pub seed: u64,
+    samples: Option<SampleFile>,
+    metadata: ImageMetadata,
+    seed: u64,
     /// Passes so far.
-    pub passes: usize,
+    passes: usize,
     /// The latest pass, until the counts that follow it are chosen.
-    pub latest: Option<Py<Pass>>,
+    latest: Option<Py<Pass>>,
     /// Whether the callback has asked for the end.
-    pub is_stopped: bool,
+    is_stopped: bool,
     /// What ends the render and is raised after it.
-    pub error: Option<PyErr>,
+    error: Option<PyErr>,
 }
 
-impl RenderHost {
+impl<'a> RenderHost<'a> {
+    /// Surrounds a render of the image `metadata` by the samples of `seed`, which go to the file `samples` as well.
+    pub fn new(
+        callback: Option<Py<PyAny>>,
+        counts: Option<Py<PyAny>>,
+        files: &'a RenderFiles,
+        samples: Option<SampleFile>,
+        metadata: ImageMetadata,
+        seed: u64,
+    ) -> Self {
+        Self {
+            callback,
+            counts,
+            files,
+            samples,
+            metadata,
+            seed,
+            passes: 0,
+            latest: None,
+            is_stopped: false,
+            error: None,
+        }
+    }
+
+    /// Ends the file of samples.
+    ///
+    /// # Errors
+    /// What has ended the render early, a file that cannot be written.
+    pub fn finish(self) -> PyResult<()> {
+        let finished = self.files.finish_samples(self.samples);
+        self.error.map_or(finished, Err)
+    }
+
     /// Hands a pass over to the callback and to the choice of counts.
     fn hand_over(&mut self, filtered: &Filtered, store: &Arc<stats::Store>) -> PyResult<()> {
         Python::attach(|py| {
@@ -86,7 +118,7 @@ impl RenderHost {
     }
 }
 
-impl Host for RenderHost {
+impl Host for RenderHost<'_> {
     fn listen(&mut self, _progress: &Progress) {
         if self.error.is_none() {
             self.error = Python::attach(|py| py.check_signals()).err();
@@ -123,19 +155,12 @@ impl Host for RenderHost {
 
     fn checkpoint_interval(&self) -> Option<f64> {
         // Only the checkpoint at the end
-        self.state.as_ref().map(|_| f64::INFINITY)
+        self.files.has_state().then_some(f64::INFINITY)
     }
 
     fn save(&mut self, settings: &Settings, checkpoint: Checkpoint) {
         // What a signal or an exception has ended is saved, too
-        let Some(path) = &self.state else { return };
-        let state = RenderState {
-            metadata: self.metadata.clone(),
-            settings: settings.clone(),
-            streams: vec![Stream::new(settings.seed, Shard::WHOLE)],
-            checkpoint,
-        };
-        let failure = state.write(path).map_err(state_error).err();
+        let failure = self.files.write_state(&self.metadata, settings, checkpoint).err();
         self.error = self.error.take().or(failure);
     }
 }

@@ -1,0 +1,131 @@
+//! The files of a render: image, state and sample vectors that it writes, and the state from which it goes on.
+
+use std::io;
+use std::path::{Path, PathBuf};
+
+use prpf::RenderedImage;
+use prpf::files::error_message;
+use prpf::image::OutputFormat;
+use prpf::output::paths::{are_distinct, replaces_no_state, replaces_state};
+use prpf::progressive::{Checkpoint, Settings};
+use prpf::render::{Renderer, Shard};
+use prpf::scene;
+use prpf::state::{ImageMetadata, RenderState, SampleFile, Stream};
+use prpf::stats::{BlockSet, Layout};
+use pyo3::prelude::*;
+
+use crate::errors::{Error, file_error, image_error, state_error, value_error};
+use crate::paths::can_be_written;
+
+/// The files of a render, each if it is asked for.
+pub struct RenderFiles {
+    output: Option<PathBuf>,
+    state: Option<PathBuf>,
+    resume: Option<PathBuf>,
+    samples: Option<PathBuf>,
+}
+
+impl RenderFiles {
+    /// Takes the paths, and checks that the files to write are different ones that can be written, and replace nothing but
+    /// earlier outputs.
+    ///
+    /// # Errors
+    /// The first one that cannot.
+    pub fn new(
+        scene: &scene::Scene,
+        output: Option<PathBuf>,
+        state: Option<PathBuf>,
+        resume: Option<PathBuf>,
+        samples: Option<PathBuf>,
+    ) -> PyResult<Self> {
+        if let Some(path) = &output {
+            OutputFormat::from_path(path).map_err(image_error)?;
+        }
+        let mut files: Vec<&Path> = [&output, &samples].into_iter().flatten().map(PathBuf::as_path).collect();
+        files.iter().try_for_each(|path| replaces_no_state(path)).map_err(value_error)?;
+        state.as_deref().map_or(Ok(false), replaces_state).map_err(value_error)?;
+        files.extend(state.as_deref());
+        are_distinct(scene.files.iter().map(PathBuf::as_path), &files).map_err(value_error)?;
+        files.into_iter().try_for_each(can_be_written)?;
+        Ok(Self { output, state, resume, samples })
+    }
+
+    /// Returns whether the state is written.
+    pub fn has_state(&self) -> bool {
+        self.state.is_some()
+    }
+
+    /// Reads the checkpoint from which a render of this image, by a renderer of all dimensions, goes on.
+    ///
+    /// # Errors
+    /// A file that is no state, or that of another render.
+    pub fn read_checkpoint(
+        &self,
+        metadata: &ImageMetadata,
+        renderer: &Renderer,
+        settings: &Settings,
+    ) -> PyResult<Option<Checkpoint>> {
+        let Some(path) = &self.resume else { return Ok(None) };
+        let state = RenderState::read(path).map_err(state_error)?;
+        let stream = Stream::new(settings.seed, Shard::WHOLE);
+        // A file of sample vectors has every dimension
+        let asked = if self.samples.is_some() { BlockSet::ALL } else { BlockSet::NONE };
+        state
+            .can_resume(metadata, stream, renderer.layout(), settings, asked)
+            .map_err(|error| Error::new_err(format!("{}: {error}", path.display())))?;
+        Ok(Some(state.checkpoint))
+    }
+
+    /// Begins the file of sample vectors, if it is asked for.
+    ///
+    /// # Errors
+    /// That of the system.
+    pub fn begin_samples(&self, layout: &Layout) -> PyResult<Option<SampleFile>> {
+        let begin = |path: &PathBuf| {
+            SampleFile::begin(path, layout).map_err(|error| cannot_write_samples(path, &error))
+        };
+        self.samples.as_ref().map(begin).transpose()
+    }
+
+    /// Ends the file of sample vectors.
+    ///
+    /// # Errors
+    /// That of the file system, whenever it occurred.
+    pub fn finish_samples(&self, file: Option<SampleFile>) -> PyResult<()> {
+        let (Some(path), Some(file)) = (&self.samples, file) else { return Ok(()) };
+        file.finish().map_err(|error| cannot_write_samples(path, &error))
+    }
+
+    /// Writes the state, if it is asked for.
+    ///
+    /// # Errors
+    /// That of the file system.
+    pub fn write_state(
+        &self,
+        metadata: &ImageMetadata,
+        settings: &Settings,
+        checkpoint: Checkpoint,
+    ) -> PyResult<()> {
+        let Some(path) = &self.state else { return Ok(()) };
+        let state = RenderState {
+            metadata: metadata.clone(),
+            settings: settings.clone(),
+            streams: vec![Stream::new(settings.seed, Shard::WHOLE)],
+            checkpoint,
+        };
+        state.write(path).map_err(state_error)
+    }
+
+    /// Writes the image, if it is asked for.
+    ///
+    /// # Errors
+    /// That of the file system.
+    pub fn write_output(&self, image: &RenderedImage) -> PyResult<()> {
+        self.output.as_ref().map_or(Ok(()), |path| image.write(path)).map_err(image_error)
+    }
+}
+
+fn cannot_write_samples(path: &Path, error: &io::Error) -> PyErr {
+    let message = format!("{}: cannot write the samples: {}", path.display(), error_message(error));
+    file_error(error.kind(), message)
+}

@@ -1,0 +1,51 @@
+//! A render from its checked arguments to its image and files.
+
+use prpf::image::Planes;
+use prpf::progressive::Settings;
+use prpf::state::ImageMetadata;
+use prpf::{RenderBuilder, RenderedImage};
+use pyo3::prelude::*;
+
+use crate::errors::render_error;
+use crate::render_files::RenderFiles;
+use crate::render_host::RenderHost;
+use crate::scene::Scene;
+
+/// A render to come.
+pub struct RenderJob<'a> {
+    pub scene: &'a Scene,
+    pub settings: Settings,
+    pub files: RenderFiles,
+    /// 3 planes.
+    pub reference: Option<Planes>,
+    /// Called after every filter pass.
+    pub callback: Option<Py<PyAny>>,
+    /// Chooses the counts of batches.
+    pub counts: Option<Py<PyAny>>,
+}
+
+impl RenderJob<'_> {
+    /// Renders, and writes the files.
+    ///
+    /// # Errors
+    /// Why it cannot begin, what has ended it early, a file that cannot be written.
+    pub fn run(self) -> PyResult<RenderedImage> {
+        let Self { scene, settings, files, reference, callback, counts } = self;
+        // The time of the render counts from here
+        let mut builder = RenderBuilder::new(&scene.scene);
+        let renderer = scene.renderer(settings.seed);
+        let metadata = ImageMetadata::new(&scene.scene, &renderer);
+        if let Some(checkpoint) = files.read_checkpoint(&metadata, &renderer, &settings)? {
+            builder = builder.resume(checkpoint);
+        }
+        if let Some(reference) = &reference {
+            builder = builder.reference(reference);
+        }
+        let samples = files.begin_samples(renderer.layout())?;
+        let mut host = RenderHost::new(callback, counts, &files, samples, metadata, settings.seed);
+        let rendered = builder.settings(settings).run_with(&mut host).map_err(render_error)?;
+        host.finish()?;
+        files.write_output(&rendered)?;
+        Ok(rendered)
+    }
+}
