@@ -55,6 +55,11 @@ impl RenderFiles {
         self.state.is_some()
     }
 
+    /// Returns whether sample vectors are written.
+    pub fn has_samples(&self) -> bool {
+        self.samples.is_some()
+    }
+
     /// Reads the checkpoint from which a render of this image, by a renderer of all dimensions, goes on.
     ///
     /// # Errors
@@ -68,10 +73,8 @@ impl RenderFiles {
         let Some(path) = &self.resume else { return Ok(None) };
         let state = RenderState::read(path).map_err(state_error)?;
         let stream = Stream::new(settings.seed, Shard::WHOLE);
-        // A file of sample vectors has every dimension
-        let asked = if self.samples.is_some() { BlockSet::ALL } else { BlockSet::NONE };
         state
-            .can_resume(metadata, stream, renderer.layout(), settings, asked)
+            .can_resume(metadata, stream, renderer.layout(), settings, BlockSet::NONE)
             .map_err(|error| Error::new_err(format!("{}: {error}", path.display())))?;
         Ok(Some(state.checkpoint))
     }

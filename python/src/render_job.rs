@@ -1,7 +1,7 @@
 //! A render from its checked arguments to its image and files.
 
 use prpf::image::Planes;
-use prpf::progressive::Settings;
+use prpf::progressive::{RecordedStatistics, Settings};
 use prpf::state::ImageMetadata;
 use prpf::{RenderBuilder, RenderedImage};
 use pyo3::prelude::*;
@@ -30,11 +30,15 @@ impl RenderJob<'_> {
     /// # Errors
     /// Why it cannot begin, what has ended it early, a file that cannot be written.
     pub fn run(self) -> PyResult<RenderedImage> {
-        let Self { scene, settings, files, reference, callback, counts } = self;
+        let Self { scene, mut settings, files, reference, callback, counts } = self;
         // The time of the render counts from here
         let mut builder = RenderBuilder::new(&scene.scene);
         let renderer = scene.renderer(settings.seed);
         let metadata = ImageMetadata::new(&scene.scene, &renderer);
+        if files.has_samples() {
+            // A file of sample vectors has every dimension
+            settings.statistics = RecordedStatistics::All;
+        }
         if let Some(checkpoint) = files.read_checkpoint(&metadata, &renderer, &settings)? {
             builder = builder.resume(checkpoint);
         }

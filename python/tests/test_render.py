@@ -142,14 +142,16 @@ def test_a_map_has_the_size_of_the_part_that_is_rendered(scene_file):
         prpf.render(part, sample_map=np.ones((24, 40)))
 
 
-def test_every_sample_is_written(scene, tmp_path):
-    rendered = prpf.render(scene, spp=6, samples=tmp_path / "all.npz")
+@pytest.mark.parametrize("statistics", ["all", "needed"])
+def test_every_sample_is_written(scene, tmp_path, statistics):
+    rendered = prpf.render(scene, spp=6, samples=tmp_path / "all.npz", statistics=statistics)
     pieces = np.load(tmp_path / "all.npz")
     samples = np.concatenate([pieces[name] for name in pieces.files])
     assert samples.dtype.names == ("x", "y", "index", *scene.dimensions)
     counts = np.zeros((24, 40), int)
     np.add.at(counts, (samples["y"], samples["x"]), 1)
     assert np.array_equal(counts, rendered.store.counts())
+    assert rendered.store.dimensions == scene.dimensions
     assert samples["R"].mean() == pytest.approx(np.average(rendered.store.mean("R")[..., 0], weights=counts), rel=1e-4)
 
 

@@ -337,7 +337,7 @@ def render(
     which takes less memory and time. ``output``: an ``.exr`` with all layers or a ``.png``. ``state``: a file for :meth:`Store.load` and
     ``prpf denoise``, ``merge`` and ``render --resume``. ``resume``: a state of the same scene, view and seed to go on from, which may
     be the same file; with a budget of samples the image is the same to the last bit as without the interruption. ``samples``: an ``.npz``
-    file for every sample vector of this call, as ``prpf render --samples`` writes it.
+    file for every sample vector of this call, as ``prpf render --samples`` writes it; the store keeps every dimension then.
 
     Ctrl-C ends the render after the current step and one filter pass, and raises ``KeyboardInterrupt``; so does an exception of
     the callback.
