@@ -79,7 +79,7 @@ impl Render {
 #[pyfunction]
 #[pyo3(signature = (scene, *, spp=None, time=None, target_error=None, sampling=None, sample_map=None,
                     sample_map_values="relative", denoiser="learned", seed=0,
-                    min_spp=4, max_spp=None, reservoir=0, statistics="all", reference=None, callback=None, counts=None,
+                    min_spp=4, max_spp=None, reservoir=0, statistics=None, reference=None, callback=None, counts=None,
                     output=None, state=None, resume=None, samples=None))]
 #[expect(clippy::too_many_arguments, reason = "keyword arguments of Python")]
 pub fn render(
@@ -96,7 +96,7 @@ pub fn render(
     #[pyo3(from_py_with = arguments::whole)] min_spp: u32,
     #[pyo3(from_py_with = arguments::whole_or_none)] max_spp: Option<u32>,
     #[pyo3(from_py_with = arguments::whole)] reservoir: usize,
-    statistics: &str,
+    statistics: Option<&str>,
     reference: Option<&Bound<PyAny>>,
     #[pyo3(from_py_with = arguments::function_or_none)] callback: Option<Py<PyAny>>,
     #[pyo3(from_py_with = arguments::function_or_none)] counts: Option<Py<PyAny>>,
@@ -122,13 +122,14 @@ pub fn render(
         max_spp: max_spp.unwrap_or(NO_CEILING),
         reservoir,
         priority: priority_settings(counts.is_some()),
-        statistics: statistics_kept(statistics)?,
+        statistics: RecordedStatistics::All,
     };
+    let statistics = statistics.map(statistics_kept).transpose()?;
     let files = RenderFiles::new(&scene.scene, output, state, resume, samples)?;
     let reference = reference.map(|reference| arrays::rgb("reference", reference)).transpose()?;
 
     // Render
-    let job = RenderJob { scene, settings, files, reference, callback, counts };
+    let job = RenderJob { scene, settings, statistics, files, reference, callback, counts };
     let rendered = py.detach(|| job.run())?;
     Render::new(py, rendered)
 }

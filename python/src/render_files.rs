@@ -8,13 +8,13 @@ use prpf::files::error_message;
 use prpf::image::OutputFormat;
 use prpf::output::paths::{are_distinct, replaces_no_state, replaces_state};
 use prpf::progressive::{Checkpoint, Settings};
-use prpf::render::{Renderer, Shard};
+use prpf::render::Shard;
 use prpf::scene;
 use prpf::state::{ImageMetadata, RenderState, SampleFile, Stream};
-use prpf::stats::{BlockSet, Layout};
+use prpf::stats::Layout;
 use pyo3::prelude::*;
 
-use crate::errors::{Error, file_error, image_error, state_error, value_error};
+use crate::errors::{file_error, image_error, state_error, value_error};
 use crate::paths::can_be_written;
 
 /// The files of a render, each if it is asked for.
@@ -60,23 +60,13 @@ impl RenderFiles {
         self.samples.is_some()
     }
 
-    /// Reads the checkpoint from which a render of this image, by a renderer of all dimensions, goes on.
+    /// Reads the state from which the render goes on, if there is one; also returns its path.
     ///
     /// # Errors
-    /// A file that is no state, or that of another render.
-    pub fn read_checkpoint(
-        &self,
-        metadata: &ImageMetadata,
-        renderer: &Renderer,
-        settings: &Settings,
-    ) -> PyResult<Option<Checkpoint>> {
-        let Some(path) = &self.resume else { return Ok(None) };
-        let state = RenderState::read(path).map_err(state_error)?;
-        let stream = Stream::new(settings.seed, Shard::WHOLE);
-        state
-            .can_resume(metadata, stream, renderer.layout(), settings, BlockSet::NONE)
-            .map_err(|error| Error::new_err(format!("{}: {error}", path.display())))?;
-        Ok(Some(state.checkpoint))
+    /// A file that cannot be read or is no state.
+    pub fn read_state(&self) -> PyResult<Option<(&Path, RenderState)>> {
+        let Some(path) = self.resume.as_deref() else { return Ok(None) };
+        RenderState::read(path).map(|state| Some((path, state))).map_err(state_error)
     }
 
     /// Begins the file of sample vectors, if it is asked for.

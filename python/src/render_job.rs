@@ -2,11 +2,13 @@
 
 use prpf::image::Planes;
 use prpf::progressive::{RecordedStatistics, Settings};
-use prpf::state::ImageMetadata;
+use prpf::render::Shard;
+use prpf::state::{ImageMetadata, Stream};
+use prpf::stats::BlockSet;
 use prpf::{RenderBuilder, RenderedImage};
 use pyo3::prelude::*;
 
-use crate::errors::render_error;
+use crate::errors::{Error, render_error};
 use crate::render_files::RenderFiles;
 use crate::render_host::RenderHost;
 use crate::scene::Scene;
@@ -14,7 +16,10 @@ use crate::scene::Scene;
 /// A render to come.
 pub struct RenderJob<'a> {
     pub scene: &'a Scene,
+    /// All settings but their statistics.
     pub settings: Settings,
+    /// `None`: every dimension, or those of the state from which the render goes on.
+    pub statistics: Option<RecordedStatistics>,
     pub files: RenderFiles,
     /// 3 planes.
     pub reference: Option<Planes>,
@@ -30,18 +35,30 @@ impl RenderJob<'_> {
     /// # Errors
     /// Why it cannot begin, what has ended it early, a file that cannot be written.
     pub fn run(self) -> PyResult<RenderedImage> {
-        let Self { scene, mut settings, files, reference, callback, counts } = self;
+        let Self { scene, mut settings, statistics, files, reference, callback, counts } = self;
         // The time of the render counts from here
         let mut builder = RenderBuilder::new(&scene.scene);
         let renderer = scene.renderer(settings.seed);
         let metadata = ImageMetadata::new(&scene.scene, &renderer);
-        if files.has_samples() {
+
+        // Go on from the state, if there is one
+        let state = files.read_state()?;
+        settings.statistics = match (&state, statistics) {
             // A file of sample vectors has every dimension
-            settings.statistics = RecordedStatistics::All;
+            _ if files.has_samples() => RecordedStatistics::All,
+            (_, Some(asked)) => asked,
+            (Some((_, state)), None) => state.settings.statistics,
+            (None, None) => RecordedStatistics::All,
+        };
+        if let Some((path, state)) = state {
+            let stream = Stream::new(settings.seed, Shard::WHOLE);
+            state
+                .can_resume(&metadata, stream, renderer.layout(), &settings, BlockSet::NONE)
+                .map_err(|error| Error::new_err(format!("{}: {error}", path.display())))?;
+            builder = builder.resume(state.checkpoint);
         }
-        if let Some(checkpoint) = files.read_checkpoint(&metadata, &renderer, &settings)? {
-            builder = builder.resume(checkpoint);
-        }
+
+        // Render
         if let Some(reference) = &reference {
             builder = builder.reference(reference);
         }

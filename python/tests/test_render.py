@@ -225,6 +225,23 @@ def test_a_render_goes_on_from_its_state(scene, tmp_path):
         prpf.render(scene, resume=tmp_path / "missing.state")
 
 
+def test_a_resumed_render_keeps_the_statistics_of_its_state(scene, tmp_path):
+    state = tmp_path / "a.state"
+
+    def interrupted(**arguments):
+        prpf.render(scene, spp=64, state=state, callback=lambda one: one.store.spp >= 8, **arguments)
+
+    interrupted(statistics="needed")
+    render = prpf.render(scene, spp=64, resume=state)
+    assert len(render.store.dimensions) < len(scene.dimensions)
+    assert np.array_equal(render.result.image, prpf.render(scene, spp=64, statistics="needed").result.image)
+    for arguments in [{"statistics": "all"}, {"samples": tmp_path / "all.npz"}]:
+        with pytest.raises(prpf.Error, match="a.state: statistics: found a state of .* which were asked for"):
+            prpf.render(scene, spp=64, resume=state, **arguments)
+    interrupted()
+    assert prpf.render(scene, spp=64, resume=state).store.dimensions == scene.dimensions
+
+
 def test_outputs_replace_nothing_but_earlier_outputs(scene, tmp_path):
     samples = tmp_path / "good.npz"
     prpf.render(scene, spp=1, samples=samples)
