@@ -14,7 +14,7 @@ use prpf::state::{StateError, StateErrorKind};
 use pyo3::exceptions::{
     PyException, PyFileNotFoundError, PyMemoryError, PyOSError, PyPermissionError, PyValueError,
 };
-use pyo3::{PyErr, create_exception};
+use pyo3::{PyErr, Python, create_exception};
 
 create_exception!(prpf, Error, PyException, "A scene, an image or a state whose content is wrong.");
 
@@ -72,4 +72,19 @@ pub fn render_error(error: RenderError) -> PyErr {
         RenderError::Memory(_) => PyMemoryError::new_err(error.to_string()),
         RenderError::Settings(_) | RenderError::Differs { .. } => value_error(error),
     }
+}
+
+/// Returns the first error, with the second as its cause, the third as the cause of that, and so on; `None` if there is none.
+pub fn chain(py: Python, errors: Vec<PyErr>) -> Option<PyErr> {
+    let mut errors = errors.into_iter();
+    let first = errors.next()?;
+    if errors.len() > 0 {
+        // What a callback has raised may have a cause of its own: it comes last
+        let causes = errors.rfold(first.cause(py), |cause, error| {
+            error.set_cause(py, cause);
+            Some(error)
+        });
+        first.set_cause(py, causes);
+    }
+    Some(first)
 }

@@ -13,7 +13,7 @@ use pyo3::types::PyDict;
 use crate::arguments;
 use crate::arrays;
 use crate::denoising::Denoised;
-use crate::errors::value_error;
+use crate::errors::{chain, value_error};
 use crate::placement::Placement;
 use crate::render_files::RenderFiles;
 use crate::render_job::RenderJob;
@@ -104,7 +104,7 @@ pub fn render(
     state: Option<PathBuf>,
     resume: Option<PathBuf>,
     samples: Option<PathBuf>,
-) -> PyResult<Render> {
+) -> PyResult<Py<Render>> {
     // Check the arguments before minutes of rendering
     let placement = Placement::new(sampling, sample_map, sample_map_values, counts.is_some(), scene)?;
     if let (Some(spp), Some(_)) = (spp, placement.total()) {
@@ -130,8 +130,12 @@ pub fn render(
 
     // Render
     let job = RenderJob { scene, settings, statistics, files, reference, callback, counts };
-    let rendered = py.detach(|| job.run())?;
-    Render::new(py, rendered)
+    let (rendered, errors) = py.detach(|| job.run())?;
+    let render = Py::new(py, Render::new(py, rendered)?)?;
+    let Some(error) = chain(py, errors) else { return Ok(render) };
+    // An exception of a callback may be of a class that takes no attributes
+    let _ = error.value(py).setattr("render", render);
+    Err(error)
 }
 
 /// Returns the settings of priorities. Where a function chooses counts, every batch follows a pass: ours would do without

@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use prpf::RenderedImage;
 use prpf::progressive::{Checkpoint, Filtered, Host, Progress, Settings};
 use prpf::render::SampleSink;
 use prpf::state::{ImageMetadata, SampleFile};
@@ -39,8 +40,10 @@ pub struct RenderHost<'a> {
     latest: Option<Py<Pass>>,
     /// Whether the callback has asked for the end.
     is_stopped: bool,
-    /// What ends the render and is raised after it.
-    error: Option<PyErr>,
+    /// A signal or an exception that ends the render and is raised after it.
+    interruption: Option<PyErr>,
+    /// Why the state could not be written. The render does not end by it.
+    state_error: Option<PyErr>,
 }
 
 impl<'a> RenderHost<'a> {
@@ -63,17 +66,19 @@ impl<'a> RenderHost<'a> {
             passes: 0,
             latest: None,
             is_stopped: false,
-            error: None,
+            interruption: None,
+            state_error: None,
         }
     }
 
-    /// Ends the file of samples.
-    ///
-    /// # Errors
-    /// What has ended the render early, a file that cannot be written.
-    pub fn finish(self) -> PyResult<()> {
-        let finished = self.files.finish_samples(self.samples);
-        self.error.map_or(finished, Err)
+    /// Writes the image, and ends the file of samples. Returns what has ended the render early, then why files could not be
+    /// written.
+    pub fn finish(self, image: &RenderedImage) -> Vec<PyErr> {
+        let samples = self.files.finish_samples(self.samples).err();
+        let output = self.files.write_output(image).err();
+        // During the last pass nobody listened
+        let interruption = self.interruption.or_else(|| Python::attach(|py| py.check_signals()).err());
+        [interruption, self.state_error, samples, output].into_iter().flatten().collect()
     }
 
     /// Hands a pass over to the callback and to the choice of counts.
@@ -120,33 +125,33 @@ impl<'a> RenderHost<'a> {
 
 impl Host for RenderHost<'_> {
     fn listen(&mut self, _progress: &Progress) {
-        if self.error.is_none() {
-            self.error = Python::attach(|py| py.check_signals()).err();
+        if self.interruption.is_none() {
+            self.interruption = Python::attach(|py| py.check_signals()).err();
         }
     }
 
     fn complete_pass(&mut self, filtered: &Filtered, store: &Arc<stats::Store>) {
-        if self.error.is_none() && (self.callback.is_some() || self.counts.is_some()) {
-            self.error = self.hand_over(filtered, store).err();
+        if self.interruption.is_none() && (self.callback.is_some() || self.counts.is_some()) {
+            self.interruption = self.hand_over(filtered, store).err();
         }
         self.passes += 1;
     }
 
     fn choose_counts(&mut self, store: &Arc<stats::Store>, planned: Vec<u32>) -> Vec<u32> {
-        let (Some(counts), Some(pass), None) = (&self.counts, self.latest.take(), &self.error) else {
+        let (Some(counts), Some(pass), None) = (&self.counts, self.latest.take(), &self.interruption) else {
             return planned;
         };
         match self.choose(counts, pass, [store.height(), store.width()], &planned) {
             Ok(chosen) => chosen,
             Err(error) => {
-                self.error = Some(error);
+                self.interruption = Some(error);
                 planned
             }
         }
     }
 
     fn is_interrupted(&self) -> bool {
-        self.is_stopped || self.error.is_some()
+        self.is_stopped || self.interruption.is_some()
     }
 
     fn sample_sink(&mut self) -> Option<&mut dyn SampleSink> {
@@ -160,7 +165,6 @@ impl Host for RenderHost<'_> {
 
     fn save(&mut self, settings: &Settings, checkpoint: Checkpoint) {
         // What a signal or an exception has ended is saved, too
-        let failure = self.files.write_state(&self.metadata, settings, checkpoint).err();
-        self.error = self.error.take().or(failure);
+        self.state_error = self.files.write_state(&self.metadata, settings, checkpoint).err();
     }
 }

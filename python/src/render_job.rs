@@ -30,11 +30,12 @@ pub struct RenderJob<'a> {
 }
 
 impl RenderJob<'_> {
-    /// Renders, and writes the files.
+    /// Renders, and writes all files, even if something ends the render early. Also returns what did, then why files could not
+    /// be written.
     ///
     /// # Errors
-    /// Why it cannot begin, what has ended it early, a file that cannot be written.
-    pub fn run(self) -> PyResult<RenderedImage> {
+    /// Why it cannot begin.
+    pub fn run(self) -> PyResult<(RenderedImage, Vec<PyErr>)> {
         let Self { scene, mut settings, statistics, files, reference, callback, counts } = self;
         // The time of the render counts from here
         let mut builder = RenderBuilder::new(&scene.scene);
@@ -65,8 +66,7 @@ impl RenderJob<'_> {
         let samples = files.begin_samples(renderer.layout())?;
         let mut host = RenderHost::new(callback, counts, &files, samples, metadata, settings.seed);
         let rendered = builder.settings(settings).run_with(&mut host).map_err(render_error)?;
-        host.finish()?;
-        files.write_output(&rendered)?;
-        Ok(rendered)
+        let errors = host.finish(&rendered);
+        Ok((rendered, errors))
     }
 }

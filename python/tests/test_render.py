@@ -1,6 +1,9 @@
 """The render loop: budgets, callbacks, files."""
 
+import ctypes
+import functools
 import os
+import shutil
 import signal
 import threading
 import time
@@ -61,7 +64,7 @@ def interrupts():
     signal.signal(signal.SIGINT, before)
 
 
-def test_an_interrupt_is_heard_and_other_threads_run(scene, interrupts):
+def test_an_interrupt_is_heard_and_other_threads_run(scene, interrupts, tmp_path):
     ticks = []
 
     def interrupt():
@@ -71,7 +74,7 @@ def test_an_interrupt_is_heard_and_other_threads_run(scene, interrupts):
         os.kill(os.getpid(), signal.SIGINT)
 
     def everything():
-        prpf.render(scene, time=20, denoiser="none")
+        prpf.render(scene, time=20, denoiser="none", output=tmp_path / "out.exr")
 
     def samples():
         scene.render(scene.store(), 20000)
@@ -80,10 +83,24 @@ def test_an_interrupt_is_heard_and_other_threads_run(scene, interrupts):
         ticks.clear()
         thread = threading.Thread(target=interrupt)
         thread.start()
-        with pytest.raises(KeyboardInterrupt):
+        with pytest.raises(KeyboardInterrupt) as raised:
             work()
         thread.join()
         assert len(ticks) == 10 and ticks[-1] - ticks[0] < 2
+        if work is everything:
+            render = raised.value.render
+            assert render.stopped_by == "interrupt"
+            assert np.allclose(prpf.read_image(tmp_path / "out.exr"), render.result.image)
+
+
+def test_an_interrupt_after_the_last_step_loses_no_render(scene, interrupts):
+    # C's own function: one of Python would handle the signal itself. The pass is an argument that it does not look at
+    interrupt = getattr(ctypes.CDLL(None), "raise")
+    interrupt.argtypes = [ctypes.c_int, ctypes.py_object]
+    with pytest.raises(KeyboardInterrupt) as raised:
+        prpf.render(scene, spp=1, callback=functools.partial(interrupt, signal.SIGINT))
+    render = raised.value.render
+    assert render.stopped_by == "spp" and render.store.spp == 1 and len(render.passes) == 1
 
 
 @pytest.mark.parametrize(
@@ -265,16 +282,59 @@ def test_outputs_replace_nothing_but_earlier_outputs(scene, tmp_path):
 
 
 def test_an_exception_loses_no_samples(scene, tmp_path):
-    state = tmp_path / "a.state"
+    state, output, samples = tmp_path / "a.state", tmp_path / "out.exr", tmp_path / "all.npz"
 
     def callback(one):
         if one.store.spp >= 8:
             raise KeyError("mine")
 
-    with pytest.raises(KeyError, match="mine"):
-        prpf.render(scene, spp=64, state=state, callback=callback)
+    with pytest.raises(KeyError, match="mine") as raised:
+        prpf.render(scene, spp=64, state=state, output=output, samples=samples, callback=callback)
+    so_far = raised.value.render
+    assert so_far.stopped_by == "interrupt" and raised.value.__cause__ is None
+    assert np.allclose(prpf.read_image(output), so_far.result.image)
+    pieces = np.load(samples)
+    assert sum(len(pieces[name]) for name in pieces.files) == so_far.store.samples
     render = prpf.render(scene, spp=64, resume=state)
     assert np.array_equal(render.result.image, prpf.render(scene, spp=64).result.image)
+
+
+def test_a_file_that_cannot_be_written_costs_no_other(scene, tmp_path):
+    folder, output, calls = tmp_path / "removed", tmp_path / "out.exr", []
+
+    def callback(one):
+        calls.append(one.index)
+        shutil.rmtree(folder, ignore_errors=True)
+
+    folder.mkdir()
+    with pytest.raises(FileNotFoundError, match="removed/a.state: no such file") as raised:
+        prpf.render(
+            scene, spp=16, state=folder / "a.state", samples=folder / "all.npz", output=output, callback=callback
+        )
+    render = raised.value.render
+    # It is no interruption: every pass is made, and the callback hears of the last one
+    assert render.stopped_by == "spp" and calls == list(range(len(render.passes)))
+    assert np.allclose(prpf.read_image(output), render.result.image)
+    cause = raised.value.__cause__
+    assert isinstance(cause, OSError) and "removed/all.npz: cannot write the samples" in str(cause)
+    assert cause.__cause__ is None
+
+
+def test_an_exception_does_not_hide_that_a_file_was_not_written(scene, tmp_path):
+    folder = tmp_path / "removed"
+    folder.mkdir()
+
+    def callback(one):
+        shutil.rmtree(folder)
+        raise KeyError("mine") from ValueError("its cause")
+
+    with pytest.raises(KeyError, match="mine") as raised:
+        prpf.render(scene, spp=16, state=folder / "a.state", output=folder / "out.exr", callback=callback)
+    causes = [raised.value.__cause__]
+    while causes[-1].__cause__ is not None:
+        causes.append(causes[-1].__cause__)
+    assert [type(cause) for cause in causes] == [FileNotFoundError, FileNotFoundError, ValueError]
+    assert "a.state" in str(causes[0]) and "out.exr" in str(causes[1])
 
 
 def test_states_of_other_seeds_are_merged(scene, tmp_path):

@@ -339,8 +339,11 @@ def render(
     be the same file; with a budget of samples the image is the same to the last bit as without the interruption. ``samples``: an ``.npz``
     file for every sample vector of this call, as ``prpf render --samples`` writes it; the store keeps every dimension then.
 
-    Ctrl-C ends the render after the current step and one filter pass, and raises ``KeyboardInterrupt``; so does an exception of
-    the callback.
+    Ctrl-C ends the render after the current step and one filter pass, and raises ``KeyboardInterrupt``; an exception of
+    ``callback`` or ``counts`` ends it in the same way. ``output``, ``state`` and ``samples`` are written before, as far as the
+    render has come. A file that cannot be written is an ``OSError`` after all others are. The exception has the
+    :class:`Render` as its attribute ``render``; of several, the first is raised, and its ``__cause__`` is the next. An
+    exception before the first sample, such as that of a wrong argument, has no such attribute.
     """
 
 def merge(states: Sequence[str | PathLike[str]], output: str | PathLike[str]) -> Store:
