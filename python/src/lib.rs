@@ -9,6 +9,7 @@ mod arrays;
 mod denoising;
 mod errors;
 mod images;
+mod limits;
 mod merging;
 mod paths;
 mod placement;

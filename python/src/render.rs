@@ -4,9 +4,9 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use prpf::RenderedImage;
-use prpf::adaptive::{NO_CEILING, PrioritySettings};
+use prpf::adaptive::PrioritySettings;
 use prpf::filter::by_name;
-use prpf::progressive::{Budget, Filtered, Outcome, PassRecord, RecordedStatistics, Settings};
+use prpf::progressive::{Filtered, Outcome, PassRecord, RecordedStatistics, Settings};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
@@ -14,6 +14,7 @@ use crate::arguments;
 use crate::arrays;
 use crate::denoising::Denoised;
 use crate::errors::{chain, value_error};
+use crate::limits::Limits;
 use crate::placement::Placement;
 use crate::render_files::RenderFiles;
 use crate::render_job::RenderJob;
@@ -79,7 +80,7 @@ impl Render {
 #[pyfunction]
 #[pyo3(signature = (scene, *, spp=None, time=None, target_error=None, sampling=None, sample_map=None,
                     sample_map_values="relative", denoiser="learned", seed=0,
-                    min_spp=4, max_spp=None, reservoir=0, statistics=None, reference=None, callback=None, counts=None,
+                    min_spp=None, max_spp=None, reservoir=0, statistics=None, reference=None, callback=None, counts=None,
                     output=None, state=None, resume=None, samples=None))]
 #[expect(clippy::too_many_arguments, reason = "keyword arguments of Python")]
 pub fn render(
@@ -93,7 +94,7 @@ pub fn render(
     sample_map_values: &str,
     denoiser: &str,
     #[pyo3(from_py_with = arguments::whole)] seed: u64,
-    #[pyo3(from_py_with = arguments::whole)] min_spp: u32,
+    #[pyo3(from_py_with = arguments::whole_or_none)] min_spp: Option<u32>,
     #[pyo3(from_py_with = arguments::whole_or_none)] max_spp: Option<u32>,
     #[pyo3(from_py_with = arguments::whole)] reservoir: usize,
     statistics: Option<&str>,
@@ -107,23 +108,21 @@ pub fn render(
 ) -> PyResult<Py<Render>> {
     // Check the arguments before minutes of rendering
     let placement = Placement::new(sampling, sample_map, sample_map_values, counts.is_some(), scene)?;
-    if let (Some(spp), Some(_)) = (spp, placement.total()) {
-        return Err(value_error(format!(
-            "spp: found {spp} with absolute counts, which give the number of samples; accepted is one of them"
-        )));
-    }
+    let limits = Limits { spp, seconds: time, target_error, min_spp, max_spp };
+    let [min_spp, max_spp] = limits.bounds();
     let settings = Settings {
-        budget: Budget { spp, seconds: time, target_error },
+        budget: limits.budget(&placement, scene)?,
         sampling: placement.sampling,
         sample_map: placement.sample_map,
         denoiser: by_name(denoiser).map_err(value_error)?,
         seed,
         min_spp,
-        max_spp: max_spp.unwrap_or(NO_CEILING),
+        max_spp,
         reservoir,
         priority: priority_settings(counts.is_some()),
         statistics: RecordedStatistics::All,
     };
+    settings.validate().map_err(value_error)?;
     let statistics = statistics.map(statistics_kept).transpose()?;
     let files = RenderFiles::new(&scene.scene, output, state, resume, samples)?;
     let reference = reference.map(|reference| arrays::rgb("reference", reference)).transpose()?;

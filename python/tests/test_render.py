@@ -109,7 +109,11 @@ def test_an_interrupt_after_the_last_step_loses_no_render(scene, interrupts):
         ({"spp": 0}, ValueError, "spp: found 0; accepted is a number from 1 up"),
         ({"time": float("nan")}, ValueError, "seconds: found NaN"),
         ({"target_error": -1}, ValueError, "target_error: found -1"),
-        ({"max_spp": 2}, ValueError, "max_spp: found 2"),
+        ({"min_spp": 4, "max_spp": 2}, ValueError, "max_spp: found 2; accepted is a number from 4 up"),
+        ({"spp": 16, "max_spp": 8}, ValueError, "spp: found 16; accepted is a number up to max_spp, 8"),
+        ({"spp": 16, "min_spp": 17}, ValueError, "min_spp: found 17; accepted is a number up to spp, 16"),
+        ({"min_spp": 5}, ValueError, "min_spp: found 5; accepted is a number up to the scene's spp, 4"),
+        ({"spp": 16, "max_spp": 0}, ValueError, "max_spp: found 0; accepted is a number from 1 up"),
         ({"sampling": "random"}, ValueError, "sampling: found `random`; accepted are adaptive and uniform"),
         ({"denoiser": "median"}, ValueError, "denoiser: found `median`"),
         ({"denoiser": "rpf", "time": 1}, MemoryError, "keeps all sample vectors"),
@@ -148,6 +152,19 @@ def test_a_map_places_samples_by_ratios_or_counts(scene):
     assert counts.sum() == 16 * 40 * 24 and counts[:, :20].mean() == pytest.approx(3 * counts[:, 20:].mean(), rel=0.1)
     wanted = np.arange(24 * 40).reshape(24, 40) % 7
     assert np.array_equal(prpf.render(scene, sample_map=wanted, sample_map_values="absolute").store.counts(), wanted)
+
+
+def test_bounds_per_pixel_are_kept(scene):
+    assert (prpf.render(scene, spp=2, max_spp=2).store.counts() == 2).all()
+    counts = prpf.render(scene, spp=16, min_spp=12, max_spp=20).store.counts()
+    assert counts.min() >= 12 and counts.max() <= 20
+
+
+def test_a_map_of_counts_is_the_budget(scene):
+    # `rpf` keeps every sample vector, more than those of the scene's 4 samples per pixel
+    wanted = np.full((24, 40), 10)
+    rendered = prpf.render(scene, sample_map=wanted, sample_map_values="absolute", denoiser="rpf")
+    assert np.array_equal(rendered.store.counts(), wanted) and rendered.store.reservoir >= 10
 
 
 def test_a_map_has_the_size_of_the_part_that_is_rendered(scene_file):

@@ -312,7 +312,7 @@ def render(
     sample_map_values: Literal["relative", "absolute"] = "relative",
     denoiser: str = "learned",
     seed: int = 0,
-    min_spp: int = 4,
+    min_spp: int | None = None,
     max_spp: int | None = None,
     reservoir: int = 0,
     statistics: Literal["all", "needed"] | None = None,
@@ -329,7 +329,8 @@ def render(
     ``spp``: samples per pixel on average. ``time``: seconds, the last filter pass included. ``target_error``: estimated relMSE.
     Without any of them the scene's samples per pixel are rendered. ``sampling``: adaptive without a map. ``sample_map``: real
     numbers of shape (height, width) by which samples are placed instead of by the denoiser's maps: ratios, or with absolute values
-    the counts themselves, after which the render ends; it must not depend on the samples that it places. ``reference``: an image that every pass is compared with.
+    the counts themselves, after which the render ends; it must not depend on the samples that it places. ``min_spp`` and ``max_spp``: floor and
+    ceiling of a pixel's samples; by default 4, or the ceiling if that is lower, and none. ``reference``: an image that every pass is compared with.
     ``callback`` is called after every filter pass, the last one included; if it returns a true value, the render ends with the
     samples so far. ``counts`` chooses where samples go: it is called before every batch that follows a pass of this call, with
     that pass and the counts that our rule plans, and returns the counts to take, integers of shape (height, width), at most as
