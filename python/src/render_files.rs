@@ -30,7 +30,7 @@ impl RenderFiles {
     /// earlier outputs.
     ///
     /// # Errors
-    /// The first one that cannot.
+    /// The first one that cannot, or is of another format by its extension.
     pub fn new(
         scene: &scene::Scene,
         output: Option<PathBuf>,
@@ -40,6 +40,11 @@ impl RenderFiles {
     ) -> PyResult<Self> {
         if let Some(path) = &output {
             OutputFormat::from_path(path).map_err(image_error)?;
+        }
+        let is_npz = |path: &Path| path.extension().is_some_and(|found| found.eq_ignore_ascii_case("npz"));
+        if let Some(path) = samples.as_deref().filter(|path| !is_npz(path)) {
+            let name = path.display();
+            return Err(value_error(format!("samples: found {name}; accepted is a name that ends in .npz")));
         }
         let mut files: Vec<&Path> = [&output, &samples].into_iter().flatten().map(PathBuf::as_path).collect();
         files.iter().try_for_each(|path| replaces_no_state(path)).map_err(value_error)?;

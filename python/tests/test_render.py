@@ -133,10 +133,10 @@ def test_wrong_arguments_are_exceptions(scene, arguments, error, words):
 
 
 def test_files_that_cannot_be_read_or_written_are_exceptions(scene, tmp_path):
-    for name in ["output", "state", "samples"]:
+    for name, file in [("output", "out.exr"), ("state", "a.state"), ("samples", "all.npz")]:
         # An hour of rendering that would be lost
-        with pytest.raises(FileNotFoundError, match="missing/out.exr: no such file or folder"):
-            prpf.render(scene, time=3600, **{name: tmp_path / "missing" / "out.exr"})
+        with pytest.raises(FileNotFoundError, match=f"missing/{file}: no such file or folder"):
+            prpf.render(scene, time=3600, **{name: tmp_path / "missing" / file})
     with pytest.raises(FileNotFoundError):
         prpf.Store.load(tmp_path / "missing.state")
     text = tmp_path / "text.state"
@@ -293,8 +293,14 @@ def test_outputs_replace_nothing_but_earlier_outputs(scene, tmp_path):
     for output, words in [(text, "found no render state"), (states[0], "found the same file twice")]:
         with pytest.raises(ValueError, match=words):
             prpf.merge(states, output)
+    archive = states[1].rename(tmp_path / "state.npz")
     with pytest.raises(ValueError, match="found a render state"):
-        prpf.render(scene, spp=1, samples=states[1])
+        prpf.render(scene, spp=1, samples=archive)
+    image = tmp_path / "image.png"
+    image.write_text("an image")
+    with pytest.raises(ValueError, match="samples: found .*image.png; accepted is a name that ends in .npz"):
+        prpf.render(scene, spp=1, samples=image)
+    assert image.read_text() == "an image"
     assert text.read_text() == "a scene"
 
 
