@@ -364,7 +364,7 @@ def test_states_of_other_seeds_are_merged(scene, tmp_path):
     paths = [tmp_path / f"{seed}.state" for seed in range(3)]
     stores = [prpf.render(scene, spp=4, seed=seed, state=path).store for seed, path in enumerate(paths)]
     merged = prpf.merge(paths, tmp_path / "all.state")
-    assert merged.samples == sum(store.samples for store in stores)
+    assert merged.samples == sum(store.samples for store in stores) and merged.seed == stores[0].seed
     assert np.array_equal(prpf.Store.load(tmp_path / "all.state").mean(), merged.mean())
     with pytest.raises(prpf.Error, match="1.state: both hold the same samples"):
         prpf.merge([paths[1], paths[1]], tmp_path / "twice.state")

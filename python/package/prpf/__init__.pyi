@@ -38,7 +38,8 @@ class Error(Exception):
 
 @final
 class Scene:
-    """A scene, which does not change. Its acceleration structure is built by the first render."""
+    """A scene, which does not change. Its acceleration structure is built by the first render. Ctrl-C is not heard while a scene
+    is loaded or its acceleration structure is built."""
 
     @staticmethod
     def load(
@@ -206,7 +207,7 @@ class Denoised:
     """An image and its maps."""
 
     made_by: Final[str]
-    """The denoiser; another than asked for if the store has fewer samples than pixels."""
+    """The denoiser; another than asked for if the store has fewer samples than pixels, or in a render if time is short."""
     image: Final[NDArray[np.float32]]
     """Linear RGB, directly visible emission included."""
     halves: Final[tuple[NDArray[np.float32], NDArray[np.float32]]]
@@ -223,7 +224,8 @@ class Denoised:
     interpolation_failure: Final[NDArray[np.float32] | None]
     """1 where interpolation of feature weights failed: (height, width). ``None`` of a denoiser that does not interpolate."""
     estimate: Final[Estimate | None]
-    """The estimated error of the image; ``None`` if too few pixels have samples in both halves."""
+    """The estimated error of the image; ``None`` if too few pixels have samples in both halves, or if squares of pixels were
+    filtered because samples or time were short."""
     seconds: Final[float]
     """Seconds of the filter pass."""
 
@@ -341,10 +343,10 @@ def render(
     file for every sample vector of this call, as ``prpf render --samples`` writes it; the store keeps every dimension then.
 
     Ctrl-C ends the render after the current step and one filter pass, and raises ``KeyboardInterrupt``; an exception of
-    ``callback`` or ``counts`` ends it in the same way. ``output``, ``state`` and ``samples`` are written before, as far as the
-    render has come. A file that cannot be written is an ``OSError`` after all others are. The exception has the
-    :class:`Render` as its attribute ``render``; of several, the first is raised, and its ``__cause__`` is the next. An
-    exception before the first sample, such as that of a wrong argument, has no such attribute.
+    ``callback`` or ``counts`` ends it in the same way. Before the exception is raised, ``output``, ``state`` and ``samples`` are written with the
+    samples so far. For a file that cannot be written an ``OSError`` is raised after all others are written. Such exceptions
+    have the :class:`Render` as their attribute ``render``; that of a wrong argument, which ends no render, has none. Of several
+    the first is raised, and its ``__cause__`` is the next.
     """
 
 def merge(states: Sequence[str | PathLike[str]], output: str | PathLike[str]) -> Store:
