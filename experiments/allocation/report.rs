@@ -157,8 +157,10 @@ fn finding(all: &[SceneResults], spps: &[u32]) -> String {
     let last = spps.last().copied().unwrap_or(0);
     let gains = groups(all, |m| m.is_public).into_iter().map(|(group, scenes)| {
         let of_counts = |error: Metric, configurations: [usize; 2]| {
+            // The last with its interval
             let of_count = |&spp: &u32| {
-                format_interval(over_scenes(error, &scenes, spp, configurations, EqualCost::Seconds))
+                let interval = over_scenes(error, &scenes, spp, configurations, EqualCost::Seconds);
+                if spp == last { format_interval(interval) } else { format!("{:.2}", interval.mean) }
             };
             spps.iter().map(of_count).collect::<Vec<_>>().join(", ")
         };
