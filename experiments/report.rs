@@ -144,6 +144,18 @@ mod tests {
     }
 
     #[test]
+    fn goals_that_are_missed_are_explained() {
+        let goals = |met: [bool; 2]| {
+            let mut report = Report::new("x", "y");
+            let goals = met.map(|is_met| Goal { goal: "fast".into(), measured: "3".into(), is_met });
+            report.goals(&goals, "docs/a.md#b");
+            report.text
+        };
+        assert!(goals([true, false]).contains("| fast | 3 | no |\n\nWhy some are missed"));
+        assert!(!goals([true, true]).contains("missed"));
+    }
+
+    #[test]
     fn numbers_have_the_significant_digits_asked_for() {
         let numbers = [0.001_234, 12.34, 1234.0, 0.0, 1.5e-7, f64::NAN].map(|value| number(value, 3));
         assert_eq!(numbers, ["0.00123", "12.3", "1234", "0", "1.50e-7", "–"]);

@@ -32,17 +32,17 @@ fn ratios(points: &[Point]) -> Vec<(u32, f64)> {
 
 /// Images whose half error the curve does not reach.
 #[derive(Default)]
-struct Open {
+struct NotHalved {
     images: usize,
     /// Those whose forecast is too short all the same, by more than [`TOLERANCE`].
     too_short: usize,
 }
 
-impl Open {
+impl NotHalved {
     fn new(points: &[Point]) -> Self {
         let curve = curve(points, None, |point| point.seconds, |point| point.error);
         let counts: BTreeSet<u32> = points.iter().map(|point| point.spp).collect();
-        let mut open = Self::default();
+        let mut found = Self::default();
         // What follows the last image is not known at all
         for (i, spp) in counts.into_iter().enumerate().take(curve.len().saturating_sub(1)) {
             let (seconds, error) = curve[i];
@@ -52,11 +52,11 @@ impl Open {
             let least = curve.last().map_or(0.0, |last| last.0) - seconds;
             let of_count = points.iter().filter(|point| point.spp == spp);
             for forecast in of_count.filter_map(|point| point.halving_seconds) {
-                open.images += 1;
-                open.too_short += usize::from(forecast * TOLERANCE < least);
+                found.images += 1;
+                found.too_short += usize::from(forecast * TOLERANCE < least);
             }
         }
-        open
+        found
     }
 }
 
@@ -74,10 +74,10 @@ pub fn finding(all: &[SceneResults]) -> String {
         let ratios: Vec<f64> =
             scenes.iter().flat_map(|m| default_ratios(m)).map(|(_, ratio)| ratio).collect();
         let right = ratios.iter().filter(|&&ratio| is_right(ratio)).count();
-        let open = scenes.iter().map(|m| Open::new(&m.curves.points[DEFAULT]));
-        let open = open.fold(Open::default(), |sum, open| Open {
-            images: sum.images + open.images,
-            too_short: sum.too_short + open.too_short,
+        let others = scenes.iter().map(|m| NotHalved::new(&m.curves.points[DEFAULT]));
+        let others = others.fold(NotHalved::default(), |sum, scene| NotHalved {
+            images: sum.images + scene.images,
+            too_short: sum.too_short + scene.too_short,
         });
         format!(
             "on {name} {} times the true ones in the median ({}), right within 30 % in {right} of {} images; in {} more the error was not \
@@ -85,8 +85,8 @@ pub fn finding(all: &[SceneResults]) -> String {
             number(median(ratios.iter().copied()), 2),
             range(ratios.iter().copied(), 2),
             ratios.len(),
-            open.images,
-            open.too_short,
+            others.images,
+            others.too_short,
         )
     };
     let parts: Vec<String> = groups(all, |m| m.is_public).into_iter().map(of_group).collect();
@@ -97,7 +97,7 @@ pub fn finding(all: &[SceneResults]) -> String {
 pub fn goal(all: &[SceneResults]) -> Goal {
     const FRACTION: f64 = 0.8;
     let ratios: Vec<f64> = all.iter().flat_map(default_ratios).map(|(_, ratio)| ratio).collect();
-    let too_short: usize = all.iter().map(|m| Open::new(&m.curves.points[DEFAULT]).too_short).sum();
+    let too_short: usize = all.iter().map(|m| NotHalved::new(&m.curves.points[DEFAULT]).too_short).sum();
     let right = ratios.iter().filter(|&&ratio| is_right(ratio)).count();
     let fraction = right as f64 / (ratios.len() + too_short) as f64;
     Goal {
@@ -170,7 +170,7 @@ mod tests {
         // The first is halved in time. Of the others one was forecast to be halved after 2 seconds, and was not after 5
         let points =
             [point(1.0, 1.0, 1.0), point(2.0, 0.4, 2.0), point(4.0, 0.35, 3.0), point(7.0, 0.3, 9.0)];
-        let Open { images, too_short } = Open::new(&points);
+        let NotHalved { images, too_short } = NotHalved::new(&points);
         assert_eq!((images, too_short), (2, 1));
     }
 }

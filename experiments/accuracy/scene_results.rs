@@ -5,6 +5,7 @@ use super::target_errors::TargetRun;
 use crate::curves::{Curves, Point};
 
 /// The measurements on a scene.
+#[derive(Default)]
 pub struct SceneResults {
     pub scene: String,
     /// Whether no constant was chosen on the scene.

@@ -152,3 +152,26 @@ pub fn write(report: &mut Report, settings: &TargetErrorSettings, all: &[SceneRe
     let head: Vec<&str> = std::iter::once("scene").chain(targets.iter().map(String::as_str)).collect();
     report.table(&head, &all.iter().map(row).collect::<Vec<_>>());
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn first_images_that_miss_the_target_count_and_better_ones_do_not() {
+        let run = |ratio, end| TargetRun { target: 0.01, ratio, end };
+        let runs = [
+            run(0.2, End::FirstImage),
+            run(1.0, End::FirstImage),
+            run(1.9, End::FirstImage),
+            run(0.3, End::LaterImage),
+            run(1.2, End::LaterImage),
+            run(5.0, End::Samples),
+        ];
+        let scene = SceneResults { target_runs: runs.to_vec(), ..SceneResults::default() };
+        let judged: Vec<f64> = runs_to_judge([&scene]).iter().map(|run| run.ratio).collect();
+        assert_eq!(judged, [1.0, 1.9, 0.3, 1.2]);
+        let Goal { measured, is_met, .. } = goal(&[scene]);
+        assert_eq!((measured.as_str(), is_met), ("2 of 4", false));
+    }
+}

@@ -4,6 +4,7 @@
 //! contributes.
 
 mod ablation;
+mod goals;
 mod map_effects;
 mod own_loop;
 mod report;

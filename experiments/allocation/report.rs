@@ -1,6 +1,7 @@
 //! Writes the report of `allocation` from its measurements.
 
-use super::ablation::{self, ALL_MAPS, ORACLE};
+use super::ablation;
+use super::goals::{self, gain_fraction, maps_and_true_error};
 use super::map_effects::{self, AblatedScene};
 use super::own_loop;
 use super::scene_results::SceneResults;
@@ -8,7 +9,7 @@ use super::settings::Settings;
 use crate::configuration::CONFIGURATIONS;
 use crate::curves::{Curves, EqualCost, Metric, Point, clock_variance_of_ratio, curve, ratios};
 use crate::plot::{Panel, Plot, Series};
-use crate::report::{Goal, Report, median, number, range};
+use crate::report::{Report, number, range};
 use crate::session::Session;
 use crate::statistics::{Interval, geometric_mean, geometric_mean_with_shared_error, mean};
 use crate::test_scene::groups;
@@ -17,13 +18,13 @@ use crate::test_scene::groups;
 const WORSE_RATIO: f64 = 1.05;
 /// Indices in [`CONFIGURATIONS`]: uniform, adaptive.
 const UNFILTERED: [usize; 2] = [0, 1];
-const FILTERED: [usize; 2] = [2, 3];
+pub const FILTERED: [usize; 2] = [2, 3];
 
 /// Writes `report.md` and its plots.
 pub fn write(session: &Session, settings: &Settings, all: &[SceneResults]) -> anyhow::Result<()> {
     let findings = [finding(all, &settings.spp), own_loop::finding(&settings.own_loop, all)];
     let mut report = Report::new("Is adaptive sampling better than uniform?", &findings.join("\n\n"));
-    report.goals(&goals(settings, all), "docs/method.md#adaptive-allocation");
+    report.goals(&goals::goals(settings, all), "docs/method.md#adaptive-allocation");
     ratio_tables(&mut report, settings, all);
     other_metrics(&mut report, settings, all);
     own_loop::report(&mut report, &settings.own_loop, all);
@@ -127,7 +128,7 @@ fn points_of_spp(points: &[Point], spp: u32) -> Vec<Point> {
 }
 
 /// Ratio of the errors of adaptive and uniform sampling on a scene.
-fn ratio(
+pub fn ratio(
     error: Metric,
     measured: &SceneResults,
     spp: u32,
@@ -143,7 +144,8 @@ fn ratio(
     geometric_mean_with_shared_error(&ratios(&adaptive, uniform, equal, error), of_clock)
 }
 
-fn over_scenes(
+/// Geometric mean of that over scenes.
+pub fn over_scenes(
     error: Metric,
     all: &[&SceneResults],
     spp: u32,
@@ -195,7 +197,7 @@ fn finding(all: &[SceneResults], spps: &[u32]) -> String {
 }
 
 /// Returns the names of chosen scenes.
-fn names(all: &[SceneResults], chosen: &dyn Fn(&SceneResults) -> bool) -> String {
+pub fn names(all: &[SceneResults], chosen: &dyn Fn(&SceneResults) -> bool) -> String {
     let names: Vec<_> = all.iter().filter(|m| chosen(m)).map(|m| format!("`{}`", m.scene)).collect();
     if names.is_empty() { "none".to_owned() } else { names.join(", ") }
 }
@@ -208,67 +210,6 @@ fn chose_uniform(measured: &SceneResults, configurations: [usize; 2], spp: u32) 
         points.iter().map(|point| (point.seed, point.error)).collect::<Vec<_>>()
     });
     uniform == adaptive
-}
-
-/// Compares the measurements with the project's goals.
-fn goals(settings: &Settings, all: &[SceneResults]) -> Vec<Goal> {
-    const FIRST_SPP: u32 = 16;
-    const RATIO: f64 = 0.75;
-    const LARGEST_RATIO: f64 = 1.02;
-    const FRACTION: f64 = 0.8;
-
-    // Compare with uniform sampling
-    let spps = || settings.spp.iter().copied().filter(|&spp| spp >= FIRST_SPP);
-    let over_groups = |error: Metric| -> Vec<Interval> {
-        let groups = groups(all, |m| m.is_public);
-        let of_group = |(_, scenes): &(&str, Vec<&SceneResults>)| {
-            spps()
-                .map(|spp| over_scenes(error, scenes, spp, FILTERED, EqualCost::Seconds))
-                .collect::<Vec<_>>()
-        };
-        groups.iter().flat_map(of_group).collect()
-    };
-    let list = |intervals: &[Interval]| {
-        let means = intervals.iter().map(|interval| format!("{:.2}", interval.mean));
-        means.collect::<Vec<_>>().join(", ")
-    };
-    let (relmse, flip) = (over_groups(|p| p.error), over_groups(|p| p.flip));
-    let is_larger = |m: &SceneResults| {
-        spps().any(|spp| ratio(|p| p.error, m, spp, FILTERED, EqualCost::Seconds).low > LARGEST_RATIO)
-    };
-
-    // Compare the maps with the true error
-    let fractions = all.iter().filter_map(|m| {
-        let [reached, possible] = maps_and_true_error(m);
-        gain_fraction(reached.mean, possible.mean)
-    });
-    let fraction = median(fractions);
-
-    // List the goals
-    vec![
-        Goal {
-            goal: format!(
-                "relMSE at most {RATIO} of uniform sampling's in the mean, filtered, at equal seconds, from {FIRST_SPP} spp on"
-            ),
-            measured: list(&relmse),
-            is_met: relmse.iter().all(|interval| interval.mean <= RATIO),
-        },
-        Goal {
-            goal: format!("above {LARGEST_RATIO} beyond its interval on no scene, likewise"),
-            measured: format!("on {}", names(all, &is_larger)),
-            is_met: !all.iter().any(is_larger),
-        },
-        Goal {
-            goal: "ꟻLIP not larger beyond its interval in the mean, likewise".to_owned(),
-            measured: flip.iter().copied().map(format_interval).collect::<Vec<_>>().join(", "),
-            is_met: !flip.iter().any(|interval| interval.low > 1.0),
-        },
-        Goal {
-            goal: format!("{FRACTION} of what the loop gains with the true error, median of the scenes"),
-            measured: number(fraction, 2),
-            is_met: fraction >= FRACTION,
-        },
-    ]
 }
 
 /// Formats an interval as `0.81 (0.77 to 0.85)`.
@@ -338,7 +279,7 @@ fn errors(report: &mut Report, all: &[SceneResults]) {
 }
 
 /// The selections of maps on a scene.
-fn ablated(measured: &SceneResults) -> AblatedScene<'_> {
+pub fn ablated(measured: &SceneResults) -> AblatedScene<'_> {
     AblatedScene {
         scene: &measured.scene,
         uniform: &measured.curves.points[FILTERED[0]],
@@ -376,18 +317,6 @@ fn optimum(report: &mut Report, settings: &Settings, all: &[SceneResults]) {
     };
     let head = ["scene", "filtered", "with the true error", "fraction", "unfiltered", "optimum", "fraction"];
     report.table(&head, &all.iter().map(row).collect::<Vec<_>>());
-}
-
-/// Ratios to the error of uniform sampling at equal samples: of the loop whose samples follow the maps, and the true error.
-fn maps_and_true_error(m: &SceneResults) -> [Interval; 2] {
-    [ALL_MAPS, ORACLE].map(|name| geometric_mean(&ablated(m).ratios(name, EqualCost::Samples)))
-}
-
-/// Returns the fraction of a possible gain that is reached; `None` where the possible one is noise.
-fn gain_fraction(reached: f64, possible: f64) -> Option<f64> {
-    /// Fractions of smaller gains are noise.
-    const MIN_GAIN: f64 = 0.05;
-    (1.0 - possible >= MIN_GAIN).then(|| (1.0 - reached) / (1.0 - possible))
 }
 
 #[cfg(test)]
