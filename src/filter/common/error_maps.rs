@@ -15,6 +15,8 @@
 //!
 //! The error map is the larger of variance and risk, both averaged over the channels and blurred.
 
+use std::ops::Range;
+
 use rayon::prelude::*;
 
 use super::blur;
@@ -22,6 +24,7 @@ use super::dual_buffer::DualBuffer;
 use super::half_counts::HalfCounts;
 use super::linear_estimate::LinearEstimate;
 use crate::image::Planes;
+use crate::simd::{apply, multiversioned};
 
 /// Standard deviation of the blur of variance and risk in the error map, in pixels.
 pub const ERROR_SIGMA: f32 = 4.0;
@@ -52,7 +55,7 @@ pub struct FilteredPart<'a> {
     pub filtered: &'a [LinearEstimate; 2],
 }
 
-/// A channel of a part: of both halves the noisy and the filtered values, and the filter derivatives.
+/// A channel of a part, of some pixels: of both halves the noisy and the filtered values, and the filter derivatives.
 struct PartChannel<'a> {
     noisy: [&'a [f32]; 2],
     filtered: [&'a [f32]; 2],
@@ -60,19 +63,13 @@ struct PartChannel<'a> {
 }
 
 impl<'a> FilteredPart<'a> {
-    fn channel(self, channel: usize) -> PartChannel<'a> {
+    /// Returns a channel of some pixels.
+    fn channel(self, channel: usize, pixels: Range<usize>) -> PartChannel<'a> {
         PartChannel {
-            noisy: self.noisy.mean.each_ref().map(|mean| mean.plane(channel)),
-            filtered: self.filtered.each_ref().map(|half| half.value.plane(channel)),
-            derivative: self.filtered.each_ref().map(|half| half.derivative.as_slice()),
+            noisy: self.noisy.mean.each_ref().map(|mean| &mean.plane(channel)[pixels.clone()]),
+            filtered: self.filtered.each_ref().map(|half| &half.value.plane(channel)[pixels.clone()]),
+            derivative: self.filtered.each_ref().map(|half| &half.derivative[pixels.clone()]),
         }
-    }
-}
-
-impl PartChannel<'_> {
-    /// Returns the noisy and the filtered values and the derivatives of both halves at a pixel.
-    fn at(&self, i: usize) -> [[f32; 2]; 3] {
-        [self.noisy, self.filtered, self.derivative].map(|halves| halves.map(|half| half[i]))
     }
 }
 
@@ -84,41 +81,24 @@ impl ErrorMaps {
         counts: &HalfCounts,
     ) -> Self {
         let (width, height) = (colour.noisy.mean[0].width(), colour.noisy.mean[0].height());
-        let [n_a, n_b] = counts.floats();
         let mut variance = Planes::new(width, height, 3);
         let mut risk = variance.clone();
         let mut residual = Planes::new(width, height, 1);
+        let black = vec![0.0; width];
+        let no_emission = PartChannel { noisy: [&black; 2], filtered: [&black; 2], derivative: [&black; 2] };
         for (channel, (variance, risk)) in variance.planes_mut().zip(risk.planes_mut()).enumerate() {
-            let [v_a, v_b] = colour.noisy.variance.each_ref().map(|half| half.plane(channel));
-            let colour = colour.channel(channel);
-            let emission = emission.map(|emission| emission.channel(channel));
-            let maps = variance.par_iter_mut().zip(risk).zip(residual.data_mut());
-            maps.enumerate().with_min_len(width).for_each(|(i, ((variance, risk), residual))| {
-                let [c, f, a] = colour.at(i);
-                let [c_emission, f_emission, a_emission] =
-                    emission.as_ref().map_or([[0.0; 2]; 3], |emission| emission.at(i));
-
-                // Compare the change by the filter with its expectation. 0/0 is a pixel without noise that
-                // did not change
-                let expected =
-                    0.25 * (v_a[i] + v_b[i]) * (1.0 - a[0] - a[1]).max(0.0) + 0.25 * (f[0] - f[1]).powi(2);
-                let squared_change = (0.5 * (f[0] + f[1] - c[0] - c[1])).powi(2);
-                let ratio = if expected > 0.0 { squared_change / expected } else { 0.0 };
-                *residual += ratio.min(MAX_RESIDUAL) / 3.0;
-
-                // Estimate variance and risk of the sum
-                let [d_colour, d_emission] = [c[0] - c[1], c_emission[0] - c_emission[1]];
-                let difference = d_colour + d_emission;
-                let f_difference = (f[0] + f_emission[0]) - (f[1] + f_emission[1]);
-                *variance = 0.25 * f_difference.powi(2);
-                let Some(p) = fractions(n_a[i], n_b[i]) else { return };
-                let risk_of = |h: usize| {
-                    let change = f[h] + f_emission[h] - c[h] - c_emission[h];
-                    // Covariance of the filtered with the noisy value
-                    let kept = a[h] * d_colour + a_emission[h] * d_emission;
-                    p[h] * (change.powi(2) - p[1 - h] * difference * (difference - 2.0 * kept))
-                };
-                *risk = risk_of(0) + risk_of(1) - p[0] * p[1] * f_difference.powi(2);
+            for_each_row(width, [variance, risk, residual.data_mut()], |row, [variance, risk, residual]| {
+                let noisy_variance =
+                    colour.noisy.variance.each_ref().map(|half| &half.plane(channel)[row.clone()]);
+                let counts = counts.floats().map(|counts| &counts[row.clone()]);
+                let colour = colour.channel(channel, row.clone());
+                add_cross_residual(&colour, noisy_variance, residual);
+                match emission {
+                    Some(emission) => {
+                        cross_risk(&colour, &emission.channel(channel, row), counts, variance, risk)
+                    }
+                    None => cross_risk(&colour, &no_emission, counts, variance, risk),
+                }
             });
         }
         Self { error: error(&variance, &risk), variance, residual, risk }
@@ -142,39 +122,130 @@ impl ErrorMaps {
         let mut risk = variance.clone();
         let mut residual = Planes::new(width, height, 1);
         for (channel, (variance, risk)) in variance.planes_mut().zip(risk.planes_mut()).enumerate() {
-            let [image, mean, sample_variance] =
-                [image, mean, sample_variance].map(|planes| planes.plane(channel));
-            let (filtered, noisy) =
-                (halves.map(|half| half.plane(channel)), noisy_halves.map(|half| half.plane(channel)));
-            let maps = variance.par_iter_mut().zip(risk).zip(residual.data_mut());
-            maps.enumerate().with_min_len(width).for_each(|(i, ((variance, risk), residual))| {
-                let (f, c) = (filtered.map(|half| half[i]), noisy.map(|half| half[i]));
-                let n = counts.map(|counts| counts[i] as f32);
-                *variance = 0.25 * (f[0] - f[1]).powi(2);
-                if let Some(p) = fractions(n[0], n[1]) {
-                    let squared_difference = (c[0] - c[1]).powi(2);
-                    let risk_of = |h: usize| p[h] * ((f[h] - c[1 - h]).powi(2) - p[h] * squared_difference);
-                    *risk = risk_of(0) + risk_of(1) - 4.0 * p[0] * p[1] * *variance;
-                }
-                // With less than two samples the variance is unknown, and the residual that of an unbiased filter.
-                let total = n[0] + n[1];
-                if total < 2.0 {
-                    *residual += 1.0 / 3.0;
-                    return;
-                }
-                let squared_change = (image[i] - mean[i]).powi(2);
-                let expected = sample_variance[i] / total
-                    + *variance
-                    + MIN_RELATIVE_VARIANCE * mean[i] * mean[i]
-                    + f32::MIN_POSITIVE;
-                *residual += (squared_change / expected).min(MAX_RESIDUAL) / 3.0;
+            for_each_row(width, [variance, risk, residual.data_mut()], |row, [variance, risk, residual]| {
+                let [image, mean, sample_variance] =
+                    [image, mean, sample_variance].map(|planes| &planes.plane(channel)[row.clone()]);
+                let [filtered, noisy] =
+                    [halves, noisy_halves].map(|halves| halves.map(|half| &half.plane(channel)[row.clone()]));
+                let counts = counts.map(|counts| &counts[row.clone()]);
+                self_risk(filtered, noisy, counts, variance, risk);
+                add_self_residual([image, mean, sample_variance], variance, counts, residual);
             });
         }
         Self { error: error(&variance, &risk), variance, residual, risk }
     }
 }
 
+/// Calls a function with each row's pixels and the rows of three planes, in parallel.
+fn for_each_row(
+    width: usize,
+    [a, b, c]: [&mut [f32]; 3],
+    each: impl Fn(Range<usize>, [&mut [f32]; 3]) + Sync,
+) {
+    let [a, b, c] = [a, b, c].map(|plane| plane.par_chunks_mut(width.max(1)));
+    a.zip(b).zip(c).enumerate().for_each(|(y, ((a, b), c))| each(y * width..(y + 1) * width, [a, b, c]));
+}
+
+/// Adds a third of the residual of a channel. `variance`: those of the noisy values of both halves.
+#[apply(multiversioned!)]
+fn add_cross_residual(colour: &PartChannel, variance: [&[f32]; 2], residual: &mut [f32]) {
+    let n = residual.len();
+    let PartChannel { noisy: [c_a, c_b], filtered: [f_a, f_b], derivative: [a_a, a_b] } = colour;
+    let (c_a, c_b, f_a, f_b) = (&c_a[..n], &c_b[..n], &f_a[..n], &f_b[..n]);
+    let ([v_a, v_b], a_a, a_b) = (variance, &a_a[..n], &a_b[..n]);
+    let (v_a, v_b) = (&v_a[..n], &v_b[..n]);
+    for i in 0..n {
+        // Compare the change by the filter with its expectation. 0/0 is a pixel without noise that did not change
+        let expected =
+            0.25 * (v_a[i] + v_b[i]) * (1.0 - a_a[i] - a_b[i]).max(0.0) + 0.25 * (f_a[i] - f_b[i]).powi(2);
+        let squared_change = (0.5 * (f_a[i] + f_b[i] - c_a[i] - c_b[i])).powi(2);
+        let ratio = if expected > 0.0 { squared_change / expected } else { 0.0 };
+        residual[i] += ratio.min(MAX_RESIDUAL) / 3.0;
+    }
+}
+
+/// Writes variance and risk of the sum of colour and emission, of a channel.
+#[apply(multiversioned!)]
+fn cross_risk(
+    colour: &PartChannel,
+    emission: &PartChannel,
+    counts: [&[f32]; 2],
+    variance: &mut [f32],
+    risk: &mut [f32],
+) {
+    let n = variance.len();
+    let risk = &mut risk[..n];
+    let ([n_a, n_b], [e_a, e_b], [g_a, g_b], [b_a, b_b]) =
+        (counts, emission.noisy, emission.filtered, emission.derivative);
+    let ([c_a, c_b], [f_a, f_b], [a_a, a_b]) = (colour.noisy, colour.filtered, colour.derivative);
+    let (n_a, n_b, c_a, c_b) = (&n_a[..n], &n_b[..n], &c_a[..n], &c_b[..n]);
+    let (f_a, f_b, a_a, a_b) = (&f_a[..n], &f_b[..n], &a_a[..n], &a_b[..n]);
+    let (e_a, e_b, g_a, g_b, b_a, b_b) = (&e_a[..n], &e_b[..n], &g_a[..n], &g_b[..n], &b_a[..n], &b_b[..n]);
+    for i in 0..n {
+        let (d_colour, d_emission) = (c_a[i] - c_b[i], e_a[i] - e_b[i]);
+        let difference = d_colour + d_emission;
+        let f_difference = (f_a[i] + g_a[i]) - (f_b[i] + g_b[i]);
+        variance[i] = 0.25 * f_difference.powi(2);
+        let p = fractions(n_a[i], n_b[i]).unwrap_or([0.0; 2]);
+        // The change, and the covariance of the filtered with the noisy value
+        let half = |p: f32, p_other: f32, change: f32, kept: f32| {
+            p * (change.powi(2) - p_other * difference * (difference - 2.0 * kept))
+        };
+        let [kept_a, kept_b] =
+            [a_a[i] * d_colour + b_a[i] * d_emission, a_b[i] * d_colour + b_b[i] * d_emission];
+        let of_a = half(p[0], p[1], f_a[i] + g_a[i] - c_a[i] - e_a[i], kept_a);
+        let of_b = half(p[1], p[0], f_b[i] + g_b[i] - c_b[i] - e_b[i], kept_b);
+        risk[i] = of_a + of_b - p[0] * p[1] * f_difference.powi(2);
+    }
+}
+
+/// Writes variance and risk of a channel whose weights depend on all samples. `filtered` and `noisy` are those of the halves.
+#[apply(multiversioned!)]
+fn self_risk(
+    filtered: [&[f32]; 2],
+    noisy: [&[f32]; 2],
+    counts: [&[u32]; 2],
+    variance: &mut [f32],
+    risk: &mut [f32],
+) {
+    let n = variance.len();
+    let risk = &mut risk[..n];
+    let ([f_a, f_b], [c_a, c_b], [n_a, n_b]) = (filtered, noisy, counts);
+    let (f_a, f_b, c_a, c_b) = (&f_a[..n], &f_b[..n], &c_a[..n], &c_b[..n]);
+    let (n_a, n_b) = (&n_a[..n], &n_b[..n]);
+    for i in 0..n {
+        variance[i] = 0.25 * (f_a[i] - f_b[i]).powi(2);
+        let p = fractions(n_a[i] as f32, n_b[i] as f32).unwrap_or([0.0; 2]);
+        let squared_difference = (c_a[i] - c_b[i]).powi(2);
+        let half = |p: f32, change: f32| p * (change.powi(2) - p * squared_difference);
+        let of_halves = half(p[0], f_a[i] - c_b[i]) + half(p[1], f_b[i] - c_a[i]);
+        risk[i] = of_halves - 4.0 * p[0] * p[1] * variance[i];
+    }
+}
+
+/// Adds a third of the residual of a channel whose weights depend on all samples. `images` are the filtered one, the unfiltered one and the
+/// variance of its samples.
+#[apply(multiversioned!)]
+fn add_self_residual(images: [&[f32]; 3], variance: &[f32], counts: [&[u32]; 2], residual: &mut [f32]) {
+    let n = residual.len();
+    let ([image, mean, sample_variance], [n_a, n_b]) = (images, counts);
+    let (image, mean, sample_variance) = (&image[..n], &mean[..n], &sample_variance[..n]);
+    let (n_a, n_b, variance) = (&n_a[..n], &n_b[..n], &variance[..n]);
+    for i in 0..n {
+        let total = n_a[i] as f32 + n_b[i] as f32;
+        let squared_change = (image[i] - mean[i]).powi(2);
+        let expected = sample_variance[i] / total
+            + variance[i]
+            + MIN_RELATIVE_VARIANCE * mean[i] * mean[i]
+            + f32::MIN_POSITIVE;
+        let ratio = (squared_change / expected).min(MAX_RESIDUAL);
+        // With less than two samples the variance is unknown, and the residual that of an unbiased filter.
+        residual[i] += if total < 2.0 { 1.0 } else { ratio } / 3.0;
+    }
+}
+
 /// Returns the fraction of a pixel's samples that each half has; `None` where one has none.
+#[inline(always)]
 pub fn fractions(n_a: f32, n_b: f32) -> Option<[f32; 2]> {
     (n_a > 0.0 && n_b > 0.0).then(|| [n_a / (n_a + n_b), n_b / (n_a + n_b)])
 }

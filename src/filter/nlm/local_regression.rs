@@ -24,8 +24,8 @@ const PATCH: usize = 1;
 /// Size of tiles in pixels. The sums of a tile fit the second-level cache, those of a row the first.
 const TILE: (usize, usize) = (64, 32);
 const WIDTH: usize = TILE.0;
-/// Offsets that are accumulated together.
-const OFFSETS: usize = 8;
+/// Offsets that are accumulated together: each sum is read and written once for all of them.
+const OFFSETS: usize = 4;
 /// Addition to the diagonal of the normal equations, relative to the diagonal …
 const RIDGE: f32 = 1e-3;
 /// … and relative to the sum of weights. Features are of order 1.
@@ -111,26 +111,28 @@ fn fit_tile(
     // The pixel itself has weight 1 and adds to the constant only
     sums.iter_mut().for_each(|row| row[STARTS[K - 1]].0.fill(1.0));
 
-    // Accumulate several offsets of a row together, while its sums are in the first-level cache
-    let mut pending = vec![Vec::new(); tile.height];
-    let mut differences = [EMPTY; FEATURES + 3];
-    let mut accumulate_pending = |row: usize, pending: &mut Vec<((isize, isize), Line)>| {
+    // Accumulate several offsets of a row together
+    let mut pending = vec![Pending::NONE; tile.height];
+    let mut differences = [[EMPTY; OFFSETS]; FEATURES + 3];
+    let mut accumulate_pending = |row: usize, pending: &mut Pending| {
         let y = y + row as isize;
-        for ((dx, dy), weights) in pending.drain(..) {
-            for (c, difference) in differences.iter_mut().enumerate() {
-                let i = columns.span(c, x, y, tile.width);
-                let j = columns.span(c, x + dx, y + dy, tile.width);
-                subtract(j, i, difference);
+        for (c, differences) in differences.iter_mut().enumerate() {
+            let i = columns.span(c, x, y, tile.width);
+            for ((dx, dy), difference) in pending.offsets.iter().zip(differences) {
+                subtract(columns.span(c, x + dx, y + dy, tile.width), i, difference);
             }
-            accumulate(&weights, [dx as f32 * scale, dy as f32 * scale], &differences, &mut sums[row]);
         }
+        let offsets = pending.offsets.map(|(dx, dy)| [dx as f32 * scale, dy as f32 * scale]);
+        accumulate(&pending.weights, &offsets, &differences, &mut sums[row]);
+        *pending = Pending::NONE;
     };
     distance.for_each_neighbour(tile, |Neighbours { row, offset, weights }| {
-        let mut line = EMPTY;
-        line.0[..tile.width].copy_from_slice(weights);
-        pending[row].push((offset, line));
-        if pending[row].len() == OFFSETS {
-            accumulate_pending(row, &mut pending[row]);
+        let pending = &mut pending[row];
+        pending.offsets[pending.count] = offset;
+        pending.weights[pending.count].0[..tile.width].copy_from_slice(weights);
+        pending.count += 1;
+        if pending.count == OFFSETS {
+            accumulate_pending(row, pending);
         }
     });
     pending.iter_mut().enumerate().for_each(|(row, pending)| accumulate_pending(row, pending));
@@ -142,42 +144,68 @@ fn subtract(a: &[f32], b: &[f32], difference: &mut Line) {
     difference.0.iter_mut().zip(a.iter().zip(b)).for_each(|(d, (a, b))| *d = a - b);
 }
 
-/// Adds the neighbours of a row at one offset to the normal equations. `differences` are those of features
+/// Neighbours of a row of pixels that are to be accumulated. Those that are missing are the pixels themselves, with a weight of 0.
+#[derive(Clone)]
+struct Pending {
+    count: usize,
+    offsets: [(isize, isize); OFFSETS],
+    weights: [Line; OFFSETS],
+}
+
+impl Pending {
+    const NONE: Self = Self { count: 0, offsets: [(0, 0); OFFSETS], weights: [EMPTY; OFFSETS] };
+}
+
+/// Adds the neighbours of a row at some offsets to the normal equations. `differences` are those of features
 /// and values from the pixel's own.
 #[apply(multiversioned!)]
-fn accumulate(weights: &Line, offset: [f32; 2], differences: &[Line; FEATURES + 3], sums: &mut Row) {
+fn accumulate(
+    weights: &[Line; OFFSETS],
+    offsets: &[[f32; 2]; OFFSETS],
+    differences: &[[Line; OFFSETS]; FEATURES + 3],
+    sums: &mut Row,
+) {
     let (features, values) = differences.split_at(FEATURES);
-    let mut weighted = EMPTY;
+    let constants = [offsets.map(|[dx, _]| dx), offsets.map(|[_, dy]| dy), [1.0; OFFSETS]];
+    let mut weighted = [EMPTY; OFFSETS];
     for (r, feature) in features.iter().enumerate() {
-        weighted.0.iter_mut().zip(weights.0.iter().zip(&feature.0)).for_each(|(out, (w, f))| *out = w * f);
+        for k in 0..OFFSETS {
+            for x in 0..WIDTH {
+                weighted[k].0[x] = weights[k].0[x] * feature[k].0[x];
+            }
+        }
         let (feature_sums, rest) = sums[STARTS[r]..].split_at_mut(FEATURES - r);
-        let ([x_sum, y_sum, constant_sum], rest) = rest.split_first_chunk_mut().expect("three constants");
-        features[r..].iter().zip(feature_sums).for_each(|(f, sum)| add_product(&weighted, f, sum));
-        add_scaled(&weighted, offset[0], x_sum);
-        add_scaled(&weighted, offset[1], y_sum);
-        add_scaled(&weighted, 1.0, constant_sum);
-        values.iter().zip(rest).for_each(|(v, sum)| add_product(&weighted, v, sum));
+        let (constant_sums, rest) = rest.split_at_mut(3);
+        features[r..].iter().zip(feature_sums).for_each(|(f, sum)| add_products(&weighted, f, sum));
+        constants.iter().zip(constant_sums).for_each(|(c, sum)| add_scaled(&weighted, c, sum));
+        values.iter().zip(rest).for_each(|(v, sum)| add_products(&weighted, v, sum));
     }
-    let constants = [offset[0], offset[1], 1.0];
-    for (r, factor) in constants.into_iter().enumerate() {
-        weighted.0.iter_mut().zip(&weights.0).for_each(|(out, w)| *out = w * factor);
+    for (r, factors) in constants.iter().enumerate() {
+        for k in 0..OFFSETS {
+            for x in 0..WIDTH {
+                weighted[k].0[x] = weights[k].0[x] * factors[k];
+            }
+        }
         let (constant_sums, rest) = sums[STARTS[FEATURES + r]..].split_at_mut(3 - r);
-        constants[r..].iter().zip(constant_sums).for_each(|(&c, sum)| add_scaled(&weighted, c, sum));
-        values.iter().zip(rest).for_each(|(v, sum)| add_product(&weighted, v, sum));
+        constants[r..].iter().zip(constant_sums).for_each(|(c, sum)| add_scaled(&weighted, c, sum));
+        values.iter().zip(rest).for_each(|(v, sum)| add_products(&weighted, v, sum));
     }
 }
 
 #[inline(always)]
-fn add_product(a: &Line, b: &Line, sum: &mut Line) {
+fn add_products(a: &[Line; OFFSETS], b: &[Line; OFFSETS], sum: &mut Line) {
+    let ([a0, a1, a2, a3], [b0, b1, b2, b3]) = (a, b);
     for x in 0..WIDTH {
-        sum.0[x] += a.0[x] * b.0[x];
+        let s = sum.0[x] + a0.0[x] * b0.0[x] + a1.0[x] * b1.0[x];
+        sum.0[x] = s + a2.0[x] * b2.0[x] + a3.0[x] * b3.0[x];
     }
 }
 
 #[inline(always)]
-fn add_scaled(a: &Line, factor: f32, sum: &mut Line) {
+fn add_scaled(a: &[Line; OFFSETS], factors: &[f32; OFFSETS], sum: &mut Line) {
+    let ([a0, a1, a2, a3], [f0, f1, f2, f3]) = (a, factors);
     for x in 0..WIDTH {
-        sum.0[x] += a.0[x] * factor;
+        sum.0[x] = sum.0[x] + a0.0[x] * f0 + a1.0[x] * f1 + a2.0[x] * f2 + a3.0[x] * f3;
     }
 }
 

@@ -367,7 +367,7 @@ fn to_weights<const PATCH: usize>(
     // In blocks, or the compiler assembles the overlapping sums from shuffled registers
     let blocks = w_ij.as_chunks_mut::<LANES>().0.iter_mut().zip(w_ji.as_chunks_mut::<LANES>().0);
     for (k, (w_ij, w_ji)) in blocks.enumerate() {
-        let [sum_p, sum_q] = [p, q].map(|columns| patch_sums::<PATCH>(&columns[k * LANES..]));
+        let (sum_p, sum_q) = (patch_sums::<PATCH>(&p[k * LANES..]), patch_sums::<PATCH>(&q[k * LANES..]));
         for i in 0..LANES {
             let feature = feature_inverse_bandwidth * w_ij[i];
             let d_ij = max((sum_p[i] - sum_q[i]) * scale, 0.0);
@@ -383,10 +383,14 @@ fn to_weights<const PATCH: usize>(
 #[inline(always)]
 fn patch_sums<const PATCH: usize>(columns: &[f32]) -> Lanes {
     let columns = &columns[..LANES + 2 * PATCH];
-    (1..2 * PATCH + 1).fold(*lanes(columns), |sums, t| {
+    let mut sums = *lanes(columns);
+    for t in 1..2 * PATCH + 1 {
         let next = lanes(&columns[t..]);
-        std::array::from_fn(|i| sums[i] + next[i])
-    })
+        for i in 0..LANES {
+            sums[i] += next[i];
+        }
+    }
+    sums
 }
 
 #[cfg(test)]
