@@ -39,13 +39,13 @@ mod tests {
         };
         let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a thread can be had");
         pool.install(|| {
-            // The best one takes 9.3 µs for a pixel, its draft 6.
+            // The best one takes 7.6 µs for a pixel, its draft 5.5.
             assert_eq!(name(None, 100_000, 1), "learned standard");
-            assert_eq!(name(Some(5.9), 100_000, 1), "learned standard");
-            assert_eq!(name(Some(5.7), 100_000, 1), "learned draft");
-            assert_eq!(name(Some(1.9), 100_000, 1), "learned draft");
-            assert_eq!(name(Some(1.7), 100_000, 1), "nlm draft");
-            assert_eq!(name(Some(5.7), 100_000, 2), "learned standard");
+            assert_eq!(name(Some(4.8), 100_000, 1), "learned standard");
+            assert_eq!(name(Some(4.7), 100_000, 1), "learned draft");
+            assert_eq!(name(Some(1.7), 100_000, 1), "learned draft");
+            assert_eq!(name(Some(1.6), 100_000, 1), "nlm draft");
+            assert_eq!(name(Some(4.7), 100_000, 2), "learned standard");
             assert_eq!(name(None, usize::MAX >> 16, 1), "nlm draft");
         });
     }

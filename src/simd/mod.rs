@@ -6,6 +6,9 @@
 //! the target's baseline; the first call detects the processor's features and selects a version. The
 //! compiler neither fuses nor reorders floating-point operations, so all versions give the same bits, except
 //! where a function asks for fused multiply-add (`match_target!`).
+//!
+//! A closure that such a function passes to a generic one, such as `map` of an array or `fold`, may not be inlined, since the generic one
+//! is compiled for the baseline. In hot loops plain loops and direct calls take their place.
 
 mod lanes;
 mod prefetch;

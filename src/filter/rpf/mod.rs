@@ -85,7 +85,7 @@ impl Denoiser for Rpf {
     /// A fifth more seconds than measured: a cost that grows with the samples is not measured again during a
     /// render.
     fn cost(&self) -> Cost {
-        Cost { core_seconds: 3.3e-4, bytes: 700, pass_time: 100.0, is_per_sample: true }
+        Cost { core_seconds: 3.3e-4, bytes: 700, pass_time: 140.0, is_per_sample: true }
     }
 
     fn stand_in(&self) -> &'static dyn Denoiser {
