@@ -147,45 +147,63 @@ pub fn allocate_above(
 /// Returns fractional numbers of pairs: max(0, λ·priority − have/2), limited by the ceiling of each pixel,
 /// with λ such that they sum to `pairs`.
 fn targets(priority: &[f32], have: &[u32], pairs: f64, ceiling: impl Fn(usize) -> f64) -> Vec<f64> {
+    let ceilings: Vec<f64> = (0..priority.len()).map(ceiling).collect();
     let target = |lambda: f64, i: usize| {
-        (lambda * f64::from(priority[i]) - 0.5 * f64::from(have[i])).clamp(0.0, ceiling(i))
+        (lambda * f64::from(priority[i]) - 0.5 * f64::from(have[i])).clamp(0.0, ceilings[i])
     };
-    let sum = |lambda: f64| (0..priority.len()).map(|i| target(lambda, i)).sum::<f64>();
-    // Bracket λ: the sum increases with it
-    let mut high = 1.0;
-    for _ in 0..128 {
-        if sum(high) >= pairs {
-            break;
-        }
-        high *= 2.0;
-    }
-    for _ in 0..128 {
-        if sum(0.5 * high) < pairs {
-            break;
-        }
-        high *= 0.5;
-    }
+    // Returns the sum of the targets, and its derivative by λ
+    let sum = |lambda: f64| {
+        (0..priority.len()).fold((0.0, 0.0), |(sum, slope), i| {
+            let value = target(lambda, i);
+            let grows = value > 0.0 && value < ceilings[i];
+            (sum + value, slope + if grows { f64::from(priority[i]) } else { 0.0 })
+        })
+    };
 
-    // Bisect
-    let mut low = 0.0;
-    for _ in 0..BISECTIONS {
-        let middle = 0.5 * (low + high);
-        if sum(middle) < pairs { low = middle } else { high = middle }
+    // Find λ by Newton's method, within a bracket: the sum increases with it. Without limits it would be the first one
+    let of_all = |of: &dyn Fn(usize) -> f64| (0..priority.len()).map(of).sum::<f64>();
+    let pairs = pairs.min(of_all(&|i| if priority[i] > 0.0 { ceilings[i] } else { 0.0 }));
+    let (mut low, mut high) = (0.0, f64::INFINITY);
+    let mut lambda = of_all(&|i| 0.5 * f64::from(have[i])) + pairs;
+    lambda /= of_all(&|i| f64::from(priority[i])).max(f64::MIN_POSITIVE);
+    for _ in 0..MOST_STEPS {
+        let (found, slope) = sum(lambda);
+        if found < pairs {
+            low = lambda
+        } else {
+            high = lambda
+        }
+        if (found - pairs).abs() <= TOLERANCE * pairs {
+            return (0..priority.len()).map(|i| target(lambda, i)).collect();
+        }
+        let newton = lambda + (pairs - found) / slope;
+        lambda = if newton > low && newton < high {
+            newton
+        } else if high.is_finite() {
+            0.5 * (low + high)
+        } else {
+            2.0 * lambda
+        };
     }
-    (0..priority.len()).map(|i| target(high, i)).collect()
+    // Rounding keeps the sum from what is wanted
+    let end = if high.is_finite() { high } else { lambda };
+    (0..priority.len()).map(|i| target(end, i)).collect()
 }
 
-/// Bisections, which determine λ to 10⁻⁹ of the bracket.
-const BISECTIONS: usize = 30;
+/// Most steps towards λ.
+const MOST_STEPS: usize = 128;
 
-/// Maximum correction of the sum of targets for the error of the bisection.
+/// Relative difference of the sum of targets from what is wanted.
+const TOLERANCE: f64 = 1e-9;
+
+/// Maximum correction of the sum of targets for that difference.
 const MAX_CORRECTION: f64 = 1.0 + 1e-6;
 
 /// Rounds targets to integers, diffusing the rounding error along a serpentine path through the image. Their
 /// sum is `pairs`, or the sum of the targets if that is smaller. `room` limits each of them.
 pub(super) fn round(targets: &[f64], width: usize, pairs: u64, room: impl Fn(usize) -> f64) -> Vec<u32> {
     let sum: f64 = targets.iter().sum();
-    // Correct the error of the bisection, but not what ceilings cut off
+    // Correct the error of λ, but not what ceilings cut off
     let scale = if sum > 0.0 { (pairs as f64 / sum).min(MAX_CORRECTION) } else { 0.0 };
     let mut counts = vec![0; targets.len()];
     let (mut wanted, mut given) = (0.0, 0u64);

@@ -36,6 +36,21 @@ fn only_ratios_of_priorities_matter() {
 }
 
 #[test]
+fn targets_sum_to_what_is_wanted_or_to_all_room() {
+    let priority: Vec<f32> =
+        (0..500).map(|i| if i % 7 == 0 { 0.0 } else { (i % 41) as f32 * 1e-3 }).collect();
+    let have: Vec<u32> = (0..500).map(|i| 2 * (i * 13 % 29)).collect();
+    let ceiling = |i: usize| (i % 5) as f64;
+    let room: f64 = (0..500).filter(|&i| priority[i] > 0.0).map(ceiling).sum();
+    for pairs in [1.0, 77.0, 500.0, 0.999 * room, 2.0 * room] {
+        let targets = targets(&priority, &have, pairs, ceiling);
+        let sum: f64 = targets.iter().sum();
+        assert!((sum / pairs.min(room) - 1.0).abs() < 1e-8, "{pairs}: {sum}");
+        assert!(targets.iter().enumerate().all(|(i, &target)| (0.0..=ceiling(i)).contains(&target)));
+    }
+}
+
+#[test]
 fn one_pixel_with_all_error_does_not_get_all_samples() {
     let mut priority = vec![0.0; 400];
     priority[210] = 1.0;
