@@ -160,12 +160,15 @@ fn targets(priority: &[f32], have: &[u32], pairs: f64, ceiling: impl Fn(usize) -
         })
     };
 
-    // Find λ by Newton's method, within a bracket: the sum increases with it. Without limits it would be the first one
-    let of_all = |of: &dyn Fn(usize) -> f64| (0..priority.len()).map(of).sum::<f64>();
-    let pairs = pairs.min(of_all(&|i| if priority[i] > 0.0 { ceilings[i] } else { 0.0 }));
+    // Find λ by Newton's method within a bracket. The first guess is exact where no limit applies
+    let open = priority.iter().zip(&ceilings).filter(|(priority, _)| **priority > 0.0);
+    let pairs = pairs.min(open.map(|(_, &ceiling)| ceiling).sum());
+    if pairs == 0.0 {
+        return vec![0.0; priority.len()];
+    }
+    let taken: f64 = have.iter().map(|&n| 0.5 * f64::from(n)).sum();
+    let mut lambda = (taken + pairs) / priority.iter().map(|&p| f64::from(p)).sum::<f64>();
     let (mut low, mut high) = (0.0, f64::INFINITY);
-    let mut lambda = of_all(&|i| 0.5 * f64::from(have[i])) + pairs;
-    lambda /= of_all(&|i| f64::from(priority[i])).max(f64::MIN_POSITIVE);
     for _ in 0..MOST_STEPS {
         let (found, slope) = sum(lambda);
         if found < pairs {
@@ -177,26 +180,30 @@ fn targets(priority: &[f32], have: &[u32], pairs: f64, ceiling: impl Fn(usize) -
             return (0..priority.len()).map(|i| target(lambda, i)).collect();
         }
         let newton = lambda + (pairs - found) / slope;
-        lambda = if newton > low && newton < high {
+        let next = if newton > low && newton < high {
             newton
         } else if high.is_finite() {
             0.5 * (low + high)
         } else {
             2.0 * lambda
         };
+        if next == low || next == high {
+            // No number is left between them
+            break;
+        }
+        lambda = next;
     }
-    // Rounding keeps the sum from what is wanted
     let end = if high.is_finite() { high } else { lambda };
     (0..priority.len()).map(|i| target(end, i)).collect()
 }
 
-/// Most steps towards λ.
+/// Maximum number of steps towards λ.
 const MOST_STEPS: usize = 128;
 
-/// Relative difference of the sum of targets from what is wanted.
+/// Relative error of the sum of targets.
 const TOLERANCE: f64 = 1e-9;
 
-/// Maximum correction of the sum of targets for that difference.
+/// Maximum correction of the sum of targets for that error.
 const MAX_CORRECTION: f64 = 1.0 + 1e-6;
 
 /// Rounds targets to integers, diffusing the rounding error along a serpentine path through the image. Their

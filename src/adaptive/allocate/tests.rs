@@ -51,6 +51,16 @@ fn targets_sum_to_what_is_wanted_or_to_all_room() {
 }
 
 #[test]
+fn targets_are_found_across_plateaus_of_the_sum() {
+    // Their sum stays at 1 and at 10 until the second pixel begins
+    let found = targets(&[1.0, 1.0, 0.0], &[0, 1000, 0], 2.0, |i| [1.0, 9.0, 9.0][i]);
+    assert!((found[0] - 1.0).abs() < 1e-6 && (found[1] - 1.0).abs() < 1e-6 && found[2] == 0.0, "{found:?}");
+    let found = targets(&[1.0, 1e-3], &[0, 1000], 5.0, |i| [10.0, 9.0][i]);
+    assert!((found[0] - 5.0).abs() < 1e-6 && found[1] == 0.0, "{found:?}");
+    assert_eq!(targets(&[1.0, 2.0], &[3, 0], 0.0, |_| 5.0), [0.0; 2]);
+}
+
+#[test]
 fn one_pixel_with_all_error_does_not_get_all_samples() {
     let mut priority = vec![0.0; 400];
     priority[210] = 1.0;
