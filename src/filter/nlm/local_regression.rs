@@ -124,7 +124,7 @@ fn fit_tile(
         }
         let offsets = pending.offsets.map(|(dx, dy)| [dx as f32 * scale, dy as f32 * scale]);
         accumulate(&pending.weights, &offsets, &differences, &mut sums[row]);
-        *pending = Pending::NONE;
+        pending.count = 0;
     };
     distance.for_each_neighbour(tile, |Neighbours { row, offset, weights }| {
         let pending = &mut pending[row];
@@ -135,7 +135,7 @@ fn fit_tile(
             accumulate_pending(row, pending);
         }
     });
-    pending.iter_mut().enumerate().for_each(|(row, pending)| accumulate_pending(row, pending));
+    debug_assert!(pending.iter().all(|pending| pending.count == 0), "a disc has 4n neighbours");
     sums.iter().map(solve).collect()
 }
 
@@ -144,7 +144,7 @@ fn subtract(a: &[f32], b: &[f32], difference: &mut Line) {
     difference.0.iter_mut().zip(a.iter().zip(b)).for_each(|(d, (a, b))| *d = a - b);
 }
 
-/// Neighbours of a row of pixels that are to be accumulated. Those that are missing are the pixels themselves, with a weight of 0.
+/// Neighbours of a row of pixels, collected until there are [`OFFSETS`]. A disc has a multiple of four.
 #[derive(Clone)]
 struct Pending {
     count: usize,
