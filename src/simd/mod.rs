@@ -7,8 +7,8 @@
 //! compiler neither fuses nor reorders floating-point operations, so all versions give the same bits, except
 //! where a function asks for fused multiply-add (`match_target!`).
 //!
-//! A closure that such a function passes to a generic one, such as `map` of an array or `fold`, may not be inlined, since the generic one
-//! is compiled for the baseline. In hot loops plain loops and direct calls take their place.
+//! A closure has the instruction sets of the function around it. A generic function that it is passed to, such as `map` of an array or
+//! `fold`, has those of the baseline, so that each element may cost a call. Innermost loops are plain loops.
 
 mod lanes;
 mod prefetch;

@@ -175,9 +175,11 @@ fn cross_risk(
 ) {
     let n = variance.len();
     let risk = &mut risk[..n];
-    let ([n_a, n_b], [e_a, e_b], [g_a, g_b], [b_a, b_b]) =
-        (counts, emission.noisy, emission.filtered, emission.derivative);
+    // Of the colour c, noisy, f, filtered, and a, derivatives; of the emission likewise e, g and b. With equal lengths the compiler
+    // removes all bounds checks.
     let ([c_a, c_b], [f_a, f_b], [a_a, a_b]) = (colour.noisy, colour.filtered, colour.derivative);
+    let ([e_a, e_b], [g_a, g_b], [b_a, b_b]) = (emission.noisy, emission.filtered, emission.derivative);
+    let [n_a, n_b] = counts;
     let (n_a, n_b, c_a, c_b) = (&n_a[..n], &n_b[..n], &c_a[..n], &c_b[..n]);
     let (f_a, f_b, a_a, a_b) = (&f_a[..n], &f_b[..n], &a_a[..n], &a_b[..n]);
     let (e_a, e_b, g_a, g_b, b_a, b_b) = (&e_a[..n], &e_b[..n], &g_a[..n], &g_b[..n], &b_a[..n], &b_b[..n]);
@@ -240,7 +242,8 @@ fn add_self_residual(images: [&[f32]; 3], variance: &[f32], counts: [&[u32]; 2],
             + f32::MIN_POSITIVE;
         let ratio = (squared_change / expected).min(MAX_RESIDUAL);
         // With less than two samples the variance is unknown, and the residual that of an unbiased filter.
-        residual[i] += if total < 2.0 { 1.0 } else { ratio } / 3.0;
+        let of_channel = if total < 2.0 { 1.0 } else { ratio };
+        residual[i] += of_channel / 3.0;
     }
 }
 

@@ -318,7 +318,7 @@ fn before_any_calibration_the_assumed_time_decides_on_the_last_pass() {
         (&nlm::STANDARD, 2, 96.3, "learned draft", 4),
         (&nlm::STANDARD, 2, 96.6, "learned draft", 6),
         // None ends in time, but this one within the tolerance
-        (&nlm::STANDARD, 2, 97.0, "nlm draft", 1),
+        (&nlm::STANDARD, 2, 97.5, "nlm draft", 1),
         (&nlm::STANDARD, 2, 99.0, "none", 1),
         (UNFILTERED, 4, 99.5, "none", 1),
         (&rpf::RPF, 8, 10.0, "nlm draft", 1),
@@ -329,7 +329,7 @@ fn before_any_calibration_the_assumed_time_decides_on_the_last_pass() {
             "{denoiser:?} {elapsed}"
         );
     }
-    // That of OIDN takes 7 seconds, squares 3.4
+    // The draft of OIDN takes 70 seconds, squares of 6×6 pixels 33.4
     assert_eq!(last(&oidn::DRAFT, 10_000_000, 16, 66.0), ("oidn draft".into(), 6));
     assert_eq!(last(&oidn::DRAFT, 10_000_000, 17, 66.0), ("none".into(), 1), "too many samples for squares");
     // A few pixels take no time, and what takes some has to end in time.
