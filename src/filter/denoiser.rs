@@ -104,18 +104,24 @@ pub enum SampleVectors {
     },
 }
 
-/// The cost of a filter pass, measured once on two cores with slow allocation of memory. It is the estimate until a
-/// pass has been timed.
+/// The cost of a filter pass, measured once on two cores. It is the estimate until a pass has been timed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Cost {
-    /// Seconds of one core per pixel, from the start of the pass until the image is written, with newly allocated memory.
+    /// Seconds of one core per pixel, from the start of the pass until the image is written, with memory at hand.
     pub core_seconds: f64,
-    /// Bytes per pixel for the same, beside the store.
+    /// Bytes per pixel that it takes, beside the store.
     pub bytes: usize,
     /// Time of a pass with reused memory, in units of a pass of `nlm draft`.
     pub pass_time: f64,
     /// Whether the times are per sample of a pixel instead of per pixel.
     pub is_per_sample: bool,
+}
+
+impl Cost {
+    /// Returns [`Self::core_seconds`] with new memory, of which a byte takes a core `memory_seconds`.
+    pub fn core_seconds_with(&self, memory_seconds: f64) -> f64 {
+        self.core_seconds + self.bytes as f64 * memory_seconds
+    }
 }
 
 impl PartialEq for dyn Denoiser {

@@ -82,9 +82,10 @@ pub fn side_for(spp: f64) -> usize {
 }
 
 /// Returns the seconds of one core per pixel from the start of a pass over squares until the image is written, as
-/// [`Cost`](super::Cost) has them for pixels. `spp`: samples per pixel.
-pub fn core_seconds(denoiser: &dyn Denoiser, side: usize, spp: f64) -> f64 {
-    let [all, unfiltered] = [denoiser, UNFILTERED].map(|denoiser| denoiser.cost().core_seconds);
+/// [`Cost`](super::Cost) has them for pixels. `spp`: samples per pixel; `memory_seconds`: seconds of one core for a byte of new memory.
+pub fn core_seconds(denoiser: &dyn Denoiser, side: usize, spp: f64, memory_seconds: f64) -> f64 {
+    let [all, unfiltered] =
+        [denoiser, UNFILTERED].map(|denoiser| denoiser.cost().core_seconds_with(memory_seconds));
     if side == 1 {
         return all;
     }

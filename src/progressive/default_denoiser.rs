@@ -2,6 +2,7 @@
 
 use super::budget::Budget;
 use super::finalisation::assumed_seconds;
+use super::time_constants::MEMORY_SECONDS;
 use crate::filter::{DEFAULTS, Denoiser};
 use crate::memory::available_bytes;
 
@@ -20,7 +21,8 @@ pub fn default_denoiser(budget: &Budget, pixels: usize, processes: usize) -> &'s
     let available = available_bytes();
     let is_affordable = |&(denoiser, fraction): &(&'static dyn Denoiser, f64)| {
         let bytes = (denoiser.cost().bytes * pixels) as f64;
-        assumed_seconds(denoiser, 1, pixels as u64, 1.0, false, processes) <= fraction * seconds
+        assumed_seconds(denoiser, 1, pixels as u64, 1.0, false, processes, MEMORY_SECONDS)
+            <= fraction * seconds
             && available.is_none_or(|available| bytes <= MEMORY_FRACTION * available)
     };
     let [.., fastest] = DEFAULTS;

@@ -46,7 +46,8 @@ pub struct Finalisation {
 }
 
 /// Returns the seconds assumed for a finalisation of `pixels` pixels until one is measured. `spp`: samples per pixel;
-/// `side` of the squares that are filtered; `saves`: whether a checkpoint is written; `processes` share the pass if they can.
+/// `side` of the squares that are filtered; `saves`: whether a checkpoint is written; `processes` share the pass if they can;
+/// `memory_seconds`: seconds of one core for a byte of new memory.
 pub(super) fn assumed_seconds(
     denoiser: &dyn Denoiser,
     side: usize,
@@ -54,12 +55,13 @@ pub(super) fn assumed_seconds(
     spp: f64,
     saves: bool,
     processes: usize,
+    memory_seconds: f64,
 ) -> f64 {
     let times = if denoiser.cost().is_per_sample { spp } else { 1.0 };
     let checkpoint = if saves { CHECKPOINT_SECONDS } else { 0.0 };
     let processes = if denoiser.parts().is_some() && side == 1 { processes } else { 1 };
     let threads = rayon::current_num_threads() * processes;
-    pixels as f64 * (times * core_seconds(denoiser, side, spp) / threads as f64 + checkpoint)
+    pixels as f64 * (times * core_seconds(denoiser, side, spp, memory_seconds) / threads as f64 + checkpoint)
 }
 
 impl Finalisation {
@@ -233,13 +235,14 @@ mod tests {
 
     #[test]
     fn what_is_assumed_grows_with_the_samples_only_where_these_are_filtered_one_by_one() {
-        let seconds = |denoiser: &dyn Denoiser, spp| assumed_seconds(denoiser, 1, 1000, spp, false, 1);
+        let seconds = |denoiser: &dyn Denoiser, spp| assumed_seconds(denoiser, 1, 1000, spp, false, 1, 2e-9);
         use crate::filter::rpf;
         assert!((seconds(&rpf::RPF, 8.0) / seconds(&rpf::RPF, 4.0) - 2.0).abs() < 1e-9);
         assert_eq!(seconds(&nlm::DRAFT, 8.0), seconds(&nlm::DRAFT, 4.0));
-        let checkpoint = assumed_seconds(&nlm::DRAFT, 1, 1000, 4.0, true, 1) - seconds(&nlm::DRAFT, 4.0);
+        let checkpoint =
+            assumed_seconds(&nlm::DRAFT, 1, 1000, 4.0, true, 1, 2e-9) - seconds(&nlm::DRAFT, 4.0);
         assert!((checkpoint - 2e-3).abs() < 1e-9);
-        let of_two = |denoiser: &dyn Denoiser| assumed_seconds(denoiser, 1, 1000, 4.0, false, 2);
+        let of_two = |denoiser: &dyn Denoiser| assumed_seconds(denoiser, 1, 1000, 4.0, false, 2, 2e-9);
         assert!((of_two(&nlm::DRAFT) - seconds(&nlm::DRAFT, 4.0) / 2.0).abs() < 1e-12);
         assert_eq!(of_two(&rpf::RPF), seconds(&rpf::RPF, 4.0), "not shared");
     }

@@ -123,6 +123,7 @@ impl Situation<'_> {
     fn assumed_seconds_of(&self, pass: LastPass) -> f64 {
         let (spp, saves) = (self.spp(), self.conditions.checkpoint_interval.is_some());
         let side = if pass.least_side > 1 { pass.least_side.max(side_for(spp)) } else { 1 };
-        assumed_seconds(pass.denoiser, side, self.pixels, spp, saves, self.processes)
+        let memory_seconds = self.measurements.memory_seconds();
+        assumed_seconds(pass.denoiser, side, self.pixels, spp, saves, self.processes, memory_seconds)
     }
 }

@@ -21,7 +21,7 @@ use super::settings::Settings;
 use super::situation::{Conditions, Mark, Measurements, Situation};
 use super::steps::Grain;
 use super::stopped_by::StoppedBy;
-use super::time_constants::PREPARED;
+use super::time_constants::{PREPARED, PROBE_BYTES};
 use crate::filter::{Denoiser, FilterResult};
 use crate::image::Planes;
 use crate::memory;
@@ -263,6 +263,9 @@ impl<'a> RenderLoop<'a> {
     fn allocate(&mut self, plan: Plan, host: &mut dyn Host) {
         self.gather(StatisticsExtent::Radiance);
         let started = Instant::now();
+        if self.settings.budget.seconds.is_some() && self.measurements.memory_seconds.is_none() {
+            self.measurements.memory_seconds = Some(memory::measure_preparation(PROBE_BYTES));
+        }
         let grain = if self.samples.taken == 0 { Grain::Pixel } else { Grain::Block };
         let planned = allocate_batch(&self.checkpoint, self.region, &self.settings, plan.samples);
         let counts = host.choose_counts(&self.checkpoint.store, planned);

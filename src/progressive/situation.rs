@@ -5,6 +5,7 @@ use super::record::Seconds;
 use super::schedule::Schedule;
 use super::settings::Settings;
 use super::speed::Speed;
+use super::time_constants::MEMORY_SECONDS;
 use crate::adaptive::Sampling;
 use crate::filter::Denoiser;
 use crate::render::RejectedSample;
@@ -41,12 +42,21 @@ pub struct Measurements {
     pub interim_total: f64,
     pub interim_seconds: Option<f64>,
     pub finalisation: Finalisation,
+    /// Seconds of one core for a byte of new memory, once measured.
+    pub memory_seconds: Option<f64>,
     /// The first sample that the store has rejected.
     pub first_rejected: Option<RejectedSample>,
     /// When the latest checkpoint was saved, in seconds since the start.
     pub saved_at: f64,
     /// Whether nothing has changed since.
     pub is_saved: bool,
+}
+
+impl Measurements {
+    /// Returns the seconds of one core for a byte of new memory, as measured or assumed.
+    pub fn memory_seconds(&self) -> f64 {
+        self.memory_seconds.unwrap_or(MEMORY_SECONDS)
+    }
 }
 
 /// The inputs of a decision.
@@ -95,7 +105,8 @@ impl Situation<'_> {
 
     /// Returns the assumed seconds of an interim pass by this denoiser.
     pub(super) fn assumed_interim_seconds(&self, denoiser: &dyn Denoiser) -> f64 {
-        assumed_seconds(denoiser, 1, self.pixels, self.spp(), false, self.processes)
+        let memory_seconds = self.measurements.memory_seconds();
+        assumed_seconds(denoiser, 1, self.pixels, self.spp(), false, self.processes, memory_seconds)
     }
 
     /// Returns the samples per pixel taken so far.

@@ -38,6 +38,14 @@ pub const LAST_INTERIM_FRACTION: f64 = 0.08;
 /// An interim pass is followed by at least this many times its own time for the samples that it directs.
 pub const INTERIM_USE: f64 = 3.0;
 
+// New memory
+
+/// Assumed seconds of one core for a byte of new memory, until it is measured (measured: 0.15 to 3 seconds per gigabyte, by the mood of a
+/// virtual machine's host).
+pub const MEMORY_SECONDS: f64 = 2e-9;
+/// Bytes that are taken to measure it. The filter needs them later.
+pub const PROBE_BYTES: usize = 32 << 20;
+
 // Calibration of the finalisation
 
 /// Largest fraction of the time that calibrations take.

@@ -82,7 +82,7 @@ pub struct Prpf {
 pub static PRPF: Prpf = Prpf {
     preset: None,
     summary: "Pixel-based random parameter filtering as published; three of its sums are sampled",
-    cost: Cost { core_seconds: 1.75e-5, bytes: 1300, pass_time: 18.0, is_per_sample: false },
+    cost: Cost { core_seconds: 1.6e-5, bytes: 1300, pass_time: 18.0, is_per_sample: false },
     settings: PrpfSettings::paper,
 };
 
@@ -90,7 +90,7 @@ pub static PRPF: Prpf = Prpf {
 pub static INTERIM: Prpf = Prpf {
     preset: Some("interim"),
     summary: "The same with one window and fewer samples in its statistics: for passes between batches",
-    cost: Cost { core_seconds: 3.8e-6, bytes: 1300, pass_time: 3.0, is_per_sample: false },
+    cost: Cost { core_seconds: 3.2e-6, bytes: 1300, pass_time: 3.0, is_per_sample: false },
     settings: PrpfSettings::interim,
 };
 
