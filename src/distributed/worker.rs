@@ -195,7 +195,9 @@ pub fn serve(link: &Link, renderer: &Renderer, interrupt: &AtomicBool) {
             (Command::FilterStore { denoiser, width, height, capacity }, Some(part)) => {
                 part.filter_store(link, parts_of(&denoiser), (width, height, capacity), None);
             }
-            (Command::PrepareMemory { bytes }, Some(_)) => memory::prepare(bytes),
+            (Command::PrepareMemory { bytes }, Some(_)) => {
+                memory::prepare(bytes);
+            }
             (Command::Record, Some(part)) => link.tell(0, &part.record(link)),
             (_, None) => unreachable!("a render begins first"),
         }

@@ -42,23 +42,20 @@ pub fn check_available(bytes: u64) -> Result<(), String> {
     }
 }
 
-/// Bytes that one thread touches at a time.
-const PIECE: usize = 8 << 20;
-
 /// Allocates `bytes` bytes, touches every page and frees them. The allocator keeps the pages (see `main`), so that a filter
-/// pass after it takes no longer than another one: on a virtual machine new pages can be most of its time.
-pub fn prepare(bytes: usize) {
-    // The system provides a page when it is first written, and zeros are not written.
-    let pieces: Vec<_> = (0..bytes / PIECE).into_par_iter().map(|_| vec![1u8; PIECE]).collect();
+/// pass after it takes no longer than another one: on a virtual machine new pages can be most of its time. Returns the seconds that a
+/// thread took for a byte, at least: other programs lengthen a measurement and never shorten it.
+pub fn prepare(bytes: usize) -> Option<f64> {
+    /// Bytes that one thread touches at a time.
+    const PIECE: usize = 8 << 20;
+    let touch = |_| {
+        let started = Instant::now();
+        // The system provides a page when it is first written, and zeros are not written.
+        (vec![1u8; PIECE], started.elapsed().as_secs_f64() / PIECE as f64)
+    };
+    let (pieces, seconds): (Vec<_>, Vec<_>) = (0..bytes / PIECE).into_par_iter().map(touch).unzip();
     std::hint::black_box(pieces);
-}
-
-/// Does the same as [`prepare`]. Returns the seconds of one core that a byte takes.
-pub fn measure_preparation(bytes: usize) -> f64 {
-    let started = Instant::now();
-    prepare(bytes);
-    let cores = rayon::current_num_threads().min(bytes / PIECE).max(1);
-    started.elapsed().as_secs_f64() * cores as f64 / bytes as f64
+    seconds.into_iter().reduce(f64::min)
 }
 
 /// Returns a number of bytes in a unit that suits it.

@@ -264,7 +264,7 @@ impl<'a> RenderLoop<'a> {
         self.gather(StatisticsExtent::Radiance);
         let started = Instant::now();
         if self.settings.budget.seconds.is_some() && self.measurements.memory_seconds.is_none() {
-            self.measurements.memory_seconds = Some(memory::measure_preparation(PROBE_BYTES));
+            self.measurements.memory_seconds = memory::prepare(PROBE_BYTES);
         }
         let grain = if self.samples.taken == 0 { Grain::Pixel } else { Grain::Block };
         let planned = allocate_batch(&self.checkpoint, self.region, &self.settings, plan.samples);
@@ -323,7 +323,9 @@ impl<'a> RenderLoop<'a> {
             let bytes_per_pixel = (PREPARED * denoiser.cost().bytes as f64) as usize;
             match &mut self.processes {
                 Some(processes) if denoiser.parts().is_some() => processes.prepare_memory(bytes_per_pixel),
-                _ => memory::prepare(bytes_per_pixel * self.store().pixels()),
+                _ => {
+                    memory::prepare(bytes_per_pixel * self.store().pixels());
+                }
             }
         }
         self.measurements.finalisation.predict_for(denoiser);

@@ -53,9 +53,10 @@ pub struct Measurements {
 }
 
 impl Measurements {
-    /// Returns the seconds of one core for a byte of new memory, as measured or assumed.
+    /// Returns the seconds of one core for a byte of new memory: as measured, or as assumed where they are not known or more. Short budgets
+    /// would otherwise be spent on waiting for what may come faster by then.
     pub fn memory_seconds(&self) -> f64 {
-        self.memory_seconds.unwrap_or(MEMORY_SECONDS)
+        self.memory_seconds.map_or(MEMORY_SECONDS, |seconds| seconds.min(MEMORY_SECONDS))
     }
 }
 
