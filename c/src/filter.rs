@@ -14,6 +14,9 @@ use crate::status::{Failure, PrpfStatus, guard, invalid};
 use crate::store::PrpfStore;
 use crate::threads;
 
+/// Assumed seconds of a core for a byte of new memory.
+const MEMORY_SECONDS: f64 = 2e-9;
+
 /// A denoiser, and the result of its latest pass. One thread uses a filter at a time.
 pub struct PrpfFilter {
     content: Mutex<Content>,
@@ -128,7 +131,7 @@ pub unsafe extern "C" fn prpf_filter_create(
             status: PrpfStatus::OutOfMemory,
             message: format!("cannot start threads: {error}"),
         })?;
-        let unit_seconds = denoiser.cost().core_seconds / pool.threads() as f64;
+        let unit_seconds = denoiser.cost().core_seconds_with(MEMORY_SECONDS) / pool.threads() as f64;
         let content =
             Content { denoiser, pool, progress: None, user: null_mut(), unit_seconds, filtered: None };
         place.write(Box::into_raw(Box::new(PrpfFilter { content: Mutex::new(content) })));

@@ -44,7 +44,8 @@ pub fn check_available(bytes: u64) -> Result<(), String> {
 
 /// Allocates `bytes` bytes, touches every page and frees them. The allocator keeps the pages (see `main`), so that a filter
 /// pass after it takes no longer than another one: on a virtual machine new pages can be most of its time. Returns the seconds that a
-/// thread took for a byte, at least: other programs lengthen a measurement and never shorten it.
+/// thread took for a byte, at least: other programs lengthen a measurement and never shorten it;
+/// `None` below 8 MiB.
 pub fn prepare(bytes: usize) -> Option<f64> {
     /// Bytes that one thread touches at a time.
     const PIECE: usize = 8 << 20;

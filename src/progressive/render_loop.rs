@@ -263,7 +263,9 @@ impl<'a> RenderLoop<'a> {
     fn allocate(&mut self, plan: Plan, host: &mut dyn Host) {
         self.gather(StatisticsExtent::Radiance);
         let started = Instant::now();
-        if self.settings.budget.seconds.is_some() && self.measurements.memory_seconds.is_none() {
+        // Later the allocator may hold free pages, which are faster than new ones
+        let is_new = self.samples.taken == 0 && self.measurements.memory_seconds.is_none();
+        if self.settings.budget.seconds.is_some() && is_new {
             self.measurements.memory_seconds = memory::prepare(PROBE_BYTES);
         }
         let grain = if self.samples.taken == 0 { Grain::Pixel } else { Grain::Block };
