@@ -19,7 +19,7 @@
 //! | --- | --- |
 //! | [`simd`] | lane width and lane types, instruction-set targets, choice between them at run time |
 //! | `hash` | the one hash function, of integers |
-//! | `memory` | the memory that the process holds, and that is available to it |
+//! | `memory` | the memory that the process holds, what is available to it, and what new memory costs |
 //! | [`files`] | files on disk: atomic replacement, locking, direct I/O |
 //! | [`image`] | planes of `f32`; EXR and PNG files; tone mapping; error metrics |
 //! | [`scene`] | the scene: pbrt reader, shapes, materials, textures, lights, camera, and the [`scene::Effects`] it calls for |

@@ -5,7 +5,7 @@ use std::ptr::null_mut;
 use std::sync::{Arc, Mutex, MutexGuard, TryLockError};
 use std::time::Instant;
 
-use prpf::filter::{CancellablePool, Denoiser, by_name, can_filter, draft_if_sparse};
+use prpf::filter::{CancellablePool, Cost, Denoiser, by_name, can_filter, draft_if_sparse};
 use prpf::progressive::{FilterPass, Filtered};
 use prpf::stats::Store;
 
@@ -13,9 +13,6 @@ use crate::arguments::{object, place, text};
 use crate::status::{Failure, PrpfStatus, guard, invalid};
 use crate::store::PrpfStore;
 use crate::threads;
-
-/// Assumed seconds of a core for a byte of new memory.
-const MEMORY_SECONDS: f64 = 2e-9;
 
 /// A denoiser, and the result of its latest pass. One thread uses a filter at a time.
 pub struct PrpfFilter {
@@ -131,7 +128,7 @@ pub unsafe extern "C" fn prpf_filter_create(
             status: PrpfStatus::OutOfMemory,
             message: format!("cannot start threads: {error}"),
         })?;
-        let unit_seconds = denoiser.cost().core_seconds_with(MEMORY_SECONDS) / pool.threads() as f64;
+        let unit_seconds = denoiser.cost().core_seconds_with(Cost::MEMORY_SECONDS) / pool.threads() as f64;
         let content =
             Content { denoiser, pool, progress: None, user: null_mut(), unit_seconds, filtered: None };
         place.write(Box::into_raw(Box::new(PrpfFilter { content: Mutex::new(content) })));
@@ -189,7 +186,7 @@ pub unsafe extern "C" fn prpf_filter_free(filter: *mut PrpfFilter) {
 
 #[cfg(test)]
 mod tests {
-    use prpf::filter::{Cost, DenoiserName, FilterResult, Reads, SampleVectors, nlm, unfiltered};
+    use prpf::filter::{DenoiserName, FilterResult, Reads, SampleVectors, nlm, unfiltered};
     use prpf::stats::{Block, Columns, SampleRectangle};
 
     use super::*;

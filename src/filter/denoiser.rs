@@ -118,6 +118,10 @@ pub struct Cost {
 }
 
 impl Cost {
+    /// Assumed seconds of one core for a byte of new memory, unless less is measured (0.15 to 3 seconds per gigabyte, by the mood of a
+    /// virtual machine's host).
+    pub const MEMORY_SECONDS: f64 = 2e-9;
+
     /// Returns [`Self::core_seconds`] with new memory, of which a byte takes a core `memory_seconds`.
     pub fn core_seconds_with(&self, memory_seconds: f64) -> f64 {
         self.core_seconds + self.bytes as f64 * memory_seconds

@@ -2,8 +2,7 @@
 
 use super::budget::Budget;
 use super::finalisation::assumed_seconds;
-use super::time_constants::MEMORY_SECONDS;
-use crate::filter::{DEFAULTS, Denoiser};
+use crate::filter::{Cost, DEFAULTS, Denoiser};
 use crate::memory::available_bytes;
 
 /// Largest fraction of a time budget that the last pass takes, of each of [`DEFAULTS`] but the last. In the same time the draft of
@@ -21,7 +20,7 @@ pub fn default_denoiser(budget: &Budget, pixels: usize, processes: usize) -> &'s
     let available = available_bytes();
     let is_affordable = |&(denoiser, fraction): &(&'static dyn Denoiser, f64)| {
         let bytes = (denoiser.cost().bytes * pixels) as f64;
-        assumed_seconds(denoiser, 1, pixels as u64, 1.0, false, processes, MEMORY_SECONDS)
+        assumed_seconds(denoiser, 1, pixels as u64, 1.0, false, processes, Cost::MEMORY_SECONDS)
             <= fraction * seconds
             && available.is_none_or(|available| bytes <= MEMORY_FRACTION * available)
     };

@@ -5,9 +5,8 @@ use super::record::Seconds;
 use super::schedule::Schedule;
 use super::settings::Settings;
 use super::speed::Speed;
-use super::time_constants::MEMORY_SECONDS;
 use crate::adaptive::Sampling;
-use crate::filter::Denoiser;
+use crate::filter::{Cost, Denoiser};
 use crate::render::RejectedSample;
 
 /// The host's requests at a moment.
@@ -56,7 +55,7 @@ impl Measurements {
     /// Returns the seconds of one core for a byte of new memory: as measured, or as assumed where they are not known or more. Short budgets
     /// would otherwise be spent on waiting for what may come faster by then.
     pub fn memory_seconds(&self) -> f64 {
-        self.memory_seconds.map_or(MEMORY_SECONDS, |seconds| seconds.min(MEMORY_SECONDS))
+        self.memory_seconds.unwrap_or(f64::INFINITY).min(Cost::MEMORY_SECONDS)
     }
 }
 

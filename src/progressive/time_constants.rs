@@ -40,10 +40,7 @@ pub const INTERIM_USE: f64 = 3.0;
 
 // New memory
 
-/// Assumed seconds of one core for a byte of new memory, unless less is measured (0.15 to 3 seconds per gigabyte, by the mood of a virtual
-/// machine's host).
-pub const MEMORY_SECONDS: f64 = 2e-9;
-/// Bytes that are taken to measure it. The filter needs them later.
+/// Bytes that are taken to measure what they cost. The filter needs them later.
 pub const PROBE_BYTES: usize = 32 << 20;
 
 // Calibration of the finalisation
