@@ -22,15 +22,17 @@ const SQUARE_SAMPLES: f64 = 0.7;
 /// Largest mean number of samples of the pixels that have any. Above it pixels were chosen, and stay apart.
 const MOST_SAMPLES: f64 = 4.0;
 
-/// Seconds of one core per pixel of the image to pool its first two samples, each, and to enlarge the image of the squares. Measured on
-/// two cores at 512×512.
-const POOLING_SECONDS: f64 = 0.7e-6;
-const ENLARGEMENT_SECONDS: f64 = 0.35e-6;
+/// Seconds of one core per pixel of the image to pool its first two samples, each, and to enlarge the image of the squares, with
+/// memory at hand. Measured on two cores, 512×512 to 1920×1080.
+const POOLING_SECONDS: f64 = 0.15e-6;
+const ENLARGEMENT_SECONDS: f64 = 0.3e-6;
 
-/// Ratio of the time of a pass over a square to that over a pixel: no pass before has prepared its memory. Measured on two cores with
-/// three scenes: 1.2 to 1.6 at 512×512, 1.3 to 2.2 at 768×768 and 1280×720, 1.6 to 2 at 1920×1080. Of large images since these take
-/// most of their budgets.
-const COLD_RATIO: f64 = 1.8;
+/// Ratio of the time of a pass over a square to that over a pixel, beside their new memory. Measured on two cores with three scenes: 0.8
+/// to 1.0 at 512×512, 1.0 to 1.3 at 1280×720 and 1920×1080.
+const SQUARE_RATIO: f64 = 1.1;
+
+/// Bytes that the statistics of a square take.
+const POOLED_BYTES: f64 = 600.0;
 
 /// Filters squares of `side` pixels of a store; the pixels themselves if it is 1.
 pub fn filter(denoiser: &dyn Denoiser, store: &Store, side: usize, seed: u64) -> FilterResult {
@@ -89,7 +91,8 @@ pub fn core_seconds(denoiser: &dyn Denoiser, side: usize, spp: f64, memory_secon
     if side == 1 {
         return all;
     }
-    let squares = COLD_RATIO * (all - unfiltered) / (side * side) as f64;
+    let of_square = SQUARE_RATIO * (all - unfiltered) + POOLED_BYTES * memory_seconds;
+    let squares = of_square / (side * side) as f64;
     unfiltered + spp.min(2.0) * POOLING_SECONDS + squares + ENLARGEMENT_SECONDS
 }
 

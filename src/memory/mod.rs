@@ -44,8 +44,8 @@ pub fn check_available(bytes: u64) -> Result<(), String> {
 
 /// Allocates `bytes` bytes, touches every page and frees them. The allocator keeps the pages (see `main`), so that a filter
 /// pass after it takes no longer than another one: on a virtual machine new pages can be most of its time. Returns the seconds that a
-/// thread took for a byte, at least: other programs lengthen a measurement and never shorten it;
-/// `None` below 8 MiB.
+/// thread took for a byte, the median of pieces of 8 MiB; `None` for less than one: some of them may be of memory that was free already,
+/// and some wait for other programs.
 pub fn prepare(bytes: usize) -> Option<f64> {
     /// Bytes that one thread touches at a time.
     const PIECE: usize = 8 << 20;
@@ -54,9 +54,10 @@ pub fn prepare(bytes: usize) -> Option<f64> {
         // The system provides a page when it is first written, and zeros are not written.
         (vec![1u8; PIECE], started.elapsed().as_secs_f64() / PIECE as f64)
     };
-    let (pieces, seconds): (Vec<_>, Vec<_>) = (0..bytes / PIECE).into_par_iter().map(touch).unzip();
+    let (pieces, mut seconds): (Vec<_>, Vec<_>) = (0..bytes / PIECE).into_par_iter().map(touch).unzip();
     std::hint::black_box(pieces);
-    seconds.into_iter().reduce(f64::min)
+    seconds.sort_by(f64::total_cmp);
+    seconds.get(seconds.len() / 2).copied()
 }
 
 /// Returns a number of bytes in a unit that suits it.

@@ -179,8 +179,9 @@ fn calibration(now: &Situation) -> Option<&'static dyn Denoiser> {
     let fresh = finalisation.calibrated_denoiser().filter(|_| finalisation.is_fresh());
     if let Some(denoiser) = fresh {
         // Judge the calibration that was just made
-        let left = now.schedule_of(LastPass::of_pixels(denoiser)).seconds_left(now.elapsed)?;
-        if finalisation.is_doubtful(left) {
+        let pass = LastPass::of_pixels(denoiser);
+        let left = now.schedule_of(pass).seconds_left(now.elapsed)?;
+        if finalisation.is_doubtful(left, now.assumed_seconds_of(pass)) {
             return Some(denoiser);
         }
     }

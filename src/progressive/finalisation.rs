@@ -4,8 +4,8 @@
 //! prediction is the mean of the latest calibrations plus their mean deviation from it.
 
 use super::time_constants::{
-    CALIBRATION_FRACTION, CALIBRATION_USE, CALIBRATIONS, CHECKPOINT_SECONDS, FIRST_CALIBRATION_EXCESS,
-    FIRST_DEVIATION, LAST_CALIBRATION,
+    CALIBRATION_FRACTION, CALIBRATION_USE, CALIBRATIONS, CHECKPOINT_SECONDS, DOUBTED_EXCESS,
+    FIRST_CALIBRATION_EXCESS, FIRST_DEVIATION, LAST_CALIBRATION,
 };
 use crate::filter::Denoiser;
 use crate::filter::sparse_filtering::core_seconds;
@@ -80,6 +80,11 @@ impl Finalisation {
         self.predicted + self.deviation
     }
 
+    /// Returns the mean of the predicted seconds, once calibrated.
+    pub fn mean_seconds(&self) -> f64 {
+        self.predicted
+    }
+
     /// Returns the seconds that it takes if no other program is in its way, once calibrated.
     pub fn least_seconds(&self) -> f64 {
         self.least.unwrap_or(0.0)
@@ -92,9 +97,9 @@ impl Finalisation {
 
     /// Adds a calibration; `left`: seconds that were left for samples.
     pub fn add(&mut self, times: CalibrationTimes, left: f64) {
-        self.is_last_made |= self.is_last(left);
         self.spent += times.spent;
         self.latest = Some(times);
+        self.is_last_made |= self.is_last(left);
         self.is_fresh = true;
         self.record(times.total);
 
@@ -155,11 +160,12 @@ impl Finalisation {
         left > CALIBRATION_USE * next && (is_affordable || !self.is_last_made && self.is_last(left))
     }
 
-    /// Returns whether the only calibration so far has to be repeated at once: it may have been too slow, and by it
+    /// Returns whether the only calibration so far has to be repeated at once: it took longer than the `assumed` seconds, and by it
     /// hardly any time is left.
-    pub fn is_doubtful(&self, left: f64) -> bool {
-        let is_only = self.latest.is_some_and(|latest| latest.spent == self.spent);
-        is_only && !self.is_last_made && self.is_last(left)
+    pub fn is_doubtful(&self, left: f64, assumed: f64) -> bool {
+        let is_doubted =
+            |latest: CalibrationTimes| latest.spent == self.spent && latest.total > DOUBTED_EXCESS * assumed;
+        self.latest.is_some_and(is_doubted) && self.is_last(left)
     }
 
     /// Returns whether so little time is left that a calibration is the last one before the end.
@@ -217,9 +223,10 @@ mod tests {
     fn one_more_calibration_comes_before_the_end() {
         let once = calibrated(&[(0.8, 0.1)], 9.0);
         assert!(!once.is_due(2.5, 1.0, 0.8) && once.is_due(2.6, 0.7, 0.8));
-        assert!(!once.is_doubtful(1.0) && once.is_doubtful(-3.0), "the first one may be far off");
+        assert!(!once.is_doubtful(1.0, 0.5) && once.is_doubtful(-3.0, 0.5), "the first one may be far off");
+        assert!(!once.is_doubtful(-3.0, 0.7), "it is as expected");
         let twice = calibrated(&[(0.8, 0.1), (0.8, 0.2)], 9.0);
-        assert!(!twice.is_doubtful(-3.0));
+        assert!(!twice.is_doubtful(-3.0, 0.5));
         let mut late = once;
         late.add(CalibrationTimes { filter: 0.7, total: 0.8, spent: 0.1 }, 0.7);
         assert!(!late.is_due(2.6, 0.7, 0.8), "the last one is made");

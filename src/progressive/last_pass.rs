@@ -6,6 +6,7 @@
 use super::finalisation::assumed_seconds;
 use super::schedule::Schedule;
 use super::situation::Situation;
+use super::time_constants::FIRST_SAMPLES_EXCESS;
 use crate::filter::sparse_filtering::side_for;
 use crate::filter::{Denoiser, UNFILTERED, draft_of};
 
@@ -49,15 +50,18 @@ impl Situation<'_> {
         best.or_else(|| passes.clone().find(|pass| !is_far_too_late(pass))).unwrap_or(unfiltered)
     }
 
-    /// Returns the passes over pixels, the best first. Once one is calibrated, none is slower than that one.
+    /// Returns the passes over pixels, the best first. Once one is calibrated, none is slower than that one but the pass that needs the
+    /// fewest samples.
     fn passes_over_pixels(&self) -> impl Iterator<Item = LastPass> + Clone {
         let (asked, current) = (self.settings.denoiser, self.current_pass());
         let is_calibrated = self.measurements.finalisation.is_calibrated();
         let most_seconds = if is_calibrated { self.assumed_seconds_of(current) } else { f64::INFINITY };
         let drafts = [draft_of(asked), asked.stand_in()].map(LastPass::of_pixels);
+        let with_fewest_samples = LastPass::of_pixels(self.settings.square_denoiser());
         std::iter::once(current)
             .chain(drafts)
             .filter(move |&pass| self.assumed_seconds_of(pass) <= most_seconds)
+            .chain(std::iter::once(with_fewest_samples))
     }
 
     /// Returns the passes over squares, the finest first; none where an unfiltered image is better.
@@ -89,7 +93,7 @@ impl Situation<'_> {
 
     /// Returns whether a pass ends in time, and if it filters pixels, whether these will have the samples that it needs.
     fn has_time(&self, pass: LastPass) -> bool {
-        let schedule = self.schedule_of(pass);
+        let (schedule, finalisation) = (self.schedule_of(pass), &self.measurements.finalisation);
         // A map or a region chooses pixels, which get their samples
         let is_chosen = self.has_region || self.settings.sample_map.is_some();
         let elapsed = if self.conditions.is_interrupted { f64::INFINITY } else { self.elapsed };
@@ -97,12 +101,16 @@ impl Situation<'_> {
             // Those that nobody asked for are not lacking
             let needed =
                 (pass.denoiser.least_spp().max(1.0) * self.pixels as f64).min(schedule.most() as f64);
-            schedule.samples_at_end(elapsed, self.samples) >= needed
+            let to_come = schedule.samples_at_end(elapsed, self.samples) - self.samples as f64;
+            // The first samples take longer than the others
+            let excess = if finalisation.is_calibrated() { 1.0 } else { FIRST_SAMPLES_EXCESS };
+            self.samples as f64 + excess * to_come >= needed
         };
         // What is measured again and again is soon a little late
-        let is_calibrated = self.measurements.finalisation.is_calibrated() && pass == self.current_pass();
+        let is_calibrated = finalisation.is_calibrated() && pass == self.current_pass();
         let is_late = if is_calibrated {
-            schedule.is_far_too_late(self.elapsed, self.elapsed)
+            let expected = Schedule { finalisation: finalisation.mean_seconds(), ..schedule };
+            expected.is_far_too_late(self.elapsed, self.elapsed)
         } else {
             schedule.is_late(self.elapsed)
         };
@@ -120,7 +128,8 @@ impl Situation<'_> {
         }
     }
 
-    fn assumed_seconds_of(&self, pass: LastPass) -> f64 {
+    /// Returns the seconds assumed for the finalisation with this pass.
+    pub(super) fn assumed_seconds_of(&self, pass: LastPass) -> f64 {
         let (spp, saves) = (self.spp(), self.conditions.checkpoint_interval.is_some());
         let side = if pass.least_side > 1 { pass.least_side.max(side_for(spp)) } else { 1 };
         let memory_seconds = self.measurements.memory_seconds();

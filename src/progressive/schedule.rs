@@ -11,7 +11,7 @@ use super::forecast::FILTERED_POWER;
 use super::speed::Speed;
 use super::stopped_by::StoppedBy;
 use super::time_constants::{
-    LAST_BATCH_EXCESS, LONGEST_TIMED_STEP, MARGIN, SHORTEST_TIMED_STEP, STEP_FRACTION, TOLERANCE,
+    LAST_BATCH_EXCESS, LONGEST_TIMED_STEP, MARGIN, SHORTEST_TIMED_STEP, SLACK, STEP_FRACTION, TOLERANCE,
 };
 
 /// A batch to come.
@@ -168,9 +168,9 @@ impl Schedule<'_> {
         self.budget.seconds.map(|seconds| (1.0 - MARGIN) * seconds - self.finalisation - elapsed)
     }
 
-    /// Returns whether the finalisation would end beyond the time budget if it began now.
+    /// Returns whether the finalisation would end beyond the time budget if it began now, by more than steps may have taken too long.
     pub fn is_late(&self, elapsed: f64) -> bool {
-        self.budget.seconds.is_some_and(|seconds| elapsed + self.finalisation > seconds)
+        self.budget.seconds.is_some_and(|seconds| elapsed + self.finalisation > seconds + SLACK)
     }
 
     /// Returns whether the finalisation would break the budget, or if that cannot be kept, end much later than the `earliest_end`.

@@ -5,6 +5,7 @@ use super::record::Seconds;
 use super::schedule::Schedule;
 use super::settings::Settings;
 use super::speed::Speed;
+use super::time_constants::LEAST_MEMORY_SECONDS;
 use crate::adaptive::Sampling;
 use crate::filter::{Cost, Denoiser};
 use crate::render::RejectedSample;
@@ -53,9 +54,11 @@ pub struct Measurements {
 
 impl Measurements {
     /// Returns the seconds of one core for a byte of new memory: as measured, or as assumed where they are not known or more. Short budgets
-    /// would otherwise be spent on waiting for what may come faster by then.
+    /// would otherwise be spent on waiting for what may come faster by then. At least [`LEAST_MEMORY_SECONDS`], since what was measured
+    /// was little of it.
     pub fn memory_seconds(&self) -> f64 {
-        self.memory_seconds.unwrap_or(f64::INFINITY).min(Cost::MEMORY_SECONDS)
+        let measured = self.memory_seconds.unwrap_or(f64::INFINITY);
+        measured.clamp(LEAST_MEMORY_SECONDS, Cost::MEMORY_SECONDS)
     }
 }
 

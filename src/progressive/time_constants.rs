@@ -23,6 +23,11 @@ pub const SPEED_MEMORY: f64 = 0.5;
 pub const MARGIN: f64 = 0.02;
 /// A time budget is broken if it is exceeded by more than the larger of these seconds and this fraction of it.
 pub const TOLERANCE: (f64, f64) = (0.1, 0.01);
+/// Seconds by which a finalisation may be predicted to end too late before a faster one takes its place: a step may take longer than
+/// predicted, and the faster one is worse by more than it saves.
+pub const SLACK: f64 = 0.03;
+/// Ratio of the time of a sample among the first to that of a later one, which shares its pixel's visit with others (measured: 1.3 to 1.6).
+pub const FIRST_SAMPLES_EXCESS: f64 = 1.5;
 /// The last batch under a time budget is planned larger by this factor than its expected size: the clock ends it.
 pub const LAST_BATCH_EXCESS: f64 = 1.25;
 
@@ -42,6 +47,8 @@ pub const INTERIM_USE: f64 = 3.0;
 
 /// Bytes that are taken to measure what they cost. The filter needs them later.
 pub const PROBE_BYTES: usize = 32 << 20;
+/// Least assumed seconds of one core for a byte of it. Where the probe found 0.1 nanoseconds, passes of 500 MB took up to 0.6.
+pub const LEAST_MEMORY_SECONDS: f64 = 3e-10;
 
 // Calibration of the finalisation
 
@@ -52,6 +59,8 @@ pub const CALIBRATION_USE: f64 = 2.0;
 /// Ratio of the time of the first calibration to what its rows take of a pass: memory is prepared before it, its data is in no
 /// cache, and of an image of few rows it takes more of them.
 pub const FIRST_CALIBRATION_EXCESS: f64 = 3.0;
+/// A first calibration above this many times what was assumed is doubted.
+pub const DOUBTED_EXCESS: f64 = 1.25;
 /// A last calibration is due when this many times its result is left for samples: the machine may be busier by then.
 pub const LAST_CALIBRATION: f64 = 1.0;
 /// Fraction of a filter pass's memory that is prepared: more does not save it time, since it takes the rest in blocks of other
