@@ -118,7 +118,7 @@ pub struct Cost {
 }
 
 impl Cost {
-    /// Assumed seconds of one core for a byte of new memory, unless less is measured (0.15 to 3 seconds per gigabyte, by the mood of a
+    /// Assumed seconds of one core for a byte of new memory, unless less is measured (0.1 to 3 seconds per gigabyte, by the mood of a
     /// virtual machine's host).
     pub const MEMORY_SECONDS: f64 = 2e-9;
 

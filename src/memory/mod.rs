@@ -44,8 +44,8 @@ pub fn check_available(bytes: u64) -> Result<(), String> {
 
 /// Allocates `bytes` bytes, touches every page and frees them. The allocator keeps the pages (see `main`), so that a filter
 /// pass after it takes no longer than another one: on a virtual machine new pages can be most of its time. Returns the seconds that a
-/// thread took for a byte, the median of pieces of 8 MiB; `None` for less than one: some of them may be of memory that was free already,
-/// and some wait for other programs.
+/// thread took for a byte, the median of pieces of 8 MiB: some of them may be of memory that was free already, and some wait for other
+/// programs. `None` if there is no such piece.
 pub fn prepare(bytes: usize) -> Option<f64> {
     /// Bytes that one thread touches at a time.
     const PIECE: usize = 8 << 20;

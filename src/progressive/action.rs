@@ -29,7 +29,7 @@ pub enum Action {
     EndBatch,
     /// Make an image and maps of the samples so far.
     Filter(&'static dyn Denoiser),
-    /// Measure how long the finalisation by this denoiser takes; if it is a faster one than before, fall back on it.
+    /// Measure how long the finalisation by this denoiser takes; if it is another one than before, fall back on it.
     Calibrate(&'static dyn Denoiser),
     /// Save a checkpoint.
     Save,
@@ -188,11 +188,13 @@ fn calibration(now: &Situation) -> Option<&'static dyn Denoiser> {
     let LastPass { denoiser, least_side } = now.last_pass();
     // Empty pixels add hole filling to the time, and a time that grows with the samples is soon outdated.
     let is_predictable = least_side == 1 && !now.has_unsampled_pixels() && !denoiser.cost().is_per_sample;
+    // Each one is faster than the one before, so that they come to an end
+    let is_next = !now.is_slower(LastPass::of_pixels(denoiser));
     let is_due = match fresh {
-        Some(fresh) => denoiser != fresh && denoiser != UNFILTERED,
+        Some(fresh) => denoiser != fresh && denoiser != UNFILTERED && left > 0.0,
         None => finalisation.is_due(now.elapsed, left, schedule.finalisation),
     };
-    (is_predictable && is_due).then_some(denoiser)
+    (is_predictable && is_next && is_due).then_some(denoiser)
 }
 
 /// Returns whether a checkpoint is due, if the next chance comes in `ahead` seconds.

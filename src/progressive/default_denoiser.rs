@@ -13,6 +13,9 @@ const TIME_FRACTIONS: [f64; DEFAULTS.len() - 1] = [0.16, 0.33, 0.27];
 /// Largest fraction of the available memory that the last pass takes.
 const MEMORY_FRACTION: f64 = 0.5;
 
+/// Samples per pixel of the image that the choice is for: processes share its pass.
+const SPP: f64 = 2.0;
+
 /// Returns the first of [`DEFAULTS`] whose pass takes not too much of a time budget or of the memory. `pixels`: those of the
 /// image; `processes` share the pass.
 pub fn default_denoiser(budget: &Budget, pixels: usize, processes: usize) -> &'static dyn Denoiser {
@@ -20,7 +23,7 @@ pub fn default_denoiser(budget: &Budget, pixels: usize, processes: usize) -> &'s
     let available = available_bytes();
     let is_affordable = |&(denoiser, fraction): &(&'static dyn Denoiser, f64)| {
         let bytes = (denoiser.cost().bytes * pixels) as f64;
-        assumed_seconds(denoiser, 1, pixels as u64, 1.0, false, processes, Cost::MEMORY_SECONDS)
+        assumed_seconds(denoiser, 1, pixels as u64, SPP, false, processes, Cost::MEMORY_SECONDS)
             <= fraction * seconds
             && available.is_none_or(|available| bytes <= MEMORY_FRACTION * available)
     };

@@ -46,7 +46,8 @@ pub struct Finalisation {
 }
 
 /// Returns the seconds assumed for a finalisation of `pixels` pixels until one is measured. `spp`: samples per pixel;
-/// `side` of the squares that are filtered; `saves`: whether a checkpoint is written; `processes` share the pass if they can;
+/// `side` of the squares that are filtered; `saves`: whether a checkpoint is written; `processes` share the pass if they can, which takes
+/// two samples in each pixel;
 /// `memory_seconds`: seconds of one core for a byte of new memory.
 pub(super) fn assumed_seconds(
     denoiser: &dyn Denoiser,
@@ -59,7 +60,7 @@ pub(super) fn assumed_seconds(
 ) -> f64 {
     let times = if denoiser.cost().is_per_sample { spp } else { 1.0 };
     let checkpoint = if saves { CHECKPOINT_SECONDS } else { 0.0 };
-    let processes = if denoiser.parts().is_some() && side == 1 { processes } else { 1 };
+    let processes = if denoiser.parts().is_some() && side == 1 && spp >= 2.0 { processes } else { 1 };
     let threads = rayon::current_num_threads() * processes;
     pixels as f64 * (times * core_seconds(denoiser, side, spp, memory_seconds) / threads as f64 + checkpoint)
 }
@@ -78,11 +79,6 @@ impl Finalisation {
     /// Returns the predicted seconds, once calibrated.
     pub fn seconds(&self) -> f64 {
         self.predicted + self.deviation
-    }
-
-    /// Returns the mean of the predicted seconds, once calibrated.
-    pub fn mean_seconds(&self) -> f64 {
-        self.predicted
     }
 
     /// Returns the seconds that it takes if no other program is in its way, once calibrated.
@@ -133,7 +129,7 @@ impl Finalisation {
             return;
         }
         (self.predicted, self.deviation, self.averaged) = (0.0, 0.0, 0.0);
-        self.least = None;
+        (self.least, self.is_last_made) = (None, false);
     }
 
     /// Records a measured time of the whole finalisation, in seconds.
@@ -252,5 +248,7 @@ mod tests {
         let of_two = |denoiser: &dyn Denoiser| assumed_seconds(denoiser, 1, 1000, 4.0, false, 2, 2e-9);
         assert!((of_two(&nlm::DRAFT) - seconds(&nlm::DRAFT, 4.0) / 2.0).abs() < 1e-12);
         assert_eq!(of_two(&rpf::RPF), seconds(&rpf::RPF, 4.0), "not shared");
+        let of_few = assumed_seconds(&nlm::DRAFT, 1, 1000, 1.0, false, 2, 2e-9);
+        assert_eq!(of_few, seconds(&nlm::DRAFT, 1.0), "too few samples to share");
     }
 }

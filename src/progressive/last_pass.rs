@@ -1,12 +1,12 @@
-//! Chooses the last filter pass: its denoiser, and whether it filters pixels or squares of them. A faster pass takes the place of the
-//! one that is asked for where time or samples are short.
+//! Chooses the last filter pass: its denoiser, and whether it filters pixels or squares of them. Where time or samples are short, one that
+//! is faster or needs fewer samples takes the place of the one that is asked for.
 //!
 //! Takes a situation; the times are those of the calibration, or in proportion to it, or assumed.
 
 use super::finalisation::assumed_seconds;
 use super::schedule::Schedule;
 use super::situation::Situation;
-use super::time_constants::FIRST_SAMPLES_EXCESS;
+use super::time_constants::{ASSUMED_EXCESS, FIRST_SAMPLES_EXCESS};
 use crate::filter::sparse_filtering::side_for;
 use crate::filter::{Denoiser, UNFILTERED, draft_of};
 
@@ -33,7 +33,7 @@ impl LastPass {
 impl Situation<'_> {
     /// Returns the last pass: under a time budget the best one for which there will be time and samples, or at least no broken budget;
     /// an unfiltered image where there is none. Before the first calibration it follows from what is assumed, at every moment anew;
-    /// a calibrated denoiser never gives way to a slower one.
+    /// a calibrated denoiser gives way to a slower one only if there are too few samples for it.
     pub(super) fn last_pass(&self) -> LastPass {
         let asked = self.settings.denoiser;
         if self.settings.budget.seconds.is_none() || self.samples == 0 {
@@ -50,18 +50,25 @@ impl Situation<'_> {
         best.or_else(|| passes.clone().find(|pass| !is_far_too_late(pass))).unwrap_or(unfiltered)
     }
 
-    /// Returns the passes over pixels, the best first. Once one is calibrated, none is slower than that one but the pass that needs the
-    /// fewest samples.
+    /// Returns the passes over pixels, the best first. Once one is calibrated, none is slower than that one but the last, by the denoiser of
+    /// squares: it may need fewer samples.
     fn passes_over_pixels(&self) -> impl Iterator<Item = LastPass> + Clone {
         let (asked, current) = (self.settings.denoiser, self.current_pass());
-        let is_calibrated = self.measurements.finalisation.is_calibrated();
-        let most_seconds = if is_calibrated { self.assumed_seconds_of(current) } else { f64::INFINITY };
         let drafts = [draft_of(asked), asked.stand_in()].map(LastPass::of_pixels);
-        let with_fewest_samples = LastPass::of_pixels(self.settings.square_denoiser());
         std::iter::once(current)
             .chain(drafts)
-            .filter(move |&pass| self.assumed_seconds_of(pass) <= most_seconds)
-            .chain(std::iter::once(with_fewest_samples))
+            .filter(move |&pass| !self.is_slower(pass))
+            .chain(std::iter::once(self.by_square_denoiser()))
+    }
+
+    fn by_square_denoiser(&self) -> LastPass {
+        LastPass::of_pixels(self.settings.square_denoiser())
+    }
+
+    /// Returns whether a pass is assumed to take longer than the one that has been calibrated.
+    pub(super) fn is_slower(&self, pass: LastPass) -> bool {
+        let is_calibrated = self.measurements.finalisation.is_calibrated();
+        is_calibrated && self.assumed_seconds_of(pass) > self.assumed_seconds_of(self.current_pass())
     }
 
     /// Returns the passes over squares, the finest first; none where an unfiltered image is better.
@@ -101,16 +108,16 @@ impl Situation<'_> {
             // Those that nobody asked for are not lacking
             let needed =
                 (pass.denoiser.least_spp().max(1.0) * self.pixels as f64).min(schedule.most() as f64);
-            let to_come = schedule.samples_at_end(elapsed, self.samples) - self.samples as f64;
+            let samples = self.samples as f64;
+            let to_come = (schedule.samples_at_end(elapsed, self.samples) - samples).max(0.0);
             // The first samples take longer than the others
-            let excess = if finalisation.is_calibrated() { 1.0 } else { FIRST_SAMPLES_EXCESS };
-            self.samples as f64 + excess * to_come >= needed
+            let excess = if self.samples < 2 * self.pixels { FIRST_SAMPLES_EXCESS } else { 1.0 };
+            samples + excess * to_come >= needed
         };
         // What is measured again and again is soon a little late
         let is_calibrated = finalisation.is_calibrated() && pass == self.current_pass();
         let is_late = if is_calibrated {
-            let expected = Schedule { finalisation: finalisation.mean_seconds(), ..schedule };
-            expected.is_far_too_late(self.elapsed, self.elapsed)
+            schedule.is_far_too_late(self.elapsed, self.elapsed)
         } else {
             schedule.is_late(self.elapsed)
         };
@@ -123,7 +130,12 @@ impl Situation<'_> {
         let assumed = self.assumed_seconds_of(pass);
         match finalisation.is_calibrated() {
             true if pass == current => finalisation.seconds(),
-            true => finalisation.least_seconds() * assumed / self.assumed_seconds_of(current),
+            true => {
+                let calibrated =
+                    if self.is_slower(pass) { finalisation.seconds() } else { finalisation.least_seconds() };
+                calibrated * assumed / self.assumed_seconds_of(current)
+            }
+            false if pass == self.by_square_denoiser() => ASSUMED_EXCESS * assumed,
             false => assumed,
         }
     }

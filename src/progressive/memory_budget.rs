@@ -83,7 +83,10 @@ impl Demand {
             copies += bytes(0);
             memory.per_sample_vector += bytes(1) - bytes(0);
         }
-        let (pass, has_half_images) = (denoiser.cost().bytes, denoiser.is_judged_by_halves());
+        // Under a time budget that of squares may filter the pixels
+        let substitute = settings.budget.seconds.map_or(denoiser, |_| settings.square_denoiser());
+        let pass = denoiser.cost().bytes.max(substitute.cost().bytes);
+        let has_half_images = denoiser.is_judged_by_halves();
         Some(Self { memory, copies, pass, has_half_images, keeps_all })
     }
 

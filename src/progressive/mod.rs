@@ -9,7 +9,7 @@
 //! | file | holds |
 //! | --- | --- |
 //! | `action`, `situation` | the decisions |
-//! | `last_pass` | the choice of the last filter pass, a faster one where time or samples are short |
+//! | `last_pass` | the choice of the last filter pass, another one where time or samples are short |
 //! | `schedule`, `budget`, `speed` | sizes of batches and steps, and their limits |
 //! | `finalisation`, `calibration` | the predicted and the measured time of the last pass and the outputs |
 //! | `time_constants` | every constant of time keeping |

@@ -168,7 +168,7 @@ impl Schedule<'_> {
         self.budget.seconds.map(|seconds| (1.0 - MARGIN) * seconds - self.finalisation - elapsed)
     }
 
-    /// Returns whether the finalisation would end beyond the time budget if it began now, by more than steps may have taken too long.
+    /// Returns whether the finalisation would end beyond the time budget, and the [`SLACK`] after it, if it began now.
     pub fn is_late(&self, elapsed: f64) -> bool {
         self.budget.seconds.is_some_and(|seconds| elapsed + self.finalisation > seconds + SLACK)
     }

@@ -140,8 +140,8 @@ impl Settings {
         if self.budget.target_error.is_some() && is_other_method { asked } else { stand_in }
     }
 
-    /// Returns the denoiser that filters squares of pixels in a last pass: the method's draft, and under a time budget that of `learned` in
-    /// place of the default denoisers.
+    /// Returns the denoiser that filters squares of pixels in a last pass, or the pixels if they have too few samples for another one: the
+    /// method's draft, and under a time budget that of `learned` in place of the default denoisers.
     pub fn square_denoiser(&self) -> &'static dyn Denoiser {
         let [_, draft, ..] = DEFAULTS;
         let is_default = self.budget.seconds.is_some() && DEFAULTS.contains(&self.denoiser);

@@ -271,6 +271,7 @@ fn where_memory_is_fast_less_time_is_kept_for_the_finalisation() {
     let expected = PIXELS as f64 * 640.0 * 1e-9 / rayon::current_num_threads() as f64;
     assert!((difference / expected - 1.0).abs() < 1e-6, "{difference} {expected}");
     assert_eq!([None, Some(9e-9)].map(kept), [kept(Some(2e-9)); 2]);
+    assert_eq!(kept(Some(1e-10)), kept(Some(3e-10)), "a probe of little memory");
 }
 
 #[test]
@@ -295,9 +296,8 @@ fn a_calibration_that_shows_too_little_time_is_followed_by_one_of_a_faster_denoi
     };
     assert!(!matches!(after(1.0, &prpf::PRPF).0, Action::Calibrate(_)), "one second of two");
     assert!(calibrates(after(3.0, &prpf::PRPF).0, "prpf interim"));
-    // By the same measure there is time for that of nlm, for squares, or for neither
-    let (action, name, side) = after(2.4, &prpf::INTERIM);
-    assert!(calibrates(action, "nlm draft") && name == "nlm draft" && side == 1, "{name} {side}");
+    // By the same measure there is time for nlm, for squares, or for neither
+    assert!(calibrates(after(2.4, &prpf::INTERIM).0, "nlm draft"));
     let (action, name, side) = after(4.5, &prpf::INTERIM);
     assert!(!matches!(action, Action::Calibrate(_)) && name == "nlm draft" && side > 1, "{name} {side}");
     let (action, name, _) = after(9.0, &prpf::INTERIM);
@@ -319,7 +319,7 @@ fn before_any_calibration_the_assumed_time_decides_on_the_last_pass() {
         let now = situation(&settings, &none, Mark::Filter);
         last_pass(&Situation { pixels, samples: spp * pixels, elapsed, ..now })
     };
-    // P-RPF takes 18.6 seconds, its interim preset 5.8, nlm standard 5.5, a draft 2.9, squares 3.5, 2.6, 2.3 and 2.1, the mean
+    // P-RPF takes 18.6 seconds, its interim preset 5.8, nlm standard 5.5, a draft 2.9, squares 3.4, 2.5, 2.3 and 2.1, the mean
     // 1.3, RPF 2640.
     for (denoiser, spp, elapsed, expected, side) in [
         (&prpf::PRPF as &'static dyn Denoiser, 8, 10.0, "prpf", 1),
@@ -328,7 +328,8 @@ fn before_any_calibration_the_assumed_time_decides_on_the_last_pass() {
         (&nlm::STANDARD, 4, 80.0, "nlm standard", 1),
         (&nlm::STANDARD, 4, 95.5, "nlm draft", 1),
         // It needs three samples per pixel
-        (&nlm::STANDARD, 2, 94.3, "learned draft", 1),
+        (&nlm::STANDARD, 2, 93.0, "learned draft", 1),
+        (&nlm::STANDARD, 2, 93.3, "learned draft", 2),
         (&nlm::STANDARD, 2, 96.3, "learned draft", 2),
         (&nlm::STANDARD, 2, 97.2, "learned draft", 3),
         (&nlm::STANDARD, 2, 97.6, "learned draft", 4),
@@ -348,6 +349,8 @@ fn before_any_calibration_the_assumed_time_decides_on_the_last_pass() {
     // The draft of OIDN takes 70 seconds, squares of 6×6 pixels 21
     assert_eq!(last(&oidn::DRAFT, 10_000_000, 16, 78.0), ("oidn draft".into(), 6));
     assert_eq!(last(&oidn::DRAFT, 10_000_000, 17, 78.0), ("none".into(), 1), "too many samples for squares");
+    // Squares of 6×6 pixels take 21 seconds, the mean 13
+    assert_eq!(last(&nlm::STANDARD, 10_000_000, 2, 99.0), ("none".into(), 1));
     // A few pixels take no time, and what takes some has to end in time.
     assert_eq!(last(&rpf::RPF, 10, 8, 1.0), ("rpf".into(), 1));
     assert_eq!(last(&nlm::STANDARD, 10, 8, 100.0), ("nlm standard".into(), 1));
@@ -356,29 +359,56 @@ fn before_any_calibration_the_assumed_time_decides_on_the_last_pass() {
 #[test]
 fn what_never_gets_enough_samples_is_filtered_by_squares() {
     let none = Measurements::default();
-    // A sample takes 0.1 milliseconds, encoding 1.3, learned with it 7.6, its draft 5.5, that of nlm 2.9, squares 2.1 to 3.5.
+    // A sample takes 0.1 milliseconds, encoding 1.3, learned with it 7.6, its draft 5.5, that of nlm 2.9, squares 1.8 to 3.4.
     let check = |denoiser, samples, elapsed, expected: &str, side| {
         let settings = Settings { denoiser, ..settings(None, Some(0.1)) };
         let now = situation(&settings, &none, Mark::Render { done: 0.5, samples: PIXELS });
         let now = Situation { samples, elapsed, ..now };
         assert_eq!(last_pass(&now), (expected.into(), side), "{samples}");
     };
-    // Until a calibration later samples are taken to be faster by half
+    // Samples after the first ones are taken to be faster by half
     check(&learned::STANDARD, 260, 0.04, "learned standard", 1);
     // With less time for the filter every pixel gets a sample
-    check(&learned::STANDARD, 230, 0.04, "learned draft", 1);
+    check(&learned::STANDARD, 240, 0.04, "learned draft", 1);
     check(&learned::STANDARD, 200, 0.04, "learned draft", 2);
     check(&learned::DRAFT, 200, 0.04, "learned draft", 2);
     // nlm needs three of them
-    check(&nlm::DRAFT, 2200, 0.04, "nlm draft", 1);
-    check(&nlm::DRAFT, 2100, 0.04, "learned draft", 1);
+    check(&nlm::DRAFT, 2600, 0.04, "nlm draft", 1);
+    check(&nlm::DRAFT, 2400, 0.04, "learned draft", 1);
     check(&nlm::DRAFT, 200, 0.04, "learned draft", 2);
     check(UNFILTERED, 200, 0.04, "none", 1);
+    // A resumed render may have more than its budget
+    let settings_of_one = Settings { denoiser: &learned::STANDARD, ..settings(Some(1), Some(0.1)) };
+    let now = situation(&settings_of_one, &none, Mark::Filter);
+    let now = Situation { samples: 1900, elapsed: 0.04, ..now };
+    assert_eq!(last_pass(&now), ("learned standard".into(), 1));
     // An interruption leaves no time for more
     let settings = Settings { denoiser: &learned::STANDARD, ..settings(None, Some(0.1)) };
     let now = situation(&settings, &none, Mark::Filter);
     let now = Situation { samples: 600, elapsed: 0.04, conditions: interrupted(), ..now };
     assert_eq!(last_pass(&now), ("learned draft".into(), 2));
+}
+
+#[test]
+fn a_slower_pass_that_needs_fewer_samples_is_predicted_by_the_calibrated_one() {
+    let settings = Settings { denoiser: &nlm::DRAFT, ..settings(None, Some(10.0)) };
+    let mut measurements = Measurements::default();
+    measurements.finalisation.predict_for(&nlm::DRAFT);
+    for total in [0.5, 1.0, 1.5] {
+        let times = CalibrationTimes { filter: total, total, spent: 0.01 };
+        measurements.finalisation.add(times, f64::INFINITY);
+    }
+    measurements.finalisation.age();
+    let now = situation(&settings, &measurements, Mark::Render { done: 0.5, samples: 8000 });
+    let now = Situation { samples: 2 * PIXELS, elapsed: 5.0, ..now };
+    let slow = Speed { samples: 100.0, seconds: 1.0 };
+    assert_eq!(last_pass(&now), ("nlm draft".into(), 1), "three samples per pixel are taken in time");
+    let now = Situation { speed: slow, ..now };
+    assert_eq!(last_pass(&now), ("learned draft".into(), 1), "they are not");
+    // Its time is not taken for less than that of the faster one
+    let seconds = |denoiser| now.schedule_of(LastPass::of_pixels(denoiser)).finalisation;
+    assert!(seconds(&learned::DRAFT) > 1.5 * seconds(&nlm::DRAFT));
+    assert!(!matches!(next_action(&now), Action::Calibrate(_)), "slower ones are not calibrated");
 }
 
 #[test]

@@ -92,6 +92,7 @@ fn how_many_samples_there_will_be_and_whether_time_is_short_is_known_early() {
     assert_eq!(with(3.0).samples_at_end(0.02, 100_000).round(), 1_000_000.0, "0.9 seconds");
     assert_eq!(with(3.0).samples_at_end(3.0, 100_000), 100_000.0);
     assert!(!with(3.0).is_late(0.1) && with(3.0).is_late(1.1) && !with(1.5).is_late(1.1));
+    assert!(!with(3.0).is_late(1.02) && with(3.0).is_late(1.04), "a step may take longer than predicted");
     let is_far_too_late = |finalisation, elapsed| with(finalisation).is_far_too_late(elapsed, elapsed + 0.05);
     assert!(!is_far_too_late(3.0, 1.05) && is_far_too_late(3.0, 1.15));
     assert!(with(0.14).is_late(5.0) && !is_far_too_late(0.14, 5.0), "a tenth of a second is nothing");
