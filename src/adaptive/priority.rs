@@ -9,6 +9,8 @@
 //! number of samples is minimal for n ∝ √e. A weighted sum of the maps estimates e/n, and the priority is
 //! √(n·(e/n)).
 
+use rayon::prelude::*;
+
 use crate::filter::blur;
 use crate::image::Planes;
 
@@ -92,7 +94,7 @@ pub fn priority(maps: Maps, settings: &PrioritySettings) -> Vec<f32> {
             let squared_level = (level[i] * level[i] + epsilon).max(f32::MIN_POSITIVE);
             (variance.channel_mean(i) / squared_level).min(MAX_VARIANCE)
         };
-        let mut relative: Vec<f32> = (0..width * height).map(value).collect();
+        let mut relative: Vec<f32> = (0..width * height).into_par_iter().map(value).collect();
         let around = smooth(&relative);
         let excess = limit_variance(&mut relative, &around);
         let mut smoothed = smooth(&relative);
@@ -108,19 +110,19 @@ pub fn priority(maps: Maps, settings: &PrioritySettings) -> Vec<f32> {
     // The noise of a residual has variance 2
     let noise = (2.0 * blur::variance_factor(settings.blur).min(1.0)).sqrt();
     let limited = |&r: &f32| r.min(1.0 + MAX_RESIDUAL_EXCESS);
-    let mut excess = smooth(&maps.residual.plane(0).iter().map(limited).collect::<Vec<_>>());
+    let mut excess = smooth(&maps.residual.plane(0).par_iter().map(limited).collect::<Vec<_>>());
     excess.iter_mut().for_each(|r| *r = (*r - 1.0 - 2.0 * noise).max(0.0));
     let failure = maps.interpolation_failure.map(|failure| smooth(failure.plane(0)));
-    for (i, v) in filtered.iter_mut().enumerate() {
+    filtered.par_iter_mut().enumerate().for_each(|(i, v)| {
         let failed = failure.as_ref().map_or(0.0, |failure| failure[i]);
         *v *= settings.filtered_variance
             + settings.interpolation_failure * failed
             + settings.residual * excess[i];
-    }
+    });
 
     // Combine
     let value = |(i, &n): (usize, &u32)| ((n.max(1) as f32) * (filtered[i] + raw[i])).sqrt();
-    let mut priority: Vec<f32> = maps.counts.iter().enumerate().map(value).collect();
+    let mut priority: Vec<f32> = maps.counts.par_iter().enumerate().map(value).collect();
     clamp_to_quantile(&mut priority, settings.cap_quantile);
     priority
 }
@@ -138,7 +140,7 @@ pub fn expected_ratio(priority: &[f32]) -> f64 {
 /// Returns the mean of the channels that errors are relative to, or that of the pixels around if it is smaller: a pixel
 /// that is dark beside a light counts as dark; one that is bright by noise does not count as bright.
 fn level(image: &Planes, sigma: f32) -> Vec<f32> {
-    let own: Vec<f32> = (0..image.pixels()).map(|i| image.channel_mean(i)).collect();
+    let own: Vec<f32> = (0..image.pixels()).into_par_iter().map(|i| image.channel_mean(i)).collect();
     let mut around = blur::gaussian(image.width(), image.height(), &own, sigma);
     around.iter_mut().zip(&own).for_each(|(around, &own)| *around = around.min(own));
     around
