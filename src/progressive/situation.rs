@@ -54,7 +54,7 @@ pub struct Measurements {
 
 impl Measurements {
     /// Returns the seconds of one core for a byte of new memory: as measured, or as assumed where they are not known or more. Short budgets
-    /// would otherwise be spent on waiting for what may come faster by then. At least [`LEAST_MEMORY_SECONDS`].
+    /// would otherwise be spent on waiting for what may come faster by then. At least `LEAST_MEMORY_SECONDS`.
     pub fn memory_seconds(&self) -> f64 {
         let measured = self.memory_seconds.unwrap_or(f64::INFINITY);
         measured.clamp(LEAST_MEMORY_SECONDS, Cost::MEMORY_SECONDS)
