@@ -165,6 +165,8 @@ impl Demand {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::filter::{Denoiser, learned, nlm};
+    use crate::progressive::budget::Budget;
 
     const MEMORY: PixelMemory = PixelMemory { statistics: 1000, sample_vectors: 10, per_sample_vector: 100 };
 
@@ -210,6 +212,18 @@ mod tests {
             let found = (bytes(processes) - bytes(1)) / store;
             assert!((found - stores).abs() < 0.05, "{processes}: {found}");
         }
+    }
+
+    #[test]
+    fn the_pass_that_may_take_the_place_of_the_chosen_one_counts() {
+        let layout = Layout::with_blocks(|_| false);
+        let pass = |seconds| {
+            let budget = Budget { seconds, ..Budget::default() };
+            let settings = Settings { budget, denoiser: &nlm::DRAFT, ..Settings::default() };
+            Demand::new(&layout, &settings, false, 1).expect("a bound").pass
+        };
+        assert_eq!(pass(None), nlm::DRAFT.cost().bytes);
+        assert_eq!(pass(Some(1.0)), learned::DRAFT.cost().bytes);
     }
 
     #[test]
