@@ -46,9 +46,8 @@ pub struct Finalisation {
 }
 
 /// Returns the seconds assumed for a finalisation of `pixels` pixels until one is measured. `spp`: samples per pixel;
-/// `side` of the squares that are filtered; `saves`: whether a checkpoint is written; `processes` share the pass if they can, which takes
-/// two samples in each pixel;
-/// `memory_seconds`: seconds of one core for a byte of new memory.
+/// `side` of the squares that are filtered; `saves`: whether a checkpoint is written; `processes` share the pass if they can, from two
+/// samples per pixel on; `memory_seconds`: seconds of one core for a byte of new memory.
 pub(super) fn assumed_seconds(
     denoiser: &dyn Denoiser,
     side: usize,
@@ -226,6 +225,11 @@ mod tests {
         let mut late = once;
         late.add(CalibrationTimes { filter: 0.7, total: 0.8, spent: 0.1 }, 0.7);
         assert!(!late.is_due(2.6, 0.7, 0.8), "the last one is made");
+        late.predict_for(&nlm::DRAFT);
+        late.add(CalibrationTimes { filter: 0.7, total: 0.8, spent: 0.1 }, 9.0);
+        assert!(late.is_due(2.6, 0.7, 0.8), "that of another denoiser");
+        let near_end = calibrated(&[(0.8, 0.1)], 0.7);
+        assert!(!near_end.is_due(2.6, 0.7, 0.8), "the first one is the last, too");
     }
 
     #[test]
