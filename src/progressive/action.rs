@@ -181,7 +181,7 @@ fn calibration(now: &Situation) -> Option<&'static dyn Denoiser> {
         // Judge the calibration that was just made
         let pass = LastPass::of_pixels(denoiser);
         let left = now.schedule_of(pass).seconds_left(now.elapsed)?;
-        if finalisation.is_doubtful(left, now.assumed_seconds_of(pass)) {
+        if finalisation.is_doubtful(left) {
             return Some(denoiser);
         }
     }

@@ -30,7 +30,8 @@ pub(super) fn calibrate(
     let writing = Instant::now();
     encode_and_discard(&result, &rows);
     let total = filter_seconds + WRITE_EXCESS * ratio * writing.elapsed().as_secs_f64();
-    CalibrationTimes { filter: filter_seconds, total, spent: started.elapsed().as_secs_f64() }
+    let spent = started.elapsed().as_secs_f64();
+    CalibrationTimes { filter: filter_seconds, total, gathering: 0.0, spent }
 }
 
 /// Returns the rows that stand for an image of this height.

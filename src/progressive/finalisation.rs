@@ -1,7 +1,9 @@
 //! The prediction of the finalisation: the last filter pass, and the encoding and writing of the image.
 //!
 //! The time is first assumed from the denoiser's cost, then calibrated on some rows of the image (see `calibration`). The
-//! prediction is the mean of the latest calibrations plus their mean deviation from it.
+//! prediction is the mean of the latest calibrations plus their mean deviation from it. A calibration that takes much longer than
+//! expected and by which hardly any time is left is repeated at once, and the shorter of both counts: another program may have been
+//! in its way, or it took new memory.
 
 use super::time_constants::{
     CALIBRATION_FRACTION, CALIBRATION_USE, CALIBRATIONS, CHECKPOINT_SECONDS, DOUBTED_EXCESS,
@@ -20,6 +22,8 @@ pub struct CalibrationTimes {
     pub filter: f64,
     /// Of the whole finalisation, likewise.
     pub total: f64,
+    /// Of gathering the statistics of several processes, which is part of `total`; a repetition has nothing left to gather.
+    pub gathering: f64,
     /// That the calibration itself took.
     pub spent: f64,
 }
@@ -29,20 +33,49 @@ pub struct CalibrationTimes {
 pub struct Finalisation {
     /// The denoiser of the calibrations.
     denoiser: Option<&'static dyn Denoiser>,
-    /// Predicted seconds, mean deviation from it, and number of calibrations behind both.
-    predicted: f64,
-    deviation: f64,
-    averaged: f64,
+    /// What the calibrations say, and what those before the latest one said.
+    prediction: Prediction,
+    before: Prediction,
+    /// Seconds of the finalisation that were expected before the latest calibration, and that were left for samples.
+    expected: f64,
+    left: f64,
     /// The latest calibration; its `filter` is replaced by that of a whole pass.
     latest: Option<CalibrationTimes>,
     /// Least measured seconds: other programs lengthen a measurement and never shorten it.
     least: Option<f64>,
     /// Seconds of all calibrations.
     spent: f64,
+    /// Whether nothing has happened since the latest calibration, and whether that one repeated another.
+    is_fresh: bool,
+    is_repetition: bool,
+}
+
+/// What the calibrations of one denoiser say.
+#[derive(Clone, Copy, Debug, Default)]
+struct Prediction {
+    /// Predicted seconds, mean deviation from it, and number of calibrations behind both.
+    mean: f64,
+    deviation: f64,
+    averaged: f64,
     /// Whether the last calibration before the end has been made.
     is_last_made: bool,
-    /// Whether nothing has happened since the latest calibration.
-    is_fresh: bool,
+}
+
+impl Prediction {
+    fn seconds(&self) -> f64 {
+        self.mean + self.deviation
+    }
+
+    /// Adds a calibration of the whole finalisation, in seconds.
+    fn add(&mut self, total: f64) {
+        self.averaged += 1.0;
+        // The first one takes longer than the others: its data is in no cache.
+        let warm = (self.averaged - 1.0).max(1.0);
+        let weight = 1.0 / warm.min(CALIBRATIONS);
+        let deviation = if warm > 1.0 { (total - self.mean).abs() } else { FIRST_DEVIATION * total };
+        self.deviation += weight * (deviation - self.deviation);
+        self.mean += weight * (total - self.mean);
+    }
 }
 
 /// Returns the seconds assumed for a finalisation of `pixels` pixels until one is measured. `spp`: samples per pixel;
@@ -77,7 +110,7 @@ impl Finalisation {
 
     /// Returns the predicted seconds, once calibrated.
     pub fn seconds(&self) -> f64 {
-        self.predicted + self.deviation
+        self.prediction.seconds()
     }
 
     /// Returns the seconds that it takes if no other program is in its way, once calibrated.
@@ -90,22 +123,29 @@ impl Finalisation {
         self.latest.map(|latest| latest.filter)
     }
 
-    /// Adds a calibration; `left`: seconds that were left for samples.
-    pub fn add(&mut self, times: CalibrationTimes, left: f64) {
+    /// Adds a calibration of the denoiser that is predicted for; `expected`: seconds of the finalisation by what was known before;
+    /// `left`: seconds that were left for samples by that. If nothing has happened since another one, it is a repetition of it, and
+    /// the shorter of both counts.
+    pub fn add(&mut self, mut times: CalibrationTimes, expected: f64, left: f64) {
         self.spent += times.spent;
+        let doubted = self.latest.filter(|_| self.is_fresh && self.prediction.averaged > 0.0);
+        self.is_repetition = doubted.is_some();
+        if let Some(doubted) = doubted {
+            self.prediction = self.before;
+            self.left -= doubted.spent;
+            times.gathering = doubted.gathering;
+            times.total += doubted.gathering;
+            if doubted.total < times.total {
+                times = doubted;
+            }
+        } else {
+            (self.before, self.expected, self.left) = (self.prediction, expected, left);
+        }
         self.latest = Some(times);
-        self.is_last_made |= self.is_last(left);
         self.is_fresh = true;
         self.record(times.total);
-
-        self.averaged += 1.0;
-        // The first one takes longer than the others: its data is in no cache.
-        let warm = (self.averaged - 1.0).max(1.0);
-        let weight = 1.0 / warm.min(CALIBRATIONS);
-        let deviation =
-            if warm > 1.0 { (times.total - self.predicted).abs() } else { FIRST_DEVIATION * times.total };
-        self.deviation += weight * (deviation - self.deviation);
-        self.predicted += weight * (times.total - self.predicted);
+        self.prediction.is_last_made |= self.is_last(self.left);
+        self.prediction.add(times.total);
     }
 
     /// Replaces the extrapolated seconds of the last filter pass by those of a pass over the whole image.
@@ -116,10 +156,11 @@ impl Finalisation {
         latest.total -= excess;
         let total = latest.total;
         self.record(total);
-        self.predicted = (self.predicted - excess).max(0.0);
-        self.deviation = 0.0;
+        let prediction = &mut self.prediction;
+        prediction.mean = (prediction.mean - excess).max(0.0);
+        prediction.deviation = 0.0;
         // A measured pass counts as a full set of calibrations.
-        self.averaged = self.averaged.max(CALIBRATIONS);
+        prediction.averaged = prediction.averaged.max(CALIBRATIONS);
     }
 
     /// Predicts for this denoiser. If it is another one than before, the next calibration alone predicts.
@@ -127,8 +168,7 @@ impl Finalisation {
         if self.denoiser.replace(denoiser) == Some(denoiser) {
             return;
         }
-        (self.predicted, self.deviation, self.averaged) = (0.0, 0.0, 0.0);
-        (self.least, self.is_last_made) = (None, false);
+        (self.prediction, self.least) = (Prediction::default(), None);
     }
 
     /// Records a measured time of the whole finalisation, in seconds.
@@ -152,15 +192,15 @@ impl Finalisation {
         let first = FIRST_CALIBRATION_EXCESS * predicted / ROW_RATIO as f64;
         let next = self.latest.map_or(first, |latest| latest.spent);
         let is_affordable = self.latest.is_none() || self.spent + next <= CALIBRATION_FRACTION * elapsed;
-        left > CALIBRATION_USE * next && (is_affordable || !self.is_last_made && self.is_last(left))
+        left > CALIBRATION_USE * next
+            && (is_affordable || !self.prediction.is_last_made && self.is_last(left))
     }
 
-    /// Returns whether the only calibration so far has to be repeated at once: it took longer than the `assumed` seconds, and by it
-    /// hardly any time is left.
-    pub fn is_doubtful(&self, left: f64, assumed: f64) -> bool {
-        let is_doubted =
-            |latest: CalibrationTimes| latest.spent == self.spent && latest.total > DOUBTED_EXCESS * assumed;
-        self.latest.is_some_and(is_doubted) && self.is_last(left)
+    /// Returns whether the latest calibration has to be repeated at once: it took longer than expected, and by it hardly any time is
+    /// left.
+    pub fn is_doubtful(&self, left: f64) -> bool {
+        let is_slow = self.latest.is_some_and(|latest| latest.total > DOUBTED_EXCESS * self.expected);
+        is_slow && !self.is_repetition && self.is_last(left)
     }
 
     /// Returns whether so little time is left that a calibration is the last one before the end.
@@ -174,10 +214,16 @@ mod tests {
     use super::*;
     use crate::filter::nlm;
 
+    fn calibration(total: f64, spent: f64) -> CalibrationTimes {
+        CalibrationTimes { filter: 0.9 * total, total, gathering: 0.0, spent }
+    }
+
+    /// A finalisation after calibrations that were all expected to give one second.
     fn calibrated(times: &[(f64, f64)], left: f64) -> Finalisation {
         let mut finalisation = Finalisation::default();
         for &(total, spent) in times {
-            finalisation.add(CalibrationTimes { filter: 0.9 * total, total, spent }, left);
+            finalisation.age();
+            finalisation.add(calibration(total, spent), 1.0, left);
         }
         finalisation
     }
@@ -218,25 +264,58 @@ mod tests {
     fn one_more_calibration_comes_before_the_end() {
         let once = calibrated(&[(0.8, 0.1)], 9.0);
         assert!(!once.is_due(2.5, 1.0, 0.8) && once.is_due(2.6, 0.7, 0.8));
-        assert!(!once.is_doubtful(1.0, 0.5) && once.is_doubtful(-3.0, 0.5), "the first one may be far off");
-        assert!(!once.is_doubtful(-3.0, 0.7), "it is as expected");
-        let twice = calibrated(&[(0.8, 0.1), (0.8, 0.2)], 9.0);
-        assert!(!twice.is_doubtful(-3.0, 0.5));
         let mut late = once;
-        late.add(CalibrationTimes { filter: 0.7, total: 0.8, spent: 0.1 }, 0.7);
+        late.age();
+        late.add(calibration(0.8, 0.1), 0.8, 0.7);
         assert!(!late.is_due(2.6, 0.7, 0.8), "the last one is made");
         late.predict_for(&nlm::DRAFT);
-        late.add(CalibrationTimes { filter: 0.7, total: 0.8, spent: 0.1 }, 9.0);
+        late.add(calibration(0.8, 0.1), 0.8, 9.0);
         assert!(late.is_due(2.6, 0.7, 0.8), "that of another denoiser");
         let near_end = calibrated(&[(0.8, 0.1)], 0.7);
         assert!(!near_end.is_due(2.6, 0.7, 0.8), "the first one is the last, too");
     }
 
     #[test]
+    fn a_calibration_that_took_longer_than_expected_is_repeated_once_and_the_shorter_one_counts() {
+        let near = |a: f64, b: f64| (a - b).abs() < 1e-9;
+        let once = calibrated(&[(1.0, 0.1)], 9.0);
+        let after = |next: &[CalibrationTimes], left: f64| {
+            let mut finalisation = once.clone();
+            finalisation.age();
+            for times in next {
+                finalisation.add(*times, 1.1, left);
+            }
+            finalisation
+        };
+        let (slow, usual) = (calibration(3.2, 0.3), calibration(1.0, 0.1));
+        let doubted = after(&[slow], 0.8);
+        assert!(doubted.is_doubtful(-1.6) && doubted.seconds() > 3.0);
+        assert!(!doubted.is_doubtful(4.0), "there is time for another one later");
+        assert!(!after(&[calibration(1.3, 0.1)], 0.8).is_doubtful(0.5), "about as expected");
+        let repeated = after(&[slow, usual], 0.8);
+        assert!(near(repeated.seconds(), 1.1), "as if the slow one had not been made");
+        assert!(near(repeated.spent, 0.5), "but its time was spent");
+        let slower = after(&[slow, calibration(4.0, 0.4)], 0.8);
+        assert!(near(slower.seconds(), doubted.seconds()) && !slower.is_doubtful(-1.6));
+
+        // A repetition has nothing left to gather
+        let gathered = CalibrationTimes { total: 3.7, gathering: 0.5, ..slow };
+        assert!(near(after(&[gathered, usual], 0.8).seconds(), 1.65));
+
+        // Where the slow one left hardly any time and its repetition does not, another one is due later
+        let mut early = after(&[slow, usual], 2.0);
+        early.age();
+        assert!(early.is_due(3.0, 0.9, 1.0));
+        let mut last = repeated;
+        last.age();
+        assert!(!last.is_due(3.0, 0.7, 1.0));
+    }
+
+    #[test]
     fn a_faster_denoisers_prediction_replaces_that_of_a_slower_one() {
         let mut finalisation = calibrated(&[(5.0, 1.0), (4.0, 1.0)], 9.0);
         finalisation.predict_for(&nlm::DRAFT);
-        finalisation.add(CalibrationTimes { filter: 0.0, total: 0.1, spent: 0.1 }, 9.0);
+        finalisation.add(calibration(0.1, 0.1), 0.1, 9.0);
         assert!((finalisation.seconds() - 0.11).abs() < 1e-9);
     }
 

@@ -125,7 +125,7 @@ impl Situation<'_> {
     }
 
     /// Returns the seconds of the finalisation with this pass: as calibrated, or in proportion to the calibrated one, or assumed.
-    fn seconds_of(&self, pass: LastPass) -> f64 {
+    pub(super) fn seconds_of(&self, pass: LastPass) -> f64 {
         let (finalisation, current) = (&self.measurements.finalisation, self.current_pass());
         let assumed = self.assumed_seconds_of(pass);
         match finalisation.is_calibrated() {
@@ -141,7 +141,7 @@ impl Situation<'_> {
     }
 
     /// Returns the seconds assumed for the finalisation with this pass.
-    pub(super) fn assumed_seconds_of(&self, pass: LastPass) -> f64 {
+    fn assumed_seconds_of(&self, pass: LastPass) -> f64 {
         let (spp, saves) = (self.spp(), self.conditions.checkpoint_interval.is_some());
         let side = if pass.least_side > 1 { pass.least_side.max(side_for(spp)) } else { 1 };
         let memory_seconds = self.measurements.memory_seconds();

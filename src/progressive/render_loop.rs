@@ -14,6 +14,7 @@ use super::clock::Clock;
 use super::error_estimate::ErrorEstimate;
 use super::filter_pass::Filtered;
 use super::host::Host;
+use super::last_pass::LastPass;
 use super::process_group::{ProcessGroup, Rendered, SampleTotals, filter_together};
 use super::record::Outcome;
 use super::schedule::Plan;
@@ -321,6 +322,7 @@ impl<'a> RenderLoop<'a> {
         let gathering = self.clock.elapsed() - elapsed;
         let situation = self.situation(&Conditions::default());
         let left = situation.schedule().seconds_left(situation.elapsed).unwrap_or(f64::INFINITY);
+        let expected = situation.seconds_of(LastPass::of_pixels(denoiser));
         if !self.measurements.finalisation.is_calibrated() {
             let bytes_per_pixel = (PREPARED * denoiser.cost().bytes as f64) as usize;
             match &mut self.processes {
@@ -335,9 +337,10 @@ impl<'a> RenderLoop<'a> {
         let output = |result: &FilterResult, rows: &Store| host.encode_and_discard(settings, result, rows);
         let filter = |rows: &Store| filter_together(processes.as_deref_mut(), denoiser, rows, settings.seed);
         let mut times = calibrate(store, filter, output);
+        times.gathering = gathering;
         times.total += gathering;
         times.spent += gathering;
-        self.measurements.finalisation.add(times, left);
+        self.measurements.finalisation.add(times, expected, left);
         self.measurements.seconds.calibrate += self.clock.elapsed() - elapsed;
     }
 }

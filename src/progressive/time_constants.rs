@@ -64,7 +64,7 @@ pub const CALIBRATION_USE: f64 = 2.0;
 /// Ratio of the time of the first calibration to what its rows take of a pass: memory is prepared before it, its data is in no
 /// cache, and of an image of few rows it takes more of them.
 pub const FIRST_CALIBRATION_EXCESS: f64 = 3.0;
-/// A first calibration above this many times what was assumed is doubted.
+/// A calibration above this many times what was assumed or predicted is doubted.
 pub const DOUBTED_EXCESS: f64 = 1.25;
 /// A last calibration is due when this many times its result is left for samples: the machine may be busier by then.
 pub const LAST_CALIBRATION: f64 = 1.0;

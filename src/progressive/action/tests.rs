@@ -38,15 +38,20 @@ fn situation<'a>(settings: &'a Settings, measurements: &'a Measurements, mark: M
     }
 }
 
+/// Adds a calibration that is as expected, in seconds, after which something else has happened.
+fn calibrate(measurements: &mut Measurements, seconds: f64, spent: f64) {
+    let times = CalibrationTimes { filter: seconds, total: seconds, gathering: 0.0, spent };
+    measurements.finalisation.add(times, seconds, f64::INFINITY);
+    measurements.finalisation.age();
+}
+
 /// Measurements of a finalisation, calibrated twice, and of interim passes, in seconds.
 fn measured(finalisation: f64, interim: f64) -> Measurements {
     let mut measurements =
         Measurements { interim_seconds: Some(interim), interim_total: interim, ..Measurements::default() };
     for _ in 0..2 {
-        let times = CalibrationTimes { filter: finalisation, total: finalisation, spent: 0.01 };
-        measurements.finalisation.add(times, f64::INFINITY);
+        calibrate(&mut measurements, finalisation, 0.01);
     }
-    measurements.finalisation.age();
     measurements
 }
 
@@ -282,8 +287,9 @@ fn a_calibration_that_shows_too_little_time_is_followed_by_one_of_a_faster_denoi
         let mut measurements = Measurements::default();
         measurements.finalisation.predict_for(denoiser);
         for spent in [0.01, 0.02] {
-            let times = CalibrationTimes { filter: seconds, total: seconds, spent };
-            measurements.finalisation.add(times, f64::INFINITY);
+            let times = CalibrationTimes { filter: seconds, total: seconds, gathering: 0.0, spent };
+            measurements.finalisation.age();
+            measurements.finalisation.add(times, seconds, f64::INFINITY);
         }
         let now = situation(&settings, &measurements, mark);
         let now = Situation { elapsed: 8.0, ..now };
@@ -390,15 +396,32 @@ fn what_never_gets_enough_samples_is_filtered_by_squares() {
 }
 
 #[test]
+fn a_calibration_that_takes_longer_than_expected_is_repeated_before_the_last_pass() {
+    let settings = settings(None, Some(10.0));
+    let mark = Mark::Render { done: 0.5, samples: 8000 };
+    let mut measurements = Measurements::default();
+    measurements.finalisation.predict_for(settings.denoiser);
+    calibrate(&mut measurements, 1.0, 0.1);
+    let next = |measurements: &Measurements| {
+        let now = situation(&settings, measurements, mark);
+        next_action(&Situation { samples: 8 * PIXELS, elapsed: 8.5, ..now })
+    };
+    assert_eq!(next(&measurements), Action::Calibrate(settings.denoiser), "the last one is due");
+    let slow = CalibrationTimes { filter: 4.0, total: 4.0, gathering: 0.0, spent: 0.3 };
+    measurements.finalisation.add(slow, 1.0, 0.3);
+    assert_eq!(next(&measurements), Action::Calibrate(settings.denoiser), "it is doubted");
+    measurements.finalisation.add(CalibrationTimes { total: 1.0, spent: 0.1, ..slow }, 1.0, -3.0);
+    assert!(matches!(next(&measurements), Action::Render { .. }), "by the shorter one there is time");
+}
+
+#[test]
 fn a_slower_pass_that_needs_fewer_samples_is_predicted_by_the_calibrated_one() {
     let settings = Settings { denoiser: &nlm::DRAFT, ..settings(None, Some(10.0)) };
     let mut measurements = Measurements::default();
     measurements.finalisation.predict_for(&nlm::DRAFT);
     for total in [0.5, 1.0, 1.5] {
-        let times = CalibrationTimes { filter: total, total, spent: 0.01 };
-        measurements.finalisation.add(times, f64::INFINITY);
+        calibrate(&mut measurements, total, 0.01);
     }
-    measurements.finalisation.age();
     let now = situation(&settings, &measurements, Mark::Render { done: 0.5, samples: 8000 });
     let now = Situation { samples: 2 * PIXELS, elapsed: 5.0, ..now };
     let slow = Speed { samples: 100.0, seconds: 1.0 };
