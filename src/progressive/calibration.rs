@@ -15,9 +15,11 @@ const BANDS: usize = 4;
 /// Least number of rows of a band: fewer are mostly borders.
 const LEAST_ROWS: usize = 12;
 
-/// Filters some rows of a store by `filter` and encodes the output of them; returns the times for the whole image.
+/// Filters some rows of a store by `filter` and encodes the output of them; returns the times for the whole image, with the seconds that
+/// gathering its statistics took.
 pub(super) fn calibrate(
     store: &Store,
+    gathering: f64,
     filter: impl FnOnce(&Store) -> FilterResult,
     encode_and_discard: impl Fn(&FilterResult, &Store),
 ) -> CalibrationTimes {
@@ -29,9 +31,13 @@ pub(super) fn calibrate(
     let filter_seconds = FILTER_EXCESS * ratio * filtering.elapsed().as_secs_f64();
     let writing = Instant::now();
     encode_and_discard(&result, &rows);
-    let total = filter_seconds + WRITE_EXCESS * ratio * writing.elapsed().as_secs_f64();
-    let spent = started.elapsed().as_secs_f64();
-    CalibrationTimes { filter: filter_seconds, total, gathering: 0.0, spent }
+    let write_seconds = WRITE_EXCESS * ratio * writing.elapsed().as_secs_f64();
+    CalibrationTimes {
+        filter: filter_seconds,
+        total: gathering + filter_seconds + write_seconds,
+        gathering,
+        spent: gathering + started.elapsed().as_secs_f64(),
+    }
 }
 
 /// Returns the rows that stand for an image of this height.

@@ -264,6 +264,15 @@ mod tests {
     fn one_more_calibration_comes_before_the_end() {
         let once = calibrated(&[(0.8, 0.1)], 9.0);
         assert!(!once.is_due(2.5, 1.0, 0.8) && once.is_due(2.6, 0.7, 0.8));
+        let first = |expected| {
+            let mut finalisation = Finalisation::default();
+            finalisation.add(calibration(0.8, 0.1), expected, 9.0);
+            finalisation
+        };
+        assert!(!first(0.5).is_doubtful(1.0) && first(0.5).is_doubtful(-3.0), "the first one may be far off");
+        assert!(!first(0.7).is_doubtful(-3.0), "it is as expected");
+        let twice = calibrated(&[(0.8, 0.1), (0.8, 0.2)], 9.0);
+        assert!(!twice.is_doubtful(-3.0), "so is the second");
         let mut late = once;
         late.age();
         late.add(calibration(0.8, 0.1), 0.8, 0.7);

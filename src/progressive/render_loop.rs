@@ -336,10 +336,7 @@ impl<'a> RenderLoop<'a> {
         let Self { settings, checkpoint: Checkpoint { store, .. }, processes, .. } = self;
         let output = |result: &FilterResult, rows: &Store| host.encode_and_discard(settings, result, rows);
         let filter = |rows: &Store| filter_together(processes.as_deref_mut(), denoiser, rows, settings.seed);
-        let mut times = calibrate(store, filter, output);
-        times.gathering = gathering;
-        times.total += gathering;
-        times.spent += gathering;
+        let times = calibrate(store, gathering, filter, output);
         self.measurements.finalisation.add(times, expected, left);
         self.measurements.seconds.calibrate += self.clock.elapsed() - elapsed;
     }
