@@ -5,6 +5,7 @@
 use std::path::Path;
 
 use anyhow::anyhow;
+use plotters::coord::ranged1d::DefaultFormatting;
 use plotters::prelude::*;
 
 /// Colours that colour-blind readers can tell apart (Okabe and Ito 2008).
@@ -140,13 +141,13 @@ impl Plot<'_> {
             .margin(8)
             .x_label_area_size(34)
             .y_label_area_size(58)
-            .build_cartesian_2d((xs.0..xs.1).log_scale(), (ys.0..ys.1).log_scale())?;
+            .build_cartesian_2d(axis(xs), axis(ys))?;
         chart
             .configure_mesh()
             .x_desc(self.x)
             .y_desc(self.y)
-            .x_label_formatter(&|value| tick(*value, xs))
-            .y_label_formatter(&|value| tick(*value, ys))
+            .x_label_formatter(&|value| label(*value))
+            .y_label_formatter(&|value| label(*value))
             .light_line_style(WHITE)
             .draw()?;
 
@@ -195,18 +196,25 @@ fn slopes(xs: (f64, f64), ys: (f64, f64)) -> Vec<Vec<(f64, f64)>> {
         .collect()
 }
 
-/// Formats a number at an axis with these ends. On long axes most numbers get no text, since they would overlap.
-fn tick(value: f64, (least, most): (f64, f64)) -> String {
-    let mantissa = value / 10_f64.powf((value.log10() + 1e-9).floor());
-    let is_one_of = |mantissas: &[f64]| mantissas.iter().any(|m| (mantissa - m).abs() < 1e-6);
-    let is_shown = match (most / least).log10() {
-        ..0.95 => true,
-        ..2.5 => is_one_of(&[1.0, 2.0, 5.0]),
-        _ => is_one_of(&[1.0]),
+/// A logarithmic axis with these ends and its numbers.
+fn axis(ends: (f64, f64)) -> impl Ranged<ValueType = f64, FormatOption = DefaultFormatting> {
+    LogCoord::from((ends.0..ends.1).log_scale()).with_key_points(ticks(ends))
+}
+
+/// The numbers at an axis with these ends. Long axes have fewer for each decade, since they would overlap.
+fn ticks((least, most): (f64, f64)) -> Vec<f64> {
+    let mantissas: &[f64] = match (most / least).log10() {
+        ..0.95 => &[1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0],
+        ..2.5 => &[1.0, 2.0, 5.0],
+        _ => &[1.0],
     };
-    if !is_shown {
-        return String::new();
-    }
+    let exponents = least.log10().floor() as i32..=most.log10().ceil() as i32;
+    let ticks = exponents.flat_map(|exponent| mantissas.iter().map(move |m| m * 10_f64.powi(exponent)));
+    ticks.filter(|tick| (least..=most).contains(tick)).collect()
+}
+
+/// Formats a number at an axis.
+fn label(value: f64) -> String {
     if (0.01..10_000.0).contains(&value) {
         let text = format!("{value:.3}");
         return text.trim_end_matches('0').trim_end_matches('.').to_owned();
@@ -240,18 +248,12 @@ mod tests {
 
     #[test]
     fn ticks_are_short() {
-        let text = |value: f64| tick(value, (value, 2.0 * value));
-        assert_eq!([8.0, 0.25, 1e-4, 20_000.0].map(text), ["8", "0.25", "1e-4", "2e4"]);
+        assert_eq!([8.0, 0.25, 1e-4, 20_000.0].map(label), ["8", "0.25", "1e-4", "2e4"]);
     }
 
     #[test]
     fn long_axes_have_fewer_numbers() {
-        let numbers = |ends: (f64, f64)| -> Vec<String> {
-            let values =
-                (-3..=0).flat_map(|exponent| (1..10).map(move |m| f64::from(m) * 10_f64.powi(exponent)));
-            let shown = values.filter(|value| (ends.0..=ends.1).contains(value));
-            shown.map(|value| tick(value, ends)).filter(|text| !text.is_empty()).collect()
-        };
+        let numbers = |ends| -> Vec<String> { ticks(ends).into_iter().map(label).collect() };
         assert_eq!(numbers((0.45, 3.5)), ["0.5", "0.6", "0.7", "0.8", "0.9", "1", "2", "3"]);
         assert_eq!(numbers((0.035, 3.5)), ["0.05", "0.1", "0.2", "0.5", "1", "2"]);
         assert_eq!(numbers((0.0015, 3.5)), ["0.01", "0.1", "1"]);
