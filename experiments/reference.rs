@@ -10,13 +10,13 @@ use prpf::filter::{DENOISERS, learned};
 use prpf::geometry::Accel;
 use prpf::image::Planes;
 use prpf::image::exr_file::{self, Channel, Precision, Windows};
-use prpf::image::metrics::{Pair, RELMSE_EPSILON};
+use prpf::image::metrics::RELMSE_EPSILON;
 use prpf::render::Renderer;
 use prpf::scene::Scene;
 use prpf::stats::{Part, Store};
 use sha2::{Digest, Sha256};
 
-use crate::sampling;
+use crate::{picture, sampling};
 
 /// Seeds of the halves. Those of experiments count from 0.
 const SEEDS: [u64; 2] = [1_000_001, 1_000_002];
@@ -40,16 +40,50 @@ pub struct Reference {
 }
 
 impl Reference {
+    /// Averages two halves; `spp` is their sum.
+    fn new(spp: u32, halves: [Planes; 2], filtered: Planes) -> Self {
+        let [a, b] = &halves;
+        let mut image = a.clone();
+        image.data_mut().iter_mut().zip(b.data()).for_each(|(a, b)| *a = 0.5 * (*a + b));
+
+        // (A − (A + B) ∕ 2)² = ¼ (A − B)²
+        let own_error = |i: usize| f64::from(a.data()[i] - image.data()[i]).powi(2);
+        let mse = average((0..a.data().len()).map(own_error));
+        let relmse = average(relative(&filtered, own_error));
+        Self { image, spp, mse, relmse, halves, filtered }
+    }
+
+    /// The reference of some pixels of its image: x0, x1, y0, y1, half open.
+    pub fn cropped(&self, bounds: [usize; 4]) -> Self {
+        let crop = |planes: &Planes| picture::crop(planes, bounds);
+        Self::new(self.spp, self.halves.each_ref().map(crop), crop(&self.filtered))
+    }
+
+    /// Returns the MSE of an image x: the mean of (x − A)(x − B), without bias as [`Self::pixel_relmse`] is.
+    pub fn mse_of(&self, image: &Planes) -> f64 {
+        average((0..image.data().len()).map(|i| self.squared_error(image, i)))
+    }
+
+    /// (x − A)(x − B) of the value with index `i`.
+    fn squared_error(&self, image: &Planes, i: usize) -> f64 {
+        let [a, b] = &self.halves;
+        let [x, a, b] = [image, a, b].map(|planes| f64::from(planes.data()[i]));
+        (x - a) * (x - b)
+    }
+
     /// Returns the relMSE of each pixel of an image x, mean over the channels: (x − A)(x − B) ∕ (F² + 0.01) with the halves A and B
     /// and the filtered reference F. It is without bias, and single values may be negative: A and B have independent noise, which
     /// (x − ½(A + B))² would contain. Relative to the reference's own pixels, those that are too dark would weigh most.
     pub fn pixel_relmse(&self, image: &Planes) -> Vec<f64> {
-        let [a, b] = &self.halves;
-        relative(&self.filtered, |i| {
-            let [x, a, b] = [image, a, b].map(|planes| f64::from(planes.data()[i]));
-            (x - a) * (x - b)
-        })
+        relative(&self.filtered, |i| self.squared_error(image, i))
     }
+}
+
+/// The mean of some values; 0 of none.
+fn average(values: impl IntoIterator<Item = f64>) -> f64 {
+    let (sum, count) =
+        values.into_iter().fold((0.0, 0_usize), |(sum, count), value| (sum + value, count + 1));
+    sum / count.max(1) as f64
 }
 
 /// Returns an error of each value over the squared level, mean over the channels of a pixel.
@@ -101,17 +135,7 @@ pub fn reference(
     }
     let read = |path: &PathBuf| exr_file::read_layer(path, None).with_context(|| path.display().to_string());
     let [a, b, filtered] = paths.each_ref().map(read);
-    let (halves, filtered) = ([a?, b?], filtered?);
-
-    // Average the halves
-    let [a, b] = &halves;
-    let mut image = a.clone();
-    image.data_mut().iter_mut().zip(b.data()).for_each(|(a, b)| *a = 0.5 * (*a + b));
-    // (A − (A+B)∕2)² = ¼ (A − B)².
-    let mse = Pair::new(a, &image)?.mse();
-    let own_error = relative(&filtered, |i| f64::from(a.data()[i] - image.data()[i]).powi(2));
-    let relmse = own_error.iter().sum::<f64>() / own_error.len().max(1) as f64;
-    Ok(Reference { image, spp, mse, relmse, halves, filtered })
+    Ok(Reference::new(spp, [a?, b?], filtered?))
 }
 
 fn render(scene: &Scene, spp: u32, seed: u64, show_progress: impl Fn(u32)) -> Store {
@@ -137,6 +161,8 @@ fn write(path: &Path, image: &Planes) -> anyhow::Result<()> {
 
 #[cfg(test)]
 mod tests {
+    use prpf::image::metrics::Pair;
+
     use super::*;
 
     fn planes(value: impl Fn(usize) -> f32) -> Planes {
@@ -147,10 +173,7 @@ mod tests {
 
     /// relMSE of an image against an exact one, by a reference with these halves.
     fn relmse(image: &Planes, exact: &Planes, halves: [Planes; 2]) -> f64 {
-        let filtered = exact.clone();
-        let reference = Reference { image: exact.clone(), spp: 2, mse: 0.0, relmse: 0.0, halves, filtered };
-        let pixels = reference.pixel_relmse(image);
-        pixels.iter().sum::<f64>() / pixels.len() as f64
+        average(Reference::new(2, halves, exact.clone()).pixel_relmse(image))
     }
 
     #[test]
@@ -169,5 +192,25 @@ mod tests {
         assert!(relmse(&exact, &exact, [noisy(2), noisy(4)]).abs() < 1e-9);
         let brighter = relmse(&planes(|_| 1.1), &exact, [noisy(2), noisy(4)]);
         assert!((brighter - 0.01 / (1.0 + RELMSE_EPSILON)).abs() < 1e-6, "{brighter}");
+        let reference = Reference::new(2, [noisy(2), noisy(4)], exact.clone());
+        assert!(reference.mse_of(&exact).abs() < 1e-9, "{}", reference.mse_of(&exact));
+        assert!((reference.mse_of(&planes(|_| 1.1)) - 0.01).abs() < 1e-6);
+        // Half of the values differ by 1
+        assert!((reference.mse - 0.125).abs() < 1e-9, "{}", reference.mse);
+    }
+
+    #[test]
+    fn a_cropped_reference_is_that_of_its_pixels() {
+        let (image, a, b) =
+            (planes(|i| (i % 7) as f32), planes(|i| (i % 5) as f32), planes(|i| (i % 4) as f32));
+        let bounds = [3, 17, 2, 11];
+        let cropped = Reference::new(2, [a.clone(), b.clone()], a.clone()).cropped(bounds);
+        let (x, a, b) = (picture::crop(&image, bounds), picture::crop(&a, bounds), picture::crop(&b, bounds));
+        let expected: f64 = (0..x.data().len())
+            .map(|i| f64::from((x.data()[i] - a.data()[i]) * (x.data()[i] - b.data()[i])))
+            .sum::<f64>()
+            / x.data().len() as f64;
+        assert!((cropped.mse_of(&x) - expected).abs() < 1e-9);
+        assert_eq!(cropped.image.data()[0], 0.5 * (a.data()[0] + b.data()[0]));
     }
 }

@@ -51,6 +51,18 @@ pub fn geometric_mean_with_shared_error(values: &[f64], variance: f64) -> Interv
     Interval { mean: mean.exp(), low: low.exp(), high: high.exp() }
 }
 
+/// Ratio of the means of pairs of a value and its base, and its 95 % interval by Student's t: that of the mean of v ∕ ⟨v⟩ − b ∕ ⟨b⟩ around
+/// the logarithm (the delta method). NaN unless both means are positive. Single values may be negative, as errors without bias may.
+pub fn ratio_of_means(pairs: &[(f64, f64)]) -> Interval {
+    let n = pairs.len() as f64;
+    let [values, bases] =
+        [pairs.iter().map(|p| p.0).sum::<f64>() / n, pairs.iter().map(|p| p.1).sum::<f64>() / n];
+    let ratio = if values > 0.0 && bases > 0.0 { values / bases } else { f64::NAN };
+    let differences: Vec<f64> = pairs.iter().map(|(value, base)| value / values - base / bases).collect();
+    let Interval { low, high, .. } = mean(&differences);
+    Interval { mean: ratio, low: ratio * low.exp(), high: ratio * high.exp() }
+}
+
 /// Unbiased variance of the values of several groups around the groups' own means; 0 if no group has two values.
 pub fn variance_within(groups: &[Vec<f64>]) -> f64 {
     let squares = |group: &Vec<f64>| {
@@ -164,6 +176,20 @@ mod tests {
         let ratio = geometric_mean(&[0.5, 2.0, 1.0]);
         assert!((ratio.mean - 1.0).abs() < 1e-12);
         assert!((ratio.low * ratio.high - 1.0).abs() < 1e-9 && ratio.low < 0.5);
+    }
+
+    #[test]
+    fn a_ratio_of_means_is_that_of_the_sums_with_an_interval_by_the_pairs() {
+        let ratio = ratio_of_means(&[(2.0, 1.0), (6.0, 3.0)]);
+        assert!((ratio.mean - 2.0).abs() < 1e-12 && (ratio.high - ratio.low).abs() < 1e-9, "{ratio:?}");
+        // 2 ∕ 3 − ½ and 4 ∕ 3 − 3 ∕ 2: ± ⅙, a standard error of ⅙, and t(0.975; 1) = 12.7062
+        let ratio = ratio_of_means(&[(2.0, 1.0), (4.0, 3.0)]);
+        assert!((ratio.mean - 1.5).abs() < 1e-12, "{ratio:?}");
+        assert!(((ratio.high / 1.5).ln() - 12.706_2 / 6.0).abs() < 1e-3, "{ratio:?}");
+        // One error below 0 does not spoil the mean, and a mean below 0 has no ratio
+        assert!((ratio_of_means(&[(-1.0, 1.0), (2.0, 1.0)]).mean - 0.5).abs() < 1e-12);
+        assert!(ratio_of_means(&[(-1.0, 1.0), (0.5, 1.0)]).mean.is_nan());
+        assert!(ratio_of_means(&[(2.0, 1.0)]).high.is_nan());
     }
 
     #[test]

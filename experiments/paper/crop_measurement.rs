@@ -14,8 +14,8 @@ use super::crop::{Bounds, Crop, area, middle, relative};
 use super::interpretations::{compared_rpf, interpretations, letter_rpf, published};
 use super::method::Method;
 use super::scene_results::{
-    EQUAL_TIME, INTERPRETATION, LETTER, NLM, OUTSIDE, PRPF, REFERENCE, RPF, SceneResults, UNFILTERED,
-    UPSAMPLING, at, brightness_of_side, mse_of_side,
+    BASE_OF_GROWTH, EQUAL_TIME, INTERPRETATION, LETTER, NLM, OUTSIDE, PRPF, REFERENCE, RPF, SceneResults,
+    TIME_OVER_RPF, UNFILTERED, UPSAMPLING, at, beside, brightness_of_side, mse_of_side,
 };
 use super::settings::{SceneSettings, Settings};
 use super::weight_maps;
@@ -25,6 +25,8 @@ use crate::reference::Reference;
 use crate::sampling;
 use crate::session::Session;
 
+/// The seed of runs that only measure times.
+const PILOT_SEED: u64 = 1000;
 /// Folder of the pictures, in the folder of the results.
 pub const PICTURES: &str = "pictures";
 
@@ -111,8 +113,9 @@ impl CropMeasurement<'_> {
         self.outside(session, results)
     }
 
-    /// Runs RPF at the sample counts whose square has this side; at the base count also its other interpretations,
-    /// and every other method in its time.
+    /// Runs RPF, and every other method beside it, at the sample counts whose square has this side; on the square of the largest count
+    /// also RPF at the base count, to tell how its time grows; at the base count also its other interpretations, and every other
+    /// method in its time.
     ///
     /// # Errors
     /// Files that cannot be written.
@@ -129,9 +132,18 @@ impl CropMeasurement<'_> {
             let spp = runs.spp;
             for seed in 0..runs.seeds {
                 let picture = (spp == base_spp && seed == 0).then_some(RPF);
-                let method = Method::Rpf(compared_rpf(sigma8_squared));
-                let values = self.run(session, (&at(RPF, spp), &method), (spp, seed), picture)?;
+                let rpf = Method::Rpf(compared_rpf(sigma8_squared));
+                let values = self.run(session, (&at(RPF, spp), &rpf), (spp, seed), picture)?;
                 results.add(at(RPF, spp), values);
+                for (name, method) in cheap_methods(sigma8_squared) {
+                    let run = beside(name, spp);
+                    let values = self.run(session, (&run, &method), (spp, seed), None)?;
+                    results.add(run, values);
+                }
+                if spp > base_spp && Some(spp) == results.max_rpf_spp() {
+                    let values = self.run(session, (BASE_OF_GROWTH, &rpf), (base_spp, seed), None)?;
+                    results.add(BASE_OF_GROWTH, values);
+                }
             }
 
             // Run it to the letter at the second count too, to tell whether its error falls
@@ -144,10 +156,10 @@ impl CropMeasurement<'_> {
             }
         }
         if all.iter().any(|runs| runs.side == side && runs.spp == base_spp) {
-            let reference = self.compared(&self.reference.image, self.crop.inner);
+            let reference = self.reference_of(self.crop.inner);
             let name = &self.scene_settings.name;
             let path = self.pictures.join(format!("{name}-reference.png"));
-            picture::write(&path, &reference, self.scene_settings.exposure)?;
+            picture::write(&path, &reference.image, self.scene_settings.exposure)?;
             self.interpretations(session, results, seeds, |method| matches!(method, Method::Rpf(_)))?;
             self.equal_time(session, results)?;
         }
@@ -210,9 +222,11 @@ impl CropMeasurement<'_> {
 
     /// Compares the crop of an image with the reference, as a whole and on the squares of RPF.
     fn errors(&self, image: &Planes) -> anyhow::Result<Values> {
-        let reference = self.compared(&self.reference.image, self.crop.inner);
-        let pair = Pair::new(image, &reference)?;
-        let mut errors = values([("mse", pair.mse()), ("relmse", pair.relmse()), ("flip", pair.flip().mean)]);
+        let reference = self.reference_of(self.crop.inner);
+        let pixels = reference.pixel_relmse(image);
+        let relmse = pixels.iter().sum::<f64>() / pixels.len() as f64;
+        let flip = Pair::new(image, &reference.image)?.flip().mean;
+        let mut errors = values([("mse", reference.mse_of(image)), ("relmse", relmse), ("flip", flip)]);
         let [x0, x1, y0, y1] = self.crop.inner;
         for runs in self.settings.rpf_runs(self.scene_settings) {
             let side = runs.side;
@@ -221,17 +235,16 @@ impl CropMeasurement<'_> {
             }
             let square = middle(self.whole, (side, side));
             let image = picture::crop(image, relative(square, self.crop.inner));
-            let reference = self.compared(&self.reference.image, square);
-            let pair = Pair::new(&image, &reference)?;
-            errors.insert(mse_of_side(side), pair.mse());
-            errors.insert(brightness_of_side(side), pair.mean_ratio());
+            let reference = self.reference_of(square);
+            errors.insert(mse_of_side(side), reference.mse_of(&image));
+            errors.insert(brightness_of_side(side), Pair::new(&image, &reference.image)?.mean_ratio());
         }
         Ok(errors)
     }
 
-    /// Cuts pixels of the film out of an image of all that the reference has.
-    fn compared(&self, image: &Planes, pixels: Bounds) -> Planes {
-        picture::crop(image, relative(pixels, self.whole))
+    /// The reference of some pixels of the film.
+    fn reference_of(&self, pixels: Bounds) -> Reference {
+        self.reference.cropped(relative(pixels, self.whole))
     }
 
     /// The samples of the crop with its margin; renders them unless the latest run has them.
@@ -247,32 +260,32 @@ impl CropMeasurement<'_> {
         }))
     }
 
-    /// Runs every other method in the time, sampling included, that RPF takes at the base sample count.
+    /// Runs every other method in the time, sampling included, that RPF takes at the base sample count on the same pixels.
     fn equal_time(&mut self, session: &mut Session, results: &mut SceneResults) -> anyhow::Result<()> {
-        let base = self.settings.base_spp;
-        let total = |method: &str, spp: u32| {
-            results.at(method, spp, "render seconds") + results.at(method, spp, "seconds")
-        };
-        let time = total(RPF, base);
+        // Estimate how many samples the methods have time for by their times beside RPF, and correct that by a run of a quarter as many
+        let Settings { base_spp: base, max_equal_time_spp: max_spp, .. } = *self.settings;
+        let time = total_seconds(|quantity| results.at(RPF, base, quantity));
         if !time.is_finite() {
             return Ok(());
         }
-        // Find the affordable sample counts. The largest count gives the best estimate of a sample's time
-        let largest = self.settings.spp.iter().copied().max().unwrap_or(base);
-        let affordable_spp = |name: &str| {
-            let per_sample = results.at(name, largest, "render seconds") / f64::from(largest);
-            let filter = results.at(name, largest, "seconds");
-            affordable(time - filter, per_sample, self.settings.max_equal_time_spp)
-        };
-        let methods = cheap_methods(self.scene_settings.sigma8_squared)
-            .map(|(name, method)| (name, method, affordable_spp(name)));
+        let mut runs = Vec::new();
+        for (name, method) in cheap_methods(self.scene_settings.sigma8_squared) {
+            let known = |quantity: &str| results.get(&beside(name, base), quantity);
+            let guess = affordable(time, known, base, max_spp);
+            let quarter = (guess / 4).next_multiple_of(2);
+            let pilot =
+                self.run(session, (&format!("pilot {name}"), &method), (quarter, PILOT_SEED), None)?;
+            runs.push((name, method, affordable(time, |quantity| pilot[quantity], quarter, max_spp)));
+        }
 
         // Run the methods
         for seed in 0..self.scene_settings.equal_time_seeds {
-            for (name, method, spp) in &methods {
+            for (name, method, spp) in &runs {
                 let run = format!("{EQUAL_TIME} {name}");
                 let picture = (seed == 0).then_some(*name);
-                let values = self.run(session, (&run, method), (*spp, seed), picture)?;
+                let mut values = self.run(session, (&run, method), (*spp, seed), picture)?;
+                let time_over_rpf = total_seconds(|quantity| values[quantity]) / time;
+                values.insert(TIME_OVER_RPF.to_owned(), time_over_rpf);
                 results.add(run, values);
             }
         }
@@ -295,7 +308,7 @@ impl CropMeasurement<'_> {
             (is_first && self.scene_settings.weight_maps).then(|| weight_maps::files(self.pictures, name));
         let files: Vec<PathBuf> = maps.clone().into_iter().flatten().collect();
         let key = self.key(UPSAMPLING, spp, seed);
-        let (inner, reference) = (self.crop.inner_in_outer(), &self.reference.image);
+        let (inner, reference) = (self.crop.inner_in_outer(), self.reference);
         let sigma8_squared = self.scene_settings.sigma8_squared;
         let values = session.ledger.measure(key, &files, || {
             let store = &self.samples(spp, spp as usize, seed).store;
@@ -305,7 +318,7 @@ impl CropMeasurement<'_> {
             for (name, settings) in [("with", &with), ("without", &without)] {
                 let (image, values) = Method::Prpf(settings.clone()).run(store, seed);
                 let image = picture::crop(&image, inner);
-                result.insert(format!("mse {name}"), Pair::new(&image, reference)?.mse());
+                result.insert(format!("mse {name}"), reference.mse_of(&image));
                 result.insert(format!("seconds {name}"), values["seconds"]);
                 result.insert(format!("weight seconds {name}"), values["weight seconds"]);
                 result.extend(
@@ -351,9 +364,16 @@ fn cheap_methods(sigma8_squared: f32) -> [(&'static str, Method); 3] {
     [(UNFILTERED, Method::Unfiltered), (PRPF, Method::Prpf(published(sigma8_squared))), (NLM, Method::Nlm)]
 }
 
-/// The number of samples per pixel that fit into some seconds: even, because of the halves, and at least 2.
-fn affordable(seconds: f64, per_sample: f64, max_spp: u32) -> u32 {
-    let spp = (seconds / per_sample).clamp(2.0, f64::from(max_spp)) as u32;
+/// The seconds of sampling and filter together, of a run with these values.
+fn total_seconds(quantity: impl Fn(&str) -> f64) -> f64 {
+    quantity("render seconds") + quantity("seconds")
+}
+
+/// The number of samples per pixel that fit into some seconds if a run of `spp` has these values: even, because of the halves, and at
+/// least 2.
+fn affordable(seconds: f64, values: impl Fn(&str) -> f64, spp: u32, max_spp: u32) -> u32 {
+    let per_sample = values("render seconds") / f64::from(spp);
+    let spp = ((seconds - values("seconds")) / per_sample).clamp(2.0, f64::from(max_spp)) as u32;
     spp - spp % 2
 }
 
@@ -400,9 +420,13 @@ mod tests {
 
     #[test]
     fn an_affordable_number_of_samples_is_even() {
-        assert_eq!(affordable(8.0, 0.25, 100), 32);
-        assert_eq!(affordable(8.0, 0.24, 100), 32);
-        assert_eq!(affordable(8.0, 1e-3, 100), 100);
-        assert_eq!(affordable(-1.0, 1.0, 100), 2);
+        let affordable = |seconds, per_sample: f64| {
+            let values = |quantity: &str| if quantity == "seconds" { 3.0 } else { 8.0 * per_sample };
+            affordable(seconds, values, 8, 100)
+        };
+        assert_eq!(affordable(11.0, 0.25), 32);
+        assert_eq!(affordable(11.0, 0.24), 32);
+        assert_eq!(affordable(11.0, 1e-3), 100);
+        assert_eq!(affordable(2.0, 1.0), 2);
     }
 }

@@ -6,8 +6,8 @@ use super::claims::{claims, finding};
 use super::crop_measurement::PICTURES;
 use super::interpretations::interpretations;
 use super::scene_results::{
-    EQUAL_TIME, INTERPRETATION, NLM, PRPF, REFERENCE, RPF, SceneResults, UNFILTERED, UPSAMPLING, WHOLE, at,
-    mse_of_side,
+    EQUAL_TIME, INTERPRETATION, NLM, PRPF, REFERENCE, RPF, SceneResults, TIME_OVER_RPF, UNFILTERED,
+    UPSAMPLING, WHOLE, at, beside, mse_of_side,
 };
 use super::settings::Settings;
 use super::stage_timer::STAGES;
@@ -82,15 +82,17 @@ fn conditions(settings: &Settings, scenes: &[SceneResults], missing: &[String]) 
          on a crop of each scene with a margin of {} pixels ({} as the largest window reaches); errors are those without \
          the margin, unless whole images are mentioned. The crop has {pixels} pixels and is run with {} seeds (seed 0 alone \
          for samples beyond the threshold, weights and whole images). RPF runs on a square in its middle, of the side and \
-         with as many seeds as the table of runs says; a comparison with RPF is over the pixels and seeds that RPF has, \
-         and one of sample counts over the pixels that all counts share. `rpf` here keeps the energy of fireflies, which \
-         its report loses. A ratio of errors is the geometric mean of the ratios seed by seed; brackets hold its 95 % \
-         interval by Student's t, over seeds. A claim about a difference of errors holds or fails where the whole \
-         interval does and is undecided elsewhere. Ranges are over scenes; a claim that names a figure holds from nine \
-         tenths of it. Times are those of the filter alone, except at equal time, where they include sampling, in \
-         seconds per megapixel that is filtered. References are sampled uniformly with {} samples per pixel and other \
-         seeds, and unfiltered; their expected MSE, which is part of every error here, is {} of P-RPF's at {} samples \
-         per pixel.{left_out}",
+         with as many seeds as the table of runs says; every other method runs beside it on the same pixels, with the same \
+         seeds and directly after it, and errors and times are compared with RPF's there. RPF's growth with samples is told \
+         on the pixels that its counts share, that of the others on the crop. `rpf` here keeps the energy of fireflies, \
+         which its report loses. A ratio of errors or times is that of the means over seeds; brackets hold its 95 % \
+         interval by Student's t, over seeds. A claim on such a ratio holds or fails where the whole interval does and is \
+         undecided elsewhere; claims on upsampling, weights and selections rest on means. Ranges are over scenes; a claim \
+         that names a figure holds from nine tenths of it. Times are those of the filter alone, except at equal time, \
+         where they include sampling, in seconds per megapixel that is filtered. References are sampled uniformly with {} \
+         samples per pixel and other seeds, and unfiltered. Errors are the mean of (x − A)(x − B) with both halves A and B \
+         of the reference, which leaves the reference's own error out: that is {} of P-RPF's MSE at {} samples per pixel. \
+         FLIP has no such form and contains it.{left_out}",
         minutes(settings.base_spp),
         settings.base_spp,
         minutes(max_spp),
@@ -107,7 +109,7 @@ fn conditions(settings: &Settings, scenes: &[SceneResults], missing: &[String]) 
 fn runs_of_rpf(settings: &Settings, scenes: &[SceneResults], report: &mut Report) {
     report.paragraph(&format!(
         "Runs of RPF: seeds × pixels that are compared. Other interpretations of RPF have {} of the seeds, those of P-RPF \
-         {}; the column at equal time gives the seeds of the other methods there, on RPF's pixels at {} samples.",
+         {}; the column at equal time gives the seeds of the other methods there, on RPF's pixels at {} samples per pixel.",
         settings.rpf_interpretation_seeds, settings.interpretation_seeds, settings.base_spp
     ));
     let mut head = vec!["scene".to_owned(), "σ₈²".to_owned()];
@@ -171,8 +173,9 @@ fn plots(
 fn equal_time(settings: &Settings, scenes: &[SceneResults], report: &mut Report) {
     report.section("Equal time");
     report.paragraph(&format!(
-        "Each method in the time, sampling included, that RPF takes with {} samples per pixel, and with at most {} \
-         samples per pixel: samples per pixel, relMSE and FLIP (means over seeds). Pictures are of seed 0.",
+        "Each method on RPF's pixels in the time, sampling included, that RPF takes with {} samples per pixel, and with at most \
+         {} samples per pixel: samples per pixel, relMSE, FLIP, and the measured time over RPF's (means over seeds). A claim at \
+         equal time is undecided if that is not 0.9 to 1.1. Pictures are of seed 0.",
         settings.base_spp, settings.max_equal_time_spp
     ));
     let shown = [UNFILTERED, RPF, PRPF, NLM];
@@ -191,7 +194,9 @@ fn equal_time(settings: &Settings, scenes: &[SceneResults], report: &mut Report)
                 format!("{EQUAL_TIME} {method}")
             };
             let [spp, relmse, flip] = ["spp", "relmse", "flip"].map(|quantity| scene.get(&run, quantity));
-            format!("{spp} spp, {}, {}", number(relmse, 2), number(flip, 2))
+            let time = scene.get(&run, TIME_OVER_RPF);
+            let time = if method == RPF { String::new() } else { format!(", {}×", number(time, 2)) };
+            format!("{spp} spp, {}, {}{time}", number(relmse, 2), number(flip, 2))
         }));
         errors.push(format!(
             "{} spp, ±{}",
@@ -274,8 +279,8 @@ fn tables(settings: &Settings, scenes: &[SceneResults], report: &mut Report) {
     time_and_error(settings, scenes, report);
     report.section("Whole images, and upsampling");
     report.paragraph(&format!(
-        "P-RPF and `nlm` on whole images at {} samples per pixel, the fractions of P-RPF's time in neighbourhoods, weights \
-         and filter, and the gain of upsampling on the crops.",
+        "P-RPF and `nlm` on whole images at {} samples per pixel: seconds per image, the fractions of P-RPF's time in \
+         neighbourhoods, weights and filter, and the gain of upsampling on the crops.",
         settings.whole_spp
     ));
     upsampling(scenes, report);
@@ -283,25 +288,26 @@ fn tables(settings: &Settings, scenes: &[SceneResults], report: &mut Report) {
 
 fn time_and_error(settings: &Settings, scenes: &[SceneResults], report: &mut Report) {
     report.paragraph(
-        "Times are in seconds per megapixel. MSEs of all methods are means over RPF's seeds and pixels, where it has any at \
-         that count, with half their 95 % interval.",
+        "Times are in seconds per megapixel. Where RPF ran with that count, times and MSEs of all methods are means over its \
+         pixels and seeds, elsewhere over the crop; MSEs have half their 95 % interval.",
     );
     let mut rows = Vec::new();
     for scene in scenes {
         for &spp in &settings.spp {
+            let has_rpf = scene.seeds(&at(RPF, spp)) > 0;
+            let run = |method: &str| {
+                if has_rpf && method != RPF { beside(method, spp) } else { at(method, spp) }
+            };
             let mut row = vec![scene.name.clone(), spp.to_string()];
             for (method, _) in &METHODS[1..] {
-                row.push(number(scene.at(method, spp, "seconds"), 3));
+                row.push(number(scene.get(&run(method), "seconds"), 3));
             }
-            row.push(number(scene.speed_up(spp), 3));
-            let runs = scene.rpf_runs.iter().find(|runs| runs.spp == spp);
-            let quantity = runs.map_or("mse".to_owned(), |runs| mse_of_side(runs.side));
-            let seeds = runs.map_or(scene.seeds(&at(PRPF, spp)), |_| scene.seeds(&at(RPF, spp)));
-            row.push(seeds.to_string());
+            row.push(with_interval(scene.speed_up(PRPF, spp)));
+            row.push(scene.seeds(&run(PRPF)).to_string());
             for (method, _) in &METHODS {
-                row.push(plus_minus(scene.first_seeds(&at(method, spp), &quantity, seeds)));
+                row.push(plus_minus(scene.interval(&run(method), "mse")));
             }
-            row.push(with_interval(scene.mse_over_rpf(&at(PRPF, spp), spp)));
+            row.push(with_interval(scene.mse_over_rpf(PRPF, spp)));
             rows.push(row);
         }
     }

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use super::settings::RpfRuns;
 use crate::ledger::Values;
-use crate::statistics::{Interval, geometric_mean, mean};
+use crate::statistics::{Interval, mean, ratio_of_means};
 
 /// The measurements on a scene.
 #[derive(Clone, Debug)]
@@ -41,12 +41,6 @@ impl SceneResults {
         mean(&seeds.filter_map(|values| values.get(quantity).copied()).collect::<Vec<_>>())
     }
 
-    /// Does the same over the first seeds alone.
-    pub fn first_seeds(&self, run: &str, quantity: &str, seeds: usize) -> Interval {
-        let values = self.by_seed(run, quantity);
-        mean(&values[..seeds.min(values.len())])
-    }
-
     /// The mean of a quantity of a method at a sample count.
     pub fn at(&self, method: &str, spp: u32, quantity: &str) -> f64 {
         self.get(&at(method, spp), quantity)
@@ -57,15 +51,15 @@ impl SceneResults {
         self.runs.get(run).map_or(0, Vec::len)
     }
 
-    /// The geometric mean, over the seeds that two runs share, of the ratio of a quantity, and its interval.
+    /// The ratio of the means of a quantity over the seeds that two runs share, and its interval.
     pub fn ratio(&self, run: &str, base: &str, quantity: &str) -> Interval {
         let pairs = self.by_seed(run, quantity).into_iter().zip(self.by_seed(base, quantity));
-        geometric_mean(&pairs.map(|(value, base)| value / base).collect::<Vec<_>>())
+        ratio_of_means(&pairs.collect::<Vec<_>>())
     }
 
-    /// Ratio of a run's MSE to that of RPF at a sample count, on RPF's pixels.
-    pub fn mse_over_rpf(&self, run: &str, spp: u32) -> Interval {
-        self.ratio(run, &at(RPF, spp), &self.rpf_mse(spp))
+    /// Ratio of a method's MSE to that of RPF at a sample count, on RPF's pixels.
+    pub fn mse_over_rpf(&self, method: &str, spp: u32) -> Interval {
+        self.ratio(&beside(method, spp), &at(RPF, spp), "mse")
     }
 
     /// The name of the MSE on the pixels of RPF at a sample count.
@@ -84,15 +78,20 @@ impl SceneResults {
         self.rpf_runs.iter().map(|runs| runs.side).min().unwrap_or(0)
     }
 
-    /// Ratio of the filter times of RPF and P-RPF.
-    pub fn speed_up(&self, spp: u32) -> f64 {
-        self.at(RPF, spp, "seconds") / self.at(PRPF, spp, "seconds")
+    /// Ratio of the filter times of RPF and of a method on the same pixels.
+    pub fn speed_up(&self, method: &str, spp: u32) -> Interval {
+        self.ratio(&at(RPF, spp), &beside(method, spp), "seconds")
     }
 }
 
 /// The name of the run of a method at a sample count.
 pub fn at(method: &str, spp: u32) -> String {
     format!("{method} {spp}")
+}
+
+/// The name of the run of a method on the pixels of RPF, directly after it.
+pub fn beside(method: &str, spp: u32) -> String {
+    format!("beside rpf {}", at(method, spp))
 }
 
 /// The name of the MSE on a square in the middle of the crop.
@@ -120,6 +119,10 @@ pub const OUTSIDE: &str = "outside";
 pub const WHOLE: &str = "whole";
 /// A method in the time of RPF: `equal time METHOD`.
 pub const EQUAL_TIME: &str = "equal time";
+/// The quantity of such a run: its time, sampling included, over that of RPF.
+pub const TIME_OVER_RPF: &str = "time over rpf";
+/// RPF at the base count on the pixels of its largest count.
+pub const BASE_OF_GROWTH: &str = "rpf base of growth";
 /// Another interpretation of a paper: `interpretation NAME`.
 pub const INTERPRETATION: &str = "interpretation";
 /// RPF to the letter of its report at more samples than the base count: `letter SPP`.
@@ -144,12 +147,19 @@ mod tests {
         for mse in [2.0, 2.0, 1000.0] {
             scene.add("prpf 8", values([("mse 64", mse), ("mse", 1.0)]));
         }
-        let ratio = scene.mse_over_rpf("prpf 8", 8);
-        assert!((ratio.mean - 1.0).abs() < 1e-12 && ratio.low < 0.5, "{ratio:?}");
+        let ratio = scene.ratio("prpf 8", "rpf 8", "mse 64");
+        assert!((ratio.mean - 0.8).abs() < 1e-12 && ratio.low < 0.5, "{ratio:?}");
         assert_eq!((scene.seeds("prpf 8"), scene.get("rpf 8", "mse 64")), (3, 2.5));
         // One seed alone has the quantity
         scene.add("rpf 8", values([("mse 64", 4.0), ("weights mse", 0.5)]));
         assert_eq!(scene.get("rpf 8", "weights mse"), 0.5);
-        assert!(scene.get("prpf 16", "mse").is_nan() && scene.mse_over_rpf("prpf 16", 16).mean.is_nan());
+        assert!(scene.get("prpf 16", "mse").is_nan() && scene.mse_over_rpf("prpf", 16).mean.is_nan());
+        // Beside RPF counts what was run on its pixels
+        for (seconds, mse) in [(1.0, 2.0), (2.0, 6.0)] {
+            scene.add("rpf 16", values([("seconds", 8.0 * seconds), ("mse", 1.0)]));
+            scene.add("prpf 16", values([("seconds", 100.0), ("mse", 100.0)]));
+            scene.add(beside("prpf", 16), values([("seconds", seconds), ("mse", mse)]));
+        }
+        assert_eq!((scene.speed_up("prpf", 16).mean, scene.mse_over_rpf("prpf", 16).mean), (8.0, 4.0));
     }
 }

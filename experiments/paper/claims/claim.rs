@@ -40,6 +40,9 @@ impl Claim {
     }
 }
 
+/// A claim that names a figure holds from this fraction of it.
+pub const ROUNDING: f64 = 0.9;
+
 /// The scenes that a claim is about.
 #[derive(Clone, Copy, PartialEq)]
 pub enum Scope {
@@ -60,6 +63,11 @@ pub fn is_at_most(interval: Interval, limit: f64) -> Option<bool> {
     } else {
         None
     }
+}
+
+/// Whether a claim on a quantity of at least `limit` holds, likewise.
+pub fn is_at_least(Interval { mean, low, high }: Interval, limit: f64) -> Option<bool> {
+    is_at_most(Interval { mean: -mean, low: -high, high: -low }, -limit)
 }
 
 /// A claim that one value of each scene decides.
@@ -193,6 +201,9 @@ mod tests {
         assert_eq!(is_at_most(interval(1.2, 1.5), 1.1), Some(false));
         assert_eq!(is_at_most(interval(1.0, 1.2), 1.1), None);
         assert_eq!(is_at_most(interval(f64::NAN, f64::NAN), 1.1), None);
+        assert_eq!(is_at_least(interval(1.1, 1.2), 1.1), Some(true));
+        assert_eq!(is_at_least(interval(0.9, 1.0), 1.1), Some(false));
+        assert_eq!(is_at_least(interval(1.0, 1.2), 1.1), None);
         assert_eq!(format_interval(interval(0.8, 1.26)), "1.0× (0.80 to 1.3)");
     }
 

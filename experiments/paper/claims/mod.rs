@@ -6,7 +6,7 @@ mod quality;
 mod speed;
 mod upsampling;
 
-use super::scene_results::{PRPF, SceneResults, at};
+use super::scene_results::{PRPF, SceneResults};
 use super::settings::Settings;
 use crate::report::{median, number, range};
 use crate::statistics::geometric_mean;
@@ -29,20 +29,19 @@ pub fn finding(claims: &[Claim], scenes: &[SceneResults], settings: &Settings) -
     let measured = count(&|claim| claim.tested > 0);
     let hold = count(&|claim| claim.tested > 0 && claim.holds == claim.tested);
     let fail = count(&|claim| claim.tested > 0 && claim.holds == 0 && claim.undecided == 0);
-    let speed_ups = |spp: u32| range(scenes.iter().map(|scene| scene.speed_up(spp)), 2);
+    let speed_ups = |spp: u32| range(scenes.iter().map(|scene| scene.speed_up(PRPF, spp).mean), 2);
     let ratios = settings
         .spp
         .iter()
-        .flat_map(|&spp| scenes.iter().map(move |scene| scene.mse_over_rpf(&at(PRPF, spp), spp).mean));
+        .flat_map(|&spp| scenes.iter().map(move |scene| scene.mse_over_rpf(PRPF, spp).mean));
     let ratios: Vec<f64> = ratios.filter(|ratio| ratio.is_finite()).collect();
-    let at_base: Vec<f64> = scenes
-        .iter()
-        .map(|scene| scene.mse_over_rpf(&at(PRPF, settings.base_spp), settings.base_spp).mean)
-        .collect();
+    let at_base: Vec<f64> =
+        scenes.iter().map(|scene| scene.mse_over_rpf(PRPF, settings.base_spp).mean).collect();
     let max_spp = scenes.iter().filter_map(SceneResults::max_rpf_spp).max().unwrap_or(settings.base_spp);
+    let with_max = scenes.iter().filter(|scene| scene.max_rpf_spp() == Some(max_spp)).count();
     format!(
         "**Of {measured} claims {hold} hold on every scene and {fail} on none; the others hold on some, or are undecided.** P-RPF filters {} times faster than \
-         RPF at {} samples per pixel and {} times at {max_spp}; its MSE is {} times RPF's at equal samples (median {}), at {} \
+         RPF at {} samples per pixel and {} times at {max_spp} (scenes: {with_max}); its MSE is {} times RPF's at equal samples (median {}), at {} \
          samples {} in the geometric mean of the scenes.",
         speed_ups(settings.base_spp),
         settings.base_spp,
@@ -58,7 +57,7 @@ pub fn finding(claims: &[Claim], scenes: &[SceneResults], settings: &Settings) -
 mod tests {
     use super::*;
     use crate::ledger::values;
-    use crate::paper::scene_results::RPF;
+    use crate::paper::scene_results::{BASE_OF_GROWTH, EQUAL_TIME, RPF, TIME_OVER_RPF, at, beside};
     use crate::paper::settings::RpfRuns;
 
     /// A scene with two seeds. `mse` are RPF's and P-RPF's at the larger count, of each seed; those at the smaller are 1.
@@ -77,6 +76,11 @@ mod tests {
                     let quantities =
                         [("seconds", seconds), ("mse", mse), ("mse 40", mse), ("brightness 40", 0.9)];
                     scene.add(at(method, spp), values(quantities));
+                    if method == RPF && spp == 8 {
+                        scene.add(BASE_OF_GROWTH, values([("seconds", seconds)]));
+                    } else if method == PRPF {
+                        scene.add(beside(method, spp), values(quantities));
+                    }
                 }
             }
         }
@@ -119,6 +123,23 @@ mod tests {
         let expected = "statues: statues 2.0× (1.9 to 2.1); the mean of its images is 90 % of";
         assert!(rpf.explanation.starts_with(expected), "{}", rpf.explanation);
         assert_eq!(by_name("P-RPF's MSE falls").verdict(), "on 1 of 2, undecided on 1");
+    }
+
+    #[test]
+    fn a_claim_at_equal_time_is_not_decided_by_another_time() {
+        let verdict = |time: f64| {
+            let mut scene = scene("dof-dragons", true, [1.0, 8.0], [1.0, 1.0], [[1.0, 1.0], [0.2, 0.21]]);
+            for mse in [0.1, 0.11] {
+                let run = format!("{EQUAL_TIME} {PRPF}");
+                scene.add(run, values([("mse", mse), ("spp", 400.0), (TIME_OVER_RPF, time)]));
+            }
+            let all = claims(&[scene], &settings());
+            let claim = all.iter().find(|claim| claim.claim.starts_with("Equal time, dof-dragons")).unwrap();
+            assert!(claim.explanation.contains("P-RPF takes 400 samples"), "{}", claim.explanation);
+            claim.verdict()
+        };
+        assert_eq!(verdict(1.05), "holds");
+        assert_eq!(verdict(0.8), "on 0 of 1, undecided on 1");
     }
 
     #[test]

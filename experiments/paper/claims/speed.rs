@@ -1,9 +1,12 @@
 //! Claims on the speed of both methods, and on its growth with the sample count.
 
-use super::claim::{Claim, ClaimTest, Scope, format_range, format_times, stage_fractions};
+use super::claim::{
+    Claim, ClaimTest, ROUNDING, Scope, format_range, format_times, is_at_least, is_at_most, stage_fractions,
+};
 use crate::paper::interpretations::ALL_PIXELS;
-use crate::paper::scene_results::{INTERPRETATION, NLM, PRPF, RPF, SceneResults};
+use crate::paper::scene_results::{BASE_OF_GROWTH, INTERPRETATION, NLM, PRPF, RPF, SceneResults, at};
 use crate::paper::settings::Settings;
+use crate::statistics::Interval;
 
 /// All claims on speed.
 pub fn claims(scenes: &[SceneResults], settings: &Settings) -> Vec<Claim> {
@@ -13,10 +16,10 @@ pub fn claims(scenes: &[SceneResults], settings: &Settings) -> Vec<Claim> {
     claims
 }
 
-/// Ratio of a method's filter times at `spp` and at the base sample count; NaN at the base count itself.
-fn growth(scene: &SceneResults, method: &str, spp: u32, base: u32) -> f64 {
-    let ratio = scene.at(method, spp, "seconds") / scene.at(method, base, "seconds");
-    if spp > base { ratio } else { f64::NAN }
+/// Ratio of a method's filter times on the crop at `spp` and at the base sample count; NaN at the base count itself.
+fn growth(scene: &SceneResults, method: &str, spp: u32, base: u32) -> Interval {
+    let unknown = Interval { mean: f64::NAN, low: f64::NAN, high: f64::NAN };
+    if spp > base { scene.ratio(&at(method, spp), &at(method, base), "seconds") } else { unknown }
 }
 
 /// States how P-RPF's time at the largest sample count splits into stages.
@@ -28,18 +31,18 @@ fn prpf_stages(failing: &[&SceneResults], settings: &Settings) -> String {
 fn rpf_growth(scenes: &[SceneResults], settings: &Settings) -> Claim {
     let base = settings.base_spp;
     let max_spp = |scene: &SceneResults| scene.max_rpf_spp().unwrap_or(base);
-    let time_ratio = |scene: &SceneResults| growth(scene, RPF, max_spp(scene), base);
+    let time_ratio = |scene: &SceneResults| scene.ratio(&at(RPF, max_spp(scene)), BASE_OF_GROWTH, "seconds");
     let sample_ratio = |scene: &SceneResults| f64::from(max_spp(scene)) / f64::from(base);
     ClaimTest {
-        claim: "RPF's filter time grows with the sample count (largest count over smallest)",
+        claim: "RPF's filter time grows with the sample count (largest count over smallest, same pixels)",
         paper: "in proportion, or more",
         scope: Scope::All,
-        value: &time_ratio,
-        holds: &|scene| Some(time_ratio(scene) >= 0.8 * sample_ratio(scene)),
+        value: &|scene| time_ratio(scene).mean,
+        holds: &|scene| is_at_least(time_ratio(scene), ROUNDING * sample_ratio(scene)),
         format: &format_times,
         nlm: None,
         explain: &|failing| {
-            let times = format_range(failing, time_ratio, &format_times);
+            let times = format_range(failing, |scene| time_ratio(scene).mean, &format_times);
             let samples = format_range(failing, sample_ratio, &format_times);
             format!("takes {times} the time for {samples} the samples")
         },
@@ -52,13 +55,13 @@ fn prpf_growth(scenes: &[SceneResults], settings: &Settings) -> Claim {
     let base = settings.base_spp;
     let max_spp = settings.spp.iter().copied().max().unwrap_or(base);
     ClaimTest {
-        claim: "P-RPF's filter time hardly grows",
+        claim: "P-RPF's filter time hardly grows (likewise; to at most 1.25×)",
         paper: "nearly flat",
         scope: Scope::All,
-        value: &|scene| growth(scene, PRPF, max_spp, base),
-        holds: &|scene| Some(growth(scene, PRPF, max_spp, base) <= 1.25),
+        value: &|scene| growth(scene, PRPF, max_spp, base).mean,
+        holds: &|scene| is_at_most(growth(scene, PRPF, max_spp, base), 1.25),
         format: &format_times,
-        nlm: Some(&|scene| growth(scene, NLM, max_spp, base)),
+        nlm: Some(&|scene| growth(scene, NLM, max_spp, base).mean),
         explain: &|failing| prpf_stages(failing, settings),
         remark: None,
     }
@@ -69,8 +72,10 @@ fn prpf_growth(scenes: &[SceneResults], settings: &Settings) -> Claim {
 fn speed_ups(scenes: &[SceneResults], settings: &Settings) -> Vec<Claim> {
     let base = settings.base_spp;
     let with_all_pixels = |known: &[&SceneResults]| {
+        // By what statistics of all pixels cost on the crop
         let speed_up = |scene: &SceneResults| {
-            scene.at(RPF, base, "seconds") / scene.get(&format!("{INTERPRETATION} {ALL_PIXELS}"), "seconds")
+            let all_pixels = scene.get(&format!("{INTERPRETATION} {ALL_PIXELS}"), "seconds");
+            scene.speed_up(PRPF, base).mean * scene.at(PRPF, base, "seconds") / all_pixels
         };
         let times = format_range(known, speed_up, &format_times);
         format!(
@@ -82,11 +87,10 @@ fn speed_ups(scenes: &[SceneResults], settings: &Settings) -> Vec<Claim> {
             claim,
             paper,
             scope: Scope::All,
-            value: &|scene| scene.speed_up(spp),
-            // As the paper rounds.
-            holds: &|scene| Some(scene.speed_up(spp) >= 0.9 * expected),
+            value: &|scene| scene.speed_up(PRPF, spp).mean,
+            holds: &|scene| is_at_least(scene.speed_up(PRPF, spp), ROUNDING * expected),
             format: &format_times,
-            nlm: Some(&|scene| scene.at(RPF, spp, "seconds") / scene.at(NLM, spp, "seconds")),
+            nlm: Some(&|scene| scene.speed_up(NLM, spp).mean),
             explain: &|failing| prpf_stages(failing, settings),
             remark: (spp == base).then_some(&with_all_pixels),
         }
@@ -107,8 +111,9 @@ fn speed_ups(scenes: &[SceneResults], settings: &Settings) -> Vec<Claim> {
 fn prpf_at_32_against_rpf_at_8(scenes: &[SceneResults], settings: &Settings) -> Claim {
     let base = settings.base_spp;
     let spp = settings.spp.iter().copied().filter(|&spp| spp <= 32).max().unwrap_or(base);
+    // By how the method's time grows on the crop
     let ratio = |scene: &SceneResults, method: &str| {
-        scene.at(method, spp, "seconds") / scene.at(RPF, base, "seconds")
+        growth(scene, method, spp, base).mean / scene.speed_up(method, base).mean
     };
     ClaimTest {
         claim: "P-RPF at 32 samples takes no longer than RPF at 8 (ratio of times)",
