@@ -260,6 +260,19 @@ mod tests {
     }
 
     #[test]
+    fn every_number_is_drawn_once_at_an_axis() {
+        let folder = tempfile::tempdir().unwrap();
+        let drawn = |points: [(f64, f64); 2], number: &str| {
+            let path = folder.path().join("a.svg");
+            let panels = vec![Panel { title: "pool".into(), series: vec![Series::new("a", points)] }];
+            Plot { x: "spp", y: "s", panels, slope: false, columns: 3 }.write(&path).unwrap();
+            std::fs::read_to_string(&path).unwrap().lines().filter(|line| line.trim() == number).count()
+        };
+        assert_eq!(drawn([(1.0, 1.0), (1000.0, 1000.0)], "10"), 2, "over decades");
+        assert_eq!(drawn([(2.0, 20.0), (8.0, 80.0)], "5"), 1, "below a decade");
+    }
+
+    #[test]
     fn a_plot_without_points_is_written_as_well() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.svg");

@@ -64,6 +64,11 @@ impl Reference {
         average((0..image.data().len()).map(|i| self.squared_error(image, i)))
     }
 
+    /// Returns the relMSE of an image: the mean of [`Self::pixel_relmse`].
+    pub fn relmse_of(&self, image: &Planes) -> f64 {
+        average(self.pixel_relmse(image))
+    }
+
     /// (x − A)(x − B) of the value with index `i`.
     fn squared_error(&self, image: &Planes, i: usize) -> f64 {
         let [a, b] = &self.halves;
@@ -79,11 +84,11 @@ impl Reference {
     }
 }
 
-/// The mean of some values; 0 of none.
+/// The mean of some values; NaN of none.
 fn average(values: impl IntoIterator<Item = f64>) -> f64 {
     let (sum, count) =
         values.into_iter().fold((0.0, 0_usize), |(sum, count), value| (sum + value, count + 1));
-    sum / count.max(1) as f64
+    sum / count as f64
 }
 
 /// Returns an error of each value over the squared level, mean over the channels of a pixel.
@@ -173,7 +178,7 @@ mod tests {
 
     /// relMSE of an image against an exact one, by a reference with these halves.
     fn relmse(image: &Planes, exact: &Planes, halves: [Planes; 2]) -> f64 {
-        average(Reference::new(2, halves, exact.clone()).pixel_relmse(image))
+        Reference::new(2, halves, exact.clone()).relmse_of(image)
     }
 
     #[test]

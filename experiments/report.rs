@@ -6,6 +6,7 @@ use std::path::Path;
 use anyhow::Context;
 
 use crate::session::Session;
+use crate::statistics::Interval;
 
 /// A goal of the project, beside what was measured.
 pub struct Goal {
@@ -119,6 +120,12 @@ pub fn range(values: impl IntoIterator<Item = f64>, digits: i32) -> String {
     let max = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     let [min, max] = [min, max].map(|value| number(value, digits));
     if min == max { min } else { format!("{min} to {max}") }
+}
+
+/// Formats a value and its interval: `0.91 (0.85 to 0.97)`.
+pub fn with_interval(Interval { mean, low, high }: Interval, digits: i32) -> String {
+    let [mean, low, high] = [mean, low, high].map(|value| (value, number(value, digits)));
+    if low.0.is_finite() { format!("{} ({} to {})", mean.1, low.1, high.1) } else { mean.1 }
 }
 
 /// Median of the finite values; of an even number, the mean of the middle two. NaN if there are none.

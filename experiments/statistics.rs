@@ -51,8 +51,9 @@ pub fn geometric_mean_with_shared_error(values: &[f64], variance: f64) -> Interv
     Interval { mean: mean.exp(), low: low.exp(), high: high.exp() }
 }
 
-/// Ratio of the means of pairs of a value and its base, and its 95 % interval by Student's t: that of the mean of v ∕ ⟨v⟩ − b ∕ ⟨b⟩ around
-/// the logarithm (the delta method). NaN unless both means are positive. Single values may be negative, as errors without bias may.
+/// Ratio of the mean of values v to that of their bases b, and its 95 % interval by Student's t. The delta method gives the interval of the
+/// logarithm, from the spread of v ∕ ⟨v⟩ − b ∕ ⟨b⟩ over the pairs (v, b), so that what both share counts. NaN unless both means are positive; single
+/// values may be negative, as errors without bias may.
 pub fn ratio_of_means(pairs: &[(f64, f64)]) -> Interval {
     let n = pairs.len() as f64;
     let [values, bases] =

@@ -223,8 +223,7 @@ impl CropMeasurement<'_> {
     /// Compares the crop of an image with the reference, as a whole and on the squares of RPF.
     fn errors(&self, image: &Planes) -> anyhow::Result<Values> {
         let reference = self.reference_of(self.crop.inner);
-        let pixels = reference.pixel_relmse(image);
-        let relmse = pixels.iter().sum::<f64>() / pixels.len() as f64;
+        let relmse = reference.relmse_of(image);
         let flip = Pair::new(image, &reference.image)?.flip().mean;
         let mut errors = values([("mse", reference.mse_of(image)), ("relmse", relmse), ("flip", flip)]);
         let [x0, x1, y0, y1] = self.crop.inner;
@@ -262,7 +261,7 @@ impl CropMeasurement<'_> {
 
     /// Runs every other method in the time, sampling included, that RPF takes at the base sample count on the same pixels.
     fn equal_time(&mut self, session: &mut Session, results: &mut SceneResults) -> anyhow::Result<()> {
-        // Estimate how many samples the methods have time for by their times beside RPF, and correct that by a run of a quarter as many
+        // Estimate the affordable sample counts by the times beside RPF, and refine them by pilot runs of a quarter as many
         let Settings { base_spp: base, max_equal_time_spp: max_spp, .. } = *self.settings;
         let time = total_seconds(|quantity| results.at(RPF, base, quantity));
         if !time.is_finite() {
@@ -272,13 +271,16 @@ impl CropMeasurement<'_> {
         for (name, method) in cheap_methods(self.scene_settings.sigma8_squared) {
             let known = |quantity: &str| results.get(&beside(name, base), quantity);
             let guess = affordable(time, known, base, max_spp);
-            let quarter = (guess / 4).next_multiple_of(2);
+            let quarter = (guess / 4).next_multiple_of(2).max(2);
             let pilot =
                 self.run(session, (&format!("pilot {name}"), &method), (quarter, PILOT_SEED), None)?;
             runs.push((name, method, affordable(time, |quantity| pilot[quantity], quarter, max_spp)));
         }
 
-        // Run the methods
+        // Record the reference's error on these pixels, and run the methods
+        let Reference { mse, relmse, spp, .. } = self.reference_of(self.crop.inner);
+        let (run, own) = (format!("{EQUAL_TIME} {REFERENCE}"), values([("mse", mse), ("relmse", relmse)]));
+        results.add(&run, session.ledger.measure(self.key(&run, spp, 0), &[], || Ok(own))?);
         for seed in 0..self.scene_settings.equal_time_seeds {
             for (name, method, spp) in &runs {
                 let run = format!("{EQUAL_TIME} {name}");

@@ -7,13 +7,13 @@ use super::crop_measurement::PICTURES;
 use super::interpretations::interpretations;
 use super::scene_results::{
     EQUAL_TIME, INTERPRETATION, NLM, PRPF, REFERENCE, RPF, SceneResults, TIME_OVER_RPF, UNFILTERED,
-    UPSAMPLING, WHOLE, at, beside, mse_of_side,
+    UPSAMPLING, WHOLE, at, mse_of_side,
 };
 use super::settings::Settings;
 use super::stage_timer::STAGES;
 use super::weight_maps::{COMPUTATIONS, GROUPS};
 use crate::plot::{Panel, Plot, Series};
-use crate::report::{Report, number, range};
+use crate::report::{Report, number, range, with_interval};
 use crate::session::Session;
 use crate::statistics::Interval;
 
@@ -54,10 +54,11 @@ pub fn write(
 
 /// Describes the conditions of the measurements.
 fn conditions(settings: &Settings, scenes: &[SceneResults], missing: &[String]) -> String {
-    let reference_mse: Vec<f64> = scenes
-        .iter()
-        .map(|scene| scene.get(REFERENCE, "mse") / scene.at(PRPF, settings.base_spp, "mse"))
-        .collect();
+    let percent_of_prpf = |reference: &str, prpf: &str| {
+        let percent = |scene: &SceneResults| 100.0 * scene.get(reference, "mse") / scene.get(prpf, "mse");
+        format!("{} %", range(scenes.iter().map(percent), 2))
+    };
+    let at_equal_time = |method: &str| format!("{EQUAL_TIME} {method}");
     let left_out = if missing.is_empty() {
         String::new()
     } else {
@@ -72,36 +73,44 @@ fn conditions(settings: &Settings, scenes: &[SceneResults], missing: &[String]) 
             2,
         )
     };
-    let pixels = range(scenes.iter().map(|scene| scene.get(REFERENCE, "pixels of the crop")), 5);
+    let pixels = range(scenes.iter().map(|scene| scene.get(REFERENCE, "pixels of the crop")), 1);
 
     // Compare the margin with the largest window
     let margin_suffices = PrpfSettings::paper().windows.iter().all(|window| window / 2 <= settings.margin);
     let max_spp = scenes.iter().filter_map(SceneResults::max_rpf_spp).max().unwrap_or(settings.base_spp);
+    let with_max = scenes.iter().filter(|scene| scene.max_rpf_spp() == Some(max_spp)).count();
     format!(
-        "RPF would take {} minutes for these images at {} samples per pixel and {} at {max_spp}. All methods therefore run \
-         on a crop of each scene with a margin of {} pixels ({} as the largest window reaches); errors are those without \
-         the margin, unless whole images are mentioned. The crop has {pixels} pixels and is run with {} seeds (seed 0 alone \
-         for samples beyond the threshold, weights and whole images). RPF runs on a square in its middle, of the side and \
-         with as many seeds as the table of runs says; every other method runs beside it on the same pixels, with the same \
-         seeds and directly after it, and errors and times are compared with RPF's there. RPF's growth with samples is told \
-         on the pixels that its counts share, that of the others on the crop. `rpf` here keeps the energy of fireflies, \
-         which its report loses. A ratio of errors or times is that of the means over seeds; brackets hold its 95 % \
-         interval by Student's t, over seeds. A claim on such a ratio holds or fails where the whole interval does and is \
-         undecided elsewhere; claims on upsampling, weights and selections rest on means. Ranges are over scenes; a claim \
-         that names a figure holds from nine tenths of it. Times are those of the filter alone, except at equal time, \
-         where they include sampling, in seconds per megapixel that is filtered. References are sampled uniformly with {} \
-         samples per pixel and other seeds, and unfiltered. Errors are the mean of (x − A)(x − B) with both halves A and B \
-         of the reference, which leaves the reference's own error out: that is {} of P-RPF's MSE at {} samples per pixel. \
-         FLIP has no such form and contains it.{left_out}",
+        "RPF would take {} minutes for these images at {} samples per pixel and {} at {max_spp} (on {with_max} of them). It \
+         therefore runs on a square in the middle of a crop of each scene, and every other method on the crop. The crop has \
+         {pixels} pixels and {} seeds (seed 0 alone for samples beyond the threshold, weights and whole images); the table of \
+         runs gives RPF's squares and seeds, which differ between sample counts. Every other method also runs on RPF's \
+         square, with its seeds and after it: errors and times of the filter are compared there. Three figures use runs on \
+         the crop as well: P-RPF at 32 samples over RPF at 8, P-RPF with statistics of all pixels, and other interpretations \
+         of P-RPF. Around crop and square a margin of {} pixels ({} as the largest window reaches) is filtered and not \
+         compared. Growth with samples is measured on the same pixels at both counts: RPF's time on the square of its \
+         largest count, errors beside RPF's on its smallest square, everything else on the crop.\n\n\
+         `rpf` here keeps the energy of fireflies, which its report loses. A ratio is that of the means over seeds; brackets \
+         hold its 95 % interval by Student's t over seeds. A claim with an interval holds or fails if the whole interval \
+         does and is undecided otherwise; the claims on P-RPF at 32 samples, interpolated pixels, speed-ups by upsampling, \
+         weights, selections and stages rest on means. A claim holds from nine tenths of a lower figure (of the lower end of \
+         a range) and up to ten ninths of an upper one; 1×, 1.1×, 1.25× and 0.00001 are exact, and stages may differ by a \
+         tenth of the time. Ranges are over scenes. Times are those of the filter alone, except at equal time, where they \
+         include sampling, in seconds per megapixel that is filtered.\n\n\
+         References are sampled uniformly with {} samples per pixel and other seeds, and unfiltered. Errors are the mean of \
+         (x − A)(x − B) with both halves A and B of the reference, which leaves the reference's own error out in the mean \
+         over references; the noise of this one is common to all seeds and not in the intervals. Its own MSE is {} of \
+         P-RPF's at {} samples per pixel and {} at equal time, where errors are the least certain. FLIP has no such form and \
+         contains it.{left_out}",
         minutes(settings.base_spp),
         settings.base_spp,
         minutes(max_spp),
+        settings.seeds,
         settings.margin,
         if margin_suffices { "as far" } else { "not as far" },
-        settings.seeds,
         settings.reference_spp,
-        percent_range(&reference_mse),
+        percent_of_prpf(REFERENCE, &at(PRPF, settings.base_spp)),
         settings.base_spp,
+        percent_of_prpf(&at_equal_time(REFERENCE), &at_equal_time(PRPF)),
     )
 }
 
@@ -133,10 +142,6 @@ fn runs_of_rpf(settings: &Settings, scenes: &[SceneResults], report: &mut Report
     report.table(&head.iter().map(String::as_str).collect::<Vec<_>>(), &rows);
 }
 
-fn percent_range(fractions: &[f64]) -> String {
-    format!("{} %", range(fractions.iter().map(|fraction| 100.0 * fraction), 2))
-}
-
 /// Plots time and error (the paper's Figs. 3 and 9).
 fn plots(
     session: &Session,
@@ -147,7 +152,8 @@ fn plots(
     let panels = |methods: &[&str], quantity: &dyn Fn(&SceneResults) -> String| -> Vec<Panel> {
         let series = |scene: &SceneResults| {
             let line = |&(method, name): &(&str, &str)| {
-                let point = |&spp: &u32| (f64::from(spp), scene.at(method, spp, &quantity(scene)));
+                let value = |spp| scene.get(&scene.compared_run(method, spp), &quantity(scene));
+                let point = |&spp: &u32| (f64::from(spp), value(spp));
                 let shown = settings.spp.iter().filter(|_| methods.contains(&method));
                 Series::new(name, shown.map(point))
             };
@@ -156,7 +162,11 @@ fn plots(
         scenes.iter().map(|scene| Panel { title: scene.name.clone(), series: series(scene) }).collect()
     };
     let x = "samples per pixel";
-    report.picture("time.svg", "Filter time against samples per pixel (the paper's Fig. 3).");
+    report.picture(
+        "time.svg",
+        "Filter time against samples per pixel (the paper's Fig. 3): where RPF ran, of all methods on its square of that count, \
+         elsewhere on the crop.",
+    );
     let times = panels(&[RPF, PRPF, NLM], &|_| "seconds".to_owned());
     Plot { x, y: "seconds per megapixel", panels: times, slope: false, columns: COLUMNS }
         .write(&session.out.join("time.svg"))?;
@@ -174,8 +184,8 @@ fn equal_time(settings: &Settings, scenes: &[SceneResults], report: &mut Report)
     report.section("Equal time");
     report.paragraph(&format!(
         "Each method on RPF's pixels in the time, sampling included, that RPF takes with {} samples per pixel, and with at most \
-         {} samples per pixel: samples per pixel, relMSE, FLIP, and the measured time over RPF's (means over seeds). A claim at \
-         equal time is undecided if that is not 0.9 to 1.1. Pictures are of seed 0.",
+         {} samples per pixel: samples per pixel, relMSE, FLIP, and the measured time over RPF's (means over the seeds of each, \
+         as above). A claim at equal time is undecided unless P-RPF's time is 0.9 to 1.1 of RPF's. Pictures are of seed 0.",
         settings.base_spp, settings.max_equal_time_spp
     ));
     let shown = [UNFILTERED, RPF, PRPF, NLM];
@@ -196,12 +206,12 @@ fn equal_time(settings: &Settings, scenes: &[SceneResults], report: &mut Report)
             let [spp, relmse, flip] = ["spp", "relmse", "flip"].map(|quantity| scene.get(&run, quantity));
             let time = scene.get(&run, TIME_OVER_RPF);
             let time = if method == RPF { String::new() } else { format!(", {}×", number(time, 2)) };
-            format!("{spp} spp, {}, {}{time}", number(relmse, 2), number(flip, 2))
+            format!("{} spp, {}, {}{time}", number(spp, 1), number(relmse, 2), number(flip, 2))
         }));
         errors.push(format!(
-            "{} spp, ±{}",
+            "{} spp, {}",
             settings.reference_spp,
-            number(scene.get(REFERENCE, "relmse"), 2)
+            number(scene.get(&format!("{EQUAL_TIME} {REFERENCE}"), "relmse"), 2)
         ));
         rows.push(errors);
     }
@@ -266,7 +276,7 @@ fn other_interpretations(settings: &Settings, scenes: &[SceneResults], report: &
                     scene.ratio(&format!("{INTERPRETATION} {name}"), &at(base, settings.base_spp), "mse")
                 };
                 std::iter::once(name.to_owned())
-                    .chain(scenes.iter().map(|s| with_interval(ratio(s))))
+                    .chain(scenes.iter().map(|s| with_interval(ratio(s), 3)))
                     .collect()
             })
             .collect();
@@ -279,7 +289,7 @@ fn tables(settings: &Settings, scenes: &[SceneResults], report: &mut Report) {
     time_and_error(settings, scenes, report);
     report.section("Whole images, and upsampling");
     report.paragraph(&format!(
-        "P-RPF and `nlm` on whole images at {} samples per pixel: seconds per image, the fractions of P-RPF's time in \
+        "P-RPF and `nlm` on whole images (at {} samples per pixel; 0 leaves them out): seconds per image, the fractions of P-RPF's time in \
          neighbourhoods, weights and filter, and the gain of upsampling on the crops.",
         settings.whole_spp
     ));
@@ -289,31 +299,32 @@ fn tables(settings: &Settings, scenes: &[SceneResults], report: &mut Report) {
 fn time_and_error(settings: &Settings, scenes: &[SceneResults], report: &mut Report) {
     report.paragraph(
         "Times are in seconds per megapixel. Where RPF ran with that count, times and MSEs of all methods are means over its \
-         pixels and seeds, elsewhere over the crop; MSEs have half their 95 % interval.",
+         pixels and seeds, elsewhere over the crop; MSEs have half their 95 % interval. Squares differ between sample counts: \
+         compare within a row.",
     );
     let mut rows = Vec::new();
     for scene in scenes {
         for &spp in &settings.spp {
-            let has_rpf = scene.seeds(&at(RPF, spp)) > 0;
-            let run = |method: &str| {
-                if has_rpf && method != RPF { beside(method, spp) } else { at(method, spp) }
-            };
-            let mut row = vec![scene.name.clone(), spp.to_string()];
+            let run = |method: &str| scene.compared_run(method, spp);
+            let square = scene.rpf_runs.iter().find(|runs| runs.spp == spp);
+            let pixels = square.map_or("crop".to_owned(), |runs| format!("{}²", runs.side));
+            let mut row = vec![scene.name.clone(), spp.to_string(), pixels];
             for (method, _) in &METHODS[1..] {
                 row.push(number(scene.get(&run(method), "seconds"), 3));
             }
-            row.push(with_interval(scene.speed_up(PRPF, spp)));
+            row.push(with_interval(scene.speed_up(PRPF, spp), 3));
             row.push(scene.seeds(&run(PRPF)).to_string());
             for (method, _) in &METHODS {
                 row.push(plus_minus(scene.interval(&run(method), "mse")));
             }
-            row.push(with_interval(scene.mse_over_rpf(PRPF, spp)));
+            row.push(with_interval(scene.mse_over_rpf(PRPF, spp), 3));
             rows.push(row);
         }
     }
     let head = [
         "scene",
         "spp",
+        "pixels",
         "RPF, s",
         "P-RPF, s",
         "`nlm`, s",
@@ -333,16 +344,6 @@ fn plus_minus(interval: Interval) -> String {
     let half = 0.5 * (interval.high - interval.low);
     let mean = number(interval.mean, 3);
     if half.is_finite() { format!("{mean} ± {}", number(half, 2)) } else { mean }
-}
-
-/// Formats a ratio and its interval: `0.91 (0.85 to 0.97)`.
-fn with_interval(interval: Interval) -> String {
-    let mean = number(interval.mean, 3);
-    if interval.low.is_finite() {
-        format!("{mean} ({} to {})", number(interval.low, 3), number(interval.high, 3))
-    } else {
-        mean
-    }
 }
 
 fn upsampling(scenes: &[SceneResults], report: &mut Report) {
@@ -387,6 +388,7 @@ mod tests {
         let known = Interval { mean: 0.5, low: 0.4, high: 0.6 };
         let single = Interval { mean: 0.5, low: f64::NAN, high: f64::NAN };
         assert_eq!([plus_minus(known), plus_minus(single)], ["0.500 ± 0.10", "0.500"]);
-        assert_eq!([with_interval(known), with_interval(single)], ["0.500 (0.400 to 0.600)", "0.500"]);
+        let formatted = [known, single].map(|interval| with_interval(interval, 3));
+        assert_eq!(formatted, ["0.500 (0.400 to 0.600)", "0.500"]);
     }
 }

@@ -73,6 +73,12 @@ impl SceneResults {
         self.rpf_runs.last().map(|runs| runs.spp)
     }
 
+    /// The run of a method at a sample count: on RPF's pixels and with its seeds if RPF has that count, on the crop otherwise.
+    pub fn compared_run(&self, method: &str, spp: u32) -> String {
+        let is_beside = method != RPF && self.seeds(&at(RPF, spp)) > 0;
+        if is_beside { beside(method, spp) } else { at(method, spp) }
+    }
+
     /// Side of the square that all sample counts of RPF share.
     pub fn shared_rpf_side(&self) -> usize {
         self.rpf_runs.iter().map(|runs| runs.side).min().unwrap_or(0)
@@ -161,5 +167,9 @@ mod tests {
             scene.add(beside("prpf", 16), values([("seconds", seconds), ("mse", mse)]));
         }
         assert_eq!((scene.speed_up("prpf", 16).mean, scene.mse_over_rpf("prpf", 16).mean), (8.0, 4.0));
+        let runs = [("prpf", 16), ("prpf", 32), ("rpf", 16)];
+        let runs = runs.map(|(method, spp)| scene.compared_run(method, spp));
+        assert_eq!(runs, ["beside rpf prpf 16", "prpf 32", "rpf 16"]);
+        assert_eq!([8, 16].map(|spp| scene.rpf_mse(spp)), ["mse 64", "mse 0"]);
     }
 }

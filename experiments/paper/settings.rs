@@ -8,7 +8,7 @@ use super::crop::{Bounds, middle};
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Settings {
-    /// Number of seeds of every method but RPF. Seeds count from 0.
+    /// Number of seeds on the crop, of every method but RPF; beside RPF all have RPF's. Seeds count from 0.
     pub seeds: u64,
     /// Number of seeds of other interpretations of P-RPF, and of P-RPF without upsampling.
     pub interpretation_seeds: u64,

@@ -3,7 +3,7 @@
 use prpf::filter::PrpfSettings;
 
 use super::claim::{
-    Claim, ClaimTest, Explain, ROUNDING, Scope, format_percent, format_range, stage_fractions,
+    Claim, ClaimTest, Explain, SUFFICIENT_FRACTION, Scope, format_percent, format_range, stage_fractions,
 };
 use crate::paper::interpretations::{ALL_PIXELS, RELEASE};
 use crate::paper::scene_results::{INTERPRETATION, OUTSIDE, PRPF, RPF, SceneResults};
@@ -69,7 +69,7 @@ fn samples_outside(scenes: &[SceneResults]) -> Claim {
         paper: "5 to 10 %",
         scope: Scope::All,
         value: &outside,
-        holds: &|scene| Some(outside(scene) <= 0.1 / ROUNDING),
+        holds: &|scene| Some(outside(scene) <= 0.1 / SUFFICIENT_FRACTION),
         format: &format_percent,
         nlm: None,
         explain: &|failing| {

@@ -20,7 +20,7 @@ pub struct Claim {
     pub undecided: usize,
     /// Number of scenes on which it was tested.
     pub tested: usize,
-    /// Explains why the claim fails on the other scenes, or remarks on why it holds.
+    /// Explains why the claim fails on the other scenes, or remarks on one that fails on none.
     pub explanation: String,
 }
 
@@ -40,8 +40,8 @@ impl Claim {
     }
 }
 
-/// A claim that names a figure holds from this fraction of it.
-pub const ROUNDING: f64 = 0.9;
+/// This fraction of the paper's figure suffices; of an upper limit its inverse.
+pub const SUFFICIENT_FRACTION: f64 = 0.9;
 
 /// The scenes that a claim is about.
 #[derive(Clone, Copy, PartialEq)]
@@ -83,7 +83,7 @@ pub struct ClaimTest<'a> {
     pub nlm: Option<&'a dyn Fn(&SceneResults) -> f64>,
     /// Explains failures.
     pub explain: Explain<'a>,
-    /// Remarks on a claim that holds everywhere.
+    /// Remarks on a claim that fails on no scene.
     pub remark: Option<Explain<'a>>,
 }
 
@@ -180,7 +180,7 @@ pub fn format_number(value: f64) -> String {
     number(value, 2)
 }
 
-/// Formats the ratio of a scene with its interval: `2.5× (2.1 to 3.0)`.
+/// Formats a ratio with its interval: `2.5× (2.1 to 3.0)`.
 pub fn format_interval(interval: Interval) -> String {
     if interval.low.is_finite() {
         let [low, high] = [interval.low, interval.high].map(|value| number(value, 2));

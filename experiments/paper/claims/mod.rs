@@ -35,17 +35,19 @@ pub fn finding(claims: &[Claim], scenes: &[SceneResults], settings: &Settings) -
         .iter()
         .flat_map(|&spp| scenes.iter().map(move |scene| scene.mse_over_rpf(PRPF, spp).mean));
     let ratios: Vec<f64> = ratios.filter(|ratio| ratio.is_finite()).collect();
-    let at_base: Vec<f64> =
-        scenes.iter().map(|scene| scene.mse_over_rpf(PRPF, settings.base_spp).mean).collect();
+    let at_base = scenes.iter().map(|scene| scene.mse_over_rpf(PRPF, settings.base_spp).mean);
+    let at_base: Vec<f64> = at_base.filter(|ratio| ratio.is_finite()).collect();
     let max_spp = scenes.iter().filter_map(SceneResults::max_rpf_spp).max().unwrap_or(settings.base_spp);
     let with_max = scenes.iter().filter(|scene| scene.max_rpf_spp() == Some(max_spp)).count();
     format!(
-        "**Of {measured} claims {hold} hold on every scene and {fail} on none; the others hold on some, or are undecided.** P-RPF filters {} times faster than \
-         RPF at {} samples per pixel and {} times at {max_spp} (scenes: {with_max}); its MSE is {} times RPF's at equal samples (median {}), at {} \
-         samples {} in the geometric mean of the scenes.",
+        "**Of {measured} claims {hold} hold on every scene and {fail} on none; the others hold on some, or are undecided.** \
+         P-RPF filters {} times faster than RPF at {} samples per pixel and {} times at {max_spp} (on {with_max} of {} scenes); \
+         its MSE is {} times RPF's at equal samples (median {}), at {} samples {} in the geometric mean of the scenes (interval \
+         over scenes).",
         speed_ups(settings.base_spp),
         settings.base_spp,
         speed_ups(max_spp),
+        scenes.len(),
         range(ratios.iter().copied(), 2),
         number(median(ratios), 2),
         settings.base_spp,

@@ -1,7 +1,8 @@
 //! Claims on what the interpolation of feature weights gains and costs.
 
 use super::claim::{
-    Claim, ClaimTest, ROUNDING, Scope, format_number, format_percent, format_range, format_times, is_at_most,
+    Claim, ClaimTest, SUFFICIENT_FRACTION, Scope, format_number, format_percent, format_range, format_times,
+    is_at_most,
 };
 use crate::paper::interpretations::ALL_PIXELS;
 use crate::paper::scene_results::{INTERPRETATION, PRPF, SceneResults, UPSAMPLING, WHOLE};
@@ -38,7 +39,7 @@ fn interpolated_pixels(scenes: &[SceneResults], settings: &Settings) -> Claim {
         paper: "85 to 94 %",
         scope: Scope::All,
         value: &interpolated,
-        holds: &|scene| Some(interpolated(scene) >= ROUNDING * 0.85),
+        holds: &|scene| Some(interpolated(scene) >= SUFFICIENT_FRACTION * 0.85),
         format: &format_percent,
         nlm: None,
         explain: &|failing| {
@@ -63,7 +64,7 @@ fn speed_up_of_weights(scenes: &[SceneResults]) -> Claim {
         paper: "8 to 10 times",
         scope: Scope::All,
         value: &speed_up,
-        holds: &|scene| Some(speed_up(scene) >= ROUNDING * 8.0),
+        holds: &|scene| Some(speed_up(scene) >= SUFFICIENT_FRACTION * 8.0),
         format: &format_times,
         nlm: None,
         explain: &directly_computed,
@@ -79,7 +80,7 @@ fn speed_up_of_filter(scenes: &[SceneResults]) -> Claim {
         paper: "about 3 times",
         scope: Scope::All,
         value: &speed_up,
-        holds: &|scene| Some(speed_up(scene) >= ROUNDING * 3.0),
+        holds: &|scene| Some(speed_up(scene) >= SUFFICIENT_FRACTION * 3.0),
         format: &format_times,
         nlm: None,
         explain: &|failing| {
@@ -101,7 +102,7 @@ fn mse_of_weights(scenes: &[SceneResults]) -> Claim {
         paper: "0.001 to 0.002",
         scope: Scope::All,
         value: &mse,
-        holds: &|scene| Some(mse(scene) <= 0.002 / ROUNDING),
+        holds: &|scene| Some(mse(scene) <= 0.002 / SUFFICIENT_FRACTION),
         format: &format_number,
         nlm: None,
         explain: &directly_computed,
