@@ -42,7 +42,7 @@ pub fn run(session: &mut Session) -> anyhow::Result<()> {
     };
     let denoisers: Vec<&dyn Denoiser> = DENOISERS.into_iter().filter(is_compared).collect();
     let mut samples = Vec::new();
-    for file in session.scenes(&settings.scenes)? {
+    for file in session.scenes(&settings.views.concat())? {
         let test_scene = TestScene::new(session, &file, &settings.size)?;
         let accel = Accel::build(&test_scene.scene);
         for &spp in &settings.spp {

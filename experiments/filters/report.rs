@@ -7,9 +7,9 @@ use prpf::filter::Denoiser;
 
 use super::Sample;
 use super::settings::Settings;
-use crate::report::{Report, median, number};
+use crate::report::{Report, median, number, with_interval};
 use crate::session::Session;
-use crate::statistics::{self, Interval};
+use crate::statistics;
 
 /// What others are compared with: the better of the presets of Open Image Denoise, or `nlm` where it is missing.
 const REFERENCES: [&str; 2] = ["oidn", "nlm"];
@@ -66,10 +66,10 @@ pub fn write(
     for (error, heading) in ERRORS {
         report.section(heading);
         report.paragraph(&format!(
-            "Over the better preset of `{reference}`, geometric mean over {} views and its 95 % interval. In brackets the \
-             largest ratio of a view. Samples are the same for all, adaptive ones driven by `nlm`, but in the last rows, where \
-             those of `{reference}` are as many uniform ones. Adaptive samples are left out where all are uniform.",
-            results.scenes().len()
+            "Over the better preset of `{reference}` in each view, geometric mean and its 95 % interval, then the median and \
+             the largest of the views' ratios. {} Samples are the same for all, adaptive ones driven by `nlm`, but in the last rows, \
+             where those of `{reference}` are as many uniform ones. Adaptive samples are left out where all are uniform.",
+            results.counted()
         ));
         let kinds = [UNIFORM, ADAPTIVE, ADAPTIVE_OVER_UNIFORM];
         let rows = results.each(&kinds, |samples, spp| results.ratios_row(samples, spp, error));
@@ -101,18 +101,30 @@ pub fn write(
     let rows = results.each(&[UNIFORM, ADAPTIVE], |samples, spp| results.brightness_row(samples, spp));
     report.table(&results.head(&["samples", "spp"]), &rows);
     report.section("Time");
-    report.paragraph("Median seconds of a pass per million pixels.");
+    report.paragraph(
+        "Median seconds of a pass per million pixels. A pass makes the image and its variance; `oidn` takes its variance from the \
+         halves, so its pass filters three images.",
+    );
     let seconds = results.names.iter().map(|name| number(results.seconds(name), 2)).collect();
     report.table(&results.head(&[]), &[seconds]);
     let seeds = format!("0 to {}", settings.seeds - 1);
     report.write(session, &seeds)
 }
 
+/// The geometric means of the ratios of some groups.
+fn means_of_groups(groups: &[Vec<&str>], ratio: impl Fn(&str) -> f64) -> Vec<f64> {
+    let mean = |views: &Vec<&str>| {
+        let ratios: Vec<f64> = views.iter().map(|view| ratio(view)).collect();
+        statistics::geometric_mean(&ratios).mean
+    };
+    groups.iter().map(mean).collect()
+}
+
 impl Results<'_> {
     fn finding(&self) -> String {
         let ratio = |samples, name: &str, spp| {
-            let ratios = self.ratios(samples, spp, name, "trimmed relmse");
-            number(statistics::geometric_mean(&ratios).mean, 2)
+            let ratios = self.by_models(samples, spp, name, "trimmed relmse");
+            with_interval(statistics::geometric_mean(&ratios), 2)
         };
         let of = |samples, name: &str| {
             let ratios = self.counts(samples).map(|spp| format!("{} at {spp}", ratio(samples, name, spp)));
@@ -121,14 +133,15 @@ impl Results<'_> {
         };
         format!(
             "With the same uniform samples `learned standard` has this error relative to the better preset of `{}` (relMSE \
-             without the worst 0.1 %, geometric mean over {} views, by samples per pixel): {}. `nlm standard` has {}. With the \
-             same adaptive samples `learned standard` has {}; with adaptive samples, over the other with as many uniform ones, {}.",
+             without the worst 0.1 %, geometric mean and its 95 % interval, by samples per pixel): {}. `nlm standard` has {}. With \
+             the same adaptive samples `learned standard` has {}; with adaptive samples, over the other with as many uniform ones, \
+             {}. {}",
             self.reference,
-            self.scenes().len(),
             of(UNIFORM, "learned standard"),
             of(UNIFORM, "nlm standard"),
             of(ADAPTIVE, "learned standard"),
             of(ADAPTIVE_OVER_UNIFORM, "learned standard"),
+            self.counted(),
         )
     }
 
@@ -141,6 +154,23 @@ impl Results<'_> {
         };
         let adapts = move |spp: &u32| of(*spp, Sampling::Uniform).ne(of(*spp, Sampling::Adaptive));
         self.settings.spp.iter().copied().filter(move |spp| samples.own == Sampling::Uniform || adapts(spp))
+    }
+
+    /// States over what the means are taken.
+    fn counted(&self) -> String {
+        let (views, models) = (self.scenes().len(), self.models().len());
+        format!(
+            "Means are over {models} groups of views with {views} views in all; views of the same models count as one."
+        )
+    }
+
+    /// The views that were measured, by their models.
+    fn models(&self) -> Vec<Vec<&str>> {
+        let scenes = self.scenes();
+        let measured = |views: &'_ Vec<String>| -> Vec<&str> {
+            scenes.iter().copied().filter(|scene| views.iter().any(|view| view == scene)).collect()
+        };
+        self.settings.views.iter().map(measured).filter(|views| !views.is_empty()).collect()
     }
 
     fn scenes(&self) -> BTreeSet<&str> {
@@ -177,18 +207,19 @@ impl Results<'_> {
         self.mean(scene, samples.own, spp, name, error) / best
     }
 
-    /// The ratios of a denoiser in all views.
-    fn ratios(&self, samples: Samples, spp: u32, name: &str, error: &str) -> Vec<f64> {
-        self.scenes().into_iter().map(|scene| self.ratio(scene, samples, spp, name, error)).collect()
+    /// The ratios of a denoiser by models: the geometric means of their views.
+    fn by_models(&self, samples: Samples, spp: u32, name: &str, error: &str) -> Vec<f64> {
+        means_of_groups(&self.models(), |view| self.ratio(view, samples, spp, name, error))
     }
 
     fn ratios_row(&self, samples: Samples, spp: u32, error: &str) -> Vec<String> {
         let cell = |name: &String| {
-            let ratios = self.ratios(samples, spp, name, error);
-            let Interval { mean, low, high } = statistics::geometric_mean(&ratios);
-            let largest = ratios.iter().copied().fold(0.0, f64::max);
-            let [mean, low, high, largest] = [mean, low, high, largest].map(|ratio| number(ratio, 2));
-            format!("{mean}, {low} to {high} ({largest})")
+            let mean = statistics::geometric_mean(&self.by_models(samples, spp, name, error));
+            let views = self.scenes();
+            let ratios = || views.iter().map(|view| self.ratio(view, samples, spp, name, error));
+            let [middle, largest] =
+                [median(ratios()), ratios().fold(0.0, f64::max)].map(|ratio| number(ratio, 2));
+            format!("{}, {middle}, {largest}", with_interval(mean, 2))
         };
         self.names.iter().map(cell).collect()
     }
@@ -218,5 +249,17 @@ impl Results<'_> {
     fn seconds(&self, name: &str) -> f64 {
         let key = format!("{name} seconds");
         median(self.samples.iter().map(|sample| sample.values[&key] / sample.pixels as f64 * 1e6))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn views_of_the_same_models_count_as_one() {
+        let ratio = |view: &str| if view.ends_with("-dof") { 8.0 } else { 2.0 };
+        let means = means_of_groups(&[vec!["ajar", "ajar-dof"], vec!["pool"]], ratio);
+        assert!((means[0] - 4.0).abs() < 1e-12 && (means[1] - 2.0).abs() < 1e-12, "{means:?}");
     }
 }

@@ -8,7 +8,8 @@ use crate::test_scene::Size;
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Settings {
-    pub scenes: Vec<String>,
+    /// Scenes, grouped by the models that they show.
+    pub views: Vec<Vec<String>>,
     pub size: Size,
     /// Samples per pixel, ascending.
     pub spp: Vec<u32>,
