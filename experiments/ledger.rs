@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use anyhow::Context;
+use anyhow::{Context, ensure};
 use serde::{Deserialize, Serialize};
 
 /// The paths that results depend on: not those of experiments and reports.
@@ -68,24 +68,37 @@ struct Row {
     commit: String,
 }
 
+/// What becomes of the measurements in the file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Earlier {
+    /// Those of this machine and commit are reused, the others taken anew.
+    Continue,
+    Discard,
+    /// Those of the first row's machine and commit are reused, and none is taken.
+    Only,
+}
+
 /// The measurements of an experiment.
 pub struct Ledger {
     path: PathBuf,
     pub machine: Machine,
+    /// Whether measurements that are not recorded are taken.
+    measures: bool,
     recorded: BTreeMap<Key, Values>,
     /// Keys that this run requested, in this order.
     requested: Vec<Key>,
 }
 
 impl Ledger {
-    /// Reads the file if it exists; removes it if `fresh`. Those of its measurements that are of another machine or commit stay in it until
-    /// [`Self::finish`], and are not used.
+    /// Reads the file if it exists. Those of its measurements that are of another machine or commit stay in it until [`Self::finish`], and
+    /// are not used.
     ///
     /// # Errors
-    /// A file that cannot be read or removed.
-    pub fn open(path: &Path, machine: Machine, fresh: bool) -> anyhow::Result<Self> {
+    /// A file that cannot be read or removed; one without measurements for [`Earlier::Only`].
+    pub fn open(path: &Path, mut machine: Machine, earlier: Earlier) -> anyhow::Result<Self> {
         let mut recorded: BTreeMap<Key, Values> = BTreeMap::new();
-        if path.exists() && fresh {
+        let measures = earlier != Earlier::Only;
+        if path.exists() && earlier == Earlier::Discard {
             std::fs::remove_file(path).with_context(|| format!("cannot remove {}", path.display()))?;
         }
         if path.exists() {
@@ -95,20 +108,24 @@ impl Ledger {
             for row in reader.deserialize::<Row>() {
                 let row =
                     row.with_context(|| format!("cannot read {}; --fresh discards it", path.display()))?;
+                if !measures && recorded.is_empty() {
+                    machine = Machine { cores: row.cores, commit: row.commit.clone() };
+                }
                 if row.cores == machine.cores && row.commit == machine.commit {
                     let key = Key { scene: row.scene, seed: row.seed, settings: row.settings };
                     recorded.entry(key).or_default().insert(row.quantity, row.value);
                 }
             }
         }
-        Ok(Self { path: path.to_owned(), machine, recorded, requested: Vec::new() })
+        ensure!(measures || !recorded.is_empty(), "{}: found no measurement", path.display());
+        Ok(Self { path: path.to_owned(), machine, measures, recorded, requested: Vec::new() })
     }
 
     /// Returns the recorded values of `key`, or calls `measure` and records what it returns. Measures again if
     /// one of the `files` that the measurement writes is missing.
     ///
     /// # Errors
-    /// Those of `measure`, or a ledger that cannot be written.
+    /// Those of `measure`, a ledger that cannot be written, or with [`Earlier::Only`] a measurement that is not recorded.
     pub fn measure(
         &mut self,
         key: Key,
@@ -119,6 +136,7 @@ impl Ledger {
         let values = match found {
             Some(values) => values,
             None => {
+                ensure!(self.measures, "{}: lacks {}, {}", self.path.display(), key.scene, key.settings);
                 let values = measure().with_context(|| format!("{}: {}", key.scene, key.settings))?;
                 self.recorded.insert(key.clone(), values.clone());
                 self.append(&key)?;
@@ -212,29 +230,46 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("data.csv");
         let key = Key::new("pool", 1, "method=rpf spp=8");
-        let mut first = Ledger::open(&path, machine("a"), false).unwrap();
+        let mut first = Ledger::open(&path, machine("a"), Earlier::Continue).unwrap();
         assert!(measures(&mut first, &key, &[]));
         assert!(!measures(&mut first, &key, &[]));
         assert!(measures(&mut first, &Key { seed: 2, ..key.clone() }, &[]));
         // The first run ends without `finish`.
-        let mut second = Ledger::open(&path, machine("a"), false).unwrap();
+        let mut second = Ledger::open(&path, machine("a"), Earlier::Continue).unwrap();
         assert!(!measures(&mut second, &key, &[]));
         assert!(measures(&mut second, &key, &[folder.path().join("picture.png")]));
-        let mut fresh = Ledger::open(&path, machine("a"), true).unwrap();
+        let mut fresh = Ledger::open(&path, machine("a"), Earlier::Discard).unwrap();
         assert!(measures(&mut fresh, &key, &[]));
-        let mut other = Ledger::open(&path, machine("b"), false).unwrap();
+        let mut other = Ledger::open(&path, machine("b"), Earlier::Continue).unwrap();
         assert!(measures(&mut other, &key, &[]));
         // What another commit has measured stays until the end, whatever a stopped run left
         let mut text = std::fs::read_to_string(&path).unwrap();
         text.push_str("pool,1,\"meth");
         std::fs::write(&path, text).unwrap();
-        let mut again = Ledger::open(&path, machine("a"), false).unwrap();
+        let mut again = Ledger::open(&path, machine("a"), Earlier::Continue).unwrap();
         assert!(!measures(&mut again, &key, &[]));
         assert!(measures(&mut again, &Key { seed: 3, ..key.clone() }, &[]));
-        let mut last = Ledger::open(&path, machine("a"), false).unwrap();
+        let mut last = Ledger::open(&path, machine("a"), Earlier::Continue).unwrap();
         assert!(!measures(&mut last, &Key { seed: 3, ..key.clone() }, &[]));
         last.finish().unwrap();
         assert_eq!(std::fs::read_to_string(&path).unwrap().lines().count(), 3);
+    }
+
+    #[test]
+    fn earlier_measurements_alone_are_those_of_the_first_row() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("data.csv");
+        let open = |machine, earlier| Ledger::open(&path, machine, earlier);
+        assert!(open(machine("b"), Earlier::Only).is_err());
+        let (known, unknown) = (Key::new("pool", 1, "spp=8"), Key::new("pool", 1, "spp=16"));
+        measures(&mut open(machine("a"), Earlier::Continue).unwrap(), &known, &[]);
+        let mut only = open(machine("b"), Earlier::Only).unwrap();
+        assert_eq!(only.machine, machine("a"));
+        assert!(!measures(&mut only, &known, &[]));
+        let error = only.measure(unknown, &[], || unreachable!("measures nothing")).unwrap_err().to_string();
+        assert!(error.ends_with("data.csv: lacks pool, spp=16"), "{error}");
+        only.finish().unwrap();
+        assert!(std::fs::read_to_string(&path).unwrap().contains(",a\n"), "the commit stays");
     }
 
     #[test]
@@ -242,9 +277,9 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("data.csv");
         let (old, new) = (Key::new("pool", 1, "spp=8"), Key::new("pool", 1, "spp=16"));
-        let mut ledger = Ledger::open(&path, machine("a"), false).unwrap();
+        let mut ledger = Ledger::open(&path, machine("a"), Earlier::Continue).unwrap();
         measures(&mut ledger, &old, &[]);
-        let mut ledger = Ledger::open(&path, machine("a"), false).unwrap();
+        let mut ledger = Ledger::open(&path, machine("a"), Earlier::Continue).unwrap();
         measures(&mut ledger, &new, &[]);
         ledger.finish().unwrap();
         let text = std::fs::read_to_string(&path).unwrap();

@@ -32,6 +32,7 @@ use std::process::ExitCode;
 
 use clap::Parser;
 
+use ledger::Earlier;
 use session::Session;
 
 #[global_allocator]
@@ -84,6 +85,9 @@ struct Arguments {
     /// Discard earlier measurements
     #[arg(long)]
     fresh: bool,
+    /// Measure nothing: write the report of the measurements in the results' data.csv, whatever their commit
+    #[arg(long, conflicts_with = "fresh")]
+    report_only: bool,
 }
 
 fn main() -> ExitCode {
@@ -98,14 +102,19 @@ fn main() -> ExitCode {
 }
 
 fn run(arguments: Arguments) -> anyhow::Result<()> {
-    let Arguments { name, folder, quick, out, scenes_dir, fresh } = arguments;
+    let Arguments { name, folder, quick, out, scenes_dir, fresh, report_only } = arguments;
     if let Some(folder) = &folder {
         anyhow::ensure!(name == PEERS, "{}: found a folder; accepted with {PEERS} only", folder.display());
         println!("{}", peers::write_page(folder)?.display());
         return Ok(());
     }
     let scenes_dir = scenes_dir.or_else(|| std::env::var_os("PRPF_SCENES").map(PathBuf::from));
-    let mut session = Session::new(&name, quick, out, scenes_dir, fresh)?;
+    let earlier = match (fresh, report_only) {
+        (true, _) => Earlier::Discard,
+        (_, true) => Earlier::Only,
+        _ => Earlier::Continue,
+    };
+    let mut session = Session::new(&name, quick, out, scenes_dir, earlier)?;
     let (_, run) = EXPERIMENTS.iter().find(|(known, _)| *known == name).expect("the parser knows the names");
     run(&mut session)?;
     session.finish()

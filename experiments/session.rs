@@ -9,7 +9,7 @@ use anyhow::Context;
 use indicatif::ProgressBar;
 use serde::de::DeserializeOwned;
 
-use crate::ledger::{Ledger, Machine};
+use crate::ledger::{Earlier, Ledger, Machine};
 use crate::scenes::{Catalogue, SceneFile};
 use crate::settings;
 
@@ -30,7 +30,7 @@ pub struct Session {
 }
 
 impl Session {
-    /// Opens the experiment `name`. `fresh` discards earlier measurements.
+    /// Opens the experiment `name`.
     ///
     /// # Errors
     /// Folders that cannot be made, files that cannot be read.
@@ -39,7 +39,7 @@ impl Session {
         quick: bool,
         out: Option<PathBuf>,
         scenes_dir: Option<PathBuf>,
-        fresh: bool,
+        earlier: Earlier,
     ) -> anyhow::Result<Self> {
         let home = Path::new(HOME);
         let folder = if quick { format!("{name}-quick") } else { name.to_owned() };
@@ -49,7 +49,7 @@ impl Session {
             std::fs::create_dir_all(folder)
                 .with_context(|| format!("cannot make the folder {}", folder.display()))?;
         }
-        let ledger = Ledger::open(&out.join("data.csv"), Machine::current(), fresh)?;
+        let ledger = Ledger::open(&out.join("data.csv"), Machine::current(), earlier)?;
         let catalogue = Catalogue::read(&home.join("scenes.toml"), scenes_dir)?;
         let bar = ProgressBar::new_spinner();
         bar.enable_steady_tick(Duration::from_millis(200));

@@ -20,7 +20,7 @@ pub struct Settings {
     pub spp: u32,
     pub seeds: u64,
     /// Number of runs, of which a time is the median.
-    repeats: usize,
+    pub repeats: usize,
     nlm: Vec<NlmChanges>,
     prpf: Vec<PrpfChanges>,
 }

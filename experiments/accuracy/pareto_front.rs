@@ -19,6 +19,8 @@ pub struct ParetoFront {
     on_front: Vec<bool>,
     /// Samples per pixel of the filtered stores.
     spp: u32,
+    /// Runs whose median is a time.
+    repeats: usize,
 }
 
 impl ParetoFront {
@@ -35,7 +37,7 @@ impl ParetoFront {
             })
             .collect();
         let on_front = pareto_front(&costs.iter().map(|c| (c.seconds, c.error)).collect::<Vec<_>>());
-        Self { variants, costs, on_front, spp: settings.filters.spp }
+        Self { variants, costs, on_front, spp: settings.filters.spp, repeats: settings.filters.repeats }
     }
 
     fn preset(&self, name: &str) -> (Cost, bool) {
@@ -67,10 +69,10 @@ impl ParetoFront {
         report.section("The filters' settings");
         report.paragraph(&format!(
             "One store of {} samples per pixel, uniformly sampled, filtered with each setting: seconds per million pixels \
-             (with all cores of this machine) and ratio of relMSE to that of `nlm`, geometric means over the scenes. A \
+             (with all cores of this machine; the median of {} runs) and ratio of relMSE to that of `nlm`, geometric means over the scenes. A \
              setting is on the front if no other is both faster and better. Settings that are not named are those of \
              `nlm` or `prpf`; `fit` is the radius of the linear fit, 0 without one.",
-            self.spp,
+            self.spp, self.repeats,
         ));
         self.plot().write(&session.out.join("filters.svg"))?;
         report.picture(
