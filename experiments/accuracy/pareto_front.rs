@@ -69,7 +69,7 @@ impl ParetoFront {
         report.section("The filters' settings");
         report.paragraph(&format!(
             "One store of {} samples per pixel, uniformly sampled, filtered with each setting: seconds per million pixels \
-             (with all cores of this machine; the median of {} runs) and ratio of relMSE to that of `nlm`, geometric means over the scenes. A \
+             (with all cores of this machine; each the median of runs: {}) and ratio of relMSE to that of `nlm`, geometric means over the scenes. A \
              setting is on the front if no other is both faster and better. Settings that are not named are those of \
              `nlm` or `prpf`; `fit` is the radius of the linear fit, 0 without one.",
             self.spp, self.repeats,

@@ -35,8 +35,9 @@ struct SpeedUps {
     /// Where the first image of the default is good enough, and plain path tracing reaches the error: the time of plain path tracing over that
     /// of the first image, which is less than the speed-up.
     bounds: Vec<(String, f64)>,
-    /// Where the default reaches the error and plain path tracing does not come near it.
-    unreached: usize,
+    /// Where the default reaches the error and plain path tracing does not come near it: the last time of plain path tracing over that of the
+    /// default, which is less than the speed-up.
+    unreached: Vec<f64>,
 }
 
 impl SpeedUps {
@@ -53,7 +54,10 @@ impl SpeedUps {
                 [Some(At(plain) | Beyond(plain)), Some(Before(default))] => {
                     found.bounds.push((measured.scene.clone(), plain / default));
                 }
-                [None, Some(_)] => found.unreached += 1,
+                [None, Some(At(default) | Beyond(default) | Before(default))] => {
+                    let last = measured.curves.points[PLAIN].iter().map(|point| point.seconds);
+                    found.unreached.push(last.fold(0.0, f64::max) / default);
+                }
                 _ => {}
             }
         }
@@ -72,10 +76,8 @@ pub fn finding(settings: &Settings, all: &[SceneResults]) -> String {
     }
     let SpeedUps { ratios, extrapolated, bounds, unreached } = found;
     let Interval { mean, low, high } = geometric_mean(&ratios);
-    // Where plain path tracing does not come near, the factor is taken to be as large as any
-    let known = || ratios.iter().copied().chain(bounds.iter().map(|(_, bound)| *bound));
-    let largest = known().fold(0.0, f64::max);
-    let least = median(known().chain(std::iter::repeat_n(largest, unreached)));
+    let bounds_of_firsts = bounds.iter().map(|(_, bound)| *bound);
+    let least = median(ratios.iter().copied().chain(bounds_of_firsts).chain(unreached.iter().copied()));
     let bounds: Vec<String> =
         bounds.iter().map(|(scene, bound)| format!("{} on `{scene}`", number(*bound, 2))).collect();
     let bounds = if bounds.is_empty() {
@@ -85,14 +87,15 @@ pub fn finding(settings: &Settings, all: &[SceneResults]) -> String {
     };
     format!(
         "**Adaptive and filtered, an image reaches relMSE {target} {} times sooner than with plain path tracing (95 % interval {} to {}; {} on {} of \
-         {} scenes, {extrapolated} of them extrapolated).**{bounds} On {unreached} scenes plain path tracing does not come near. With \
-         these bounds, at least {} times sooner in the median of the scenes that the program brings to this error.",
+         {} scenes, {extrapolated} of them extrapolated).**{bounds} On {} scenes plain path tracing does not come near. \
+         Where only a bound is known that counts: at least {} times sooner in the median of the scenes that the program brings to this error.",
         number(mean, 2),
         number(low, 2),
         number(high, 2),
         range(ratios.iter().copied(), 2),
         ratios.len(),
         all.len(),
+        unreached.len(),
         number(least, 2),
     )
 }
