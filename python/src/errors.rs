@@ -36,6 +36,7 @@ pub fn image_error(error: ImageError) -> PyErr {
     match &error.problem {
         Problem::Io(cause) => file_error(cause.kind(), error.to_string()),
         Problem::UnknownExtension => value_error(error),
+        Problem::Memory(_) => PyMemoryError::new_err(error.to_string()),
         Problem::Unwritable(_) => PyOSError::new_err(error.to_string()),
         _ => Error::new_err(error.to_string()),
     }
@@ -44,6 +45,7 @@ pub fn image_error(error: ImageError) -> PyErr {
 pub fn state_error(error: StateError) -> PyErr {
     match &error.kind {
         StateErrorKind::File(cause) => file_error(cause.kind(), error.to_string()),
+        StateErrorKind::Memory(_) => PyMemoryError::new_err(error.to_string()),
         _ => Error::new_err(error.to_string()),
     }
 }

@@ -1,5 +1,10 @@
 """Comparison, image files."""
 
+import struct
+import subprocess
+import sys
+import zlib
+
 import numpy as np
 import pytest
 
@@ -55,3 +60,30 @@ def test_images_survive_files(tmp_path):
     (tmp_path / "text.png").write_text("This is no image.")
     with pytest.raises(prpf.Error):
         prpf.read_image(tmp_path / "text.png")
+
+
+READ_WITH_LITTLE_MEMORY = """
+import resource
+import sys
+import prpf
+
+resource.setrlimit(resource.RLIMIT_AS, (4 << 30, resource.getrlimit(resource.RLIMIT_AS)[1]))
+try:
+    prpf.read_image(sys.argv[1])
+except MemoryError as error:
+    print(error)
+"""
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="no limit of memory that is known")
+def test_an_image_beyond_memory_is_an_exception(tmp_path):
+    def chunk(kind, data):
+        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+
+    # A header of 20000x20000 pixels of 8 bits of grey: 10 GB as floating-point numbers
+    header = chunk(b"IHDR", struct.pack(">IIBBBBB", 20000, 20000, 8, 0, 0, 0, 0))
+    path = tmp_path / "large.png"
+    path.write_bytes(b"\x89PNG\r\n\x1a\n" + header + chunk(b"IDAT", zlib.compress(b"")) + chunk(b"IEND", b""))
+    command = [sys.executable, "-c", READ_WITH_LITTLE_MEMORY, path]
+    printed = subprocess.run(command, capture_output=True, text=True, check=True, timeout=60).stdout
+    assert "large.png: the image does not fit: it takes 10.0 GB of memory" in printed

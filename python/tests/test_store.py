@@ -1,5 +1,6 @@
 """Statistics: samples of other renderers against numpy's own moments."""
 
+import os
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -135,6 +136,15 @@ def test_stores_without_pixels_or_beyond_memory_are_exceptions():
         prpf.Store(10000, 10000, FEATURES, reservoir=10**6)
     with pytest.raises(ValueError, match="found -1; accepted is a whole number"):
         prpf.Store(-1, 4, ["R", "G", "B"])
+
+
+def test_a_state_beyond_memory_is_an_exception(scene, tmp_path):
+    state = tmp_path / "large.state"
+    prpf.render(scene, spp=1, state=state)
+    # Takes no space on the disk
+    os.truncate(state, 2**42)
+    with pytest.raises(MemoryError, match="large.state: the render state does not fit: it takes .* GB of memory"):
+        prpf.Store.load(state)
 
 
 def test_threads_share_a_store():

@@ -53,7 +53,8 @@ class Scene:
         ``resolution``: width and height of the film in pixels in place of the scene's. ``pixel_bounds``: the part of the film
         to render, x0, x1, y0, y1 in pixels, half open.
 
-        Raises ``OSError`` if the file cannot be read, :class:`Error` with file and line if the scene is wrong.
+        Raises ``OSError`` if the file cannot be read, :class:`Error` with file and line if the scene is wrong or does not fit in
+        memory.
         """
 
     @staticmethod
