@@ -1,6 +1,6 @@
 //! Allocation: from the maps of a result to priorities, and from priorities to the next sample counts.
 
-use numpy::{PyArrayMethods, PyUntypedArrayMethods};
+use numpy::PyUntypedArrayMethods;
 use prpf::adaptive::{self, Maps, NO_CEILING, PrioritySettings};
 use prpf::filter;
 use prpf::stats::Part;
@@ -95,7 +95,7 @@ pub fn allocate(
     if priority.shape() != [height, width] {
         return Err(arrays::wrong_shape("priority", priority.shape(), &accepted));
     }
-    let priority = priority.try_readonly()?;
+    let priority = arrays::borrow("priority", &priority)?;
     let priority = priority.as_slice()?;
     let bounds = [min_spp, max_spp.unwrap_or(NO_CEILING)];
     let counts = py

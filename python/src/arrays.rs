@@ -3,7 +3,7 @@
 //! Results become arrays without a copy: an image is a view of its planes with the axes (row, column, channel). Arguments
 //! are copied only if they are not yet contiguous arrays of the right type.
 
-use numpy::{PyArray1, PyArrayDyn, PyArrayMethods, PyUntypedArrayMethods};
+use numpy::{Element, PyArray1, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods};
 use prpf::image::Planes;
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
@@ -18,7 +18,7 @@ pub fn image(py: Python, planes: Planes) -> PyResult<Py<PyAny>> {
 }
 
 /// Returns one value per pixel as an array of shape (height, width).
-pub fn map<T: numpy::Element>(py: Python, values: Vec<T>, width: usize) -> PyResult<Py<PyAny>> {
+pub fn map<T: Element>(py: Python, values: Vec<T>, width: usize) -> PyResult<Py<PyAny>> {
     let height = values.len() / width.max(1);
     Ok(PyArray1::from_vec(py, values).reshape([height, width])?.into_any().unbind())
 }
@@ -40,7 +40,7 @@ pub fn counts(name: &str, value: &Bound<PyAny>, [height, width]: [usize; 2]) -> 
     let accepted =
         format!("a number from 0 to {}, or an array of them of shape ({height}, {width})", u32::MAX);
     let array = integers(name, value, &[0, 2], &accepted)?;
-    let values = array.readonly().as_slice()?.to_vec();
+    let values = borrow(name, &array)?.as_slice()?.to_vec();
     match array.shape() {
         [] => Ok(vec![values[0]; width * height]),
         found if found == [height, width] => Ok(values),
@@ -77,7 +77,7 @@ pub fn plane(name: &str, value: &Bound<PyAny>, [height, width]: [usize; 2]) -> P
     let accepted = format!("an array of real numbers of shape ({height}, {width})");
     let array = reals(name, value, &[2], &accepted)?;
     match array.shape() {
-        found if found == [height, width] => Ok(array.readonly().as_slice()?.to_vec()),
+        found if found == [height, width] => Ok(borrow(name, &array)?.as_slice()?.to_vec()),
         found => Err(wrong_shape(name, found, &accepted)),
     }
 }
@@ -99,12 +99,27 @@ pub fn planes(name: &str, value: &Bound<PyAny>, size: Option<[usize; 2]>, count:
         return Err(wrong_shape(name, array.shape(), &accepted));
     }
     let mut planes = Planes::new(width, height, count);
-    let values = array.readonly();
+    let values = borrow(name, &array)?;
     let values = values.as_slice()?;
     for (channel, plane) in planes.planes_mut().enumerate() {
         plane.iter_mut().zip(values[channel..].iter().step_by(count)).for_each(|(to, from)| *to = *from);
     }
     Ok(planes)
+}
+
+/// Borrows the values of an array.
+///
+/// # Errors
+/// Another extension has borrowed them to write to them.
+pub fn borrow<'py, T: Element>(
+    name: &str,
+    array: &Bound<'py, PyArrayDyn<T>>,
+) -> PyResult<PyReadonlyArrayDyn<'py, T>> {
+    array.try_readonly().map_err(|_| {
+        value_error(format!(
+            "{name}: found an array that another extension writes to; accepted is one that nothing writes to"
+        ))
+    })
 }
 
 /// Says that an array has another shape than it must.

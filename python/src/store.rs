@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
-use numpy::{PyArrayMethods, PyUntypedArrayMethods};
+use numpy::PyUntypedArrayMethods;
 use prpf::image::Planes;
 use prpf::progressive::{StoreSizeError, check_store_size};
 use prpf::render::Shard;
@@ -199,8 +199,9 @@ impl Store {
         }
 
         // Divide them into halves
-        let arrays = (counts.try_readonly()?, means.try_readonly()?, variances.try_readonly()?);
-        let (counts, means, variances) = (arrays.0.as_slice()?, arrays.1.as_slice()?, arrays.2.as_slice()?);
+        let counts = arrays::borrow("counts", &counts)?;
+        let (means, variances) = (arrays::borrow("means", &means)?, arrays::borrow("variances", &variances)?);
+        let (counts, means, variances) = (counts.as_slice()?, means.as_slice()?, variances.as_slice()?);
         let (pixels, values) = (width * height, width * height * count);
         let halves = [0, 1].map(|half| HalfMoments {
             counts: &counts[half * pixels..][..pixels],
@@ -287,7 +288,7 @@ impl Store {
         if found != columns {
             return Err(arrays::wrong_shape("samples", array.shape(), &accepted));
         }
-        let values = array.try_readonly()?;
+        let values = arrays::borrow("samples", &array)?;
         let rectangle = SampleRectangle { corner: [x, y], size, samples, values: values.as_slice()? };
         self.add(py, |store| store.push_rectangle(&self.columns, &rectangle)).map_err(value_error)
     }
@@ -305,7 +306,7 @@ impl Store {
         if samples.shape() != [pixels.shape()[0], columns] {
             return Err(arrays::wrong_shape("samples", samples.shape(), &accepted));
         }
-        let (pixels, samples) = (pixels.try_readonly()?, samples.try_readonly()?);
+        let (pixels, samples) = (arrays::borrow("pixels", &pixels)?, arrays::borrow("samples", &samples)?);
         let (pixels, samples) = (pixels.as_slice()?, samples.as_slice()?);
         self.add(py, |store| store.push_pixels(&self.columns, pixels, samples)).map_err(value_error)
     }
