@@ -21,6 +21,7 @@ use crate::state::ImageMetadata;
 #[must_use]
 pub struct RenderBuilder<'a> {
     scene: &'a Scene,
+    accel: Option<&'a Accel<'a>>,
     settings: Settings,
     reference: Option<&'a Planes>,
     checkpoint: Option<Checkpoint>,
@@ -60,7 +61,12 @@ impl<'a> RenderBuilder<'a> {
     /// A render of the scene by default settings, whose time counts from now.
     pub fn new(scene: &'a Scene) -> Self {
         let start = Instant::now();
-        Self { scene, settings: Settings::default(), reference: None, checkpoint: None, start }
+        Self { scene, accel: None, settings: Settings::default(), reference: None, checkpoint: None, start }
+    }
+
+    /// Takes an acceleration structure of the scene, which is then not built.
+    pub fn accel(self, accel: &'a Accel<'a>) -> Self {
+        Self { accel: Some(accel), ..self }
     }
 
     /// Replaces all settings.
@@ -134,8 +140,15 @@ impl<'a> RenderBuilder<'a> {
             settings.budget.spp = Some(self.scene.spp);
         }
         settings.validate()?;
-        let accel = Accel::build(self.scene);
-        let whole = Renderer::new(self.scene, &accel, settings.seed);
+        let built;
+        let accel = match self.accel {
+            Some(accel) => accel,
+            None => {
+                built = Accel::build(self.scene);
+                &built
+            }
+        };
+        let whole = Renderer::new(self.scene, accel, settings.seed);
         let needed = settings.recorded_blocks(Layers::blocks_read(None));
         let recorded = self.checkpoint.as_ref().map_or(needed, |found| found.store.layout().blocks());
         let renderer = whole.recording(recorded);
@@ -193,6 +206,15 @@ mod tests {
             image.write(folder.path().join(name)).unwrap();
         }
         assert!(image.write(folder.path().join("a.bmp")).is_err());
+    }
+
+    #[test]
+    fn an_acceleration_structure_that_is_given_makes_the_same_image() {
+        let scene = scene();
+        let accel = Accel::build(&scene);
+        let built = RenderBuilder::new(&scene).run().expect("it renders");
+        let given = RenderBuilder::new(&scene).accel(&accel).run().expect("it renders");
+        assert_eq!(given.outcome.result.image, built.outcome.result.image);
     }
 
     #[test]

@@ -38,7 +38,7 @@ impl RenderJob<'_> {
     pub fn run(self) -> PyResult<(RenderedImage, Vec<PyErr>)> {
         let Self { scene, mut settings, statistics, files, reference, callback, counts } = self;
         // The time of the render counts from here
-        let mut builder = RenderBuilder::new(&scene.scene);
+        let mut builder = RenderBuilder::new(&scene.scene).accel(scene.accel());
         let renderer = scene.renderer(settings.seed);
         let metadata = ImageMetadata::new(&scene.scene, &renderer);
 

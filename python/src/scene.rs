@@ -33,7 +33,7 @@ self_cell!(
 #[pyclass(frozen, module = "prpf")]
 pub struct Scene {
     pub scene: Arc<scene::Scene>,
-    /// Built when first needed.
+    /// Built when first needed; see [`Self::accel`].
     accel: OnceLock<SceneWithAccel>,
 }
 
@@ -67,11 +67,15 @@ impl Scene {
         Ok(Self { scene: Arc::new(scene), accel: OnceLock::new() })
     }
 
+    /// Returns the scene's acceleration structure, which the first call builds.
+    pub fn accel(&self) -> &Accel<'_> {
+        let build = || SceneWithAccel::new(self.scene.clone(), |scene| Accel::build(scene));
+        self.accel.get_or_init(build).borrow_dependent()
+    }
+
     /// Returns a renderer of the scene's samples of one seed.
     pub fn renderer(&self, seed: u64) -> Renderer<'_> {
-        let accel =
-            self.accel.get_or_init(|| SceneWithAccel::new(self.scene.clone(), |scene| Accel::build(scene)));
-        Renderer::new(accel.borrow_owner(), accel.borrow_dependent(), seed)
+        Renderer::new(&self.scene, self.accel(), seed)
     }
 
     fn layout(&self) -> Layout {

@@ -56,6 +56,35 @@ def test_time_and_error_are_budgets(scene):
     assert prpf.render(scene, target_error=0.5).stopped_by == "target-error"
 
 
+def test_the_acceleration_structure_is_built_once(tmp_path):
+    # A grid of half a million triangles, and hardly anything to render
+    side = 500
+    y, x = np.mgrid[: side + 1, : side + 1]
+    vertices = np.stack([x / side - 0.5, y / side - 0.5, np.sin(x * y)], -1).reshape(-1, 3).astype("<f4")
+    first = (y * (side + 1) + x)[:-1, :-1].ravel()
+    corners = np.concatenate([first[:, None] + [0, 1, side + 1], first[:, None] + [1, side + 2, side + 1]])
+    faces = np.zeros(len(corners), [("count", "u1"), ("corners", "<i4", 3)])
+    faces["count"], faces["corners"] = 3, corners
+    header = (
+        f"ply\nformat binary_little_endian 1.0\nelement vertex {len(vertices)}\n"
+        "property float x\nproperty float y\nproperty float z\n"
+        f"element face {len(faces)}\nproperty list uchar int vertex_indices\nend_header\n"
+    )
+    (tmp_path / "grid.ply").write_bytes(header.encode() + vertices.tobytes() + faces.tobytes())
+    film = 'Film "rgb" "integer xresolution" 4 "integer yresolution" 4 WorldBegin '
+    world = 'LightSource "infinite" Translate 0 0 4 Shape "plymesh" "string filename" "grid.ply"'
+    scene = prpf.Scene.parse(film + world, tmp_path)
+
+    def seconds():
+        start = time.monotonic()
+        prpf.render(scene, spp=1, denoiser="none")
+        return time.monotonic() - start
+
+    # Each render built one more: the second took at least half of the time of the first
+    first, later = seconds(), min(seconds() for _ in range(3))
+    assert later < 0.35 * first, (first, later)
+
+
 @pytest.fixture
 def interrupts():
     """Python's own handler: a process in the background may have been told to ignore interrupts."""
