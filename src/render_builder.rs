@@ -15,7 +15,8 @@ use crate::progressive::{
 };
 use crate::render::Renderer;
 use crate::scene::{Scene, ValidationError};
-use crate::state::ImageMetadata;
+use crate::state::{ImageMetadata, RenderState};
+use crate::stats::BlockSet;
 
 /// A render to come. Without a budget the scene's samples per pixel are rendered.
 #[must_use]
@@ -120,6 +121,17 @@ impl<'a> RenderBuilder<'a> {
         Self { checkpoint: Some(checkpoint), ..self }
     }
 
+    /// Returns the blocks of dimensions of which the render will keep statistics: those of the checkpoint from which it goes on,
+    /// or what the settings call for. `keeps_checkpoints`: whether its host keeps some, which a state file then holds.
+    pub fn recorded_blocks(&self, keeps_checkpoints: bool) -> BlockSet {
+        if let Some(checkpoint) = &self.checkpoint {
+            return checkpoint.store.layout().blocks();
+        }
+        let layers = Layers::blocks_read(None);
+        let outputs = if keeps_checkpoints { layers | RenderState::blocks_kept() } else { layers };
+        self.settings.recorded_blocks(outputs)
+    }
+
     /// Renders on rayon's current thread pool.
     ///
     /// # Errors
@@ -132,14 +144,16 @@ impl<'a> RenderBuilder<'a> {
     ///
     /// # Errors
     /// Those of [`Self::run`].
-    pub fn run_with(self, host: &mut dyn Host) -> Result<RenderedImage, RenderError> {
+    pub fn run_with(mut self, host: &mut dyn Host) -> Result<RenderedImage, RenderError> {
         // Check scene and settings
         self.scene.validate()?;
-        let mut settings = self.settings;
-        if settings.budget == Default::default() {
-            settings.budget.spp = Some(self.scene.spp);
+        if self.settings.budget == Default::default() {
+            self.settings.budget.spp = Some(self.scene.spp);
         }
-        settings.validate()?;
+        self.settings.validate()?;
+        let keeps_checkpoints = host.checkpoint_interval().is_some();
+        let recorded = self.recorded_blocks(keeps_checkpoints);
+        let settings = self.settings;
         let built;
         let accel = match self.accel {
             Some(accel) => accel,
@@ -149,11 +163,9 @@ impl<'a> RenderBuilder<'a> {
             }
         };
         let whole = Renderer::new(self.scene, accel, settings.seed);
-        let needed = settings.recorded_blocks(Layers::blocks_read(None));
-        let recorded = self.checkpoint.as_ref().map_or(needed, |found| found.store.layout().blocks());
         let renderer = whole.recording(recorded);
         let size = renderer.resolution();
-        fits_in_memory(renderer.layout(), &settings, size, host.checkpoint_interval().is_some(), 1)?;
+        fits_in_memory(renderer.layout(), &settings, size, keeps_checkpoints, 1)?;
 
         // Check that everything is of this scene
         let check = |what, found: String, accepted: String| match found == accepted {

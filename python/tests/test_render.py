@@ -305,6 +305,14 @@ def test_a_resumed_render_keeps_the_statistics_of_its_state(scene, tmp_path):
     assert prpf.render(scene, spp=64, resume=state).store.dimensions == scene.dimensions
 
 
+def test_the_default_denoiser_can_filter_any_state(scene, tmp_path):
+    state = tmp_path / "a.state"
+    few = {"spp": 4, "denoiser": "nlm", "statistics": "needed"}
+    assert "N2.x" not in prpf.render(scene, **few).store.dimensions
+    prpf.render(scene, **few, state=state)
+    assert prpf.denoise(prpf.Store.load(state)).made_by == "learned standard"
+
+
 def test_outputs_replace_nothing_but_earlier_outputs(scene, tmp_path):
     samples = tmp_path / "good.npz"
     prpf.render(scene, spp=1, samples=samples)

@@ -19,13 +19,12 @@ use super::samples;
 use super::scene_files::scenes_beside;
 use super::terminal::{escaped, print_error};
 use super::viewers::{self, Viewers};
-use crate::filter::DENOISERS;
 use crate::output::paths::is_exr;
 use crate::output::{ImageOutput, Layers};
 use crate::preview::{self, Configuration, Controller, ControllerEnd, Hub, SceneSession, TevClient};
 use crate::progressive::{self, Checkpoint, Outcome, RenderLoop, Settings, fits_in_memory};
 use crate::render::Renderer;
-use crate::state::{ImageMetadata, SampleFile};
+use crate::state::{ImageMetadata, RenderState, SampleFile};
 use crate::stats::BlockSet;
 
 /// A render that is ready to begin.
@@ -170,8 +169,7 @@ impl Job<'_> {
     fn outputs(&self) -> BlockSet {
         let layers = Layers::blocks_read(self.options.layers.as_deref());
         match self.options.state.state {
-            // So that `prpf denoise --denoiser learned` can filter any state.
-            Some(_) => layers | DENOISERS[0].reads().blocks.iter().copied().collect(),
+            Some(_) => layers | RenderState::blocks_kept(),
             None => layers,
         }
     }

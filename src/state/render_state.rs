@@ -2,7 +2,9 @@
 
 use super::image_metadata::ImageMetadata;
 use super::stream::Stream;
+use crate::filter::DENOISERS;
 use crate::progressive::{Checkpoint, Settings};
+use crate::stats::BlockSet;
 
 /// Everything that is needed to resume a render, to filter it again, or to merge it with others.
 ///
@@ -14,4 +16,12 @@ pub struct RenderState {
     /// Which samples the store holds: one stream, or several that were merged.
     pub streams: Vec<Stream>,
     pub checkpoint: Checkpoint,
+}
+
+impl RenderState {
+    /// Returns the blocks of dimensions that a render keeps statistics of if it writes a state, beside those that it reads
+    /// itself: the default denoiser can filter any state.
+    pub fn blocks_kept() -> BlockSet {
+        DENOISERS[0].reads().blocks.iter().copied().collect()
+    }
 }

@@ -337,8 +337,8 @@ def render(
     ``callback`` is called after every filter pass, the last one included; if it returns a true value, the render ends with the
     samples so far. ``counts`` chooses where samples go: it is called before every batch that follows a pass of this call, with
     that pass and the counts that our rule plans, and returns the counts to take, integers of shape (height, width), at most as
-    many in all as are planned. ``statistics``: whether the store keeps every dimension, or what the denoiser and an EXR read,
-    which takes less memory and time; by default every one, or those of the state with ``resume``. ``output``: an ``.exr`` with all layers or a ``.png``. ``state``: a file for :meth:`Store.load` and
+    many in all as are planned. ``statistics``: whether the store keeps every dimension, or what the denoiser and an EXR read, and
+    ``learned`` if ``state`` is written, which takes less memory and time; by default every one, or those of the state with ``resume``. ``output``: an ``.exr`` with all layers or a ``.png``. ``state``: a file for :meth:`Store.load` and
     ``prpf denoise``, ``merge`` and ``render --resume``. ``resume``: a state of the same scene, view and seed to go on from, which may
     be the same file; with a budget of samples the image is the same to the last bit as without the interruption. ``samples``: an ``.npz``
     file for every sample vector of this call, as ``prpf render --samples`` writes it; the store keeps every dimension then.
