@@ -10,7 +10,7 @@ use std::path::Path;
 use prpf::RenderError;
 use prpf::image::{ImageError, Problem};
 use prpf::scene::pbrt::SceneError;
-use prpf::state::{StateError, StateErrorKind};
+use prpf::state::{CheckpointError, StateError, StateErrorKind};
 use pyo3::exceptions::{
     PyException, PyFileNotFoundError, PyMemoryError, PyOSError, PyPermissionError, PyValueError,
 };
@@ -48,6 +48,10 @@ pub fn state_error(error: StateError) -> PyErr {
         StateErrorKind::Memory(_) => PyMemoryError::new_err(error.to_string()),
         _ => Error::new_err(error.to_string()),
     }
+}
+
+pub fn checkpoint_error(error: &CheckpointError) -> PyErr {
+    file_error(error.cause.kind(), error.to_string())
 }
 
 /// The exception of a scene that cannot be read; `file` is why its main file cannot be opened.

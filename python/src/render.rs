@@ -81,7 +81,7 @@ impl Render {
 #[pyo3(signature = (scene, *, spp=None, time=None, target_error=None, sampling=None, sample_map=None,
                     sample_map_values="relative", denoiser="learned", seed=0,
                     min_spp=None, max_spp=None, reservoir=0, statistics=None, reference=None, callback=None, counts=None,
-                    output=None, state=None, resume=None, samples=None))]
+                    output=None, state=None, state_every=40.0, resume=None, samples=None))]
 #[expect(clippy::too_many_arguments, reason = "keyword arguments of Python")]
 pub fn render(
     py: Python,
@@ -103,6 +103,7 @@ pub fn render(
     #[pyo3(from_py_with = arguments::function_or_none)] counts: Option<Py<PyAny>>,
     output: Option<PathBuf>,
     state: Option<PathBuf>,
+    state_every: f64,
     resume: Option<PathBuf>,
     samples: Option<PathBuf>,
 ) -> PyResult<Py<Render>> {
@@ -124,7 +125,7 @@ pub fn render(
     };
     settings.validate().map_err(value_error)?;
     let statistics = statistics.map(statistics_kept).transpose()?;
-    let files = RenderFiles::new(&scene.scene, output, state, resume, samples)?;
+    let files = RenderFiles::new(&scene.scene, output, state, state_every, resume, samples)?;
     let reference = reference.map(|reference| arrays::rgb("reference", reference)).transpose()?;
 
     // Render

@@ -7,20 +7,22 @@ use prpf::RenderedImage;
 use prpf::files::error_message;
 use prpf::image::OutputFormat;
 use prpf::output::paths::{are_distinct, replaces_no_state, replaces_state};
-use prpf::progressive::{Checkpoint, Settings};
-use prpf::render::Shard;
+use prpf::progressive::Settings;
+use prpf::render::Renderer;
 use prpf::scene;
-use prpf::state::{ImageMetadata, RenderState, SampleFile, Stream};
+use prpf::state::{Checkpoints, ImageMetadata, RenderState, SampleFile, Stream};
 use prpf::stats::Layout;
 use pyo3::prelude::*;
 
-use crate::errors::{file_error, image_error, state_error, value_error};
+use crate::errors::{checkpoint_error, file_error, image_error, state_error, value_error};
 use crate::paths::can_be_written;
 
 /// The files of a render, each if it is asked for.
 pub struct RenderFiles {
     output: Option<PathBuf>,
     state: Option<PathBuf>,
+    /// Seconds from one state to the next.
+    state_every: f64,
     resume: Option<PathBuf>,
     samples: Option<PathBuf>,
 }
@@ -30,14 +32,20 @@ impl RenderFiles {
     /// earlier outputs.
     ///
     /// # Errors
-    /// The first one that cannot, or is of another format by its extension.
+    /// The first one that cannot, or is of another format by its extension; a negative time between states.
     pub fn new(
         scene: &scene::Scene,
         output: Option<PathBuf>,
         state: Option<PathBuf>,
+        state_every: f64,
         resume: Option<PathBuf>,
         samples: Option<PathBuf>,
     ) -> PyResult<Self> {
+        if !(0.0..).contains(&state_every) {
+            return Err(value_error(format!(
+                "state_every: found {state_every}; accepted is a number of seconds from 0 up"
+            )));
+        }
         if let Some(path) = &output {
             OutputFormat::from_path(path).map_err(image_error)?;
         }
@@ -52,7 +60,7 @@ impl RenderFiles {
         files.extend(state.as_deref());
         are_distinct(scene.files.iter().map(PathBuf::as_path), &files).map_err(value_error)?;
         files.into_iter().try_for_each(can_be_written)?;
-        Ok(Self { output, state, resume, samples })
+        Ok(Self { output, state, state_every, resume, samples })
     }
 
     /// Returns whether the state is written.
@@ -94,24 +102,22 @@ impl RenderFiles {
         file.finish().map_err(|error| cannot_write_samples(path, &error))
     }
 
-    /// Writes the state, if it is asked for.
+    /// Begins to write the states of the samples `stream` that `renderer` takes, if they are asked for.
     ///
     /// # Errors
-    /// That of the file system.
-    pub fn write_state(
+    /// The file cannot be written, or another program writes it.
+    pub fn begin_checkpoints(
         &self,
         metadata: &ImageMetadata,
+        stream: Stream,
+        renderer: &Renderer,
         settings: &Settings,
-        checkpoint: Checkpoint,
-    ) -> PyResult<()> {
-        let Some(path) = &self.state else { return Ok(()) };
-        let state = RenderState {
-            metadata: metadata.clone(),
-            settings: settings.clone(),
-            streams: vec![Stream::new(settings.seed, Shard::WHOLE)],
-            checkpoint,
+    ) -> PyResult<Option<Checkpoints>> {
+        let begin = |path: &PathBuf| {
+            Checkpoints::begin(path, self.state_every, metadata, stream, renderer, settings)
+                .map_err(|error| checkpoint_error(&error))
         };
-        state.write(path).map_err(state_error)
+        self.state.as_ref().map(begin).transpose()
     }
 
     /// Writes the image, if it is asked for.

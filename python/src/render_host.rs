@@ -1,17 +1,19 @@
-//! What surrounds a render loop in Python: a callback after every filter pass, a rule for counts, signals, the state file.
+//! What surrounds a render loop in Python: a callback after every filter pass, a rule for counts, signals, files.
 
 use std::sync::Arc;
 
 use prpf::RenderedImage;
+use prpf::filter::FilterResult;
 use prpf::progressive::{Checkpoint, Filtered, Host, Progress, Settings};
 use prpf::render::SampleSink;
-use prpf::state::{ImageMetadata, SampleFile};
+use prpf::state::{CheckpointError, Checkpoints, ImageMetadata, SampleFile};
 use prpf::stats;
+use pyo3::exceptions::PyRuntimeWarning;
 use pyo3::prelude::*;
 
 use crate::arrays;
 use crate::denoising::Denoised;
-use crate::errors::value_error;
+use crate::errors::{checkpoint_error, value_error};
 use crate::render_files::RenderFiles;
 use crate::store::Store;
 
@@ -30,6 +32,8 @@ pub struct RenderHost<'a> {
     /// The function that chooses the counts of a batch.
     counts: Option<Py<PyAny>>,
     files: &'a RenderFiles,
+    /// The state file.
+    checkpoints: Option<Checkpoints>,
     /// The file that gets every sample.
     samples: Option<SampleFile>,
     metadata: ImageMetadata,
@@ -42,16 +46,16 @@ pub struct RenderHost<'a> {
     is_stopped: bool,
     /// A signal or an exception that ends the render and is raised after it.
     interruption: Option<PyErr>,
-    /// Why the state could not be written. The render does not end by it.
-    state_error: Option<PyErr>,
 }
 
 impl<'a> RenderHost<'a> {
-    /// Surrounds a render of the image `metadata` by the samples of `seed`, which go to the file `samples` as well.
+    /// Surrounds a render of the image `metadata` by the samples of `seed`, whose states go to `checkpoints`, and they themselves
+    /// to `samples`.
     pub fn new(
         callback: Option<Py<PyAny>>,
         counts: Option<Py<PyAny>>,
         files: &'a RenderFiles,
+        checkpoints: Option<Checkpoints>,
         samples: Option<SampleFile>,
         metadata: ImageMetadata,
         seed: u64,
@@ -60,6 +64,7 @@ impl<'a> RenderHost<'a> {
             callback,
             counts,
             files,
+            checkpoints,
             samples,
             metadata,
             seed,
@@ -67,18 +72,19 @@ impl<'a> RenderHost<'a> {
             latest: None,
             is_stopped: false,
             interruption: None,
-            state_error: None,
         }
     }
 
-    /// Writes the image, and ends the file of samples. Returns what has ended the render early, then why files could not be
-    /// written.
+    /// Writes the image, and ends the files of states and samples. Returns what has ended the render early, then why files
+    /// could not be written.
     pub fn finish(self, image: &RenderedImage) -> Vec<PyErr> {
-        let samples = self.files.finish_samples(self.samples).err();
         let output = self.files.write_output(image).err();
+        let state = self.checkpoints.and_then(|checkpoints| checkpoints.wait().err());
+        let state = state.map(|error| checkpoint_error(&error));
+        let samples = self.files.finish_samples(self.samples).err();
         // During the last pass nobody listened
         let interruption = self.interruption.or_else(|| Python::attach(|py| py.check_signals()).err());
-        [interruption, self.state_error, samples, output].into_iter().flatten().collect()
+        [interruption, state, samples, output].into_iter().flatten().collect()
     }
 
     /// Hands a pass over to the callback and to the choice of counts.
@@ -125,8 +131,13 @@ impl<'a> RenderHost<'a> {
 
 impl Host for RenderHost<'_> {
     fn listen(&mut self, _progress: &Progress) {
+        let problem = self.checkpoints.as_mut().and_then(Checkpoints::problem);
         if self.interruption.is_none() {
-            self.interruption = Python::attach(|py| py.check_signals()).err();
+            let heard = Python::attach(|py| {
+                problem.map_or(Ok(()), |problem| warn_of(py, &problem))?;
+                py.check_signals()
+            });
+            self.interruption = heard.err();
         }
     }
 
@@ -158,13 +169,28 @@ impl Host for RenderHost<'_> {
         self.samples.as_mut().map(|file| file as &mut dyn SampleSink)
     }
 
+    fn encode_and_discard(&self, settings: &Settings, _result: &FilterResult, rows: &stats::Store) {
+        self.checkpoints.iter().for_each(|checkpoints| checkpoints.write_and_discard(settings, rows));
+    }
+
     fn checkpoint_interval(&self) -> Option<f64> {
-        // Only the checkpoint at the end
-        self.files.has_state().then_some(f64::INFINITY)
+        self.checkpoints.as_ref().map(|checkpoints| checkpoints.interval)
     }
 
     fn save(&mut self, settings: &Settings, checkpoint: Checkpoint) {
         // What a signal or an exception has ended is saved, too
-        self.state_error = self.files.write_state(&self.metadata, settings, checkpoint).err();
+        if let Some(checkpoints) = &self.checkpoints {
+            checkpoints.save(settings, checkpoint);
+        }
     }
+}
+
+/// Warns of a state that could not be written.
+///
+/// # Errors
+/// The warning, where Python makes exceptions of warnings.
+fn warn_of(py: Python, problem: &CheckpointError) -> PyResult<()> {
+    let message = format!("{problem}; the render goes on");
+    py.import("warnings")?.call_method1("warn", (message, py.get_type::<PyRuntimeWarning>()))?;
+    Ok(())
 }

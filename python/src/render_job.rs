@@ -43,6 +43,7 @@ impl RenderJob<'_> {
         let metadata = ImageMetadata::new(&scene.scene, &renderer);
 
         // Go on from the state, if there is one
+        let stream = Stream::new(settings.seed, Shard::WHOLE);
         let state = files.read_state()?;
         settings.statistics = match (&state, statistics) {
             // A file of sample vectors has every dimension
@@ -52,7 +53,6 @@ impl RenderJob<'_> {
             (None, None) => RecordedStatistics::All,
         };
         if let Some((path, state)) = state {
-            let stream = Stream::new(settings.seed, Shard::WHOLE);
             state
                 .can_resume(&metadata, stream, renderer.layout(), &settings, BlockSet::NONE)
                 .map_err(|error| Error::new_err(format!("{}: {error}", path.display())))?;
@@ -63,9 +63,13 @@ impl RenderJob<'_> {
         if let Some(reference) = &reference {
             builder = builder.reference(reference);
         }
+        let builder = builder.settings(settings.clone());
+        let renderer = renderer.recording(builder.recorded_blocks(files.has_state()));
+        let checkpoints = files.begin_checkpoints(&metadata, stream, &renderer, &settings)?;
         let samples = files.begin_samples(renderer.layout())?;
-        let mut host = RenderHost::new(callback, counts, &files, samples, metadata, settings.seed);
-        let rendered = builder.settings(settings).run_with(&mut host).map_err(render_error)?;
+        let seed = settings.seed;
+        let mut host = RenderHost::new(callback, counts, &files, checkpoints, samples, metadata, seed);
+        let rendered = builder.run_with(&mut host).map_err(render_error)?;
         let errors = host.finish(&rendered);
         Ok((rendered, errors))
     }

@@ -288,6 +288,57 @@ def test_a_render_goes_on_from_its_state(scene, tmp_path):
         prpf.render(scene, resume=tmp_path / "missing.state")
 
 
+def test_states_are_written_while_the_render_goes_on(scene, tmp_path):
+    state, found = tmp_path / "a.state", []
+
+    def callback(one):
+        if state.exists():
+            found.append((one.index, prpf.Store.load(state).spp))
+        return bool(found)
+
+    # With a function that chooses counts every batch follows a pass
+    endless = {"spp": 10**6, "denoiser": "none", "counts": lambda one, planned: planned, "callback": callback}
+    render = prpf.render(scene, **endless, state=state, state_every=0.1)
+    index, spp = found[0]
+    assert render.stopped_by == "interrupt" and index < render.passes[-1]["index"] and 0 < spp <= render.store.spp
+    assert prpf.Store.load(state).spp == render.store.spp
+    for number in [-1, float("nan")]:
+        with pytest.raises(ValueError, match="state_every: found .*; accepted is a number of seconds from 0 up"):
+            prpf.render(scene, state=state, state_every=number)
+
+
+def test_a_state_belongs_to_one_render_at_a_time(scene, tmp_path):
+    state, refused = tmp_path / "a.state", []
+
+    def callback(one):
+        with pytest.raises(OSError, match="a.state: cannot write the state: another program is writing this file"):
+            prpf.render(scene, spp=1, state=state)
+        refused.append(one.index)
+
+    for _ in range(2):
+        prpf.render(scene, spp=1, state=state, callback=callback)
+        # It is free again, also after a render that could not begin
+        with pytest.raises(ValueError, match="reference: found 5x5 pixels"):
+            prpf.render(scene, spp=1, state=state, reference=np.zeros((5, 5, 3)))
+    assert refused == [0, 0]
+
+
+def test_states_that_cannot_be_written_are_warned_of_and_the_render_goes_on(scene, tmp_path):
+    folder = tmp_path / "removed"
+    folder.mkdir()
+
+    def callback(one):
+        shutil.rmtree(folder, ignore_errors=True)
+
+    problem = "removed/a.state: cannot write the state: no such file"
+    with pytest.warns(RuntimeWarning, match=f"{problem}.*; the render goes on"):
+        with pytest.raises(FileNotFoundError, match=problem) as raised:
+            prpf.render(
+                scene, time=1, denoiser="none", state=folder / "a.state", state_every=0.05, callback=callback
+            )
+    assert raised.value.render.stopped_by == "time"
+
+
 def test_a_resumed_render_keeps_the_statistics_of_its_state(scene, tmp_path):
     state = tmp_path / "a.state"
 
@@ -367,7 +418,7 @@ def test_a_file_that_cannot_be_written_costs_no_other(scene, tmp_path):
         shutil.rmtree(folder, ignore_errors=True)
 
     folder.mkdir()
-    with pytest.raises(FileNotFoundError, match="removed/a.state: no such file") as raised:
+    with pytest.raises(FileNotFoundError, match="removed/a.state: cannot write the state: no such file") as raised:
         prpf.render(
             scene, spp=16, state=folder / "a.state", samples=folder / "all.npz", output=output, callback=callback
         )

@@ -7,15 +7,15 @@ use std::time::Instant;
 use indicatif::{HumanDuration, ProgressBar, ProgressStyle};
 use rayon::prelude::*;
 
-use super::checkpoints::Checkpoints;
 use super::command_line::command_line;
+use super::terminal::print_error;
 use super::viewers::{earlier_names, next_names};
 use crate::filter::FilterResult;
 use crate::output::ImageOutput;
 use crate::preview::{PreviewHost, SavedImage};
 use crate::progressive::{Checkpoint, Host, Progress, Settings};
 use crate::render::SampleSink;
-use crate::state::{ImageMetadata, SampleFile};
+use crate::state::{Checkpoints, ImageMetadata, SampleFile};
 use crate::stats::Store;
 
 /// Steps of the progress bar.
@@ -138,11 +138,15 @@ impl PreviewHost for RenderHost<'_> {
         earlier_names(&self.outfiles[0])
     }
 
+    /// Prints it as well.
     fn checkpoint_problem(&mut self) -> Option<String> {
-        self.checkpoints.as_mut().and_then(Checkpoints::problem)
+        let problem = self.checkpoints.as_mut().and_then(Checkpoints::problem)?.to_string();
+        print_error(&format!("warning: {problem}; the render goes on"));
+        Some(problem)
     }
 
     fn wait_for_checkpoint(&mut self) -> Result<(), String> {
-        self.checkpoints.as_ref().map_or(Ok(()), Checkpoints::wait)
+        let waited = self.checkpoints.as_ref().map_or(Ok(()), Checkpoints::wait);
+        waited.map_err(|error| error.to_string())
     }
 }

@@ -7,7 +7,7 @@ use std::time::Instant;
 use anyhow::ensure;
 use indicatif::ProgressBar;
 
-use super::checkpoints::{self, Checkpoints};
+use super::checkpoints;
 use super::command_line::command_line;
 use super::failure::Failure;
 use super::host::{RenderHost, progress_bar};
@@ -24,7 +24,7 @@ use crate::output::{ImageOutput, Layers};
 use crate::preview::{self, Configuration, Controller, ControllerEnd, Hub, SceneSession, TevClient};
 use crate::progressive::{self, Checkpoint, Outcome, RenderLoop, Settings, fits_in_memory};
 use crate::render::Renderer;
-use crate::state::{ImageMetadata, RenderState, SampleFile};
+use crate::state::{Checkpoints, ImageMetadata, RenderState, SampleFile};
 use crate::stats::BlockSet;
 
 /// A render that is ready to begin.
@@ -106,7 +106,7 @@ impl Job<'_> {
                 .map_err(|error| Failure::Input(error.into()))?;
         }
         // The state file is locked from here on.
-        let checkpoints = Checkpoints::begin(&options.state, metadata, &renderer, settings);
+        let checkpoints = checkpoints::begin(&options.state, metadata, &renderer, settings);
         let checkpoints = checkpoints.map_err(Failure::Input)?;
         let checkpoint = if goes_on { None } else { self.read_state(settings, &renderer)? };
         // A state may hold more than is needed now.

@@ -5,7 +5,6 @@ use std::time::Instant;
 
 use anyhow::Context;
 
-use super::checkpoints::Checkpoints;
 use super::failure::Failure;
 use super::inputs::Inputs;
 use super::job::{Job, Rendered};
@@ -17,7 +16,7 @@ use super::signals::{INTERRUPTED, Signals};
 use super::terminal::print;
 use super::viewers::Viewers;
 use super::workers::in_pool;
-use super::{samples, summary};
+use super::{checkpoints, samples, summary};
 use crate::geometry::Accel;
 use crate::image::OutputFormat;
 use crate::output::{Layers, Report, Times};
@@ -189,14 +188,14 @@ fn render_until(
         ControllerEnd::Finished(outcome, camera) => (outcome, metadata.with_camera(&camera)),
         // A preview has written its images already.
         ControllerEnd::Closed => {
-            let finished = checkpoints.map_or(Ok(()), Checkpoints::finish);
+            let finished = checkpoints::finish(checkpoints);
             close(viewers, CLOSED);
             return finished.and(check_saved(&unsaved)).map(|()| SceneEnd::Done(0));
         }
         ControllerEnd::Opens(scene, made) => {
             *session = Some(*made);
             // A state that cannot be written must not end what is in memory
-            let problem = checkpoints.map_or(Ok(()), Checkpoints::finish).err();
+            let problem = checkpoints::finish(checkpoints).err();
             return Ok(SceneEnd::Opens(scene, problem.map(|problem| format!("{:#}", problem.error()))));
         }
     };
@@ -204,7 +203,7 @@ fn render_until(
     // Write the outputs
     let writing = Instant::now();
     let images = job.write_images(&outcome, &metadata);
-    let checkpoints = checkpoints.map_or(Ok(()), Checkpoints::finish);
+    let checkpoints = checkpoints::finish(checkpoints);
     let samples = samples::finish(samples, options.samples.as_deref());
     let (write, total) = (writing.elapsed().as_secs_f64(), start.elapsed().as_secs_f64());
     close(viewers, "The render has ended.");

@@ -180,6 +180,22 @@ mod tests {
 
     #[cfg(unix)]
     #[test]
+    fn a_folder_that_was_removed_is_named_as_the_cause() {
+        let folder = tempfile::tempdir().unwrap();
+        let removed = folder.path().join("removed");
+        fs::create_dir(&removed).unwrap();
+        let mut own = ExclusiveFile::new(&removed.join("a")).unwrap();
+        fs::remove_dir_all(&removed).unwrap();
+        for _ in 0..2 {
+            assert_eq!(own.replace(b"x").unwrap_err().kind(), io::ErrorKind::NotFound);
+        }
+        fs::create_dir(&removed).unwrap();
+        own.replace(b"x").unwrap();
+        assert_eq!(fs::read(removed.join("a")).unwrap(), b"x");
+    }
+
+    #[cfg(unix)]
+    #[test]
     fn a_file_that_may_only_be_read_is_locked_and_replaced() {
         use std::os::unix::fs::PermissionsExt;
         let folder = tempfile::tempdir().unwrap();

@@ -52,16 +52,17 @@ fn random_temporary_file(folder: &Path) -> io::Result<NamedTempFile> {
 ///
 /// # Errors
 /// [`io::ErrorKind::ResourceBusy`] if another process has put a file of its own in the temporary one's place, which then
-/// stays; those of the file system.
+/// stays; those of the file system, such as [`io::ErrorKind::NotFound`] if the temporary file was removed with its folder.
 pub fn rename_over(temporary: NamedTempFile, target: &Path) -> io::Result<File> {
     if let Ok(old) = fs::metadata(target) {
         temporary.as_file().set_permissions(old.permissions())?;
     }
     temporary.as_file().sync_all()?;
     if !is_at(temporary.as_file(), temporary.path()) {
+        let removed = fs::symlink_metadata(temporary.path()).err();
         // Dropped, it would remove the other process's file.
         temporary.keep().map_err(|error| error.error)?;
-        return Err(busy());
+        return Err(removed.unwrap_or_else(busy));
     }
     let file = temporary.persist(target).map_err(|error| error.error)?;
     sync_folder(folder_of(target));

@@ -6,7 +6,7 @@
 use std::io;
 use std::path::Path;
 use std::sync::mpsc::{Receiver, Sender, TryRecvError, channel};
-use std::sync::{Mutex, MutexGuard};
+use std::sync::{Arc, Mutex, MutexGuard};
 use std::thread::JoinHandle;
 
 use super::encode::encode;
@@ -15,13 +15,16 @@ use crate::files::ExclusiveFile;
 
 const ENDED_EARLY: &str = "the thread that writes states ended early";
 
-/// Writes render states to one file, one after the other, on a thread of its own.
+/// Writes render states to one file, one after the other, on a thread of its own. Dropping it waits for the latest one and
+/// unlocks the file.
 pub struct CheckpointWriter {
-    to_write: Sender<Vec<u8>>,
+    /// `None` once it is dropped.
+    to_write: Option<Sender<Vec<u8>>>,
     /// Buffers that come back once they are written, and the result of writing each.
     written: Mutex<Receiver<(Vec<u8>, io::Result<()>)>>,
     progress: Mutex<WriteProgress>,
-    thread: JoinHandle<()>,
+    /// `None` once it is dropped.
+    thread: Option<JoinHandle<()>>,
 }
 
 #[derive(Default)]
@@ -29,7 +32,7 @@ struct WriteProgress {
     /// The one buffer; `None` while it is being written.
     buffer: Option<Vec<u8>>,
     /// Result of the latest write that has ended.
-    latest: Option<Result<(), String>>,
+    latest: Option<Result<(), Arc<io::Error>>>,
     /// Whether [`CheckpointWriter::new_result`] has not returned it yet.
     is_new: bool,
 }
@@ -53,7 +56,7 @@ impl CheckpointWriter {
             }
         })?;
         let progress = Mutex::new(WriteProgress { buffer: Some(Vec::new()), ..WriteProgress::default() });
-        Ok(Self { to_write, written: Mutex::new(written), progress, thread })
+        Ok(Self { to_write: Some(to_write), written: Mutex::new(written), progress, thread: Some(thread) })
     }
 
     /// Starts to write a state; waits first until the one before is written.
@@ -61,12 +64,12 @@ impl CheckpointWriter {
         let mut progress = self.progress(true);
         let mut file = progress.buffer.take().unwrap_or_default();
         encode(state, &mut file);
-        // Fails only if the thread is gone, which `finish` reports.
-        let _ = self.to_write.send(file);
+        // Fails only if the thread is gone, which `wait` reports.
+        let _ = self.to_write.as_ref().map(|to_write| to_write.send(file));
     }
 
     /// Returns the result of the latest write that has ended, once; `None` if there is no new one.
-    pub fn new_result(&self) -> Option<Result<(), String>> {
+    pub fn new_result(&self) -> Option<Result<(), Arc<io::Error>>> {
         let mut progress = self.progress(false);
         std::mem::take(&mut progress.is_new).then(|| progress.latest.clone()).flatten()
     }
@@ -74,20 +77,9 @@ impl CheckpointWriter {
     /// Waits until everything is written.
     ///
     /// # Errors
-    /// The file system's message about the last state.
-    pub fn wait(&self) -> Result<(), String> {
+    /// That of the file system for the last state.
+    pub fn wait(&self) -> Result<(), Arc<io::Error>> {
         self.progress(true).latest.clone().unwrap_or(Ok(()))
-    }
-
-    /// Waits until everything is written, and ends the thread.
-    ///
-    /// # Errors
-    /// The file system's message about the last state.
-    pub fn finish(self) -> Result<(), String> {
-        let result = self.wait();
-        drop(self.to_write);
-        self.thread.join().map_err(|_| ENDED_EARLY.to_owned())?;
-        result
     }
 
     /// Takes back a buffer that has been written; if `waits`, until nothing is being written.
@@ -101,15 +93,23 @@ impl CheckpointWriter {
                 written.try_recv()
             };
             let (buffer, result) = match ended {
-                Ok((buffer, result)) => (buffer, result.map_err(|error| error.to_string())),
+                Ok((buffer, result)) => (buffer, result.map_err(Arc::new)),
                 Err(TryRecvError::Empty) => {
                     drop(written);
                     return progress;
                 }
-                Err(TryRecvError::Disconnected) => (Vec::new(), Err(ENDED_EARLY.to_owned())),
+                Err(TryRecvError::Disconnected) => (Vec::new(), Err(Arc::new(io::Error::other(ENDED_EARLY)))),
             };
             (progress.buffer, progress.latest, progress.is_new) = (Some(buffer), Some(result), true);
         }
         progress
+    }
+}
+
+impl Drop for CheckpointWriter {
+    fn drop(&mut self) {
+        drop(self.to_write.take());
+        // A panic of the thread is what `wait` reports.
+        let _ = self.thread.take().map(JoinHandle::join);
     }
 }

@@ -7,7 +7,8 @@
 //! | [`mod@format`] | the layout of the bytes |
 //! | `header`, `array_bytes` | the two parts of the format: JSON and arrays |
 //! | `encode`, `decode` | from a state to bytes and back |
-//! | `checkpoint_writer` | [`CheckpointWriter`]: writes states while the render goes on |
+//! | `checkpoints` | [`Checkpoints`]: the state file of a render that goes on |
+//! | `checkpoint_writer` | [`CheckpointWriter`]: writes states in the background |
 //! | `image_metadata` | [`ImageMetadata`]: scene and view of an image |
 //! | `stream` | [`Stream`]: which samples a state holds |
 //! | `resume` | [`RenderState::can_resume`]: whether a render can go on from a state |
@@ -18,6 +19,7 @@
 
 mod array_bytes;
 mod checkpoint_writer;
+mod checkpoints;
 mod decode;
 mod encode;
 mod error;
@@ -34,6 +36,7 @@ mod state_file;
 mod stream;
 
 pub use checkpoint_writer::CheckpointWriter;
+pub use checkpoints::{CheckpointError, Checkpoints};
 pub use decode::decode;
 pub use encode::encode;
 pub use error::{StateError, StateErrorKind};

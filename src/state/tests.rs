@@ -277,7 +277,8 @@ fn the_writer_leaves_the_latest_state_and_nothing_else() {
     for seed in [1, 2, 3] {
         writer.write(&state(seed, Shard::WHOLE));
     }
-    writer.finish().unwrap();
+    writer.wait().unwrap();
+    drop(writer);
     assert_eq!(RenderState::read(&path).unwrap().settings.seed, 3);
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
 }

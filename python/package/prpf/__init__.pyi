@@ -324,6 +324,7 @@ def render(
     counts: Callable[[Pass, NDArray[np.uint32]], ArrayLike] | None = None,
     output: str | PathLike[str] | None = None,
     state: str | PathLike[str] | None = None,
+    state_every: float = 40.0,
     resume: str | PathLike[str] | None = None,
     samples: str | PathLike[str] | None = None,
 ) -> Render:
@@ -339,7 +340,8 @@ def render(
     that pass and the counts that our rule plans, and returns the counts to take, integers of shape (height, width), at most as
     many in all as are planned. ``statistics``: whether the store keeps every dimension, or what the denoiser and an EXR read, and
     ``learned`` if ``state`` is written, which takes less memory and time; by default every one, or those of the state with ``resume``. ``output``: an ``.exr`` with all layers or a ``.png``. ``state``: a file for :meth:`Store.load` and
-    ``prpf denoise``, ``merge`` and ``render --resume``. ``resume``: a state of the same scene, view and seed to go on from, which may
+    ``prpf denoise``, ``merge`` and ``render --resume``, which is replaced every ``state_every`` seconds and at the end; while it cannot
+    be written, the render goes on with a ``RuntimeWarning``. ``resume``: a state of the same scene, view and seed to go on from, which may
     be the same file; with a budget of samples the image is the same to the last bit as without the interruption. ``samples``: an ``.npz``
     file for every sample vector of this call, as ``prpf render --samples`` writes it; the store keeps every dimension then.
 

@@ -1,0 +1,101 @@
+//! The checkpoints of one render in its state file, as every host of a render keeps them.
+//!
+//! Takes what [`Host`](crate::progressive::Host) hands over; writes it in the background, and tells what went wrong.
+
+use std::io;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use super::checkpoint_writer::CheckpointWriter;
+use super::format::estimate_size;
+use super::image_metadata::ImageMetadata;
+use super::render_state::RenderState;
+use super::stream::Stream;
+use crate::files::error_message;
+use crate::progressive::{Checkpoint, Settings};
+use crate::render::Renderer;
+use crate::stats::Store;
+
+/// Writes the checkpoints of one render to its state file while the render goes on. Dropping it waits for the latest one.
+pub struct Checkpoints {
+    /// Seconds between two.
+    pub interval: f64,
+    path: PathBuf,
+    writer: CheckpointWriter,
+    /// Whether the latest write failed.
+    has_failed: bool,
+    metadata: ImageMetadata,
+    stream: Stream,
+}
+
+/// A state file that cannot be written.
+#[derive(Clone, Debug, thiserror::Error)]
+#[error("{}: cannot write the state: {}", path.display(), error_message(cause))]
+pub struct CheckpointError {
+    pub path: PathBuf,
+    pub cause: Arc<io::Error>,
+}
+
+impl Checkpoints {
+    /// Begins to write the checkpoints of the samples `stream` that `renderer` takes of an image, one every `interval` seconds.
+    ///
+    /// # Errors
+    /// The file cannot be written, or is in use.
+    pub fn begin(
+        path: &Path,
+        interval: f64,
+        metadata: &ImageMetadata,
+        stream: Stream,
+        renderer: &Renderer,
+        settings: &Settings,
+    ) -> Result<Self, CheckpointError> {
+        let (width, height) = renderer.resolution();
+        let size = estimate_size(renderer.layout(), settings.reservoir_capacity(), width * height);
+        let writer = CheckpointWriter::new(path, size.unwrap_or(usize::MAX))
+            .map_err(|cause| CheckpointError { path: path.to_owned(), cause: Arc::new(cause) })?;
+        let (path, metadata) = (path.to_owned(), metadata.clone());
+        Ok(Self { interval, path, writer, has_failed: false, metadata, stream })
+    }
+
+    /// Writes a checkpoint in the background. The render goes on even if the disk is full: there is still an image to
+    /// come, and space may be freed.
+    pub fn save(&self, settings: &Settings, checkpoint: Checkpoint) {
+        self.writer.write(&self.state(settings, self.metadata.clone(), checkpoint));
+    }
+
+    /// Returns what has gone wrong since the last call, once for as long as it lasts.
+    pub fn problem(&mut self) -> Option<CheckpointError> {
+        let result = self.writer.new_result()?;
+        let is_new = !std::mem::replace(&mut self.has_failed, result.is_err());
+        result.err().filter(|_| is_new).map(|cause| self.error(cause))
+    }
+
+    /// Waits until the latest checkpoint is written.
+    ///
+    /// # Errors
+    /// Why it could not be written.
+    pub fn wait(&self) -> Result<(), CheckpointError> {
+        self.writer.wait().map_err(|cause| self.error(cause))
+    }
+
+    /// Writes a checkpoint of some rows of the image and discards it, to measure how long that takes.
+    pub fn write_and_discard(&self, settings: &Settings, rows: &Store) {
+        let (width, height) = (rows.width(), rows.height());
+        let metadata = ImageMetadata {
+            film: [width, height],
+            pixel_bounds: [0, width, 0, height],
+            ..self.metadata.clone()
+        };
+        let checkpoint = Checkpoint::new(rows.clone());
+        // An error will occur again, and be reported, at the end.
+        let _ = self.state(settings, metadata, checkpoint).write_and_discard(&self.path);
+    }
+
+    fn state(&self, settings: &Settings, metadata: ImageMetadata, checkpoint: Checkpoint) -> RenderState {
+        RenderState { metadata, settings: settings.clone(), streams: vec![self.stream], checkpoint }
+    }
+
+    fn error(&self, cause: Arc<io::Error>) -> CheckpointError {
+        CheckpointError { path: self.path.clone(), cause }
+    }
+}
