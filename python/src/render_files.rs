@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use prpf::RenderedImage;
 use prpf::files::error_message;
 use prpf::image::OutputFormat;
+use prpf::output::ImageOutput;
 use prpf::output::paths::{are_distinct, replaces_no_state, replaces_state};
 use prpf::progressive::Settings;
 use prpf::render::Renderer;
@@ -118,6 +119,11 @@ impl RenderFiles {
                 .map_err(|error| checkpoint_error(&error))
         };
         self.state.as_ref().map(begin).transpose()
+    }
+
+    /// Encodes the image and discards it, if it is asked for: to measure how long that takes.
+    pub fn encode_output_and_discard(&self, image: &ImageOutput) {
+        self.output.iter().for_each(|path| image.encode_and_discard(path));
     }
 
     /// Writes the image, if it is asked for.

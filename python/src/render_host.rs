@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use prpf::RenderedImage;
 use prpf::filter::FilterResult;
+use prpf::output::ImageOutput;
 use prpf::progressive::{Checkpoint, Filtered, Host, Progress, Settings};
 use prpf::render::SampleSink;
 use prpf::state::{CheckpointError, Checkpoints, ImageMetadata, SampleFile};
@@ -169,7 +170,8 @@ impl Host for RenderHost<'_> {
         self.samples.as_mut().map(|file| file as &mut dyn SampleSink)
     }
 
-    fn encode_and_discard(&self, settings: &Settings, _result: &FilterResult, rows: &stats::Store) {
+    fn encode_and_discard(&self, settings: &Settings, result: &FilterResult, rows: &stats::Store) {
+        self.files.encode_output_and_discard(&ImageOutput::interim(result, rows, settings, &self.metadata));
         self.checkpoints.iter().for_each(|checkpoints| checkpoints.write_and_discard(settings, rows));
     }
 

@@ -59,17 +59,11 @@ impl RenderHost<'_> {
         command_line: &'o str,
     ) -> ImageOutput<'o> {
         ImageOutput {
-            result,
             side,
-            store,
-            estimate: None,
-            passes: &[],
-            metadata,
-            settings,
-            reference: None,
             seconds: self.start.elapsed().as_secs_f64(),
             command_line,
             layers: self.layers,
+            ..ImageOutput::interim(result, store, settings, metadata)
         }
     }
 }

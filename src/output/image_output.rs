@@ -72,6 +72,28 @@ impl<'a> ImageOutput<'a> {
         }
     }
 
+    /// The image of a render that goes on, with all layers.
+    pub fn interim(
+        result: &'a FilterResult,
+        store: &'a Store,
+        settings: &'a Settings,
+        metadata: &'a ImageMetadata,
+    ) -> Self {
+        Self {
+            result,
+            side: 1,
+            store,
+            estimate: None,
+            passes: &[],
+            metadata,
+            settings,
+            reference: None,
+            seconds: 0.0,
+            command_line: "",
+            layers: None,
+        }
+    }
+
     /// Writes an image file, EXR or PNG by its extension.
     ///
     /// # Errors

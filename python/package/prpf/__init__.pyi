@@ -330,8 +330,8 @@ def render(
 ) -> Render:
     """Renders, filters and allocates until the first budget is spent.
 
-    ``spp``: samples per pixel on average. ``time``: seconds, the last filter pass included. ``target_error``: estimated relMSE.
-    Without any of them the scene's samples per pixel are rendered. ``sampling``: adaptive without a map. ``sample_map``: real
+    ``spp``: samples per pixel on average. ``time``: seconds, the last filter pass and the writing of ``output`` and ``state``
+    included. ``target_error``: estimated relMSE. Without any of them the scene's samples per pixel are rendered. ``sampling``: adaptive without a map. ``sample_map``: real
     numbers of shape (height, width) by which samples are placed instead of by the denoiser's maps: ratios, or with absolute values
     the counts themselves, after which the render ends; it must not depend on the samples that it places. ``min_spp`` and ``max_spp``: floor and
     ceiling of a pixel's samples; by default 4, or the ceiling if that is lower, and none. ``reference``: an image that every pass is compared with.
