@@ -6,6 +6,7 @@ use std::sync::{Arc, OnceLock};
 use prpf::geometry::Accel;
 use prpf::render::{Renderer, sample_layout};
 use prpf::scene::film::{MAX_PIXELS, MAX_SIDE};
+use prpf::scene::integrator::MAX_DEPTH;
 use prpf::scene::{self, pbrt};
 use prpf::state::ImageMetadata;
 use prpf::stats::{Columns, Layout};
@@ -42,6 +43,7 @@ impl Scene {
         mut scene: scene::Scene,
         resolution: Option<[usize; 2]>,
         pixel_bounds: Option<[usize; 4]>,
+        max_depth: Option<u32>,
     ) -> PyResult<Self> {
         if let Some([width, height]) = resolution {
             let is_accepted = |side: usize| (1..=MAX_SIDE as usize).contains(&side);
@@ -62,6 +64,14 @@ impl Scene {
                 )));
             }
             scene.film.pixel_bounds = [x0, x1, y0, y1];
+        }
+        if let Some(depth) = max_depth {
+            if depth > MAX_DEPTH {
+                return Err(value_error(format!(
+                    "max_depth: found {depth}; accepted is a number from 0 to {MAX_DEPTH}"
+                )));
+            }
+            scene.integrator = scene.integrator.with_max_depth(depth);
         }
         scene.validate().map_err(|error| Error::new_err(format!("scene: {error}")))?;
         Ok(Self { scene: Arc::new(scene), accel: OnceLock::new() })
@@ -106,32 +116,34 @@ fn take_step(left: &mut [u32], now: &mut [u32]) -> bool {
 impl Scene {
     /// Reads a pbrt scene.
     #[staticmethod]
-    #[pyo3(signature = (path, *, resolution=None, pixel_bounds=None))]
+    #[pyo3(signature = (path, *, resolution=None, pixel_bounds=None, max_depth=None))]
     fn load(
         py: Python,
         path: PathBuf,
         #[pyo3(from_py_with = arguments::wholes_or_none)] resolution: Option<[usize; 2]>,
         #[pyo3(from_py_with = arguments::wholes_or_none)] pixel_bounds: Option<[usize; 4]>,
+        #[pyo3(from_py_with = arguments::whole_or_none)] max_depth: Option<u32>,
     ) -> PyResult<Self> {
         py.detach(|| {
             let scene = pbrt::read(&path).map_err(|error| scene_error(error, open_failure(&path)))?;
-            Self::new(scene, resolution, pixel_bounds)
+            Self::new(scene, resolution, pixel_bounds, max_depth)
         })
     }
 
     /// Reads a scene from a text in pbrt's format; file names in it are relative to `folder`.
     #[staticmethod]
-    #[pyo3(signature = (text, folder=PathBuf::new(), *, resolution=None, pixel_bounds=None))]
+    #[pyo3(signature = (text, folder=PathBuf::new(), *, resolution=None, pixel_bounds=None, max_depth=None))]
     fn parse(
         py: Python,
         text: &str,
         folder: PathBuf,
         #[pyo3(from_py_with = arguments::wholes_or_none)] resolution: Option<[usize; 2]>,
         #[pyo3(from_py_with = arguments::wholes_or_none)] pixel_bounds: Option<[usize; 4]>,
+        #[pyo3(from_py_with = arguments::whole_or_none)] max_depth: Option<u32>,
     ) -> PyResult<Self> {
         py.detach(|| {
             let scene = pbrt::read_str(text, &folder).map_err(|error| scene_error(error, None))?;
-            Self::new(scene, resolution, pixel_bounds)
+            Self::new(scene, resolution, pixel_bounds, max_depth)
         })
     }
 
@@ -157,6 +169,12 @@ impl Scene {
     #[getter]
     fn pixel_bounds(&self) -> (usize, usize, usize, usize) {
         self.scene.film.pixel_bounds.into()
+    }
+
+    /// The largest number of scattering events of a path.
+    #[getter]
+    fn max_depth(&self) -> u32 {
+        self.scene.integrator.max_depth()
     }
 
     /// Samples per pixel that the scene asks for.

@@ -145,6 +145,22 @@ def test_resolutions_out_of_range_are_exceptions(scene_file, resolution):
         prpf.Scene.load(scene_file, resolution=resolution)
 
 
+def test_the_depth_of_paths_is_an_override(scene, scene_file):
+    for direct in [prpf.Scene.load(scene_file, max_depth=1), prpf.Scene.parse(SCENE, max_depth=1)]:
+        assert direct.max_depth == 1 < scene.max_depth
+        assert "indirect" in scene.effects and "indirect" not in direct.effects
+        assert "N2.x" in scene.dimensions and "N2.x" not in direct.dimensions
+
+    def brightness(scene):
+        return prpf.render(scene, spp=64, sampling="uniform", denoiser="none").result.image.mean()
+
+    assert brightness(direct) < 0.99 * brightness(scene)
+    with pytest.raises(ValueError, match="max_depth: found 1048577; accepted is a number from 0 to 1048576"):
+        prpf.Scene.parse(SCENE, max_depth=2**20 + 1)
+    with pytest.raises(ValueError, match="found -1; accepted is a whole number"):
+        prpf.Scene.load(scene_file, max_depth=-1)
+
+
 @pytest.mark.parametrize("bounds", [(0, 0, 0, 5), (5, 2, 0, 5), (0, 41, 0, 5)])
 def test_pixel_bounds_outside_the_film_are_exceptions(scene_file, bounds):
     with pytest.raises(ValueError, match="accepted are 0 <= x0 < x1 <= 40"):

@@ -13,8 +13,8 @@ use super::state_options::StateOptions;
 use crate::adaptive::{NO_CEILING, PrioritySettings, Sampling};
 use crate::filter::DENOISERS;
 use crate::progressive::{Budget, MIN_SPP, Settings, default_denoiser};
+use crate::scene::Scene;
 use crate::scene::integrator::MAX_DEPTH;
-use crate::scene::{Integrator, Scene};
 
 /// `prpf render`.
 #[derive(Clone, Args)]
@@ -246,10 +246,7 @@ impl RenderOptions {
             scene.film.pixel_bounds = [x0, x1, y0, y1];
         }
         if let Some(depth) = self.max_depth {
-            scene.integrator = match scene.integrator {
-                Integrator::Path { .. } => Integrator::Path { max_depth: depth },
-                Integrator::Direct { .. } => Integrator::Direct { max_depth: depth },
-            };
+            scene.integrator = scene.integrator.with_max_depth(depth);
         }
         Ok(())
     }

@@ -20,4 +20,12 @@ impl Integrator {
             Integrator::Path { max_depth } | Integrator::Direct { max_depth } => max_depth,
         }
     }
+
+    /// The same algorithm with paths of up to `max_depth` scattering events.
+    pub fn with_max_depth(self, max_depth: u32) -> Self {
+        match self {
+            Integrator::Path { .. } => Integrator::Path { max_depth },
+            Integrator::Direct { .. } => Integrator::Direct { max_depth },
+        }
+    }
 }

@@ -47,11 +47,13 @@ class Scene:
         *,
         resolution: tuple[int, int] | None = None,
         pixel_bounds: tuple[int, int, int, int] | None = None,
+        max_depth: int | None = None,
     ) -> Scene:
         """Reads a scene in the format of pbrt-v2, v3 or v4.
 
         ``resolution``: width and height of the film in pixels in place of the scene's. ``pixel_bounds``: the part of the film
-        to render, x0, x1, y0, y1 in pixels, half open.
+        to render, x0, x1, y0, y1 in pixels, half open. ``max_depth``: the largest number of scattering events of a path in
+        place of the scene's.
 
         Raises ``OSError`` if the file cannot be read, :class:`Error` with file and line if the scene is wrong or does not fit in
         memory.
@@ -64,6 +66,7 @@ class Scene:
         *,
         resolution: tuple[int, int] | None = None,
         pixel_bounds: tuple[int, int, int, int] | None = None,
+        max_depth: int | None = None,
     ) -> Scene:
         """Reads a scene from a text; file names in it are relative to ``folder``, by default the current one. Otherwise as :meth:`load`."""
 
@@ -79,6 +82,9 @@ class Scene:
     @property
     def pixel_bounds(self) -> tuple[int, int, int, int]:
         """The part of the film that is rendered: x0, x1, y0, y1 in pixels, half open."""
+    @property
+    def max_depth(self) -> int:
+        """The largest number of scattering events of a path."""
     @property
     def spp(self) -> int:
         """Samples per pixel that the scene asks for."""
@@ -331,19 +337,22 @@ def render(
     """Renders, filters and allocates until the first budget is spent.
 
     ``spp``: samples per pixel on average. ``time``: seconds, the last filter pass and the writing of ``output`` and ``state``
-    included. ``target_error``: estimated relMSE. Without any of them the scene's samples per pixel are rendered. ``sampling``: adaptive without a map. ``sample_map``: real
-    numbers of shape (height, width) by which samples are placed instead of by the denoiser's maps: ratios, or with absolute values
-    the counts themselves, after which the render ends; it must not depend on the samples that it places. ``min_spp`` and ``max_spp``: floor and
-    ceiling of a pixel's samples; by default 4, or the ceiling if that is lower, and none. ``reference``: an image that every pass is compared with.
-    ``callback`` is called after every filter pass, the last one included; if it returns a true value, the render ends with the
-    samples so far. ``counts`` chooses where samples go: it is called before every batch that follows a pass of this call, with
-    that pass and the counts that our rule plans, and returns the counts to take, integers of shape (height, width), at most as
-    many in all as are planned. ``statistics``: whether the store keeps every dimension, or what the denoiser and an EXR read, and
-    ``learned`` if ``state`` is written, which takes less memory and time; by default every one, or those of the state with ``resume``. ``output``: an ``.exr`` with all layers or a ``.png``. ``state``: a file for :meth:`Store.load` and
-    ``prpf denoise``, ``merge`` and ``render --resume``, which is replaced every ``state_every`` seconds and at the end; while it cannot
-    be written, the render goes on with a ``RuntimeWarning``. ``resume``: a state of the same scene, view and seed to go on from, which may
-    be the same file; with a budget of samples the image is the same to the last bit as without the interruption. ``samples``: an ``.npz``
-    file for every sample vector of this call, as ``prpf render --samples`` writes it; the store keeps every dimension then.
+    included. ``target_error``: estimated relMSE. Without any of them the scene's samples per pixel are rendered. ``sampling``:
+    adaptive without a map. ``sample_map``: real numbers of shape (height, width) by which samples are placed instead of by the
+    denoiser's maps: ratios, or with absolute values the counts themselves, after which the render ends; it must not depend on
+    the samples that it places. ``min_spp`` and ``max_spp``: floor and ceiling of a pixel's samples; by default 4, or the
+    ceiling if that is lower, and none. ``reference``: an image that every pass is compared with. ``callback`` is called after
+    every filter pass, the last one included; if it returns a true value, the render ends with the samples so far. ``counts``
+    chooses where samples go: it is called before every batch that follows a pass of this call, with that pass and the counts
+    that our rule plans, and returns the counts to take, integers of shape (height, width), at most as many in all as are
+    planned. ``statistics``: whether the store keeps every dimension, or what the denoiser and an EXR read, and ``learned`` if
+    ``state`` is written, which takes less memory and time; by default every one, or those of the state with ``resume``.
+    ``output``: an ``.exr`` with all layers or a ``.png``. ``state``: a file for :meth:`Store.load` and ``prpf denoise``,
+    ``merge`` and ``render --resume``, which is replaced every ``state_every`` seconds and at the end; while it cannot be
+    written, the render goes on with a ``RuntimeWarning``. ``resume``: a state of the same scene, view and seed to go on from,
+    which may be the same file; with a budget of samples the image is the same to the last bit as without the interruption.
+    ``samples``: an ``.npz`` file for every sample vector of this call, as ``prpf render --samples`` writes it; the store keeps
+    every dimension then.
 
     Ctrl-C ends the render after the current step and one filter pass, and raises ``KeyboardInterrupt``; an exception of
     ``callback`` or ``counts`` ends it in the same way. Before the exception is raised, ``output``, ``state`` and ``samples`` are written with the
