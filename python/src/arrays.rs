@@ -40,7 +40,7 @@ pub fn counts(name: &str, value: &Bound<PyAny>, [height, width]: [usize; 2]) -> 
     let accepted =
         format!("a number from 0 to {}, or an array of them of shape ({height}, {width})", u32::MAX);
     let array = integers(name, value, &[0, 2], &accepted)?;
-    let values = borrow(name, &array)?.as_slice()?.to_vec();
+    let values = copy(name, &array)?;
     match array.shape() {
         [] => Ok(vec![values[0]; width * height]),
         found if found == [height, width] => Ok(values),
@@ -77,7 +77,7 @@ pub fn plane(name: &str, value: &Bound<PyAny>, [height, width]: [usize; 2]) -> P
     let accepted = format!("an array of real numbers of shape ({height}, {width})");
     let array = reals(name, value, &[2], &accepted)?;
     match array.shape() {
-        found if found == [height, width] => Ok(borrow(name, &array)?.as_slice()?.to_vec()),
+        found if found == [height, width] => copy(name, &array),
         found => Err(wrong_shape(name, found, &accepted)),
     }
 }
@@ -98,13 +98,22 @@ pub fn planes(name: &str, value: &Bound<PyAny>, size: Option<[usize; 2]>, count:
     if found != count || height * width == 0 || size.is_some_and(|size| size != [width, height]) {
         return Err(wrong_shape(name, array.shape(), &accepted));
     }
-    let mut planes = Planes::new(width, height, count);
     let values = borrow(name, &array)?;
     let values = values.as_slice()?;
-    for (channel, plane) in planes.planes_mut().enumerate() {
-        plane.iter_mut().zip(values[channel..].iter().step_by(count)).for_each(|(to, from)| *to = *from);
-    }
-    Ok(planes)
+    Ok(array.py().detach(|| {
+        let mut planes = Planes::new(width, height, count);
+        for (channel, plane) in planes.planes_mut().enumerate() {
+            plane.iter_mut().zip(values[channel..].iter().step_by(count)).for_each(|(to, from)| *to = *from);
+        }
+        planes
+    }))
+}
+
+/// Copies the values of an array. Meanwhile other threads run.
+fn copy<T: Element + Copy>(name: &str, array: &Bound<PyArrayDyn<T>>) -> PyResult<Vec<T>> {
+    let values = borrow(name, array)?;
+    let values = values.as_slice()?;
+    Ok(array.py().detach(|| values.to_vec()))
 }
 
 /// Borrows the values of an array.

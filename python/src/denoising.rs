@@ -90,9 +90,9 @@ pub fn denoisers() -> Vec<String> {
 
 /// Filters by other weights of the learned filter.
 #[pyfunction]
-pub fn use_weights(path: PathBuf) -> PyResult<()> {
+pub fn use_weights(py: Python, path: PathBuf) -> PyResult<()> {
     let message = |error: &WeightFileError| format!("{}: {error}", path.display());
-    learned::use_weights(&path).map_err(|error| match &error {
+    py.detach(|| learned::use_weights(&path)).map_err(|error| match &error {
         WeightFileError::Read(_) => {
             file_error(open_failure(&path).unwrap_or(io::ErrorKind::Other), message(&error))
         }
@@ -107,10 +107,13 @@ pub fn use_weights(path: PathBuf) -> PyResult<()> {
 pub fn denoise(py: Python, store: &Store, denoiser: &str) -> PyResult<Denoised> {
     let denoiser = by_name(denoiser).map_err(value_error)?;
     let statistics = store.statistics(py);
-    can_filter(denoiser, &statistics).map_err(value_error)?;
-    let denoiser = draft_if_sparse(&statistics, denoiser);
+    let denoiser = py.detach(|| {
+        can_filter(denoiser, &statistics).map_err(value_error)?;
+        PyResult::Ok(draft_if_sparse(&statistics, denoiser))
+    })?;
     let pass = FilterPass { has_half_images: true, ..FilterPass::new(statistics, denoiser, store.seed) };
-    let mut pool = CancellablePool::new(rayon::current_num_threads())
+    let mut pool = py
+        .detach(|| CancellablePool::new(rayon::current_num_threads()))
         .map_err(|error| PyRuntimeError::new_err(error.to_string()))?;
     let mut interrupt = None;
     let mut is_interrupted = || {

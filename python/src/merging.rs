@@ -16,10 +16,10 @@ pub fn merge(py: Python, states: Vec<PathBuf>, output: PathBuf) -> PyResult<Stor
     let Some((first, others)) = states.split_first().filter(|(_, others)| !others.is_empty()) else {
         return Err(value_error(format!("states: found {}; accepted are two or more", states.len())));
     };
-    can_be_written(&output)?;
-    replaces_state(&output).map_err(value_error)?;
-    are_distinct(states.iter().map(PathBuf::as_path), &[&output]).map_err(value_error)?;
     py.detach(|| {
+        can_be_written(&output)?;
+        replaces_state(&output).map_err(value_error)?;
+        are_distinct(states.iter().map(PathBuf::as_path), &[&output]).map_err(value_error)?;
         let mut merge = Merge::new(RenderState::read(first).map_err(state_error)?);
         for path in others {
             let state = RenderState::read(path).map_err(state_error)?;

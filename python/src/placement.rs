@@ -61,7 +61,9 @@ fn sample_map(map: &Bound<PyAny>, values: &str, scene: &Scene) -> PyResult<Sampl
     };
     let (width, height) = scene.size();
     let values = arrays::plane("sample_map", map, [height, width])?;
-    SampleMap::new(values, kind).map_err(|error| value_error(format!("sample_map: {error}")))
+    map.py()
+        .detach(|| SampleMap::new(values, kind))
+        .map_err(|error| value_error(format!("sample_map: {error}")))
 }
 
 /// Returns how samples are placed, by its name.

@@ -125,7 +125,7 @@ pub fn render(
     };
     settings.validate().map_err(value_error)?;
     let statistics = statistics.map(statistics_kept).transpose()?;
-    let files = RenderFiles::new(&scene.scene, output, state, state_every, resume, samples)?;
+    let files = py.detach(|| RenderFiles::new(&scene.scene, output, state, state_every, resume, samples))?;
     let reference = reference.map(|reference| arrays::rgb("reference", reference)).transpose()?;
 
     // Render

@@ -90,11 +90,14 @@ impl<'a> RenderHost<'a> {
 
     /// Hands a pass over to the callback and to the choice of counts.
     fn hand_over(&mut self, filtered: &Filtered, store: &Arc<stats::Store>) -> PyResult<()> {
+        // Copied while other threads run
+        let filtered = filtered.clone();
+        let store = Store::wrap(store.clone(), self.metadata.clone(), self.seed);
         Python::attach(|py| {
             let pass = Pass {
                 index: self.passes,
-                result: Py::new(py, Denoised::new(py, filtered.clone())?)?,
-                store: Py::new(py, Store::wrap(store.clone(), self.metadata.clone(), self.seed))?,
+                result: Py::new(py, Denoised::new(py, filtered)?)?,
+                store: Py::new(py, store)?,
             };
             let pass = Py::new(py, pass)?;
             if let Some(callback) = &self.callback {
@@ -114,19 +117,20 @@ impl<'a> RenderHost<'a> {
         size: [usize; 2],
         planned: &[u32],
     ) -> PyResult<Vec<u32>> {
-        Python::attach(|py| {
-            let most: u64 = planned.iter().map(|&count| u64::from(count)).sum();
-            let planned = arrays::map(py, planned.to_vec(), size[1])?;
+        let total = |counts: &[u32]| counts.iter().map(|&count| u64::from(count)).sum::<u64>();
+        let (most, planned) = (total(planned), planned.to_vec());
+        let chosen = Python::attach(|py| {
+            let planned = arrays::map(py, planned, size[1])?;
             let chosen = counts.bind(py).call1((pass, planned))?;
-            let chosen = arrays::counts("counts", &chosen, size)?;
-            let sum: u64 = chosen.iter().map(|&count| u64::from(count)).sum();
-            if !(1..=most).contains(&sum) {
-                return Err(value_error(format!(
-                    "counts: found {sum} samples in all; accepted are 1 to {most}, those of the planned batch"
-                )));
-            }
-            Ok(chosen)
-        })
+            arrays::counts("counts", &chosen, size)
+        })?;
+        let sum = total(&chosen);
+        if !(1..=most).contains(&sum) {
+            return Err(value_error(format!(
+                "counts: found {sum} samples in all; accepted are 1 to {most}, those of the planned batch"
+            )));
+        }
+        Ok(chosen)
     }
 }
 

@@ -88,8 +88,8 @@ impl Scene {
         Renderer::new(&self.scene, self.accel(), seed)
     }
 
-    fn layout(&self) -> Layout {
-        sample_layout(&self.scene.effects())
+    fn layout(&self, py: Python) -> Layout {
+        py.detach(|| sample_layout(&self.scene.effects()))
     }
 
     /// Returns width and height of what is rendered.
@@ -185,14 +185,14 @@ impl Scene {
 
     /// Names of the effects that the scene calls for.
     #[getter]
-    fn effects(&self) -> Vec<&'static str> {
-        self.scene.effects().names()
+    fn effects(&self, py: Python) -> Vec<&'static str> {
+        py.detach(|| self.scene.effects()).names()
     }
 
     /// Names of the dimensions of a sample.
     #[getter]
-    fn dimensions(&self) -> Vec<&'static str> {
-        self.layout().names().collect()
+    fn dimensions(&self, py: Python) -> Vec<&'static str> {
+        self.layout(py).names().collect()
     }
 
     /// Warnings of the reader, one line each.
@@ -210,7 +210,7 @@ impl Scene {
         #[pyo3(from_py_with = arguments::whole)] seed: u64,
     ) -> PyResult<Store> {
         let (width, height) = self.size();
-        Store::empty(py, width, height, Columns::from_layout(self.layout()), reservoir, seed)
+        Store::empty(py, width, height, Columns::from_layout(self.layout(py)), reservoir, seed)
     }
 
     /// Adds samples to a store: `counts` to every pixel, or to each its own.
@@ -225,9 +225,9 @@ impl Scene {
                 found.height()
             )));
         }
-        if *found.layout() != self.layout() {
+        if *found.layout() != self.layout(py) {
             let found = found.layout().names().collect::<Vec<_>>().join(" ");
-            let accepted = self.dimensions().join(" ");
+            let accepted = self.dimensions(py).join(" ");
             return Err(value_error(format!(
                 "store: found the dimensions {found}; accepted are those of the scene, {accepted}"
             )));
@@ -242,8 +242,12 @@ impl Scene {
         let mut counts = arrays::counts("counts", counts, [height, width])?;
 
         // Render in steps, of bands of rows if the image is large: signals are looked at between two
-        let renderer = py.detach(|| self.renderer(store.seed));
-        store.check_image(&ImageMetadata::new(&self.scene, &renderer))?;
+        let (renderer, metadata) = py.detach(|| {
+            let renderer = self.renderer(store.seed);
+            let metadata = ImageMetadata::new(&self.scene, &renderer);
+            (renderer, metadata)
+        });
+        store.check_image(&metadata)?;
         let band = (STEP_SAMPLES as usize / width).max(1) * width;
         let mut now = vec![0; width * height];
         for first in (0..width * height).step_by(band) {

@@ -250,20 +250,22 @@ impl Store {
     /// Valid samples of the whole image.
     #[getter]
     fn samples(&self, py: Python) -> u64 {
-        self.statistics(py).samples()
+        let store = self.statistics(py);
+        py.detach(|| store.samples())
     }
 
     /// Samples of the whole image that were rejected.
     #[getter]
     fn rejected(&self, py: Python) -> u64 {
-        self.statistics(py).rejected()
+        let store = self.statistics(py);
+        py.detach(|| store.rejected())
     }
 
     /// Valid samples per pixel, on average.
     #[getter]
     fn spp(&self, py: Python) -> f64 {
         let store = self.statistics(py);
-        store.samples() as f64 / store.pixels() as f64
+        py.detach(|| store.samples()) as f64 / store.pixels() as f64
     }
 
     /// Adds the samples of a rectangle of pixels with its upper left corner at (x, y).

@@ -1,8 +1,10 @@
-"""Arrays that other extensions use at the same time."""
+"""Arrays that other extensions use at the same time, and other threads while arrays are copied."""
 
 import contextlib
 import ctypes
 import importlib
+import threading
+import time
 
 import numpy as np
 import pytest
@@ -59,3 +61,35 @@ def test_arrays_that_another_extension_writes_to_are_exceptions(scene, rendered)
             with pytest.raises(ValueError, match=f"^{name}: found an array that another extension writes to"):
                 use()
         use()
+
+
+def longest_gap(work):
+    """The longest time for which another thread did not run during work, as a fraction of the work's time."""
+    times, is_done = [], threading.Event()
+
+    def tick():
+        while not is_done.is_set():
+            times.append(time.monotonic())
+            time.sleep(0.001)
+
+    thread = threading.Thread(target=tick)
+    thread.start()
+    start = time.monotonic()
+    work()
+    seconds = time.monotonic() - start
+    is_done.set()
+    thread.join()
+    times.append(time.monotonic())
+    return np.diff(times).max() / seconds
+
+
+def test_other_threads_run_while_arrays_are_copied():
+    image = np.ones((2000, 2000, 3), np.float32)
+
+    def copy_image():
+        # The image is taken before the reference is refused
+        with pytest.raises(ValueError, match="reference: found the shape"):
+            prpf.compare(image, np.ones((1, 1)))
+
+    # The machine may be busy now and then
+    assert min(longest_gap(copy_image) for _ in range(5)) < 0.5
