@@ -65,7 +65,7 @@ impl<'a> RenderBuilder<'a> {
         Self { scene, accel: None, settings: Settings::default(), reference: None, checkpoint: None, start }
     }
 
-    /// Takes an acceleration structure of the scene, which is then not built.
+    /// Uses an acceleration structure that was built of the same scene, instead of building one.
     pub fn accel(self, accel: &'a Accel<'a>) -> Self {
         Self { accel: Some(accel), ..self }
     }
@@ -123,7 +123,7 @@ impl<'a> RenderBuilder<'a> {
 
     /// Returns the blocks of dimensions of which the render will keep statistics: those of the checkpoint from which it goes on,
     /// or what the settings call for. `keeps_checkpoints`: whether its host keeps some, which a state file then holds.
-    pub fn recorded_blocks(&self, keeps_checkpoints: bool) -> BlockSet {
+    fn recorded_blocks(&self, keeps_checkpoints: bool) -> BlockSet {
         if let Some(checkpoint) = &self.checkpoint {
             return checkpoint.store.layout().blocks();
         }

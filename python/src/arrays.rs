@@ -119,7 +119,7 @@ fn copy<T: Element + Copy>(name: &str, array: &Bound<PyArrayDyn<T>>) -> PyResult
 /// Borrows the values of an array.
 ///
 /// # Errors
-/// Another extension has borrowed them to write to them.
+/// Another extension has borrowed them for writing.
 pub fn borrow<'py, T: Element>(
     name: &str,
     array: &Bound<'py, PyArrayDyn<T>>,

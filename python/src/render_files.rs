@@ -64,11 +64,6 @@ impl RenderFiles {
         Ok(Self { output, state, state_every, resume, samples })
     }
 
-    /// Returns whether the state is written.
-    pub fn has_state(&self) -> bool {
-        self.state.is_some()
-    }
-
     /// Returns whether sample vectors are written.
     pub fn has_samples(&self) -> bool {
         self.samples.is_some()

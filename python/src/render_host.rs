@@ -50,8 +50,7 @@ pub struct RenderHost<'a> {
 }
 
 impl<'a> RenderHost<'a> {
-    /// Surrounds a render of the image `metadata` by the samples of `seed`, whose states go to `checkpoints`, and they themselves
-    /// to `samples`.
+    /// Surrounds a render of the image `metadata` by the samples of `seed`. States go to `checkpoints`, sample vectors to `samples`.
     pub fn new(
         callback: Option<Py<PyAny>>,
         counts: Option<Py<PyAny>>,

@@ -1,9 +1,10 @@
 //! A render from its checked arguments to its image and files.
 
 use prpf::image::Planes;
+use prpf::output::Layers;
 use prpf::progressive::{RecordedStatistics, Settings};
 use prpf::render::Shard;
-use prpf::state::{ImageMetadata, Stream};
+use prpf::state::{ImageMetadata, RenderState, Stream};
 use prpf::stats::BlockSet;
 use prpf::{RenderBuilder, RenderedImage};
 use pyo3::prelude::*;
@@ -42,17 +43,18 @@ impl RenderJob<'_> {
         let renderer = scene.renderer(settings.seed);
         let metadata = ImageMetadata::new(&scene.scene, &renderer);
 
-        // Go on from the state, if there is one
+        // Lock the state file before one is read: what another render writes to it until then is not lost
         let stream = Stream::new(settings.seed, Shard::WHOLE);
-        let state = files.read_state()?;
-        settings.statistics = match (&state, statistics) {
-            // A file of sample vectors has every dimension
-            _ if files.has_samples() => RecordedStatistics::All,
-            (_, Some(asked)) => asked,
-            (Some((_, state)), None) => state.settings.statistics,
-            (None, None) => RecordedStatistics::All,
-        };
-        if let Some((path, state)) = state {
+        // A file of sample vectors has every dimension
+        let asked = if files.has_samples() { Some(RecordedStatistics::All) } else { statistics };
+        settings.statistics = asked.unwrap_or(RecordedStatistics::All);
+        let recorded = settings.recorded_blocks(Layers::blocks_read(None) | RenderState::blocks_kept());
+        let checkpoints =
+            files.begin_checkpoints(&metadata, stream, &renderer.recording(recorded), &settings)?;
+
+        // Go on from the state, if there is one
+        if let Some((path, state)) = files.read_state()? {
+            settings.statistics = asked.unwrap_or(state.settings.statistics);
             state
                 .can_resume(&metadata, stream, renderer.layout(), &settings, BlockSet::NONE)
                 .map_err(|error| Error::new_err(format!("{}: {error}", path.display())))?;
@@ -63,13 +65,10 @@ impl RenderJob<'_> {
         if let Some(reference) = &reference {
             builder = builder.reference(reference);
         }
-        let builder = builder.settings(settings.clone());
-        let renderer = renderer.recording(builder.recorded_blocks(files.has_state()));
-        let checkpoints = files.begin_checkpoints(&metadata, stream, &renderer, &settings)?;
         let samples = files.begin_samples(renderer.layout())?;
         let seed = settings.seed;
         let mut host = RenderHost::new(callback, counts, &files, checkpoints, samples, metadata, seed);
-        let rendered = builder.run_with(&mut host).map_err(render_error)?;
+        let rendered = builder.settings(settings).run_with(&mut host).map_err(render_error)?;
         let errors = host.finish(&rendered);
         Ok((rendered, errors))
     }

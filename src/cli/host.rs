@@ -132,7 +132,7 @@ impl PreviewHost for RenderHost<'_> {
         earlier_names(&self.outfiles[0])
     }
 
-    /// Prints it as well.
+    /// Also prints the problem.
     fn checkpoint_problem(&mut self) -> Option<String> {
         let problem = self.checkpoints.as_mut().and_then(Checkpoints::problem)?.to_string();
         print_error(&format!("warning: {problem}; the render goes on"));

@@ -17,7 +17,7 @@ const ENDED_EARLY: &str = "the thread that writes states ended early";
 
 /// Writes render states to one file, one after the other, on a thread of its own. Dropping it waits for the latest one and
 /// unlocks the file.
-pub struct CheckpointWriter {
+pub(super) struct CheckpointWriter {
     /// `None` once it is dropped.
     to_write: Option<Sender<Vec<u8>>>,
     /// Buffers that come back once they are written, and the result of writing each.

@@ -1,6 +1,6 @@
-//! The checkpoints of one render in its state file, as every host of a render keeps them.
+//! Writes the checkpoints of a render to its state file while the render goes on.
 //!
-//! Takes what [`Host`](crate::progressive::Host) hands over; writes it in the background, and tells what went wrong.
+//! Takes what [`Host`](crate::progressive::Host) hands over, on the command line and from Python; gives the errors of the file system.
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -29,7 +29,7 @@ pub struct Checkpoints {
 }
 
 /// A state file that cannot be written.
-#[derive(Clone, Debug, thiserror::Error)]
+#[derive(Debug, thiserror::Error)]
 #[error("{}: cannot write the state: {}", path.display(), error_message(cause))]
 pub struct CheckpointError {
     pub path: PathBuf,
@@ -63,7 +63,7 @@ impl Checkpoints {
         self.writer.write(&self.state(settings, self.metadata.clone(), checkpoint));
     }
 
-    /// Returns what has gone wrong since the last call, once for as long as it lasts.
+    /// Returns the error of the latest write, once for as long as writing fails; `None` if there is nothing new.
     pub fn problem(&mut self) -> Option<CheckpointError> {
         let result = self.writer.new_result()?;
         let is_new = !std::mem::replace(&mut self.has_failed, result.is_err());

@@ -8,7 +8,7 @@
 //! | `header`, `array_bytes` | the two parts of the format: JSON and arrays |
 //! | `encode`, `decode` | from a state to bytes and back |
 //! | `checkpoints` | [`Checkpoints`]: the state file of a render that goes on |
-//! | `checkpoint_writer` | [`CheckpointWriter`]: writes states in the background |
+//! | `checkpoint_writer` | writes states in the background |
 //! | `image_metadata` | [`ImageMetadata`]: scene and view of an image |
 //! | `stream` | [`Stream`]: which samples a state holds |
 //! | `resume` | [`RenderState::can_resume`]: whether a render can go on from a state |
@@ -35,7 +35,6 @@ mod sample_file;
 mod state_file;
 mod stream;
 
-pub use checkpoint_writer::CheckpointWriter;
 pub use checkpoints::{CheckpointError, Checkpoints};
 pub use decode::decode;
 pub use encode::encode;

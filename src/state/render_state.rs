@@ -19,8 +19,8 @@ pub struct RenderState {
 }
 
 impl RenderState {
-    /// Returns the blocks of dimensions that a render keeps statistics of if it writes a state, beside those that it reads
-    /// itself: the default denoiser can filter any state.
+    /// Returns the blocks of dimensions that the default denoiser reads. A render that writes a state records them as well, so
+    /// that this denoiser can filter any state.
     pub fn blocks_kept() -> BlockSet {
         DENOISERS[0].reads().blocks.iter().copied().collect()
     }

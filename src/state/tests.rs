@@ -2,6 +2,7 @@ use std::sync::{Arc, LazyLock};
 
 use proptest::prelude::*;
 
+use super::checkpoint_writer::CheckpointWriter;
 use super::*;
 use crate::filter::prpf::PRPF;
 use crate::filter::{DENOISERS, Interpolation};

@@ -345,8 +345,8 @@ def render(
     every filter pass, the last one included; if it returns a true value, the render ends with the samples so far. ``counts``
     chooses where samples go: it is called before every batch that follows a pass of this call, with that pass and the counts
     that our rule plans, and returns the counts to take, integers of shape (height, width), at most as many in all as are
-    planned. ``statistics``: whether the store keeps every dimension, or what the denoiser and an EXR read, and ``learned`` if
-    ``state`` is written, which takes less memory and time; by default every one, or those of the state with ``resume``.
+    planned. ``statistics``: whether the store keeps every dimension, or only those that the denoiser, an EXR and, with
+    ``state``, the denoiser ``learned`` read; this takes less memory and time. By default every one, or those of the state with ``resume``.
     ``output``: an ``.exr`` with all layers or a ``.png``. ``state``: a file for :meth:`Store.load` and ``prpf denoise``,
     ``merge`` and ``render --resume``, which is replaced every ``state_every`` seconds and at the end; while it cannot be
     written, the render goes on with a ``RuntimeWarning``. ``resume``: a state of the same scene, view and seed to go on from,
