@@ -24,7 +24,7 @@ typedef enum {
      */
     PRPF_STATUS_INVALID_ARGUMENT = 1,
     /**
-     * There is too little memory. Nothing has changed.
+     * There is too little memory, or the system starts no more threads. Nothing has changed.
      */
     PRPF_STATUS_OUT_OF_MEMORY = 2,
     /**
@@ -149,7 +149,8 @@ const char *prpf_error_message(void);
 
 /**
  * Sets the number of threads that a call works on at most; 0 stands for one on each core, the default. It holds for the
- * whole process and can be set once, before stores and filters are created.
+ * whole process and can be set once, before stores and filters are created. If the system starts no more threads the status is
+ * PRPF_STATUS_OUT_OF_MEMORY, and another number can be set.
  */
 PrpfStatus prpf_set_threads(size_t threads);
 

@@ -124,10 +124,7 @@ pub unsafe extern "C" fn prpf_filter_create(
         let (place, name) = unsafe { (place("filter", filter)?, text("denoiser", denoiser)) };
         place.write(null_mut());
         let denoiser = by_name(name?).map_err(invalid)?;
-        let pool = CancellablePool::new(threads::limit()).map_err(|error| Failure {
-            status: PrpfStatus::OutOfMemory,
-            message: format!("cannot start threads: {error}"),
-        })?;
+        let pool = CancellablePool::new(threads::limit()?).map_err(threads::cannot_start)?;
         let unit_seconds = denoiser.cost().core_seconds_with(Cost::MEMORY_SECONDS) / pool.threads() as f64;
         let content =
             Content { denoiser, pool, progress: None, user: null_mut(), unit_seconds, filtered: None };

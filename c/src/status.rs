@@ -14,7 +14,7 @@ pub enum PrpfStatus {
     Ok = 0,
     /// An argument cannot be used. Nothing has changed.
     InvalidArgument = 1,
-    /// There is too little memory. Nothing has changed.
+    /// There is too little memory, or the system starts no more threads. Nothing has changed.
     OutOfMemory = 2,
     /// A progress callback has cancelled the call.
     Cancelled = 3,

@@ -55,7 +55,7 @@ impl PrpfStore {
 
 /// Checks the size of a store and the names of its columns.
 fn columns(names: &[&str], width: usize, height: usize, reservoir: usize) -> Result<Columns, Failure> {
-    threads::limit();
+    threads::limit()?;
     let columns = Columns::new(names).map_err(invalid)?;
     match check_store_size(columns.layout(), (width, height), reservoir) {
         Ok(()) => Ok(columns),

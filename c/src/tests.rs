@@ -235,7 +235,7 @@ fn wrong_calls_have_a_status_and_a_message() {
         prpf_store_free(null_mut());
     }
     is_invalid(prpf_set_threads(2), "accepted is one before");
-    is_invalid(prpf_set_threads(usize::MAX), "accepted are at most 65536");
+    is_invalid(prpf_set_threads(usize::MAX), "accepted are at most 4096");
 }
 
 #[test]
