@@ -1,4 +1,5 @@
-/* Checks what a program finds whose system starts no more threads: a status, and a library that it can use with fewer.
+/* Checks what a program finds whose system starts no more threads: a status, and a library that it can use with fewer. And
+ * that refused calls leave the number of threads open.
  *
  * Takes no arguments; says what is wrong and returns 1. */
 
@@ -39,6 +40,9 @@ int main(void) {
     PrpfStore *store;
     PrpfFilter *filter;
 
+    left = 1000;
+    check(prpf_store_create(8, 8, NAMES, 2, 0, 0, &store) == PRPF_STATUS_INVALID_ARGUMENT, "a store without blue");
+    check(prpf_filter_create("median", &filter) == PRPF_STATUS_INVALID_ARGUMENT, "a filter that does not exist");
     left = 0;
     check(prpf_store_create(8, 8, NAMES, 3, 0, 0, &store) == PRPF_STATUS_OUT_OF_MEMORY && !store,
           "a store without threads");

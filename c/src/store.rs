@@ -55,7 +55,6 @@ impl PrpfStore {
 
 /// Checks the size of a store and the names of its columns.
 fn columns(names: &[&str], width: usize, height: usize, reservoir: usize) -> Result<Columns, Failure> {
-    threads::limit()?;
     let columns = Columns::new(names).map_err(invalid)?;
     match check_store_size(columns.layout(), (width, height), reservoir) {
         Ok(()) => Ok(columns),
@@ -101,6 +100,7 @@ pub unsafe extern "C" fn prpf_store_create(
             unsafe { (place("store", store)?, texts("dimensions", dimensions, dimension_count)) };
         place.write(null_mut());
         let columns = columns(&names?, width, height, reservoir)?;
+        threads::limit()?;
         let layout = columns.layout().clone();
         place.write(PrpfStore::new(stats::Store::new(width, height, layout, reservoir, seed), columns, seed));
         Ok(())
@@ -147,6 +147,7 @@ pub unsafe extern "C" fn prpf_store_create_from_moments(
             }
         };
         let halves = [moments(first)?, moments(second)?];
+        threads::limit()?;
         let made =
             stats::Store::from_half_moments(width, height, &columns, &halves, seed).map_err(invalid)?;
         place.write(PrpfStore::new(made, columns, seed));
