@@ -45,7 +45,8 @@ pub fn guard(body: impl FnOnce() -> Result<(), Failure>) -> PrpfStatus {
     let (status, message) = match contained(body) {
         Ok(()) => (PrpfStatus::Ok, None),
         Err(Failure { status, message }) => {
-            let message = message.replace('\0', " ");
+            // Those of panics, and names that a caller gives, may have line breaks
+            let message = message.replace(char::is_control, " ");
             (status, Some(CString::new(message).expect("zero bytes are gone")))
         }
     };

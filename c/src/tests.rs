@@ -325,6 +325,17 @@ fn panics_become_a_status() {
 }
 
 #[test]
+fn messages_are_one_line() {
+    let mut none = null_mut();
+    // SAFETY: all pointers are valid.
+    let status = unsafe { prpf_filter_create(c"nlm\ndraft".as_ptr(), &raw mut none) };
+    assert_eq!(status, PrpfStatus::InvalidArgument);
+    assert!(message().contains("found `nlm draft`"), "{}", message());
+    assert_eq!(guard(|| panic!("one line\r\nand another")), PrpfStatus::InternalError);
+    assert_eq!(message(), "the library is at fault: one line  and another");
+}
+
+#[test]
 fn the_names_of_denoisers_can_be_listed() {
     let names = (0..).map(|index| prpf_denoiser_name(index)).take_while(|name| !name.is_null());
     // SAFETY: names end with a zero byte and live as long as the program.
