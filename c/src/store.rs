@@ -253,13 +253,17 @@ pub unsafe extern "C" fn prpf_store_samples(
         // SAFETY: the caller's promise.
         let content = unsafe { object("store", store) }?.lock()?;
         let store = &content.store;
-        for (name, pointer, value) in
-            [("valid", valid, store.samples()), ("rejected", rejected, store.rejected())]
-        {
-            if !pointer.is_null() {
-                // SAFETY: the caller's promise.
-                unsafe { place(name, pointer) }?.write(value);
-            }
+        let wanted = [("valid", valid, store.samples()), ("rejected", rejected, store.rejected())]
+            .into_iter()
+            .filter(|(_, pointer, _)| !pointer.is_null());
+        // Check both before one is written
+        for (name, pointer, _) in wanted.clone() {
+            // SAFETY: the caller's promise.
+            unsafe { place(name, pointer) }?;
+        }
+        for (name, pointer, value) in wanted {
+            // SAFETY: the caller's promise.
+            unsafe { place(name, pointer) }?.write(value);
         }
         Ok(())
     })

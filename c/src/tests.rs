@@ -221,6 +221,13 @@ fn wrong_calls_have_a_status_and_a_message() {
             prpf_store_counts(store, [0; 3].as_mut_ptr(), 3),
             "room for 3 values; accepted is room for 240",
         );
+        let (mut valid, mut rejected) = (7_u64, [0_u64; 2]);
+        let misaligned = rejected.as_mut_ptr().cast::<u8>().add(1).cast();
+        is_invalid(
+            prpf_store_samples(store, &raw mut valid, misaligned),
+            "rejected: found a pointer that is not",
+        );
+        assert_eq!(valid, 7, "nothing has changed");
         let mut counts = vec![0; WIDTH * HEIGHT];
         let mut allocate = |priority: &[f32], min, max| {
             let (priority, count) = (priority.as_ptr(), priority.len());
