@@ -2,8 +2,9 @@
  *
  * Made by `cargo run -p prpf-c --example header`; docs/c.md explains it.
  *
- * Arrays of pixels are in rows from the top. Every array comes with its number of values, which is checked. Functions that
- * can fail return a status; prpf_error_message() says why. No value that they are given ends the process. */
+ * Arrays of pixels are in rows from the top. Every array but those of PrpfHalfMoments comes with its number of values, which
+ * is checked. Functions that can fail return a status; prpf_error_message() says why. No value that they are given ends the
+ * process. */
 
 #ifndef PRPF_H
 #define PRPF_H
@@ -92,18 +93,19 @@ typedef struct PrpfStore PrpfStore;
 
 /**
  * Half of the samples of every pixel, which a renderer has reduced to moments. Pixels are in rows from the top.
+ * The buffers have as many values as these shapes say. All values are finite, also those of pixels without samples.
  */
 typedef struct {
     /**
-     * Number of samples: [height][width].
+     * Number of samples, at most 1073741823: [height][width].
      */
     const uint32_t *counts;
     /**
-     * Means of the samples: [height][width][dimension].
+     * Means of the samples, from -1e15 to 1e15, those of radiance from 0: [height][width][dimension].
      */
     const float *means;
     /**
-     * Unbiased variances of the samples, not of their mean: [height][width][dimension].
+     * Unbiased variances of the samples, not of their mean, from 0 to 1e30: [height][width][dimension].
      */
     const float *variances;
 } PrpfHalfMoments;
@@ -156,7 +158,7 @@ PrpfStatus prpf_set_threads(size_t threads);
 
 /**
  * Returns the name of a denoiser, such as "nlm draft": the default's for index 0, NULL behind the last one. Names live as
- * long as the library.
+ * long as the library. Those of "oidn" are in the list also where that is not installed: prpf_filter_create() then fails.
  */
 const char *prpf_denoiser_name(size_t index);
 

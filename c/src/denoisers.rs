@@ -16,7 +16,7 @@ static NAMES: LazyLock<Vec<CString>> = LazyLock::new(|| {
 });
 
 /// Returns the name of a denoiser, such as "nlm draft": the default's for index 0, NULL behind the last one. Names live as
-/// long as the library.
+/// long as the library. Those of "oidn" are in the list also where that is not installed: prpf_filter_create() then fails.
 #[unsafe(no_mangle)]
 pub extern "C" fn prpf_denoiser_name(index: usize) -> *const c_char {
     NAMES.get(index).map_or(null(), |name| name.as_ptr())

@@ -27,13 +27,14 @@ pub struct Content {
 }
 
 /// Half of the samples of every pixel, which a renderer has reduced to moments. Pixels are in rows from the top.
+/// The buffers have as many values as these shapes say. All values are finite, also those of pixels without samples.
 #[repr(C)]
 pub struct PrpfHalfMoments {
-    /// Number of samples: [height][width].
+    /// Number of samples, at most 1073741823: [height][width].
     pub counts: *const u32,
-    /// Means of the samples: [height][width][dimension].
+    /// Means of the samples, from -1e15 to 1e15, those of radiance from 0: [height][width][dimension].
     pub means: *const f32,
-    /// Unbiased variances of the samples, not of their mean: [height][width][dimension].
+    /// Unbiased variances of the samples, not of their mean, from 0 to 1e30: [height][width][dimension].
     pub variances: *const f32,
 }
 
