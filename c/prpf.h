@@ -12,6 +12,9 @@
 #include <stddef.h>
 #include <stdint.h>
 
+/* The version of this header; prpf_version() returns the library's. */
+#define PRPF_VERSION "0.1.0"
+
 /**
  * What became of a call. prpf_error_message() has details of every status but PRPF_STATUS_OK.
  */
@@ -142,6 +145,12 @@ typedef struct {
 #ifdef __cplusplus
 extern "C" {
 #endif // __cplusplus
+
+/**
+ * Returns the version of the library, such as "0.1.0"; it lives as long as the library. A program that is compiled with
+ * another PRPF_VERSION must be compiled anew: functions and structures may differ.
+ */
+const char *prpf_version(void);
 
 /**
  * Returns what went wrong in the calling thread's last call that returns a status: one line of UTF-8 that says what was

@@ -79,6 +79,10 @@ int main(int count, char **paths) {
     PrpfFilter *filter;
     PrpfEstimate estimate;
 
+    /* Take no library of another version, whose functions may differ */
+    if (strcmp(prpf_version(), PRPF_VERSION) != 0)
+        fail("the library's version, where " PRPF_VERSION " is needed", prpf_version());
+
     /* Read the images */
     if (count != 4 && count != 6)
         fail("usage", "filter OUT.pfm A.pfm B.pfm [ALBEDO.pfm NORMALS.pfm]");

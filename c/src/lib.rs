@@ -12,6 +12,7 @@ mod result;
 mod status;
 mod store;
 mod threads;
+mod version;
 
 #[cfg(test)]
 mod tests;

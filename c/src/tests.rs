@@ -20,6 +20,7 @@ use crate::store::{
     prpf_store_free, prpf_store_push, prpf_store_push_pixels, prpf_store_samples,
 };
 use crate::threads::prpf_set_threads;
+use crate::version::prpf_version;
 
 const NAMES: [&CStr; 3] = [c"R", c"G", c"B"];
 const WIDTH: usize = 20;
@@ -340,6 +341,14 @@ fn messages_are_one_line() {
     assert!(message().contains("found `nlm draft`"), "{}", message());
     assert_eq!(guard(|| panic!("one line\r\nand another")), PrpfStatus::InternalError);
     assert_eq!(message(), "the library is at fault: one line  and another");
+}
+
+#[test]
+fn the_header_has_the_version_of_the_library() {
+    // SAFETY: it ends with a zero byte and lives as long as the program.
+    let version = unsafe { CStr::from_ptr(prpf_version()) }.to_str().unwrap();
+    assert_eq!(version, env!("CARGO_PKG_VERSION"));
+    assert!(include_str!("../prpf.h").contains(&format!("\n#define PRPF_VERSION \"{version}\"\n")));
 }
 
 #[test]
