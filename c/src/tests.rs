@@ -165,6 +165,41 @@ fn samples_in_any_order_and_halves_make_stores() {
 }
 
 #[test]
+fn threads_push_into_one_store_and_have_messages_of_their_own() {
+    /// A store that threads share, as prpf.h allows.
+    struct Shared(*mut PrpfStore);
+    // SAFETY: calls on one store wait for each other.
+    unsafe impl Sync for Shared {}
+    impl Shared {
+        fn store(&self) -> *mut PrpfStore {
+            self.0
+        }
+    }
+    const THREADS: usize = 4;
+    const PUSHES: usize = 5;
+    let (shared, values) = (Shared(rgb_store()), samples());
+    std::thread::scope(|scope| {
+        for _ in 0..THREADS {
+            scope.spawn(|| {
+                for _ in 0..PUSHES {
+                    assert_eq!(push(shared.store(), &values), PrpfStatus::Ok);
+                }
+                assert_eq!(push(shared.store(), &values[1..]), PrpfStatus::InvalidArgument);
+                assert!(message().contains("found 2879 values"), "{}", message());
+            });
+        }
+    });
+    assert_eq!(message(), "");
+    let (mut valid, mut rejected) = (0, 0);
+    // SAFETY: all pointers are valid.
+    unsafe {
+        assert_eq!(prpf_store_samples(shared.store(), &raw mut valid, &raw mut rejected), PrpfStatus::Ok);
+        prpf_store_free(shared.store());
+    }
+    assert_eq!((valid, rejected), ((THREADS * PUSHES * values.len() / 3) as u64, 0));
+}
+
+#[test]
 fn wrong_calls_have_a_status_and_a_message() {
     let (store, filter) = (rgb_store(), create_filter(c"prpf"));
     let values = samples();
