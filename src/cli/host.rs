@@ -100,7 +100,7 @@ impl Host for RenderHost<'_> {
     }
 
     fn checkpoint_interval(&self) -> Option<f64> {
-        self.checkpoints.as_ref().map(|checkpoints| checkpoints.interval)
+        self.checkpoints.as_ref().map(Checkpoints::interval)
     }
 
     fn sample_sink(&mut self) -> Option<&mut dyn SampleSink> {

@@ -74,6 +74,11 @@ impl CheckpointWriter {
         std::mem::take(&mut progress.is_new).then(|| progress.latest.clone()).flatten()
     }
 
+    /// Returns whether a state is being written: [`Self::write`] would wait for it.
+    pub fn is_writing(&self) -> bool {
+        self.progress(false).buffer.is_none()
+    }
+
     /// Waits until everything is written.
     ///
     /// # Errors

@@ -19,7 +19,7 @@ use crate::stats::Store;
 /// Writes the checkpoints of one render to its state file while the render goes on. Dropping it waits for the latest one.
 pub struct Checkpoints {
     /// Seconds between two.
-    pub interval: f64,
+    interval: f64,
     path: PathBuf,
     writer: CheckpointWriter,
     /// Whether the latest write failed.
@@ -55,6 +55,11 @@ impl Checkpoints {
             .map_err(|cause| CheckpointError { path: path.to_owned(), cause: Arc::new(cause) })?;
         let (path, metadata) = (path.to_owned(), metadata.clone());
         Ok(Self { interval, path, writer, has_failed: false, metadata, stream })
+    }
+
+    /// Returns the seconds between two checkpoints; infinity while one is being written, for which the render would wait.
+    pub fn interval(&self) -> f64 {
+        if self.writer.is_writing() { f64::INFINITY } else { self.interval }
     }
 
     /// Writes a checkpoint in the background. The render goes on even if the disk is full: there is still an image to

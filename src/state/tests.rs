@@ -275,10 +275,12 @@ fn the_writer_leaves_the_latest_state_and_nothing_else() {
     let path = folder.path().join("a.state");
     std::fs::write(folder.path().join(".a.state.tmp"), b"left by a killed program").unwrap();
     let writer = CheckpointWriter::new(&path, 1000).unwrap();
+    assert!(!writer.is_writing());
     for seed in [1, 2, 3] {
         writer.write(&state(seed, Shard::WHOLE));
     }
     writer.wait().unwrap();
+    assert!(!writer.is_writing());
     drop(writer);
     assert_eq!(RenderState::read(&path).unwrap().settings.seed, 3);
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);

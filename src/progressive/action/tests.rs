@@ -470,4 +470,7 @@ fn checkpoints_are_saved_when_the_latest_is_old() {
     let now = situation(&slow, &none, Mark::Filter);
     let now = Situation { pixels: 1_000_000_000, samples: 48_000_000_000, elapsed: 39.0, ..now };
     assert_eq!(next_action(&Situation { conditions: saving(40.0), ..now }), Action::Save);
+    // Not while one is being written
+    let writing = Situation { conditions: saving(f64::INFINITY), ..now };
+    assert_ne!(next_action(&writing), Action::Save);
 }
