@@ -60,8 +60,10 @@ impl ExclusiveFile {
         match written {
             Ok(file) => self.current = Some(file),
             Err(error) => {
-                self.reserved =
-                    self.current.is_none().then(|| locked_temporary_file(&self.target).ok()).flatten();
+                // Where locks do not work, two processes that each took the other's place again would never write
+                let is_taken = error.kind() == io::ErrorKind::ResourceBusy;
+                let reserves = self.current.is_none() && !is_taken;
+                self.reserved = reserves.then(|| locked_temporary_file(&self.target).ok()).flatten();
                 return Err(error);
             }
         }
