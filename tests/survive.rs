@@ -200,10 +200,23 @@ fn a_second_signal_ends_the_program_at_once() {
     let arguments = [&render[..], &["--state", "a.state", "--state-every", "30ms"]].concat();
     let mut child = begun(folder, &arguments);
     // Another one, as two of a kind may arrive as one.
-    let both = format!("kill -s INT {id}; kill -s TERM {id}", id = child.id());
+    let both = format!("kill -s TERM {id}; kill -s INT {id}", id = child.id());
     assert!(Command::new("sh").args(["-c", &both]).status().expect("a shell").success());
     assert_eq!(child.wait().expect("a child ends").code(), Some(130));
     assert!(!folder.join("out.exr").exists(), "no time is taken for an image");
+}
+
+#[test]
+fn a_second_sigterm_leaves_the_time_for_image_and_state() {
+    let folder = folder();
+    let folder = folder.path();
+    let render = ["render", "scene.pbrt", "--spp", "1000000", "--quiet", "-o", "out.exr"];
+    let arguments = [&render[..], &["--state", "a.state", "--state-every", "30ms"]].concat();
+    let mut child = begun(folder, &arguments);
+    let twice = format!("kill -s TERM {id}; sleep 0.02; kill -s TERM {id}", id = child.id());
+    assert!(Command::new("sh").args(["-c", &twice]).status().expect("a shell").success());
+    assert_eq!(child.wait().expect("a child ends").code(), Some(130));
+    assert!(folder.join("out.exr").exists() && folder.join("a.state").exists());
 }
 
 #[test]

@@ -29,7 +29,7 @@ Examples:
 Several budgets may be given: the first one reached ends the render; 0 means off. The clock of --time \
 counts everything: loading, building, the last filter pass and writing. Ctrl-C (or SIGTERM, SIGHUP) finishes \
 the batch being rendered if that takes no more than a second, else a step of it, writes the image (and the \
---state) and exits 130; a second one quits at once. Built with the feature `mpi` and started by mpirun or srun, several processes \
+--state) and exits 130; Ctrl-C after that quits at once. Built with the feature `mpi` and started by mpirun or srun, several processes \
 render one image together (docs/cluster.md).")]
 pub(super) struct RenderOptions {
     /// Scene in pbrt's format

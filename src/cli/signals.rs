@@ -13,7 +13,7 @@ use super::mode::Mode;
 pub(super) const INTERRUPTED: u8 = 130;
 
 /// Handles SIGINT, SIGTERM and SIGHUP. Before the first sample, a signal ends the program at once. Later, a first one ends
-/// the render soon, and a second SIGINT or SIGTERM the program at once.
+/// the render soon, and a SIGINT after it the program at once.
 pub(super) struct Signals {
     /// Whether nothing has been rendered that would be lost.
     loading: Arc<AtomicBool>,
@@ -38,8 +38,9 @@ impl Signals {
         let signals = Self::new();
         // A signal is the way to close a preview.
         let closed = if mode == Mode::Preview { 0 } else { INTERRUPTED };
-        for signal in [SIGINT, SIGTERM] {
-            signals.register(signal, closed, true).context("listening to signals")?;
+        // Supervisors repeat SIGTERM, as Slurm does before the time limit and at it; they have SIGKILL for more
+        for (signal, can_quit) in [(SIGINT, true), (SIGTERM, false)] {
+            signals.register(signal, closed, can_quit).context("listening to signals")?;
         }
         #[cfg(unix)]
         if is_launched {
