@@ -10,6 +10,8 @@
 #SBATCH --open-mode=append
 #SBATCH --signal=TERM@60
 set -euo pipefail
+# Where Slurm binds no tasks to cores, a program sees all cores of the node
+[[ -z ${SLURM_CPUS_PER_TASK:-} ]] || export RAYON_NUM_THREADS=$SLURM_CPUS_PER_TASK
 scene=$1 image=$2
 shift 2
 

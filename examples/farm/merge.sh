@@ -6,6 +6,8 @@
 #
 # The second form writes how many samples each pixel is to have in a render of SPP samples per pixel, unless COUNTS.exr exists.
 set -euo pipefail
+# Where Slurm binds no tasks to cores, a program sees all cores of the node
+[[ -z ${SLURM_CPUS_PER_TASK:-} ]] || export RAYON_NUM_THREADS=$SLURM_CPUS_PER_TASK
 folder=$1 shards=$2 output=$3 spp=${4:-}
 
 # Shards that were placed by these counts may have gone on.

@@ -1,6 +1,8 @@
 #!/usr/bin/env bash
 # One task of the job arrays of slurm.sh and slurm_rounds.sh: HERE SCENE FOLDER SHARDS SAMPLES (see shard.sh).
 set -euo pipefail
+# Where Slurm binds no tasks to cores, a program sees all cores of the node
+[[ -z ${SLURM_CPUS_PER_TASK:-} ]] || export RAYON_NUM_THREADS=$SLURM_CPUS_PER_TASK
 here=$1 scene=$2 folder=$3 shards=$4 samples=$5
 
 # Prints which version of the state there is, if any: a write replaces the file.
