@@ -25,7 +25,7 @@ function compileJob(job) {
         const render = author.Task(`shard-${shard}`, "misc");
         render.addCommand(prpf([
             "render", scene, "--shard", `${shard}/${shards}`, "--spp", String(spp), "--sampling", "uniform",
-            "--denoiser", "none", "--state", state, "--resume", "--outfile", `${folder}/${shard}.png`, "--quiet",
+            "--denoiser", "none", "--state", state, "--resume", "--outfile", `${folder}/${shard}.png`,
         ]));
         job.addTask(render);
         merge.addDependency(render);

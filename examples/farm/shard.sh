@@ -17,4 +17,4 @@ else
 fi
 # The merged state is denoised.
 exec prpf render "$scene" --shard "$shard/$shards" "${placement[@]}" --denoiser none \
-    --state "$folder/$shard.state" --resume -o "$folder/$shard.png" --quiet
+    --state "$folder/$shard.state" --resume -o "$folder/$shard.png"
