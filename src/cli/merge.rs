@@ -8,14 +8,15 @@ use clap::Args;
 use super::failure::Failure;
 use super::terminal;
 use crate::output::paths::{are_distinct, can_be_written, replaces_state};
+use crate::render::Shard;
 use crate::state::{Merge, RenderState};
 
 /// `prpf merge`.
 #[derive(Args)]
 #[command(after_help = "\
 Examples:
-  prpf render scene.pbrt --spp 64 --shard 1/2 --state a.state  (one machine)
-  prpf render scene.pbrt --spp 64 --shard 2/2 --state b.state  (another)
+  prpf render scene.pbrt --spp 64 --sampling uniform --shard 1/2 --state a.state  (one machine)
+  prpf render scene.pbrt --spp 64 --sampling uniform --shard 2/2 --state b.state  (another)
   prpf merge a.state b.state -o all.state
   prpf denoise all.state -o image.exr
 
@@ -49,8 +50,23 @@ pub(super) fn run(options: &MergeOptions) -> Result<u8, Failure> {
         let text =
             format!("{spp:.1} samples per pixel: {}\n{}\n", streams.join("; "), options.outfile.display());
         terminal::print(&text).map_err(Failure::Run)?;
+        if let Some(warning) = missing(&sum) {
+            terminal::print_error(&format!("warning: {warning}"));
+        }
     }
     Ok(0)
+}
+
+/// Names the first shard that is missing in a sum of one seed; `None` if there is none, or if the sum has several seeds.
+fn missing(sum: &RenderState) -> Option<String> {
+    let seed = sum.streams.first()?.seed;
+    if sum.streams.iter().any(|stream| stream.seed != seed) {
+        return None;
+    }
+    let shards: Vec<Shard> = sum.streams.iter().map(|stream| stream.shard).collect();
+    let missing = Shard::missing(&shards);
+    let (first, count) = (missing.first()?, shards.len());
+    Some(format!("seed {seed}: found {count} of {} shards; the first that is missing is {first}", first.count()))
 }
 
 fn merge(paths: &[PathBuf]) -> anyhow::Result<RenderState> {

@@ -69,6 +69,17 @@ impl Shard {
         self.index % a == other.index % a
     }
 
+    /// Returns the shards that are missing beside these; none if these do not have the same number of shards.
+    pub fn missing(shards: &[Self]) -> Vec<Self> {
+        let Some(&Self { count, .. }) = shards.first() else { return Vec::new() };
+        if shards.iter().any(|shard| shard.count != count) {
+            return Vec::new();
+        }
+        let mut is_there = vec![false; count as usize];
+        shards.iter().for_each(|shard| is_there[shard.index as usize] = true);
+        (0..count).filter(|&index| !is_there[index as usize]).map(|index| Self { index, count }).collect()
+    }
+
     /// Tests whether these are all shards of a sequence, each once.
     pub fn are_complete(shards: &[Self]) -> bool {
         let mut indices: Vec<u32> = shards.iter().map(|shard| shard.index).collect();
@@ -141,6 +152,15 @@ mod tests {
             let (in_a, in_b) = (samples(a), samples(b));
             assert_eq!(a.overlaps(b), in_a.iter().any(|i| in_b.contains(i)), "{a} {b}");
         }
+    }
+
+    #[test]
+    fn missing_shards_are_those_of_one_division() {
+        let shard = |k, n| Shard::new(k, n).unwrap();
+        assert_eq!(Shard::missing(&[shard(3, 3), shard(1, 3)]), [shard(2, 3)]);
+        assert!(Shard::missing(&[shard(2, 2), shard(1, 2)]).is_empty());
+        assert!(Shard::missing(&[shard(1, 2), shard(2, 3)]).is_empty());
+        assert!(Shard::missing(&[Shard::WHOLE]).is_empty() && Shard::missing(&[]).is_empty());
     }
 
     #[test]
