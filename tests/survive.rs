@@ -206,6 +206,7 @@ fn a_second_signal_ends_the_program_at_once() {
     assert!(!folder.join("out.exr").exists(), "no time is taken for an image");
 }
 
+#[cfg(unix)]
 #[test]
 fn a_second_sigterm_leaves_the_time_for_image_and_state() {
     let folder = folder();

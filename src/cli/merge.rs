@@ -66,7 +66,10 @@ fn missing(sum: &RenderState) -> Option<String> {
     let shards: Vec<Shard> = sum.streams.iter().map(|stream| stream.shard).collect();
     let missing = Shard::missing(&shards);
     let (first, count) = (missing.first()?, shards.len());
-    Some(format!("seed {seed}: found {count} of {} shards; the first that is missing is {first}", first.count()))
+    Some(format!(
+        "seed {seed}: found {count} of {} shards; the first that is missing is {first}",
+        first.count()
+    ))
 }
 
 fn merge(paths: &[PathBuf]) -> anyhow::Result<RenderState> {
