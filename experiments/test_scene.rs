@@ -59,7 +59,8 @@ impl TestScene {
         Ok(Self { name: file.name.clone(), is_public: file.is_public, scene, reference })
     }
 
-    /// Errors of an image against the reference, by name: relMSE, with and without the worst pixels, and ꟻLIP.
+    /// Errors of an image against the reference, by name: relMSE, with and without the worst pixels, and ꟻLIP. [`f64::MIN_POSITIVE`] stands for a
+    /// relMSE that is lost in the reference's noise: the mean of its values is not positive.
     pub fn errors(&self, image: &Planes) -> [(&'static str, f64); 3] {
         let mut pixels = self.reference.pixel_relmse(image);
         pixels.sort_by(|a, b| a.abs().total_cmp(&b.abs()));

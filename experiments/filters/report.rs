@@ -68,8 +68,10 @@ pub fn write(
         report.paragraph(&format!(
             "Over the better preset of `{reference}` in each view, geometric mean and its 95 % interval, then the median and \
              the largest of the views' ratios. {} Samples are the same for all, adaptive ones driven by `nlm`, but in the last rows, \
-             where those of `{reference}` are as many uniform ones. Adaptive samples are left out where all are uniform.",
-            results.counted()
+             where those of `{reference}` are as many uniform ones. Adaptive samples are left out where all are uniform, and views \
+             where an error is lost in the reference's noise ({}).",
+            results.counted(),
+            results.lost(error)
         ));
         let kinds = [UNIFORM, ADAPTIVE, ADAPTIVE_OVER_UNIFORM];
         let rows = results.each(&kinds, |samples, spp| results.ratios_row(samples, spp, error));
@@ -111,13 +113,13 @@ pub fn write(
     report.write(session, &seeds)
 }
 
-/// The geometric means of the ratios of some groups.
+/// The geometric means of the known ratios of some groups, but for groups that have none.
 fn means_of_groups(groups: &[Vec<&str>], ratio: impl Fn(&str) -> f64) -> Vec<f64> {
     let mean = |views: &Vec<&str>| {
-        let ratios: Vec<f64> = views.iter().map(|view| ratio(view)).collect();
+        let ratios: Vec<f64> = views.iter().map(|view| ratio(view)).filter(|ratio| !ratio.is_nan()).collect();
         statistics::geometric_mean(&ratios).mean
     };
-    groups.iter().map(mean).collect()
+    groups.iter().map(mean).filter(|mean| !mean.is_nan()).collect()
 }
 
 impl Results<'_> {
@@ -164,6 +166,21 @@ impl Results<'_> {
         )
     }
 
+    /// Names the views and sample counts at which an error of the reference's presets is not known.
+    fn lost(&self, error: &str) -> String {
+        let is_lost = |scene: &str, spp: u32| {
+            let best = |sampling| self.best(scene, sampling, spp, error);
+            best(Sampling::Uniform).is_nan() || best(Sampling::Adaptive).is_nan()
+        };
+        let views = self.scenes();
+        let all = views.iter().flat_map(|scene| self.settings.spp.iter().map(move |&spp| (scene, spp)));
+        let lost: Vec<String> = all
+            .filter(|(scene, spp)| is_lost(scene, *spp))
+            .map(|(scene, spp)| format!("{scene} at {spp}"))
+            .collect();
+        if lost.is_empty() { "none".to_owned() } else { lost.join(", ") }
+    }
+
     /// The views that were measured, by their models.
     fn models(&self) -> Vec<Vec<&str>> {
         let scenes = self.scenes();
@@ -190,21 +207,27 @@ impl Results<'_> {
         first.iter().copied().chain(self.names.iter().map(String::as_str)).collect()
     }
 
-    /// Mean over seeds of a quantity of a denoiser.
+    /// Mean over seeds of a quantity of a denoiser; NaN if one of them is lost in the reference's noise.
     fn mean(&self, scene: &str, sampling: Sampling, spp: u32, name: &str, quantity: &str) -> f64 {
         let is_meant = |s: &&Sample| s.scene == scene && s.sampling == sampling && s.spp == spp;
         let key = format!("{name} {quantity}");
-        let values: Vec<f64> = self.samples.iter().filter(is_meant).map(|s| s.values[&key]).collect();
+        let known = |value: f64| if value > f64::MIN_POSITIVE { value } else { f64::NAN };
+        let values: Vec<f64> = self.samples.iter().filter(is_meant).map(|s| known(s.values[&key])).collect();
         values.iter().sum::<f64>() / values.len() as f64
+    }
+
+    /// Error of the better preset of the reference; NaN if that of one of them is not known.
+    fn best(&self, scene: &str, sampling: Sampling, spp: u32, error: &str) -> f64 {
+        let presets = self.names.iter().filter(|other| other.split(' ').next() == Some(self.reference));
+        presets.map(|preset| self.mean(scene, sampling, spp, preset, error)).fold(
+            f64::INFINITY,
+            |best: f64, error| if best.is_nan() || error.is_nan() { f64::NAN } else { best.min(error) },
+        )
     }
 
     /// Error of a denoiser over that of the better preset of the reference.
     fn ratio(&self, scene: &str, samples: Samples, spp: u32, name: &str, error: &str) -> f64 {
-        let presets = self.names.iter().filter(|other| other.split(' ').next() == Some(self.reference));
-        let best = presets
-            .map(|preset| self.mean(scene, samples.reference, spp, preset, error))
-            .fold(f64::INFINITY, f64::min);
-        self.mean(scene, samples.own, spp, name, error) / best
+        self.mean(scene, samples.own, spp, name, error) / self.best(scene, samples.reference, spp, error)
     }
 
     /// The ratios of a denoiser by models: the geometric means of their views.
@@ -261,5 +284,9 @@ mod tests {
         let ratio = |view: &str| if view.ends_with("-dof") { 8.0 } else { 2.0 };
         let means = means_of_groups(&[vec!["ajar", "ajar-dof"], vec!["pool"]], ratio);
         assert!((means[0] - 4.0).abs() < 1e-12 && (means[1] - 2.0).abs() < 1e-12, "{means:?}");
+        // What is not known counts nowhere
+        let ratio = |view: &str| if view == "ajar" { f64::NAN } else { 8.0 };
+        let means = means_of_groups(&[vec!["ajar", "ajar-dof"], vec!["ajar"]], ratio);
+        assert!(means.len() == 1 && (means[0] - 8.0).abs() < 1e-12, "{means:?}");
     }
 }
