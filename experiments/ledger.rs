@@ -149,12 +149,12 @@ impl Ledger {
         Ok(values)
     }
 
-    /// Rewrites the file with the measurements that this run requested, in this order.
+    /// Rewrites the file with the measurements that this run requested, in this order; leaves it as it is if none may be taken.
     ///
     /// # Errors
     /// A file that cannot be written.
     pub fn finish(self) -> anyhow::Result<()> {
-        self.write(self.requested.iter())
+        if self.measures { self.write(self.requested.iter()) } else { Ok(()) }
     }
 
     fn rows<'a>(&'a self, key: &'a Key) -> impl Iterator<Item = Row> + 'a {
@@ -262,14 +262,18 @@ mod tests {
         let open = |machine, earlier| Ledger::open(&path, machine, earlier);
         assert!(open(machine("b"), Earlier::Only).is_err());
         let (known, unknown) = (Key::new("pool", 1, "spp=8"), Key::new("pool", 1, "spp=16"));
-        measures(&mut open(machine("a"), Earlier::Continue).unwrap(), &known, &[]);
+        let other = Key::new("pool", 1, "spp=32");
+        let mut first = open(machine("a"), Earlier::Continue).unwrap();
+        assert!(measures(&mut first, &known, &[]) && measures(&mut first, &other, &[]));
         let mut only = open(machine("b"), Earlier::Only).unwrap();
         assert_eq!(only.machine, machine("a"));
         assert!(!measures(&mut only, &known, &[]));
         let error = only.measure(unknown, &[], || unreachable!("measures nothing")).unwrap_err().to_string();
         assert!(error.ends_with("data.csv: lacks pool, spp=16"), "{error}");
         only.finish().unwrap();
-        assert!(std::fs::read_to_string(&path).unwrap().contains(",a\n"), "the commit stays");
+        let text = std::fs::read_to_string(&path).unwrap();
+        assert!(text.contains(",a\n"), "the commit stays");
+        assert!(text.contains("spp=32"), "so does what this report does not need");
     }
 
     #[test]

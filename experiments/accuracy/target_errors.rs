@@ -69,7 +69,7 @@ pub fn measure(
 }
 
 /// Runs that the estimate has ended. A first image counts only if it misses its target: one that does not may be good by chance alone, as
-/// those are that are far better, and to count some of them would favour the estimate.
+/// those are that are far better, and to count some of them would make the estimate look better than it is.
 fn runs_to_judge<'a>(scenes: impl IntoIterator<Item = &'a SceneResults>) -> Vec<TargetRun> {
     let runs = scenes.into_iter().flat_map(|m| &m.target_runs);
     let is_judged = |run: &&TargetRun| match run.end {
