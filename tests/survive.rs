@@ -195,29 +195,28 @@ fn a_signal_ends_the_batch_writes_image_and_state_and_exits_130() {
 #[test]
 fn a_second_signal_ends_the_program_at_once() {
     let folder = folder();
-    let folder = folder.path();
+    // Another one, as two of a kind may arrive as one.
+    end_by_signals(folder.path(), "kill -s TERM $0; kill -s INT $0");
+    assert!(!folder.path().join("out.exr").exists(), "no time is taken for an image");
+}
+
+/// Renders out.exr and a.state without an end, sends signals by the shell's `commands` to the process $0, and waits for exit status 130.
+#[cfg(unix)]
+fn end_by_signals(folder: &Path, commands: &str) {
     let render = ["render", "scene.pbrt", "--spp", "1000000", "--quiet", "-o", "out.exr"];
     let arguments = [&render[..], &["--state", "a.state", "--state-every", "30ms"]].concat();
     let mut child = begun(folder, &arguments);
-    // Another one, as two of a kind may arrive as one.
-    let both = format!("kill -s TERM {id}; kill -s INT {id}", id = child.id());
-    assert!(Command::new("sh").args(["-c", &both]).status().expect("a shell").success());
+    let sent = Command::new("sh").args(["-c", commands, &child.id().to_string()]).status();
+    assert!(sent.expect("a shell").success());
     assert_eq!(child.wait().expect("a child ends").code(), Some(130));
-    assert!(!folder.join("out.exr").exists(), "no time is taken for an image");
 }
 
 #[cfg(unix)]
 #[test]
 fn a_second_sigterm_leaves_the_time_for_image_and_state() {
     let folder = folder();
-    let folder = folder.path();
-    let render = ["render", "scene.pbrt", "--spp", "1000000", "--quiet", "-o", "out.exr"];
-    let arguments = [&render[..], &["--state", "a.state", "--state-every", "30ms"]].concat();
-    let mut child = begun(folder, &arguments);
-    let twice = format!("kill -s TERM {id}; sleep 0.02; kill -s TERM {id}", id = child.id());
-    assert!(Command::new("sh").args(["-c", &twice]).status().expect("a shell").success());
-    assert_eq!(child.wait().expect("a child ends").code(), Some(130));
-    assert!(folder.join("out.exr").exists() && folder.join("a.state").exists());
+    end_by_signals(folder.path(), "kill -s TERM $0; sleep 0.02; kill -s TERM $0");
+    assert!(["out.exr", "a.state"].iter().all(|file| folder.path().join(file).exists()));
 }
 
 #[test]
