@@ -50,10 +50,38 @@ impl Cone {
         self.radius * (sin_centre * (cos_phi * x + sin_phi * y) + cos_centre * self.axis)
     }
 
+    /// Whether a point of the sphere is one of those that can be sampled: not on the far side. `to_point` leads to it from the
+    /// reference, in the object's space.
+    pub fn reaches(&self, to_point: DVec3) -> bool {
+        let point = self.radius / self.sin_max * self.axis + self.to_shape.matrix3 * to_point;
+        point.dot(self.axis) >= self.radius * self.sin_max
+    }
+
     /// Density with respect to solid angle, in the object's space, of sampling `direction`.
     pub fn pdf(&self, direction: DVec3) -> f64 {
         let linear = self.to_shape.matrix3;
         let stretch = (linear * direction.normalize_or_zero()).length();
         linear.determinant().abs() / (stretch * stretch * stretch) / (TAU * self.one_minus_cos_max)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_cone_reaches_what_it_samples_and_not_the_far_side() {
+        let from = DVec3::new(0.0, 0.0, 2.0);
+        let one_minus_cos_max = 1.0 - 0.75f64.sqrt();
+        let to_shape = DAffine3::IDENTITY;
+        let cone = Cone { axis: DVec3::Z, radius: 1.0, sin_max: 0.5, one_minus_cos_max, to_shape };
+        for k in 0..100 {
+            let point = cone.sample(DVec2::new(0.0099 * f64::from(k), 0.37));
+            let direction = (point - from).normalize();
+            // The line meets the sphere again as far behind the middle
+            let far = point - 2.0 * point.dot(direction) * direction;
+            assert!((far.length() - 1.0).abs() < 1e-9);
+            assert!(cone.reaches(point - from) && !cone.reaches(far - from), "{point} {far}");
+        }
     }
 }

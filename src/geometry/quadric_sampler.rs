@@ -62,10 +62,11 @@ impl QuadricSampler {
     /// As [`ShapeSampler::pdf`](super::ShapeSampler::pdf).
     pub fn pdf(&self, reference: Vec3, surface: &SurfaceInteraction) -> f32 {
         let to_surface = surface.position.as_dvec3() - reference.as_dvec3();
-        let density = self.cone(reference).map_or_else(
-            || self.density_by_area(to_surface, surface.geometric_normal.as_dvec3()),
-            |cone| cone.pdf(to_surface),
-        );
+        let density = match self.cone(reference) {
+            Some(cone) if cone.reaches(to_surface) => cone.pdf(to_surface),
+            Some(_) => 0.0,
+            None => self.density_by_area(to_surface, surface.geometric_normal.as_dvec3()),
+        };
         let pdf = density as f32;
         if pdf.is_finite() { pdf } else { 0.0 }
     }

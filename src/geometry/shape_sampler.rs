@@ -44,8 +44,8 @@ impl ShapeSampler {
         }
     }
 
-    /// Density with respect to solid angle with which [`Self::sample`] samples the direction from `reference` to
-    /// `surface`, a point of the shape; 0 if it never does.
+    /// Density with respect to solid angle with which [`Self::sample`] samples `surface`, a point of the shape, as seen from
+    /// `reference`; 0 if it never does.
     #[inline]
     pub fn pdf(&self, reference: Vec3, surface: &SurfaceInteraction) -> f32 {
         match self {
