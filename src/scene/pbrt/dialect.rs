@@ -4,7 +4,7 @@ use std::path::Path;
 
 use glam::Vec3;
 
-use super::spectrum::Spectrum;
+use super::spectrum::{Spectrum, blackbody_peak_over};
 use crate::scene::MeshTangents;
 use crate::scene::film::PixelFilter;
 use crate::scene::light::SpotFalloff;
@@ -71,6 +71,11 @@ impl Dialect {
     /// Whether `NamedMaterial` with an unknown name keeps the current material.
     pub(super) fn ignores_unknown_materials(self) -> bool {
         self != Dialect::V4
+    }
+
+    /// The greatest value of a blackbody's spectrum: pbrt-v2 has 1 at 555 nm, later ones at the peak.
+    pub(super) fn blackbody_peak(self, kelvin: f64) -> f64 {
+        if self == Dialect::V2 { blackbody_peak_over(555.0, kelvin) } else { 1.0 }
     }
 
     /// The material types of the dialect, for messages.

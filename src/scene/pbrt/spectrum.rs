@@ -102,14 +102,13 @@ impl Spectrum {
     }
 
     /// RGB as pbrt-v2 and v3 compute it: relative to an equal-energy illuminant, so that a constant
-    /// spectrum is reddish. Blackbodies are normalised to a peak of 1.
+    /// spectrum is reddish. Blackbodies have the peak `scale`.
     pub fn unadapted(&self) -> Vec3 {
         let xyz = match self {
             Spectrum::Rgb(rgb) => return *rgb,
             Spectrum::Chromaticity(x, y) => DVec3::new(*x, *y, 1.0 - x - y) / *y,
             Spectrum::Blackbody { kelvin, scale } => {
-                let peak = planck(WIEN_DISPLACEMENT / kelvin, *kelvin);
-                xyz(|nm| scale * planck(nm, *kelvin) / peak) / xyz(|_| 1.0).y
+                xyz(|nm| scale / blackbody_peak_over(nm, *kelvin)) / xyz(|_| 1.0).y
             }
             Spectrum::Sampled(_) => xyz(|nm| self.at(nm)) / xyz(|_| 1.0).y,
         };
@@ -167,6 +166,11 @@ fn planck(nm: f64, kelvin: f64) -> f64 {
     const SECOND_RADIATION_CONSTANT: f64 = 1.438_776_877e7;
     // The factor (500 nm)⁵ keeps the values near 1
     (500.0 / nm).powi(5) / (SECOND_RADIATION_CONSTANT / (nm * kelvin)).exp_m1()
+}
+
+/// The greatest value of a blackbody's spectrum over that at a wavelength in nm.
+pub fn blackbody_peak_over(nm: f64, kelvin: f64) -> f64 {
+    planck(WIEN_DISPLACEMENT / kelvin, kelvin) / planck(nm, kelvin)
 }
 
 /// The three colour matching functions at a wavelength in nm.

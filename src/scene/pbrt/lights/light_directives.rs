@@ -120,7 +120,7 @@ impl SceneBuilder {
         let total = params.float_or("coneangle", 30.0)?;
         let delta = params.float_or("conedeltaangle", 5.0)?;
         let cos_total_width = total.to_radians().cos();
-        let cos_falloff_start = (total - delta).max(0.0).to_radians().cos().max(cos_total_width);
+        let cos_falloff_start = (total - delta).to_radians().cos().max(cos_total_width);
         let mut intensity = self.light_colour(params, "I")?;
         if let Some(power) = params.positive("power")? {
             // The mean of the falloff is one half

@@ -131,6 +131,26 @@ fn area_lights_have_a_scale() {
 }
 
 #[test]
+fn a_spot_light_narrower_than_its_falloff_has_a_bright_middle() {
+    let scene = scene("WorldBegin LightSource \"spot\" \"float coneangle\" 3");
+    let [Light::Spot { cos_falloff_start, .. }] = scene.lights[..] else { panic!() };
+    assert!((cos_falloff_start - 2f32.to_radians().cos()).abs() < 1e-6);
+}
+
+#[test]
+fn blackbodies_of_pbrt_v2_are_1_at_555_nm() {
+    let [v2, v3] = [Dialect::V2, Dialect::V3].map(|dialect| {
+        let text = "LightSource \"point\" \"blackbody I\" [2700 2]";
+        match dialect_world(dialect, "".as_ref(), text).lights[..] {
+            [Light::Point { intensity, .. }] => intensity,
+            _ => panic!(),
+        }
+    });
+    // Planck's law at 1073 nm, the peak, over that at 555 nm
+    assert!((v2 / v3 - 3.84).abs().max_element() < 0.02, "{v2} {v3}");
+}
+
+#[test]
 fn lights_are_placed_and_scaled() {
     let scene = scene(
         "LookAt 0 0 0 0 0 1 0 1 0 Translate -1 0 0 Camera \"perspective\" WorldBegin

@@ -20,10 +20,8 @@ impl SceneBuilder {
                 return Err(param.error(format_args!("a list of {} numbers", numbers.len()), "three numbers"));
             }
             (ParameterType::Float, &[value]) => Spectrum::Rgb(Vec3::splat(value as f32)),
-            (ParameterType::Blackbody, &[kelvin]) if kelvin > 0.0 => {
-                Spectrum::Blackbody { kelvin, scale: 1.0 }
-            }
-            (ParameterType::Blackbody, &[kelvin, scale]) if kelvin > 0.0 => {
+            (ParameterType::Blackbody, &[kelvin, ref scale @ ..]) if kelvin > 0.0 && scale.len() < 2 => {
+                let scale = scale.first().unwrap_or(&1.0) * self.dialect.blackbody_peak(kelvin);
                 Spectrum::Blackbody { kelvin, scale }
             }
             (ParameterType::Blackbody, _) => return Err(param.error("not a temperature", "kelvins above 0")),
