@@ -63,6 +63,13 @@ fn sum(distribution: MicrofacetDistribution, colour: Vec3, dark: Vec3) -> BxdfSu
     }
 }
 
+/// Rough glass of the older dialects without reflection.
+fn only_transmitting(transmitted: Vec3) -> BxdfSum {
+    let dielectric = Dielectric { eta: 1.5, ggx: Ggx::new(0.5, 0.5) };
+    let glass = TintedDielectric { dielectric, reflected: Vec3::ZERO, transmitted };
+    BxdfSum { dielectric: Some(glass), ..BxdfSum::default() }
+}
+
 /// A diffuse base with a highlight.
 static MEASURED: LazyLock<MeasuredBrdf> = LazyLock::new(|| {
     MeasuredBrdf::new(|wo, wi| {
@@ -88,6 +95,7 @@ fn glossy_bxdfs() -> Vec<(String, Box<dyn Bxdf>)> {
     }
     add("dense dielectric".into(), Box::new(Dielectric { eta: 2.4, ggx: Ggx::new(0.2, 0.2) }));
     add("thin dielectric bubble".into(), Box::new(Dielectric { eta: 1.0 / 1.33, ggx: Ggx::new(0.2, 0.2) }));
+    add("dielectric that only transmits".into(), Box::new(only_transmitting(colour)));
     add("oren-nayar".into(), Box::new(OrenNayar::new(colour, 30.0)));
     for (x, y) in [(3.0, 3.0), (200.0, 200.0), (20.0, 500.0)] {
         let distribution = MicrofacetDistribution::Blinn(Blinn::new(x, y));
@@ -404,6 +412,15 @@ fn models_are_reciprocal() {
             assert!(error <= 2e-3 * forward.max_element() + 1e-6, "{name} {a} {b}: {forward} {backward}");
         }
     }
+}
+
+#[test]
+fn rough_glass_that_only_transmits_does_so_beyond_the_critical_angle() {
+    let mut rng = Pcg32::seed_from_u64(17);
+    let (glass, wo) = (only_transmitting(Vec3::ONE), -direction(0.5, 1.0));
+    let mut sample = || glass.sample(wo, rng.random(), Vec2::new(rng.random(), rng.random()));
+    let is_lit = |s: BsdfSample| s.transmission && s.weight.min_element() > 0.0;
+    assert!((0..200).any(|_| sample().is_some_and(is_lit)));
 }
 
 #[test]

@@ -46,6 +46,8 @@ impl Bxdf for TintedDielectric {
 
     fn albedo(&self, wo: Vec3) -> Vec3 {
         let reflectance = fresnel::dielectric(wo.z.abs(), self.dielectric.relative_eta(wo));
+        // Beyond the critical angle tilted microfacets still transmit: the lobe has to be sampled there
+        let reflectance = if self.is_specular() { reflectance } else { reflectance.clamp(0.05, 0.95) };
         self.reflected * reflectance + self.transmitted * (1.0 - reflectance)
     }
 }
