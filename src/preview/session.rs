@@ -1,8 +1,9 @@
 //! Serves one viewer over its WebSocket: images and status out, messages in.
 //!
 //! A viewer gets one image at a time, and the next when it says that it is ready: a slow one gets fewer. An image comes in
-//! pieces, each of which a slow link takes within the time-outs.
+//! pieces, each of which a slow link takes within the time-outs. Between them the viewer's commands are carried out.
 
+use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -19,6 +20,8 @@ use super::viewer::Viewer;
 const LONGEST_PIECE: usize = 256 << 10;
 /// A viewer that does not take a packet within this time is disconnected.
 const SEND_TIMEOUT: Duration = Duration::from_secs(8);
+/// Most messages of a viewer that are read between two pieces: fewer than commands may wait.
+const MOST_BETWEEN_PIECES: usize = 128;
 /// Time between two signs of life, and the longest silence of a viewer: a browser answers pings by itself.
 const PING_INTERVAL: Duration = Duration::from_secs(2);
 const LONGEST_SILENCE: Duration = Duration::from_secs(7);
@@ -71,7 +74,8 @@ pub async fn serve_viewer(mut socket: WebSocket, hub: Arc<Hub>) {
             Next::Wait => continue,
             Next::Disconnect => return,
         };
-        for packet in packets {
+        let mut packets = VecDeque::from(packets);
+        while let Some(packet) = packets.pop_front() {
             let is_frame = matches!(packet, Packet::Binary(_));
             let sent = tokio::time::timeout(SEND_TIMEOUT, socket.send(packet)).await;
             if !matches!(sent, Ok(Ok(()))) {
@@ -79,6 +83,15 @@ pub async fn serve_viewer(mut socket: WebSocket, hub: Arc<Hub>) {
             }
             if is_frame {
                 session.heard = Instant::now();
+                // Commands do not wait for the rest of the image; their answers do
+                for _ in 0..MOST_BETWEEN_PIECES {
+                    let Some(next) = session.next_arrived(&mut socket).await else { break };
+                    match next {
+                        Next::Send(answers) => packets.extend(answers),
+                        Next::Disconnect => return,
+                        _ => {}
+                    }
+                }
             }
         }
     }
@@ -129,14 +142,7 @@ impl Session {
         tokio::select! {
             // What a viewer has sent counts before its silence does
             biased;
-            packet = socket.recv() => {
-                self.heard = Instant::now();
-                match packet {
-                    Some(Ok(Packet::Text(text))) => self.handle_message(&text),
-                    Some(Ok(_)) => Next::Wait,
-                    Some(Err(_)) | None => Next::Disconnect,
-                }
-            },
+            packet = socket.recv() => self.receive(packet),
             changed = self.frames.changed(), if self.is_ready => match changed {
                 Ok(()) => Next::Wait,
                 Err(_) => Next::Disconnect,
@@ -154,6 +160,25 @@ impl Session {
                 false => Next::Ping,
             },
             Some(reply) = self.replies.recv() => Next::Send(vec![Packet::Text(reply.into())]),
+        }
+    }
+
+    /// Acts on a packet that is there already; `None` without one.
+    async fn next_arrived(&mut self, socket: &mut WebSocket) -> Option<Next> {
+        tokio::select! {
+            biased;
+            packet = socket.recv() => Some(self.receive(packet)),
+            () = std::future::ready(()) => None,
+        }
+    }
+
+    /// Acts on a packet; `None` is the end of the connection.
+    fn receive(&mut self, packet: Option<Result<Packet, axum::Error>>) -> Next {
+        self.heard = Instant::now();
+        match packet {
+            Some(Ok(Packet::Text(text))) => self.handle_message(&text),
+            Some(Ok(_)) => Next::Wait,
+            Some(Err(_)) | None => Next::Disconnect,
         }
     }
 
