@@ -262,9 +262,10 @@ impl<'a> Controller<'a> {
     /// Performs one action of the loop after the other. Returns the last image, or `None` as soon as commands are pending
     /// or the render pauses.
     fn advance(&mut self, render_loop: &mut RenderLoop) -> Option<(Filtered, StoppedBy)> {
-        // A camera that moves on needs no samples of this view.
+        // A camera that moves on needs no samples of a view that has been seen
         self.receive(render_loop.store());
-        if self.pending.starts_generation() {
+        let is_seen = self.has_returned || self.reporter.has_shown_lately();
+        if self.pending.starts_generation() && is_seen {
             return None;
         }
         loop {
