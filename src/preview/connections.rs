@@ -25,8 +25,8 @@ const RESERVED_DESCRIPTORS: u64 = 96;
 const FEWEST_CONNECTIONS: u64 = 6;
 /// Longest time for the header of a request to arrive; an idle connection is closed after the same time.
 const HEADER_TIMEOUT: Duration = Duration::from_secs(10);
-/// Longest life of a connection. The page's files are sent in far less; browsers open another one when they need it.
-const CONNECTION_TIMEOUT: Duration = Duration::from_secs(60);
+/// Longest life of a connection: as long as a slow link takes for a large saved image. Browsers open another one when they need it.
+const CONNECTION_TIMEOUT: Duration = Duration::from_secs(20 * 60);
 /// Longest header of a request, in bytes.
 const LONGEST_HEADER: usize = 16 << 10;
 /// Time to wait after the system could not accept a connection.
