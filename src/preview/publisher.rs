@@ -116,7 +116,7 @@ impl Publisher {
         self.publish_frame(PreviewFrame::coarse(View::Raw, image, size, info));
     }
 
-    /// Publishes a filtered coarse image, and those of its maps that viewers have selected.
+    /// Publishes a filtered coarse image and its maps: who selects one later has to wait for the next pass otherwise.
     pub fn publish_coarse_filtered(&mut self, coarse: &CoarseImage, progress: Option<&Progress>) {
         let progress = progress.map_or((0.0, 0.0), |p| (p.spp as f32, p.elapsed as f32));
         let info = || self.coarse_info(coarse.side, progress);
@@ -129,9 +129,7 @@ impl Publisher {
             Some(image) => PreviewFrame::new(View::Filtered, image, None, info()),
             None => squares(View::Filtered, &coarse.squares),
         };
-        let is_selected = |(view, _): &&(View, Planes)| self.hub.is_selected(*view);
-        let maps: Vec<_> =
-            coarse.maps.iter().filter(is_selected).map(|(view, map)| squares(*view, map)).collect();
+        let maps: Vec<_> = coarse.maps.iter().map(|(view, map)| squares(*view, map)).collect();
         for frame in std::iter::once(image).chain(maps) {
             self.publish_frame(frame);
         }
