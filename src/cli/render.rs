@@ -103,6 +103,7 @@ fn run_in_pool(
             }
         }
         if let Some(Viewers { hub, .. }) = &viewers {
+            signals.begin_loading();
             hub.begin_loading(&scenes.options.scene.to_string_lossy(), None);
         }
     }

@@ -12,10 +12,10 @@ use super::mode::Mode;
 /// Exit status after an interruption: 128 + SIGINT.
 pub(super) const INTERRUPTED: u8 = 130;
 
-/// Handles SIGINT, SIGTERM and SIGHUP. Before the first sample, a signal ends the program at once. Later, a first one ends
+/// Handles SIGINT, SIGTERM and SIGHUP. While a scene is loaded, a signal ends the program at once. Otherwise a first one ends
 /// the render soon, and a SIGINT after it the program at once.
 pub(super) struct Signals {
-    /// Whether nothing has been rendered that would be lost.
+    /// Whether a scene is being loaded: nothing is left to be written.
     loading: Arc<AtomicBool>,
     /// Whether this process has got a signal: the next one quits.
     own: Arc<AtomicBool>,
@@ -63,6 +63,11 @@ impl Signals {
         flag::register(signal, self.own.clone())?;
         flag::register(signal, self.interrupt.clone())?;
         Ok(())
+    }
+
+    /// Begins to load another scene: a signal ends the program at once, as before the first sample.
+    pub fn begin_loading(&self) {
+        self.loading.store(true, Ordering::Relaxed);
     }
 
     /// Begins the render, which a signal does not end at once any more. Returns the flag that a first signal sets, and that
