@@ -259,6 +259,12 @@ impl Reporter {
                 let earlier = std::mem::replace(&mut self.record.estimate, summary);
                 self.extend_curve(result.made_by, earlier);
             }
+            let failure = |result: &FilterResult| result.failure.clone();
+            if let Some(problem) = failure(result)
+                && self.record.shown.as_ref().and_then(failure).as_ref() != Some(&problem)
+            {
+                self.notice(format!("{problem}: the image is not filtered"), true);
+            }
             let mut result = result.clone();
             // Not every pass makes the map of interpolation failures: the latest one stays on show.
             let earlier = self.record.shown.take().and_then(|shown| shown.interpolation);

@@ -101,8 +101,11 @@ impl Controller<'_> {
                     Some((_, side)) if side > 1 => format!("; squares of {side}×{side} pixels were filtered"),
                     _ => String::new(),
                 };
-                let text =
-                    format!("saved {}: {spp:.digits$} samples per pixel{squares}", names.join(" and "));
+                let failure = filtered.and_then(|(result, _)| result.failure.as_ref());
+                let unfiltered =
+                    failure.map_or(String::new(), |problem| format!("; not filtered: {problem}"));
+                let names = names.join(" and ");
+                let text = format!("saved {names}: {spp:.digits$} samples per pixel{squares}{unfiltered}");
                 if let Some(path) = paths.into_iter().next() {
                     self.hub.saves().add(SavedFile { path, spp: Some(spp) });
                 }

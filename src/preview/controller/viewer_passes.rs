@@ -35,7 +35,8 @@ impl Controller<'_> {
             let chosen = self.configuration.settings.denoiser;
             let own =
                 [chosen, draft_if_sparse(store, draft_of(chosen))].map(|denoiser| denoiser.name().method);
-            let lacks_own = shown.is_none_or(|shown| !own.contains(&shown.made_by.method));
+            let lacks_own =
+                shown.is_none_or(|shown| shown.failure.is_none() && !own.contains(&shown.made_by.method));
             lacks_own || is_affordable && has_grown
         };
         (lacks_image || lacks_map) && self.is_covered(store) && !self.pass_threads.is_busy()
