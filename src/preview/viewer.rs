@@ -42,11 +42,19 @@ impl Viewer {
         }
     }
 
-    /// Takes a frame that this viewer has not taken yet, of the view that has waited longest.
+    /// Takes a frame that this viewer has not taken yet, of the view that has waited longest. An unfiltered coarse image, the
+    /// first one of a new view, stands in for every view.
     pub fn take(&mut self, frames: &mut watch::Receiver<Frames>) -> Option<Arc<PreviewFrame>> {
         let frames = frames.borrow_and_update();
+        let is_selected = |frame: &PreviewFrame| self.views & bit(frame.view) != 0;
         let is_new = |frame: &&Arc<PreviewFrame>| {
-            self.views & bit(frame.view) != 0 && self.taken[frame.view.index()] != Some(frame.sequence)
+            let is_stand_in = || {
+                let is_older = |own: &Arc<PreviewFrame>| own.generation < frame.generation;
+                let mut of_selected = frames.iter().flatten().filter(|own| is_selected(own));
+                frame.view == View::Raw && frame.grid > 1 && of_selected.all(is_older)
+            };
+            let is_wanted = is_selected(frame) || is_stand_in();
+            is_wanted && self.taken[frame.view.index()] != Some(frame.sequence)
         };
         // The oldest goes first, or a view that changes often would starve the others.
         let frame =
@@ -84,6 +92,29 @@ mod tests {
         }
         hub.publish(frame(View::Error, 0, 5));
         assert_eq!(viewer.take(&mut frames).map(|f| f.sequence), Some(4));
+        assert!(viewer.take(&mut frames).is_none());
+    }
+
+    #[test]
+    fn an_unfiltered_coarse_image_stands_in_for_every_view() {
+        let hub = Arc::new(Hub::default());
+        let mut viewer = Viewer::new(hub.clone());
+        let mut frames = hub.frames();
+        viewer.select(&[View::Albedo]);
+        let coarse = |view, sequence| {
+            let info = FrameInfo { generation: 1, sequence, spp: 0.0, seconds: 0.0, side: 4 };
+            PreviewFrame::coarse(view, &Planes::new(1, 1, 3), (4, 4), info)
+        };
+        hub.publish(coarse(View::Filtered, 1));
+        assert!(viewer.take(&mut frames).is_none());
+        hub.publish(coarse(View::Raw, 2));
+        assert_eq!(viewer.take(&mut frames).map(|f| f.sequence), Some(2));
+        hub.publish(frame(View::Raw, 1, 3));
+        assert!(viewer.take(&mut frames).is_none());
+        // A view that has its own image of the generation needs none
+        hub.publish(coarse(View::Raw, 4));
+        hub.publish(frame(View::Albedo, 1, 5));
+        assert_eq!(viewer.take(&mut frames).map(|f| f.sequence), Some(5));
         assert!(viewer.take(&mut frames).is_none());
     }
 

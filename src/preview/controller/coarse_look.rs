@@ -24,13 +24,11 @@ const FILTERED_SECONDS: f64 = 0.3;
 const REST: Duration = Duration::from_millis(100);
 
 impl Controller<'_> {
-    /// Shows coarse images of a new view, if a viewer shows one or has moved the camera, and the render's first step takes
+    /// Shows coarse images of a new view, if there is a viewer or the camera was moved, and the render's first step takes
     /// longer. Ends early if the camera moves on: then the view needs no memory and no samples.
     pub(super) fn look_coarsely(&mut self, renderer: &Renderer) {
         let (coarsest, finest) = SIDES;
-        if self.sees_as_scene()
-            && !self.reporter.is_selected(|view| matches!(view, View::Raw | View::Filtered))
-        {
+        if self.sees_as_scene() && !self.reporter.is_selected(|_| true) {
             return;
         }
         let started = Instant::now();

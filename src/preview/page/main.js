@@ -188,10 +188,10 @@ const fresh = (view) => {
 // Returns the view that is compared with another one: an image is not compared with itself.
 const compared = () => comparison.isOn() && state.view === comparison.against ? "filtered" : state.view;
 
-// Selects the views left and right of the wipe; the unfiltered image stands in for a filtered view that has no frame yet.
+// Selects the views left and right of the wipe; the unfiltered image stands in for a view that has no frame yet.
 function updateViews() {
   const right = compared();
-  const image = fresh(right) ?? (FILTERED.includes(right) ? fresh("raw") ?? right : right);
+  const image = fresh(right) ?? fresh("raw") ?? right;
   const shown = comparison.showsOther ? comparison.against : image;
   viewport.shown = { left: comparison.isWiping ? comparison.against : null, right: shown };
   viewport.wipe = comparison.isWiping ? state.wipe : null;
