@@ -16,6 +16,8 @@ const $ = (id) => document.getElementById(id);
 const NOTICE_MILLISECONDS = 6000;
 const MOST_LINES = 6; // of notices
 const INSPECT_MILLISECONDS = 100;
+// A camera that has moved shows in less.
+const EXPECTATION_MILLISECONDS = 3000;
 
 const viewport = new Viewport($("viewport"));
 const state = {
@@ -139,13 +141,21 @@ function send(type, content) {
 }
 
 function sendNow(type, content) {
-  // A new generation begins with unfiltered images.
-  if (["camera", "restart", "undo", "redo"].includes(type)) { state.movedGeneration = state.status?.generation ?? 0; requestViews(); }
+  if (["camera", "restart", "undo", "redo"].includes(type)) expectGeneration();
   const isTaken = state.status || (state.awaitsScene && type === "open-scene");
   if (isTaken && connection.send(type, content)) return;
   const reason = state.awaitsScene ? "open a scene first" : "the scene is being loaded";
   notify(`${connection.isOpen() ? reason : "not connected to prpf"}: the command was not sent`, true);
   if (state.status) panel.restore();
+}
+
+// A new generation begins with unfiltered images: asks for them, until it is there, or a command turns out to change nothing.
+function expectGeneration() {
+  const forget = () => { state.movedGeneration = undefined; requestViews(); };
+  clearTimeout(state.expectation);
+  state.expectation = setTimeout(forget, EXPECTATION_MILLISECONDS);
+  state.movedGeneration = state.status?.generation ?? 0;
+  requestViews();
 }
 
 // Shows a line: a problem until the user removes it, another one for some seconds. One that is on show already stays for as
