@@ -32,6 +32,6 @@ function compileJob(job) {
     }
     const sum = `${folder}/all.state`;
     merge.addCommand(prpf(["merge", ...states, "--outfile", sum]));
-    merge.addCommand(prpf(["denoise", sum, "--denoiser", "nlm", "--outfile", image]));
+    merge.addCommand(prpf(["denoise", sum, "--denoiser", "learned", "--outfile", image]));
     job.addTask(merge);
 }

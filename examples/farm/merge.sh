@@ -26,5 +26,5 @@ fi
 if [[ -n $spp ]]; then
     prpf allocate "$folder/all.state" --spp "$spp" -o "$output" --quiet
 else
-    prpf denoise "$folder/all.state" --denoiser nlm -o "$output"
+    prpf denoise "$folder/all.state" --denoiser learned -o "$output"
 fi
