@@ -22,7 +22,7 @@ const ABOVE: u8 = 1;
 #[command(after_help = "\
 Examples:
   prpf compare out.exr reference.exr
-  prpf compare out.exr reference.exr --layer Noisy  (the unfiltered mean)
+  prpf compare out.exr reference.exr --layer Noisy  # the unfiltered mean
   prpf compare out.exr reference.exr --json --max-relmse 0.01
   prpf compare out.png reference.png --error-image flip.png
 

@@ -15,8 +15,8 @@ use crate::state::{Merge, RenderState};
 #[derive(Args)]
 #[command(after_help = "\
 Examples:
-  prpf render scene.pbrt --spp 64 --sampling uniform --shard 1/2 --state a.state  (one machine)
-  prpf render scene.pbrt --spp 64 --sampling uniform --shard 2/2 --state b.state  (another)
+  prpf render scene.pbrt --spp 64 --sampling uniform --shard 1/2 --state a.state  # one machine
+  prpf render scene.pbrt --spp 64 --sampling uniform --shard 2/2 --state b.state  # another
   prpf merge a.state b.state -o all.state
   prpf denoise all.state -o image.exr
 

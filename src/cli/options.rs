@@ -23,8 +23,8 @@ Examples:
   prpf render scenes/pool/pool.pbrt -o pool.png --spp 16
   prpf render scene.pbrt --time 30s -o out.exr -o out.png --report out.json
   prpf render scene.pbrt --sampling uniform --denoiser none --spp 1024 -o r.exr
-  prpf render scene.pbrt --spp 4096 --state s.state --resume   (go on, or start)
-  prpf render scene.pbrt --spp 64 --sample-map counts.exr  (by a map of ratios)
+  prpf render scene.pbrt --spp 4096 --state s.state --resume   # go on, or start
+  prpf render scene.pbrt --spp 64 --sample-map counts.exr  # by a map of ratios
 
 Several budgets may be given: the first one reached ends the render; 0 means off. The clock of --time \
 counts everything: loading, building, the last filter pass and writing. Ctrl-C (or SIGTERM, SIGHUP) finishes \
