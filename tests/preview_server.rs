@@ -4,6 +4,8 @@ mod live;
 mod process;
 
 use std::process::{Command, Stdio};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use tungstenite::Message;
 
@@ -119,6 +121,45 @@ fn a_viewer_that_never_reads_delays_neither_the_render_nor_another() {
     send(&mut socket, look);
     send(&mut socket, r#"{"type":"ready"}"#);
     assert!(watch_to_the_end(&mut socket) > 2);
+}
+
+#[test]
+fn a_command_does_not_wait_until_a_slow_viewer_has_its_image() {
+    let (_render, address, _folder) = preview(&["--spp", "1000", "--resolution", "2048x2048"]);
+    let mut slow = viewer(&address);
+    send(&mut slow, r#"{"type":"views","views":["raw"]}"#);
+    send(&mut slow, r#"{"type":"ready"}"#);
+    let next_piece = |socket: &mut Socket| loop {
+        if let Message::Binary(piece) = socket.read().expect("an open socket") {
+            return piece;
+        }
+    };
+    // Coarse images may come first
+    let mut missing = 0;
+    while missing < 16 << 20 {
+        let piece = next_piece(&mut slow);
+        missing = if missing == 0 { image_length(&piece) } else { missing } - piece.len();
+        if missing == 0 {
+            send(&mut slow, r#"{"type":"ready"}"#);
+        }
+    }
+    send(&mut slow, r#"{"type":"pause","paused":true}"#);
+    let read = Arc::new(AtomicUsize::new(0));
+    let reader = std::thread::spawn({
+        let read = read.clone();
+        move || {
+            while read.load(Ordering::Relaxed) < missing {
+                read.fetch_add(next_piece(&mut slow).len(), Ordering::Relaxed);
+                std::thread::sleep(std::time::Duration::from_millis(50));
+            }
+        }
+    });
+    let mut watcher = viewer(&address);
+    while !matches!(watcher.read().expect("an open socket"),
+        Message::Text(text) if text.contains(r#""is_paused":true"#))
+    {}
+    assert!(read.load(Ordering::Relaxed) < missing / 2, "{} of {missing}", read.load(Ordering::Relaxed));
+    reader.join().expect("the whole image");
 }
 
 #[cfg(target_os = "linux")]
