@@ -259,9 +259,9 @@ impl Reporter {
                 let earlier = std::mem::replace(&mut self.record.estimate, summary);
                 self.extend_curve(result.made_by, earlier);
             }
-            let failure = |result: &FilterResult| result.failure.clone();
-            if let Some(problem) = failure(result)
-                && self.record.shown.as_ref().and_then(failure).as_ref() != Some(&problem)
+            let shown = self.record.shown.as_ref();
+            if let Some(problem) = &result.failure
+                && shown.is_none_or(|shown| shown.failure != result.failure)
             {
                 self.notice(format!("{problem}: the image is not filtered"), true);
             }
