@@ -121,8 +121,8 @@ mod tests {
 
     #[test]
     fn an_error_is_given_with_its_interval() {
-        let estimate =
-            ErrorEstimate { value: 4e-3, deviation: 0.25, samples: 800, tiles: Planes::new(1, 1, 1) };
+        let tiles = Planes::new(1, 1, 1);
+        let estimate = ErrorEstimate { value: 4e-3, deviation: 0.25, unfiltered: 0.1, samples: 800, tiles };
         assert_eq!(describe(&estimate), "estimated relMSE 4.0e-3 (2.5e-3 to 6.5e-3)");
     }
 }

@@ -35,7 +35,7 @@ pub use denoisers::{
 };
 pub use lack::Lack;
 pub use nlm::NlmSettings;
-pub use none::unfiltered;
+pub use none::{risk_of_means, unfiltered};
 pub use prpf::{Bandwidth, PrpfSettings, mutual_information};
 pub use result::{FilterResult, Interpolation, Reliability};
 pub use rpf::RpfSettings;

@@ -71,15 +71,7 @@ pub fn unfiltered(store: &Store) -> FilterResult {
     }
     let image = filled_means(store, radiance.clone());
     let halves = [0, 1].map(|h| store.means(Part::Half(h), radiance.clone()));
-    let mut risk = Planes::new(store.width(), store.height(), 3);
-    let counts = [0, 1].map(|h| store.counts(Part::Half(h)));
-    for (i, risk) in risk.data_mut().iter_mut().enumerate() {
-        let [n_a, n_b] = counts.each_ref().map(|n| n[i % store.pixels()] as f32);
-        if let Some([p_a, p_b]) = fractions(n_a, n_b) {
-            // The variance of the mean, from the difference of two independent ones
-            *risk = p_a * p_b * (halves[0].data()[i] - halves[1].data()[i]).powi(2);
-        }
-    }
+    let risk = risk_of_means(store, &halves);
     let reliability = Reliability::UNFILTERED;
     FilterResult {
         made_by: NAME,
@@ -93,4 +85,21 @@ pub fn unfiltered(store: &Store) -> FilterResult {
         interpolation: None,
         failure: None,
     }
+}
+
+/// Returns an unbiased estimate of the squared error of the mean radiance, far too noisy pixel by pixel, from the difference of
+/// the means of its `halves`: 3 planes; 0 where a half has no samples.
+pub fn risk_of_means(store: &Store, halves: &[Planes; 2]) -> Planes {
+    let counts = [0, 1].map(|half| store.counts(Part::Half(half)));
+    let mut risk = Planes::new(store.width(), store.height(), 3);
+    for plane in 0..3 {
+        let [a, b] = halves.each_ref().map(|half| half.plane(plane));
+        for (i, risk) in risk.plane_mut(plane).iter_mut().enumerate() {
+            let [n_a, n_b] = counts.each_ref().map(|counts| counts[i] as f32);
+            if let Some([p_a, p_b]) = fractions(n_a, n_b) {
+                *risk = p_a * p_b * (a[i] - b[i]).powi(2);
+            }
+        }
+    }
+    risk
 }

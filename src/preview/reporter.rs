@@ -234,12 +234,14 @@ impl Reporter {
         let curve = &self.record.curve;
         let (first, _) = curve.first()?;
         let of_first = curve.iter().filter(|(made_by, _)| made_by == first);
-        let rate = forecast(&of_first.map(|(_, point)| *point).collect::<Vec<_>>(), *first)?;
-
         let (_, latest) = curve.last().filter(|(_, point)| point.error > 0.0)?;
+        let rate = forecast(&of_first.map(|(_, point)| *point).collect::<Vec<_>>(), latest)?;
         let now = self.record.seconds_of(self.record.progress?.samples)?;
-        let point =
-            |error: f64| Point { seconds: latest.seconds * rate.growth_to(latest.error, error), error };
+        let point = |error: f64| {
+            let growth = rate.growth_to(latest.error, error);
+            let (seconds, unfiltered_error) = (growth * latest.seconds, latest.unfiltered_error / growth);
+            Point { seconds, error, unfiltered_error }
+        };
         let seconds_until = |point: Point| (point.seconds - now).max(0.0);
         let (halved, target) = (point(latest.error / 2.0), target.map(point));
         Some(Expectation {
@@ -303,7 +305,8 @@ impl Reporter {
         if has_same_samples && self.record.curve.last().is_some_and(|(last, _)| *last == made_by) {
             self.record.curve.pop();
         }
-        self.record.curve.push((made_by, Point { seconds, error: estimate.error }));
+        let EstimateSummary { error, unfiltered: unfiltered_error, .. } = estimate;
+        self.record.curve.push((made_by, Point { seconds, error, unfiltered_error }));
         if self.record.curve.len() > MOST_POINTS {
             // The first and the latest point stay.
             let mut index = 0;
@@ -468,7 +471,8 @@ mod tests {
     /// Returns an unfiltered image of a store, with an estimate of its error.
     fn filtered(store: &Store, error: f64) -> Filtered {
         let (tiles, samples) = (Planes::new(1, 1, 1), store.samples());
-        let estimate = Some(ErrorEstimate { value: error, deviation: 0.1, samples, tiles });
+        let estimate =
+            Some(ErrorEstimate { value: error, deviation: 0.1, unfiltered: error, samples, tiles });
         Filtered { result: unfiltered(store), side: 1, estimate, seconds: 0.0 }
     }
 

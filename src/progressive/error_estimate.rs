@@ -16,7 +16,7 @@
 mod half_images;
 mod tile_means;
 
-use crate::filter::{FilterResult, blur};
+use crate::filter::{FilterResult, blur, risk_of_means};
 use crate::image::Planes;
 use crate::image::metrics::RELMSE_EPSILON;
 use crate::stats::{Part, Store};
@@ -37,6 +37,8 @@ pub struct ErrorEstimate {
     pub value: f64,
     /// Standard deviation of the estimate's logarithm.
     pub deviation: f64,
+    /// Estimated relMSE of the samples' means, unfiltered.
+    pub unfiltered: f64,
     /// Samples that the image was made of.
     pub samples: u64,
     /// relMSE by tile of 16×16 pixels, 1 plane.
@@ -51,6 +53,8 @@ pub struct EstimateSummary {
     /// Its 95 % interval.
     pub low: f64,
     pub high: f64,
+    /// relMSE of the unfiltered image.
+    pub unfiltered: f64,
     /// Samples that the image was made of.
     pub samples: u64,
 }
@@ -63,13 +67,16 @@ impl ErrorEstimate {
         let counts = [0, 1].map(|h| store.counts(Part::Half(h)));
         let is_known = |i: usize| counts.iter().all(|counts| counts[i] > 0);
         let level = level(&result.image);
-        let relative = [&result.risk, &result.variance].map(|map| relative(map, &level));
+        let noisy = [0, 1].map(|half| store.means(Part::Half(half), store.layout().radiance()));
+        let maps = [&result.risk, &result.variance, &risk_of_means(store, &noisy)];
+        let relative = maps.map(|map| relative(map, &level));
         let size = [store.width(), store.height()];
-        let tiles = relative.each_ref().map(|map| TileMeans::new(size, |i| map.data()[i].into(), is_known));
-        if 2 * tiles[0].pixels() < store.pixels() {
+        let means_over_tiles = |map: &Planes| TileMeans::new(size, |i| map.data()[i].into(), is_known);
+        let [risk_tiles, variance_tiles, unfiltered_tiles] = relative.each_ref().map(means_over_tiles);
+        if 2 * risk_tiles.pixels() < store.pixels() {
             return None;
         }
-        let [risk, variance] = tiles.each_ref().map(TileMeans::mean);
+        let (risk, variance) = (risk_tiles.mean(), variance_tiles.mean());
 
         // Average two estimates in logarithms
         let (value, deviation) = if variance.value > 0.0 {
@@ -89,14 +96,20 @@ impl ErrorEstimate {
         if !value.is_finite() {
             return None;
         }
-        let tiles = tile_errors(&tiles, value);
-        Some(Self { value, deviation, samples: store.samples(), tiles })
+        Some(Self {
+            value,
+            deviation,
+            unfiltered: unfiltered_tiles.mean().value.min(f64::MAX),
+            samples: store.samples(),
+            tiles: tile_errors(&risk_tiles, &variance_tiles, value),
+        })
     }
 
     /// Returns the estimate in short.
     pub fn summary(&self) -> EstimateSummary {
         let [low, high] = self.interval();
-        EstimateSummary { error: self.value, low, high, samples: self.samples }
+        let Self { value: error, unfiltered, samples, .. } = *self;
+        EstimateSummary { error, low, high, unfiltered, samples }
     }
 
     /// Returns the interval that holds the error with 95 % confidence, as far as the deviation can tell.
@@ -147,7 +160,7 @@ fn average(estimates: [(Mean, f64); 2]) -> (f64, f64) {
 }
 
 /// Returns the errors of the tiles: the variance, or the risk where it is larger, in a scale in which their mean is `value`.
-fn tile_errors([risk, variance]: &[TileMeans; 2], value: f64) -> Planes {
+fn tile_errors(risk: &TileMeans, variance: &TileMeans, value: f64) -> Planes {
     let errors: Vec<f64> = (0..risk.len()).map(|i| variance.tile_mean(i).max(risk.tile_mean(i))).collect();
     let mean = errors.iter().enumerate().map(|(i, error)| risk.pixels_of(i) * error).sum::<f64>()
         / risk.pixels().max(1) as f64;

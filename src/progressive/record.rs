@@ -33,8 +33,9 @@ pub struct PassRecord {
     /// how the other samples are placed (see [`PrioritySettings`](crate::adaptive::PrioritySettings)).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub expected_ratio: Option<f64>,
-    /// Estimate of its image's relMSE.
+    /// Estimates of the relMSE of its image, and of the unfiltered one.
     pub estimated_error: Option<f64>,
+    pub estimated_unfiltered_error: Option<f64>,
     /// True errors of the filtered image and of the unfiltered mean, with a reference.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub mse: Option<f64>,
@@ -59,12 +60,22 @@ impl PassRecord {
             filter_seconds: *seconds,
             interpolation_success: result.interpolation.as_ref().map(|found| found.success),
             estimated_error: estimate.as_ref().map(|estimate| estimate.value),
+            estimated_unfiltered_error: estimate.as_ref().map(|estimate| estimate.unfiltered),
             mse: compare(Some(&result.image), |pair| pair.mse()),
             relmse: compare(Some(&result.image), |pair| pair.relmse()),
             noisy_mse: compare(noisy.as_ref(), |pair| pair.mse()),
             noisy_relmse: compare(noisy.as_ref(), |pair| pair.relmse()),
             ..Self::default()
         }
+    }
+
+    /// Returns the pass as a point of the curve of the error, if its error is known.
+    pub(super) fn point(&self, seconds_per_sample: f64) -> Option<Point> {
+        Some(Point {
+            seconds: self.samples_total as f64 * seconds_per_sample,
+            error: self.estimated_error?,
+            unfiltered_error: self.estimated_unfiltered_error?,
+        })
     }
 }
 
@@ -107,8 +118,8 @@ impl Outcome {
         self.result.made_by != self.settings.denoiser.name()
     }
 
-    /// Returns how the error is expected to fall, from the estimates of the interim images, or from that of the final image
-    /// if there are none; `halving_seconds` counts from the final image. Another denoiser may have made that one, so that it
+    /// Returns how the error of the final image is expected to fall, from its gain and from the estimates of the interim images, if
+    /// there are any; `halving_seconds` counts from the final image. Another denoiser may have made that one, so that it
     /// is no point of the same curve. Time is taken as proportional to samples, so that an interruption or a change of speed
     /// does not count. Neither do filter passes: the last one is made in place of another, and those before it are few.
     pub fn forecast(&self) -> Option<Forecast> {
@@ -118,16 +129,9 @@ impl Outcome {
         let (last, interim) = self.passes.split_last()?;
         let has_estimates = interim.iter().any(|pass| pass.estimated_error.is_some());
         let passes = if has_estimates { interim } else { std::slice::from_ref(last) };
-        let point = |pass: &PassRecord| {
-            Some(Point {
-                seconds: pass.samples_total as f64 * seconds_per_sample,
-                error: pass.estimated_error?,
-            })
-        };
-        let points: Vec<Point> = passes.iter().filter_map(point).collect();
-        let made_by =
-            if has_estimates { self.settings.interim_denoiser().name() } else { self.result.made_by };
-        let found = forecast(&points, made_by)?;
+        let points: Vec<Point> = passes.iter().filter_map(|pass| pass.point(seconds_per_sample)).collect();
+        let latest = last.point(seconds_per_sample).or(points.last().copied())?;
+        let found = forecast(&points, &latest)?;
         Some(Forecast {
             halving_seconds: found.halving_after(seconds_per_sample * self.store.samples() as f64),
             ..found

@@ -7,7 +7,6 @@
 //! predicted.
 
 use super::budget::Budget;
-use super::forecast::FILTERED_POWER;
 use super::speed::Speed;
 use super::stopped_by::StoppedBy;
 use super::time_constants::{
@@ -34,6 +33,8 @@ const LAST_RATIO: u64 = 4;
 const REST_RATIO: u64 = 4;
 /// Least growth of the samples towards a target error, relative to those so far: the estimate may be off.
 const LEAST_GROWTH: f64 = 0.25;
+/// Power of the samples by which the error of a filtered image typically falls.
+const TYPICAL_POWER: f64 = 0.7;
 /// Fewest samples per pixel, in all, with a last batch of that size.
 const LEAST_SPP_WITH_LAST_BATCH: u64 = 16;
 /// Most samples per pixel of a step.
@@ -116,7 +117,7 @@ impl Schedule<'_> {
     /// Returns the samples that lead to the target error, at least [`LEAST_GROWTH`] of those so far.
     fn samples_to_target(&self, samples: u64, error: Option<f64>) -> u64 {
         let Some((target, error)) = self.budget.target_error.zip(error) else { return u64::MAX };
-        let growth = (error / target).powf(1.0 / FILTERED_POWER) - 1.0;
+        let growth = (error / target).powf(1.0 / TYPICAL_POWER) - 1.0;
         let pairs = (samples as f64 * growth.max(LEAST_GROWTH) / self.pixels as f64 / 2.0).ceil() as u64;
         pairs.saturating_mul(2).saturating_mul(self.pixels)
     }

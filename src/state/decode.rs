@@ -127,6 +127,7 @@ fn decode_estimate(header: &EstimateHeader, tiles: [usize; 2], arrays: &mut Arra
     ErrorEstimate {
         value: header.value,
         deviation: header.deviation,
+        unfiltered: header.unfiltered,
         samples: header.samples,
         tiles: arrays.planes(tiles[0], tiles[1], 1),
     }

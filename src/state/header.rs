@@ -40,6 +40,9 @@ pub enum PositionHeader {
 pub struct EstimateHeader {
     pub value: f64,
     pub deviation: f64,
+    /// 0 where an earlier program has written the state.
+    #[serde(default)]
+    pub unfiltered: f64,
     pub samples: u64,
 }
 
@@ -76,6 +79,7 @@ impl Header {
                 estimate: interim.estimate.as_ref().map(|estimate| EstimateHeader {
                     value: estimate.value,
                     deviation: estimate.deviation,
+                    unfiltered: estimate.unfiltered,
                     samples: estimate.samples,
                 }),
             }),

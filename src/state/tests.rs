@@ -70,6 +70,7 @@ fn state(seed: u64, shard: Shard) -> RenderState {
         estimate: Some(ErrorEstimate {
             value: 0.1 + 0.2,
             deviation: 1e-300,
+            unfiltered: 2.0 / 3.0,
             samples: store.samples(),
             tiles,
         }),

@@ -3,7 +3,7 @@
 use super::RenderLoop;
 use crate::progressive::error_estimate::ErrorEstimate;
 use crate::progressive::forecast::{Point, forecast};
-use crate::progressive::record::{PassRecord, Progress};
+use crate::progressive::record::Progress;
 use crate::progressive::situation::Conditions;
 
 impl RenderLoop<'_> {
@@ -26,11 +26,8 @@ impl RenderLoop<'_> {
     fn target_fraction(&self) -> Option<f64> {
         let (target, estimate) = (self.settings.budget.target_error?, self.estimate()?);
         // Time is proportional to samples, and the power does not depend on the unit.
-        let point = |pass: &PassRecord| {
-            Some(Point { seconds: pass.samples_total as f64, error: pass.estimated_error? })
-        };
-        let points: Vec<Point> = self.checkpoint.passes.iter().filter_map(point).collect();
-        let growth = forecast(&points, self.settings.denoiser.name())?.growth_to(estimate.value, target);
+        let points: Vec<Point> = self.checkpoint.passes.iter().filter_map(|pass| pass.point(1.0)).collect();
+        let growth = forecast(&points, points.last()?)?.growth_to(estimate.value, target);
         Some((self.samples.valid as f64 / (growth * estimate.samples as f64)).min(1.0))
     }
 }
