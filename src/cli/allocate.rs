@@ -54,7 +54,7 @@ pub(super) fn run(options: &AllocateOptions) -> Result<u8, Failure> {
     check(options).map_err(Failure::Input)?;
     let state = RenderState::read(&options.state).map_err(|error| Failure::Input(error.into()))?;
     let size = [state.checkpoint.store.width(), state.checkpoint.store.height()];
-    let counts = in_pool(options.threads, || allocate(options, state).map_err(Failure::Input))?;
+    let counts = in_pool(options.threads, || allocate(options, state))?;
     write(&options.outfile, size, &counts)?;
     if !options.quiet {
         let [least, most] = [counts.iter().min(), counts.iter().max()].map(|count| count.unwrap_or(&0));
@@ -85,8 +85,8 @@ fn check(options: &AllocateOptions) -> anyhow::Result<()> {
 /// Returns the samples that each pixel is to have.
 ///
 /// # Errors
-/// No more samples than there are; statistics that the filter lacks.
-fn allocate(options: &AllocateOptions, state: RenderState) -> anyhow::Result<Vec<u32>> {
+/// No more samples than there are; statistics that the filter lacks; a filter that fails.
+fn allocate(options: &AllocateOptions, state: RenderState) -> Result<Vec<u32>, Failure> {
     let RenderState { settings, checkpoint, .. } = state;
     let store = checkpoint.store.clone();
     let taken = store.next_indices();
@@ -94,14 +94,14 @@ fn allocate(options: &AllocateOptions, state: RenderState) -> anyhow::Result<Vec
     let left = total.saturating_sub(store.samples_taken());
     if left == 0 || options.spp > MOST_SAMPLES {
         let has = store.samples_taken() as f64 / store.pixels().max(1) as f64;
-        return Err(anyhow!(
+        return Err(Failure::Input(anyhow!(
             "--spp {}: accepted is more than the {has:.1} samples per pixel of {}, up to {MOST_SAMPLES}",
             options.spp,
             options.state.display()
-        ));
+        )));
     }
     // Shards are often rendered unfiltered: their own denoiser is not asked.
-    let denoiser = options.denoiser.choose(DENOISERS[0].stand_in())?;
+    let denoiser = options.denoiser.choose(DENOISERS[0].stand_in()).map_err(Failure::Input)?;
     let settings = Settings {
         denoiser,
         sampling: Sampling::Adaptive,

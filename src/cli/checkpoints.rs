@@ -1,5 +1,7 @@
 //! The state file of the command line: `--state`, `--resume`, `--state-every`.
 
+use std::path::Path;
+
 use anyhow::Context;
 
 use super::failure::Failure;
@@ -20,7 +22,9 @@ pub(super) fn read(
     settings: &Settings,
     asked: BlockSet,
 ) -> anyhow::Result<Option<Checkpoint>> {
-    let Some(path) = options.state.as_deref().filter(|path| options.resume && path.exists()) else {
+    // An empty file is a reserved name
+    let has_content = |path: &&Path| std::fs::metadata(path).is_ok_and(|file| file.len() > 0 || !file.is_file());
+    let Some(path) = options.state.as_deref().filter(|_| options.resume).filter(has_content) else {
         return Ok(None);
     };
     let state = RenderState::read(path)?;

@@ -85,10 +85,7 @@ fn denoise(options: &DenoiseOptions, start: Instant) -> Result<u8, Failure> {
         RenderState::read(&options.inputs[0]).map_err(|error| Failure::Input(error.into()))?;
     let denoiser = options.denoiser.choose(settings.denoiser).map_err(Failure::Input)?;
     let settings = Settings { denoiser, ..settings };
-    let Filtered { result, side, estimate, .. } = filter(&checkpoint, &settings).map_err(Failure::Input)?;
-    if let Some(failure) = &result.failure {
-        return Err(Failure::Run(anyhow!(failure.clone())));
-    }
+    let Filtered { result, side, estimate, .. } = filter(&checkpoint, &settings)?;
 
     // Write the images
     let Checkpoint { store, passes, .. } = &checkpoint;
@@ -162,12 +159,12 @@ fn beside(state: &Path) -> PathBuf {
 /// Filters a checkpoint.
 ///
 /// # Errors
-/// Data that the denoiser reads and the state lacks.
-pub(super) fn filter(checkpoint: &Checkpoint, settings: &Settings) -> anyhow::Result<Filtered> {
+/// Data that the denoiser reads and the state lacks; a denoiser that fails.
+pub(super) fn filter(checkpoint: &Checkpoint, settings: &Settings) -> Result<Filtered, Failure> {
     let store = &checkpoint.store;
     let denoiser = draft_if_sparse(store, settings.denoiser);
     if let Some(lack) = Lack::of(store, denoiser) {
-        return Err(lack.into());
+        return Err(Failure::Input(lack.into()));
     }
     let earlier = checkpoint.interim.as_ref().and_then(|interim| interim.interpolation.clone());
     let pass = FilterPass {
@@ -175,5 +172,9 @@ pub(super) fn filter(checkpoint: &Checkpoint, settings: &Settings) -> anyhow::Re
         has_half_images: true,
         ..FilterPass::new(store.clone(), denoiser, settings.seed)
     };
-    Ok(pass.run())
+    let filtered = pass.run();
+    match &filtered.result.failure {
+        Some(failure) => Err(Failure::Run(anyhow!(failure.clone()))),
+        None => Ok(filtered),
+    }
 }

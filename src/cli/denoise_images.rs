@@ -6,14 +6,14 @@ use std::time::Instant;
 use anyhow::{bail, ensure};
 use rayon::prelude::*;
 
-use super::command_line::command_line;
+use super::command_line::{command_line, quoted};
 use super::denoise::DenoiseOptions;
 use super::failure::Failure;
 use super::summary::describe;
 use super::terminal::{escaped, print, print_error};
 use crate::files::open_regular;
 use crate::filter::{DENOISERS, Denoiser, FilterResult, SampleVectors, weights_of};
-use crate::image::exr_file::{self, Attribute, Channel, Precision, Windows};
+use crate::image::exr_file::{self, Attribute, Channel, Precision, attribute_names};
 use crate::image::{OutputFormat, Planes, png_file};
 use crate::import::{Frame, FrameStore, Role};
 use crate::output::Layers;
@@ -71,22 +71,23 @@ pub(super) fn denoise(options: &DenoiseOptions, outfiles: &[PathBuf], start: Ins
 
     // Write the image
     let (width, height) = (store.width(), store.height());
-    let windows = frames[0].windows.unwrap_or(Windows::whole(width, height));
     let metadata = ImageMetadata {
         source: String::new(),
         hash: String::new(),
-        film: windows.display,
-        pixel_bounds: windows.data,
+        film: [width, height],
+        pixel_bounds: [0, width, 0, height],
         integrator: String::new(),
         effects: Vec::new(),
         origin: [0.0; 3],
         diameter: 1.0,
         camera: String::new(),
     };
-    let layers = Layers::new(&result, &store, estimate.as_ref(), &metadata, Some(&names));
+    let layers = |names: &[String]| Layers::new(&result, &store, estimate.as_ref(), &metadata, Some(names));
     if options.layers.is_some() {
-        layers.check_present(&names).map_err(|error| Failure::Input(error.into()))?;
+        let all = layers(&LAYERS.map(str::to_owned));
+        all.check_present(&names).map_err(|error| Failure::Input(error.into()))?;
     }
+    let layers = layers(&names);
     let alpha = mean_alpha(&frames);
     let mut channels = layers.channels();
     channels.extend(alpha.iter().map(|alpha| Channel::new("A", alpha, Precision::Float)));
@@ -96,9 +97,12 @@ pub(super) fn denoise(options: &DenoiseOptions, outfiles: &[PathBuf], start: Ins
         channels.extend(["R", "G", "B"].into_iter().enumerate().map(channel));
     }
     let attributes = attributes(&frames, &result);
+    let Frame { windows, metadata, .. } = &frames[0];
     let write = |path: &PathBuf| match OutputFormat::from_path(path)? {
         OutputFormat::Png => png_file::write(path, &result.image, 0.0),
-        OutputFormat::Exr => exr_file::write(path, windows, &channels, &attributes),
+        OutputFormat::Exr => {
+            exr_file::write_with_metadata(path, *windows, &channels, &attributes, metadata, still_holds)
+        }
     };
     let errors: Vec<_> = outfiles.par_iter().filter_map(|path| write(path).err()).collect();
     if !errors.is_empty() {
@@ -152,17 +156,15 @@ fn warn(frames: &[Frame], empty_pixels: usize) {
                 .to_owned(),
         );
     }
-    if frames.iter().any(|frame| !frame.found.iter().any(|(role, _)| *role == Role::Normal)) {
+    let lacks = |role: Role| frames.iter().any(|frame| !frame.found.iter().any(|(found, _)| *found == role));
+    if lacks(Role::Normal) {
         warnings.push(
             "no normals: edges between surfaces of one colour may be blurred; --map normal=LAYER names them"
                 .to_owned(),
         );
     }
-    if frames.iter().any(|frame| frame.windows.is_none()) {
-        warnings.push(
-            "the data window lies outside the display window, or that does not start at 0: what is written starts at 0"
-                .to_owned(),
-        );
+    if lacks(Role::Albedo) {
+        warnings.push("no albedo: textures may be blurred; --map albedo=LAYER names it".to_owned());
     }
     if negative > 0 {
         warnings.push(format!("{negative} negative values of the colour were set to 0"));
@@ -174,16 +176,28 @@ fn warn(frames: &[Frame], empty_pixels: usize) {
     warnings.iter().for_each(|warning| print_error(&format!("warning: {warning}")));
 }
 
+/// Returns whether an attribute of the first image holds for the filtered one: not if it is about one render's samples, about
+/// layers that are left out, or was written by this program.
+fn still_holds(name: &str) -> bool {
+    use attribute_names::{MSE, RENDER_TIME_SECONDS, SAMPLES_PER_PIXEL};
+    let begins = |with: &str| name.starts_with(with);
+    ![MSE, RENDER_TIME_SECONDS, SAMPLES_PER_PIXEL].contains(&name)
+        && !begins("cryptomatte/")
+        && !begins("prpf.")
+}
+
 fn attributes(frames: &[Frame], result: &FilterResult) -> Vec<(String, Attribute)> {
-    let sources: Vec<String> = frames.iter().map(|frame| frame.path.to_string_lossy().into_owned()).collect();
+    let sources = frames.iter().map(|frame| frame.path.to_string_lossy().into_owned());
     let own = |name: &str, value: String| (format!("prpf.{name}"), Attribute::Text(value));
     let mut attributes = vec![
         own("version", env!("CARGO_PKG_VERSION").to_owned()),
         own("commandLine", command_line()),
-        own("sources", sources.join(" ")),
+        own("sources", quoted(sources)),
         own("denoiser", result.made_by.to_string()),
     ];
     attributes.extend(weights_of(result.made_by).map(|weights| own("weights", weights.to_owned())));
+    let spp = frames.iter().try_fold(0_i32, |sum, frame| sum.checked_add(i32::try_from(frame.spp?).ok()?));
+    attributes.extend(spp.map(|spp| (attribute_names::SAMPLES_PER_PIXEL.to_owned(), Attribute::Int(spp))));
     attributes
 }
 

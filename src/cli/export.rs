@@ -52,7 +52,7 @@ pub(super) fn run(options: &ExportOptions) -> Result<u8, Failure> {
         return Err(Failure::Input(error));
     }
     in_pool(options.threads, || {
-        let filtered = denoise::filter(&state.checkpoint, &state.settings).map_err(Failure::Input)?;
+        let filtered = denoise::filter(&state.checkpoint, &state.settings)?;
         // A writer that may seek, which archives need.
         replace_file(&options.outfile, |out| state::export(&state, &filtered, out))
             .with_context(|| format!("writing {}", options.outfile.display()))

@@ -213,15 +213,16 @@ fn render_until(
         let report = Report::new(&metadata, &outcome, seconds);
         report.write(path).with_context(|| format!("writing {}", path.display()))
     });
-    match (images, report) {
-        (Err(images), Err(report)) => return Err(Failure::Run(anyhow::anyhow!("{images}; {report:#}"))),
-        (images, report) => images.and(report).map_err(Failure::Run)?,
-    }
-    if !options.quiet {
+    if !options.quiet && images.is_ok() && report.is_ok() {
         let text = summary::summary(&outcome, seconds, &inputs.outfiles, options.verbose);
         print(&text).map_err(Failure::Run)?;
     }
-    checkpoints.and(samples).and(check_saved(&unsaved))?;
+    let outputs = [images.map_err(Failure::Run), report.map_err(Failure::Run), checkpoints, samples];
+    let failures = outputs.into_iter().chain([check_saved(&unsaved)]).filter_map(Result::err);
+    let failures: Vec<String> = failures.map(|failure| format!("{:#}", failure.error())).collect();
+    if !failures.is_empty() {
+        return Err(Failure::Run(anyhow::anyhow!(failures.join("; "))));
+    }
     Ok(SceneEnd::Done(if outcome.stopped_by == StoppedBy::Interrupt { INTERRUPTED } else { 0 }))
 }
 

@@ -2,13 +2,13 @@
 //!
 //! A render of hours must not lose its last good image to a full disk or a power failure. Every writer of this crate
 //! therefore writes to a temporary file beside the target, syncs it, and renames it over the target. If any step
-//! fails, the old file stays untouched and the temporary one is removed.
+//! fails, the old file stays untouched and the temporary one is removed, unless it is complete and only the renaming failed.
 
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::Path;
 
-use super::links::resolve_target;
+use super::links::{folder_of, resolve_target};
 use super::temporary::{rename_over, temporary_file};
 
 /// Replaces `path` by what `write` produces.
@@ -33,12 +33,34 @@ pub fn replace_file<E: From<io::Error>>(
     Ok(())
 }
 
-/// Tests whether [`replace_file`] could begin now, and leaves nothing behind.
+/// Tests whether [`replace_file`] could begin and end now, and leaves nothing behind.
 ///
 /// # Errors
 /// Those of [`replace_file`] that can be known before there is any content.
 pub fn can_replace(path: &Path) -> io::Result<()> {
-    temporary_file(&resolve_target(path)?).map(drop)
+    let target = resolve_target(path)?;
+    let temporary = temporary_file(&target)?;
+    let refused = Err(io::ErrorKind::PermissionDenied.into());
+    if may_rename_over(&target, temporary.as_file())? { Ok(()) } else { refused }
+}
+
+/// Returns whether this process, which owns `own`, may rename over the target: in a folder with the sticky bit, as `/tmp`, only
+/// what is its own.
+#[cfg(unix)]
+fn may_rename_over(target: &Path, own: &File) -> io::Result<bool> {
+    use std::os::unix::fs::MetadataExt;
+    const STICKY: u32 = 0o1000;
+    const ROOT: u32 = 0;
+    let Ok(old) = target.metadata() else { return Ok(true) };
+    let folder = folder_of(target).metadata()?;
+    let user = own.metadata()?.uid();
+    Ok(folder.mode() & STICKY == 0 || [ROOT, old.uid(), folder.uid()].contains(&user))
+}
+
+/// Only Unix has the sticky bit.
+#[cfg(not(unix))]
+fn may_rename_over(_: &Path, _: &File) -> io::Result<bool> {
+    Ok(true)
 }
 
 #[cfg(test)]
@@ -69,6 +91,19 @@ mod tests {
         // Not even root may write there.
         #[cfg(target_os = "linux")]
         assert!(can_replace(Path::new("/proc/new.exr")).is_err());
+    }
+
+    /// As for another user's file in a folder with the sticky bit, or a mounted file.
+    #[test]
+    fn what_cannot_take_the_targets_place_stays_beside_it() {
+        let folder = tempfile::tempdir().unwrap();
+        let target = folder.path().join("a");
+        let mut temporary = temporary_file(&target).unwrap();
+        temporary.write_all(b"new").unwrap();
+        fs::create_dir(&target).unwrap();
+        let message = rename_over(temporary, &target).unwrap_err().to_string();
+        assert!(message.contains("the new content is in") && message.ends_with(".a.tmp"), "{message}");
+        assert_eq!(fs::read(folder.path().join(".a.tmp")).unwrap(), b"new");
     }
 
     #[test]

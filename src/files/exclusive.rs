@@ -60,9 +60,10 @@ impl ExclusiveFile {
         match written {
             Ok(file) => self.current = Some(file),
             Err(error) => {
-                // Where locks do not work, two processes that each took the other's place again would never write
-                let is_taken = error.kind() == io::ErrorKind::ResourceBusy;
-                let reserves = self.current.is_none() && !is_taken;
+                // Where locks do not work, two processes that each took the other's place again would never write. What could not be
+                // renamed stays
+                let stays = matches!(error.kind(), io::ErrorKind::ResourceBusy | io::ErrorKind::Other);
+                let reserves = self.current.is_none() && !stays;
                 self.reserved = reserves.then(|| locked_temporary_file(&self.target).ok()).flatten();
                 return Err(error);
             }

@@ -10,6 +10,7 @@ use std::path::Path;
 
 use tempfile::NamedTempFile;
 
+use super::error_message::error_message;
 use super::links::folder_of;
 use super::lock::{busy, is_at, lock_at, open_to_lock};
 
@@ -48,14 +49,16 @@ fn random_temporary_file(folder: &Path) -> io::Result<NamedTempFile> {
     builder.tempfile_in(folder)
 }
 
-/// Makes a temporary file durable and renames it over `target`, whose permissions it takes.
+/// Makes a temporary file durable and renames it over `target`, whose permissions it takes as far as it may. If the system does
+/// not let it, the temporary file stays, since its content may have taken hours.
 ///
 /// # Errors
 /// [`io::ErrorKind::ResourceBusy`] if another process has put a file of its own in the temporary one's place, which then
 /// stays; those of the file system, such as [`io::ErrorKind::NotFound`] if the temporary file was removed with its folder.
 pub fn rename_over(temporary: NamedTempFile, target: &Path) -> io::Result<File> {
     if let Ok(old) = fs::metadata(target) {
-        temporary.as_file().set_permissions(old.permissions())?;
+        // Some file systems keep no permissions
+        temporary.as_file().set_permissions(old.permissions()).ok();
     }
     temporary.as_file().sync_all()?;
     if !is_at(temporary.as_file(), temporary.path()) {
@@ -64,9 +67,17 @@ pub fn rename_over(temporary: NamedTempFile, target: &Path) -> io::Result<File> 
         temporary.keep().map_err(|error| error.error)?;
         return Err(removed.unwrap_or_else(busy));
     }
-    let file = temporary.persist(target).map_err(|error| error.error)?;
-    sync_folder(folder_of(target));
-    Ok(file)
+    match temporary.persist(target) {
+        Ok(file) => {
+            sync_folder(folder_of(target));
+            Ok(file)
+        }
+        Err(refused) => {
+            let (_, path) = refused.file.keep().map_err(|error| error.error)?;
+            let cause = error_message(&refused.error);
+            Err(io::Error::other(format!("{cause}; the new content is in {}", path.display())))
+        }
+    }
 }
 
 /// Temporary files are private by default; the final file gets the permissions that the umask grants.

@@ -11,9 +11,14 @@ mod tests;
 mod write;
 mod zip;
 
+use exr::meta::attribute::IntegerBounds;
+use exr::meta::header::{ImageAttributes, LayerAttributes};
+
 pub use attribute::Attribute;
-pub use read::{ExrInfo, ExrPart, read_channels, read_info, read_layer, read_part, read_parts};
-pub use write::{encode, write};
+pub use read::{
+    ExrInfo, ExrPart, read_channels, read_info, read_layer, read_metadata, read_part, read_parts,
+};
+pub use write::{encode, write, write_with_metadata};
 
 /// The first bytes of every EXR file.
 pub const MAGIC: [u8; 4] = [0x76, 0x2f, 0x31, 0x01];
@@ -64,28 +69,51 @@ impl<'a> Channel<'a> {
     }
 }
 
-/// The position of the stored pixels in the whole image: EXR's data and display windows.
+/// The position of the stored pixels and of the image that is shown: EXR's data and display windows, half-open bounds x0, x1,
+/// y0, y1 (pbrt's order).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Windows {
-    /// Half-open bounds of the stored pixels: x0, x1, y0, y1 (pbrt's order).
-    pub data: [usize; 4],
-    /// Width and height of the whole image.
-    pub display: [usize; 2],
+    /// The stored pixels. They may lie outside the display window, as those of overscan do.
+    pub data: [i32; 4],
+    pub display: [i32; 4],
 }
 
 impl Windows {
     /// The windows of an image that is stored whole.
     pub fn whole(width: usize, height: usize) -> Self {
-        Self { data: [0, width, 0, height], display: [width, height] }
+        Self::in_film([0, width, 0, height], [width, height])
+    }
+
+    /// The windows of a part of a film of this width and height.
+    pub fn in_film(part: [usize; 4], [width, height]: [usize; 2]) -> Self {
+        let bounds = |bounds: [usize; 4]| bounds.map(|bound| i32::try_from(bound).unwrap_or(i32::MAX));
+        Self { data: bounds(part), display: bounds([0, width, 0, height]) }
     }
 
     /// Width of the stored pixels; 0 if the bounds are reversed.
     pub fn width(&self) -> usize {
-        self.data[1].saturating_sub(self.data[0])
+        side(self.data[0], self.data[1])
     }
 
     /// Height of the stored pixels; 0 if the bounds are reversed.
     pub fn height(&self) -> usize {
-        self.data[3].saturating_sub(self.data[2])
+        side(self.data[2], self.data[3])
+    }
+}
+
+fn side(begin: i32, end: i32) -> usize {
+    (i64::from(end) - i64::from(begin)).max(0) as usize
+}
+
+/// What the header of a file says beside the image: attributes of every type.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Metadata {
+    shared: ImageAttributes,
+    own: LayerAttributes,
+}
+
+impl Default for Metadata {
+    fn default() -> Self {
+        Self { shared: ImageAttributes::new(IntegerBounds::zero()), own: LayerAttributes::default() }
     }
 }

@@ -17,11 +17,12 @@ pub struct ExrLayer {
 }
 
 impl ExrLayer {
-    /// Returns the full names of three channels, R G B or X Y Z in either case; `None` if the layer lacks them.
+    /// Returns the full names of three channels, R G B, in full as Nuke writes them, or X Y Z, in either case; `None` if the
+    /// layer lacks them.
     pub fn triple(&self) -> Option<[&str; 3]> {
-        let triples = [["R", "G", "B"], ["X", "Y", "Z"]];
-        let [rgb, xyz] = triples.map(|suffixes| suffixes.map(|suffix| find(&self.channels, suffix)));
-        [rgb, xyz].into_iter().find_map(|[a, b, c]| Some([a?, b?, c?]))
+        let triples = [["R", "G", "B"], ["red", "green", "blue"], ["X", "Y", "Z"]];
+        let found = triples.map(|suffixes| suffixes.map(|suffix| find(&self.channels, suffix)));
+        found.into_iter().find_map(|[a, b, c]| Some([a?, b?, c?]))
     }
 
     /// Returns the full name of the channel Z, or of the only channel of a layer that has a name: without one it may be an alpha.
@@ -34,7 +35,7 @@ impl ExrLayer {
 
     /// Returns the full name of the alpha channel.
     pub fn alpha(&self) -> Option<&str> {
-        find(&self.channels, "A")
+        find(&self.channels, "A").or_else(|| find(&self.channels, "alpha"))
     }
 
     /// Returns the name without its last component: what Blender calls a view layer.
@@ -111,12 +112,13 @@ fn split<'a>(channel: &'a str, all: &[String]) -> (&'a str, &'a str) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::image::exr_file::ExrInfo;
+    use crate::image::exr_file::{ExrInfo, Windows};
 
     fn part(name: Option<&str>, channels: &[&str]) -> ExrPart {
         let channels = channels.iter().map(|&channel| channel.to_owned()).collect();
+        let windows = Windows::whole(1, 1);
         let info =
-            ExrInfo { width: 1, height: 1, windows: None, channels, attributes: Vec::new(), primaries: None };
+            ExrInfo { width: 1, height: 1, windows, channels, attributes: Vec::new(), primaries: None };
         ExrPart { name: name.map(str::to_owned), info }
     }
 

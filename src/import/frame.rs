@@ -8,15 +8,16 @@ use half::f16;
 use super::ImportError;
 use super::exr_layer::{ExrLayer, layers};
 use super::role::{LayerMap, Role, by_name, has_pbrts_variance};
-use crate::image::exr_file::{self, Attribute, ExrPart, Windows, attribute_names};
+use crate::image::exr_file::{self, Attribute, ExrPart, Metadata, Windows, attribute_names};
 use crate::image::{ImageError, Planes, luminance};
 
 /// A render by any program.
 #[derive(Clone, Debug)]
 pub struct Frame {
     pub path: PathBuf,
-    /// `None` if the file's windows are not kept in what is written: the data window lies outside the display window.
-    pub windows: Option<Windows>,
+    pub windows: Windows,
+    /// What the header of the colour's part says beside the image.
+    pub metadata: Metadata,
     /// 3 planes, linear RGB. Negative values are set to 0; not finite ones are as in the file.
     pub colour: Planes,
     pub negative_values: usize,
@@ -56,7 +57,7 @@ impl Frame {
             return Err(fail(problem));
         };
         let find_aov = |name: &String| {
-            by_name(&all, name, |layer| layer.triple().is_some())
+            by_name(&all, name, Some(colour_layer), |layer| layer.triple().is_some())
                 .map_err(|problem| fail(format!("--aovs: {problem}")))
         };
         let aovs = aovs.iter().map(find_aov).collect::<Result<Vec<_>, _>>()?;
@@ -72,7 +73,7 @@ impl Frame {
         let size = (colour_info.width, colour_info.height);
         for (layer, _) in &wanted {
             let info = &parts[layer.part].info;
-            if (info.width, info.height) != size || info.windows != colour_info.windows {
+            if info.windows != colour_info.windows {
                 return Err(fail(format!(
                     "found the layer `{}` with {}x{} pixels in another place than those of the colour, {}x{}; accepted are \
                      equal data windows",
@@ -88,6 +89,7 @@ impl Frame {
         let mut frame = Self {
             path: path.to_owned(),
             windows: colour_info.windows,
+            metadata: exr_file::read_metadata(path, colour_layer.part)?,
             colour: planes.next().unwrap_or_default(),
             negative_values: 0,
             features: Vec::new(),
@@ -131,7 +133,8 @@ impl Frame {
         variance.filter(|value| !value.is_finite()).for_each(|value| *value = largest);
         let layers = self.aovs.iter_mut().flat_map(|(_, planes)| planes.data_mut());
         layers.filter(|value| !value.is_finite()).for_each(|value| *value = 0.0);
-        for value in self.colour.data_mut().iter_mut().filter(|value| **value < 0.0) {
+        let is_negative = |value: &&mut f32| value.is_finite() && **value < 0.0;
+        for value in self.colour.data_mut().iter_mut().filter(is_negative) {
             *value = 0.0;
             self.negative_values += 1;
         }

@@ -131,10 +131,11 @@ impl LayerMap {
         let mut found: Vec<(Role, &ExrLayer)> = Vec::new();
         for role in Role::all() {
             let named = name_of(role);
+            let colour = found.first().map(|(_, colour)| *colour);
             let layer = match named {
                 Some("none") => None,
-                Some(name) => Some(by_name(layers, name, |layer| role.channels(layer).is_some())?),
-                None => by_convention(layers, role, found.first().map(|(_, colour)| *colour)),
+                Some(name) => Some(by_name(layers, name, colour, |layer| role.channels(layer).is_some())?),
+                None => by_convention(layers, role, colour),
             };
             if !(role == Role::Variance && named.is_none() && is_of_samples) {
                 found.extend(layer.map(|layer| (role, layer)));
@@ -146,31 +147,39 @@ impl LayerMap {
     }
 }
 
-/// Returns the layer of this name, or the only one whose last component it is.
+/// Returns the layer of this name, or the one whose last component it is; of several such layers, that of the colour's group, if
+/// the colour is known.
 ///
 /// # Errors
-/// There is none with the right channels; the message lists what there is.
+/// There is none with the right channels, or several and none of the colour's group; the message lists what there is.
 pub fn by_name<'a>(
     layers: &'a [ExrLayer],
     name: &str,
+    colour: Option<&ExrLayer>,
     is_suitable: impl Fn(&ExrLayer) -> bool,
 ) -> Result<&'a ExrLayer, String> {
     let last = |layer: &ExrLayer| layer.name.rsplit('.').next() == Some(name);
-    let suitable = || layers.iter().filter(|layer| is_suitable(layer));
-    let other = || layers.iter().find(|layer| layer.name == name || last(layer));
-    suitable().find(|layer| layer.name == name).or_else(|| suitable().find(|layer| last(layer))).ok_or_else(
-        || {
-            let all: Vec<String> = suitable().map(|layer| format!("`{}`", layer.name)).collect();
-            let found = match other() {
+    let names = |layers: &[&ExrLayer]| {
+        let names: Vec<String> = layers.iter().map(|layer| format!("`{}`", layer.name)).collect();
+        if names.is_empty() { "none".into() } else { names.join(", ") }
+    };
+    let suitable: Vec<&'a ExrLayer> = layers.iter().filter(|layer| is_suitable(layer)).collect();
+    if let Some(layer) = suitable.iter().find(|layer| layer.name == name) {
+        return Ok(layer);
+    }
+    let of_last: Vec<&'a ExrLayer> = suitable.iter().copied().filter(|layer| last(layer)).collect();
+    let of_group = of_last.iter().find(|layer| colour.is_some_and(|colour| colour.group() == layer.group()));
+    match (of_last.as_slice(), of_group) {
+        (_, Some(layer)) | ([layer], None) => Ok(layer),
+        ([], None) => {
+            let found = match layers.iter().find(|layer| layer.name == name || last(layer)) {
                 Some(layer) => format!("the layer `{}` with the channels {}", layer.name, layer.suffixes()),
                 None => format!("no layer `{name}`"),
             };
-            format!(
-                "found {found}; accepted are {}",
-                if all.is_empty() { "none".into() } else { all.join(", ") }
-            )
-        },
-    )
+            Err(format!("found {found}; accepted are {}", names(&suitable)))
+        }
+        (several, None) => Err(format!("found `{name}`; accepted is one of {}", names(several))),
+    }
 }
 
 /// Returns whether the layer `Variance` is that of pbrt-v4, which has a relative one beside it: of the samples, by the responses of its
@@ -204,7 +213,7 @@ fn by_convention<'a>(layers: &'a [ExrLayer], role: Role, colour: Option<&ExrLaye
 mod tests {
     use super::super::exr_layer::layers;
     use super::*;
-    use crate::image::exr_file::{ExrInfo, ExrPart};
+    use crate::image::exr_file::{ExrInfo, ExrPart, Windows};
 
     /// Channels of layers: `name:RGB` stands for `name.R`, `name.G` and `name.B`.
     fn file(names: &[&str]) -> Vec<ExrLayer> {
@@ -214,8 +223,9 @@ mod tests {
             suffixes.chars().map(full).collect()
         };
         let channels = names.iter().flat_map(expand).collect();
+        let windows = Windows::whole(1, 1);
         let info =
-            ExrInfo { width: 1, height: 1, windows: None, channels, attributes: Vec::new(), primaries: None };
+            ExrInfo { width: 1, height: 1, windows, channels, attributes: Vec::new(), primaries: None };
         layers(&[ExrPart { name: None, info }])
     }
 
@@ -289,6 +299,10 @@ mod tests {
         for map in ["sample-variance=none", "variance=none"] {
             assert_eq!(roles(map, &pbrts).unwrap(), ["colour="]);
         }
+        let two = ["BG.Albedo:RGB", "FG.Combined:RGB", "FG.Noisy:RGB", "FG.Albedo:RGB"];
+        assert_eq!(roles("albedo=Albedo", &two).unwrap(), ["colour=FG.Noisy", "albedo=FG.Albedo"]);
+        let error = roles("colour=Albedo", &two).unwrap_err();
+        assert_eq!(error, "found `Albedo`; accepted is one of `BG.Albedo`, `FG.Albedo`");
         let error = roles("normal=nn", &names).unwrap_err();
         assert_eq!(error, "found no layer `nn`; accepted are ``, `a.b`, `Albedo`");
         let error = roles("normal=d", &names).unwrap_err();

@@ -105,7 +105,7 @@ impl<'a> ImageOutput<'a> {
                 png_file::write_with_texts(path, &self.result.image, &texts)
             }
             OutputFormat::Exr => {
-                let windows = Windows { data: self.metadata.pixel_bounds, display: self.metadata.film };
+                let windows = Windows::in_film(self.metadata.pixel_bounds, self.metadata.film);
                 exr_file::write(path, windows, &self.select_layers().channels(), &self.attributes())
             }
         }

@@ -17,7 +17,7 @@ use half::f16;
 use rayon::prelude::*;
 
 use super::attribute::{self, string};
-use super::{Attribute, Windows};
+use super::{Attribute, Metadata, Windows};
 use crate::image::error::{MAX_SAMPLES, MAX_SIDE};
 use crate::image::read_rgb::open_file;
 use crate::image::{ImageError, Planes, Problem};
@@ -28,8 +28,7 @@ use crate::memory::check_available;
 pub struct ExrInfo {
     pub width: usize,
     pub height: usize,
-    /// `None` if the data window is not inside a display window that starts at (0, 0).
-    pub windows: Option<Windows>,
+    pub windows: Windows,
     /// Full names, sorted.
     pub channels: Vec<String>,
     /// Texts, integers, floats and lists of integers, sorted by name.
@@ -63,6 +62,17 @@ pub fn read_parts(path: &Path) -> Result<Vec<ExrPart>, ImageError> {
         info: info(header),
     };
     read_headers(path, |headers| headers.iter().map(part).collect())
+}
+
+/// Reads what the header of a part says beside the image: of the first part, if there are not as many.
+///
+/// # Errors
+/// As for [`read_channels`], except missing channels.
+pub fn read_metadata(path: &Path, part: usize) -> Result<Metadata, ImageError> {
+    read_headers(path, |headers| {
+        let header = headers.get(part).unwrap_or(&headers[0]);
+        Metadata { shared: header.shared_attributes.clone(), own: header.own_attributes.clone() }
+    })
 }
 
 fn read_headers<T>(path: &Path, read: impl Fn(&[Header]) -> T) -> Result<T, ImageError> {
@@ -216,19 +226,16 @@ fn check(header: &Header, file_bytes: u64) -> Result<(), Problem> {
     Ok(())
 }
 
-/// Data and display window; `None` if the former is not inside the latter, or the latter does not start at
-/// (0, 0).
-fn windows(header: &Header) -> Option<Windows> {
+/// Data and display window.
+fn windows(header: &Header) -> Windows {
     let display = header.shared_attributes.display_window;
-    let Vec2(x, y) = header.own_attributes.layer_position;
-    let (x, y) = (usize::try_from(x).ok()?, usize::try_from(y).ok()?);
-    let Vec2(width, height) = header.layer_size;
-    let windows = Windows {
-        data: [x, x + width, y, y + height],
-        display: [display.size.width(), display.size.height()],
+    let bounds = |Vec2(x, y): Vec2<i32>, Vec2(width, height): Vec2<usize>| {
+        [x, x.saturating_add_unsigned(width as u32), y, y.saturating_add_unsigned(height as u32)]
     };
-    let inside = windows.data[1] <= windows.display[0] && windows.data[3] <= windows.display[1];
-    (display.position == Vec2(0, 0) && inside).then_some(windows)
+    Windows {
+        data: bounds(header.own_attributes.layer_position, header.layer_size),
+        display: bounds(display.position, display.size),
+    }
 }
 
 fn channel_names(header: &Header) -> Vec<String> {

@@ -11,15 +11,20 @@ use exr::compression::Compression;
 use exr::math::Vec2;
 use exr::meta::BlockDescription;
 use exr::meta::attribute::{ChannelDescription, IntegerBounds, LineOrder, SampleType};
-use exr::meta::header::{Header, ImageAttributes, LayerAttributes};
+use exr::meta::header::{Header, LayerAttributes, standard_names};
 use half::f16;
 use rayon::prelude::*;
 
-use super::attribute::{self, text};
+use super::attribute::{self, string, text};
 use super::zip::Encoder;
-use super::{Attribute, Channel, Precision, Windows};
+use super::{Attribute, Channel, Metadata, Precision, Windows, side};
 use crate::files::replace_file;
 use crate::image::{ImageError, Problem};
+
+/// Longest name of a channel in a file without [`LONG_NAMES`], in bytes.
+const LONGEST_SHORT_NAME: usize = 31;
+/// The flag of longer names, in the second byte of the version field.
+const LONG_NAMES: u8 = 1 << 2;
 
 /// Writes the channels as one ZIP-compressed part of scan lines, replacing the file atomically. Equal
 /// input gives equal bytes.
@@ -33,7 +38,31 @@ pub fn write(
     channels: &[Channel],
     attributes: &[(String, Attribute)],
 ) -> Result<(), ImageError> {
-    encode(windows, channels, attributes)
+    replace(path, encode(windows, channels, attributes))
+}
+
+/// Writes the channels as [`write()`] does, with the metadata of another file. What holds for that file alone is left out:
+/// names of layers and views, its preview, the attributes whose names `is_kept` refuses. `attributes` take the place of others of
+/// their names.
+///
+/// # Errors
+/// As for [`write()`].
+pub fn write_with_metadata(
+    path: &Path,
+    windows: Windows,
+    channels: &[Channel],
+    attributes: &[(String, Attribute)],
+    metadata: &Metadata,
+    is_kept: impl Fn(&str) -> bool,
+) -> Result<(), ImageError> {
+    let mut metadata = metadata.clone();
+    metadata.shared.other.retain(|name, _| is_kept(&string(name)));
+    metadata.own.other.retain(|name, _| is_kept(&string(name)));
+    replace(path, encode_with_metadata(windows, channels, attributes, metadata))
+}
+
+fn replace(path: &Path, encoded: Result<Vec<u8>, Problem>) -> Result<(), ImageError> {
+    encoded
         .and_then(|bytes| replace_file(path, |writer| Ok(writer.write_all(&bytes)?)))
         .map_err(|problem: Problem| problem.at(path))
 }
@@ -48,8 +77,17 @@ pub fn encode(
     channels: &[Channel],
     attributes: &[(String, Attribute)],
 ) -> Result<Vec<u8>, Problem> {
+    encode_with_metadata(windows, channels, attributes, Metadata::default())
+}
+
+fn encode_with_metadata(
+    windows: Windows,
+    channels: &[Channel],
+    attributes: &[(String, Attribute)],
+    metadata: Metadata,
+) -> Result<Vec<u8>, Problem> {
     let channels = sorted(windows, channels)?;
-    let header = header(windows, &channels, attributes)?;
+    let header = header(windows, &channels, attributes, metadata);
     // Room for a file that does not compress, so that it is never moved; the system provides what is written.
     let bytes_per_pixel: usize = channels.iter().map(|channel| channel.precision.bytes()).sum();
     let most = windows.width() * windows.height() * bytes_per_pixel;
@@ -69,7 +107,7 @@ pub fn encode(
                     fill_line(line, &channels, windows.width());
                 });
                 let compressed = CompressedScanLineBlock {
-                    y_coordinate: (top + block.pixel_position.y()) as i32,
+                    y_coordinate: top + block.pixel_position.y() as i32,
                     compressed_pixels_le: encoder.compress(lines.data),
                 };
                 (index, Chunk { layer_index: 0, compressed_block: CompressedBlock::ScanLine(compressed) })
@@ -79,6 +117,10 @@ pub fn encode(
     })
     .map_err(|error| Problem::Unwritable(error.to_string()))?;
     let mut bytes = file.into_inner();
+    if channels.iter().any(|channel| channel.name.len() > LONGEST_SHORT_NAME) {
+        // The `exr` crate leaves it to other names; OpenEXR refuses long names without it
+        bytes[super::MAGIC.len() + 1] |= LONG_NAMES;
+    }
     sort_attributes(&mut bytes);
     Ok(bytes)
 }
@@ -109,13 +151,8 @@ fn header(
     windows: Windows,
     channels: &[&Channel],
     attributes: &[(String, Attribute)],
-) -> Result<Header, Problem> {
-    let [x0, _, y0, _] = windows.data;
-    // All coordinates fit EXR's 32 bits if the largest does.
-    let largest = windows.data.into_iter().chain(windows.display).max().unwrap_or_default();
-    if i32::try_from(largest).is_err() {
-        return Err(Problem::Unwritable("pixel bounds are too large for EXR".into()));
-    }
+    metadata: Metadata,
+) -> Header {
     let descriptions = channels.iter().map(|channel| {
         let sample_type = match channel.precision {
             Precision::Half => SampleType::F16,
@@ -123,14 +160,41 @@ fn header(
         };
         ChannelDescription::new(text(&channel.name), sample_type, false)
     });
-    let mut own = LayerAttributes::default().with_position(Vec2(x0 as i32, y0 as i32));
+    let Windows { data: [x0, _, y0, _], display: [left, right, top, bottom] } = windows;
+    let Metadata { mut shared, own } = sanitised(metadata);
+    let mut own = LayerAttributes {
+        layer_name: None,
+        layer_position: Vec2(x0, y0),
+        multi_view_names: None,
+        view_name: None,
+        deep_image_state: None,
+        preview: None,
+        ..own
+    };
     attribute::insert(&mut own, attributes);
-    let size = Vec2(windows.width(), windows.height());
-    let display = Vec2(windows.display[0], windows.display[1]);
-    Ok(Header::new(text(""), size, descriptions.collect())
+    shared.display_window = IntegerBounds::new(Vec2(left, top), Vec2(side(left, right), side(top, bottom)));
+    shared.other.retain(|name, _| !own.other.contains_key(name));
+    Header::new(text(""), Vec2(windows.width(), windows.height()), descriptions.collect())
         .with_encoding(Compression::ZIP16, BlockDescription::ScanLines, LineOrder::Increasing)
-        .with_shared_attributes(ImageAttributes::new(IntegerBounds::new(Vec2(0, 0), display)))
-        .with_attributes(own))
+        .with_shared_attributes(shared)
+        .with_attributes(own)
+}
+
+/// Leaves out what other programs wrote against the rules, which reading allows and writing does not.
+fn sanitised(metadata: Metadata) -> Metadata {
+    let Metadata { mut shared, mut own } = metadata;
+    if !(1e-6..=1e6).contains(&shared.pixel_aspect) {
+        shared.pixel_aspect = 1.0;
+    }
+    shared.time_code = shared.time_code.filter(|code| code.validate(true).is_ok());
+    own.screen_window_width = own.screen_window_width.max(0.0);
+    for other in [&mut shared.other, &mut own.other] {
+        other.retain(|name, value| {
+            let is_reserved = standard_names::ALL.contains(&name.as_slice());
+            !is_reserved && value.validate(false, IntegerBounds::zero(), true).is_ok()
+        });
+    }
+    Metadata { shared, own }
 }
 
 /// Converts one row of one channel to little-endian bytes of its stored type.

@@ -1,4 +1,5 @@
 use super::*;
+use crate::image::exr_file::{Metadata, Windows};
 use crate::stats::{Block, Part};
 
 const SIDE: usize = 64;
@@ -14,7 +15,8 @@ fn planes(value: impl Fn(usize, usize) -> f32) -> Planes {
 fn frame(colour: Planes) -> Frame {
     Frame {
         path: "frame.exr".into(),
-        windows: None,
+        windows: Windows::whole(SIDE, SIDE),
+        metadata: Metadata::default(),
         colour,
         negative_values: 0,
         features: Vec::new(),
