@@ -102,15 +102,23 @@ fn place_remaining(
     priority: &[f32],
     room: impl Fn(&[u32], usize) -> u32,
 ) {
-    if remaining == 0 {
-        return;
-    }
     for (step, ceiling) in [(2, ceiling), (2, u32::MAX), (1, u32::MAX)] {
+        if remaining < step {
+            continue;
+        }
         let room = |counts: &[u32], i: usize| room(counts, i).min(ceiling.saturating_sub(counts[i]));
-        let mut order: Vec<usize> = (0..counts.len()).filter(|&i| room(counts, i) > 0).collect();
-        order.sort_by(|&a, &b| priority[b].total_cmp(&priority[a]).then(a.cmp(&b)));
+        let has_room = |counts: &[u32], i: usize| u64::from(room(counts, i)) >= step;
+        let mut order: Vec<usize> = (0..counts.len()).filter(|&i| has_room(counts, i)).collect();
+        let descending = |&a: &usize, &b: &usize| priority[b].total_cmp(&priority[a]).then(a.cmp(&b));
+        let reached = (remaining / step) as usize;
+        if reached < order.len() {
+            // The others get nothing: they need no order
+            order.select_nth_unstable_by(reached, descending);
+            order.truncate(reached);
+        }
+        order.sort_unstable_by(descending);
         while remaining >= step {
-            order.retain(|&i| u64::from(room(counts, i)) >= step);
+            order.retain(|&i| has_room(counts, i));
             let Some(least) = order.iter().map(|&i| room(counts, i)).min() else { break };
             // As many rounds at once as every pixel has room for; the last round reaches the first pixels only
             let pixels = order.len() as u64;

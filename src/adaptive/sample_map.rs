@@ -104,6 +104,11 @@ impl SampleMap {
         }
     }
 
+    /// Returns whether more than half of the pixels get no samples.
+    pub fn leaves_most_out(&self) -> bool {
+        2 * self.values.iter().filter(|&&value| value == 0.0).count() > self.values.len()
+    }
+
     /// Returns the ratio of the largest to the mean value.
     pub fn peak(&self) -> f64 {
         let largest = self.values.iter().copied().fold(0.0, f32::max);

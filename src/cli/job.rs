@@ -56,6 +56,7 @@ impl Job<'_> {
         }
         self.options.state.apply_shard(&mut settings.budget)?;
         self.apply_sample_map(&mut settings)?;
+        settings.validate()?;
         // A page saves EXR images, whatever the outputs are
         let has_layers = self.serves() || self.inputs.outfiles.iter().any(|path| is_exr(path));
         ensure!(

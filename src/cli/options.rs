@@ -181,7 +181,8 @@ impl RenderOptions {
         };
         let max_spp = self.max_spp.filter(|&n| n > 0).unwrap_or(NO_CEILING);
         let budget = Budget { spp, seconds, target_error };
-        let pixels = scene.film.width * scene.film.height;
+        let [x0, x1, y0, y1] = scene.film.pixel_bounds;
+        let pixels = (x1 - x0) * (y1 - y0);
         if let (Some(floor), Some(spp)) = (self.min_spp, spp)
             && floor > spp
         {

@@ -129,7 +129,7 @@ fn interim_pass(now: &Situation, is_last: bool) -> Option<&'static dyn Denoiser>
     let leaves_time = INTERIM_USE * seconds <= left;
     let is_due = if !now.has_interim {
         // The first pass waits for the floor of samples, and is exempt from the fraction of the time.
-        now.samples >= u64::from(now.settings.min_spp) * now.pixels
+        now.samples >= u64::from(now.settings.judged_spp()) * now.pixels
     } else if is_last {
         seconds <= LAST_INTERIM_FRACTION * budget
     } else {

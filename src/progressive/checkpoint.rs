@@ -100,6 +100,12 @@ impl Checkpoint {
         }
     }
 
+    /// Forgets the image of another denoiser than that of the passes to come, and what was expected of samples by its maps.
+    pub(super) fn forget_image(&mut self) {
+        self.interim = None;
+        self.passes.iter_mut().for_each(|pass| pass.expected_ratio = None);
+    }
+
     /// Returns how the next samples are placed: uniformly also if adaptive sampling is expected not to be worth its time.
     pub(super) fn sampling(&self, settings: &Settings) -> Sampling {
         if excessive_ratio(&self.passes, settings).is_some() { Sampling::Uniform } else { settings.sampling }

@@ -40,10 +40,10 @@ impl Excerpt {
         excerpt
     }
 
-    /// Copies the excerpt out of a store.
+    /// Copies the excerpt out of a store, without sample vectors.
     pub fn copy_store(&self, store: &Store) -> Store {
         let (width, height) = (length(&self.columns), length(&self.rows));
-        let mut excerpt = Store::new(width, height, store.layout().clone(), store.capacity(), 0);
+        let mut excerpt = Store::new(width, height, store.layout().clone(), 0, 0);
         for (from, to) in self.blocks() {
             excerpt.copy_rectangle(&to, store, &from, StatisticsExtent::All);
         }

@@ -95,6 +95,7 @@ impl Situation<'_> {
             map_end: self.map_end,
             speed: self.speed,
             finalisation: self.seconds_of(pass),
+            allocation: self.measurements.allocation_seconds,
         }
     }
 

@@ -83,8 +83,12 @@ impl<'a> RenderLoop<'a> {
         if matches!(&checkpoint.position, Position::Render(batch) if is_too_large(batch, store, settings)) {
             checkpoint.position = Position::Filter;
         }
+        let known = [settings.denoiser.name(), settings.interim_denoiser().name()];
+        if checkpoint.interim.as_ref().is_some_and(|interim| !known.contains(&interim.made_by)) {
+            checkpoint.forget_image();
+        }
         let clock = Clock::new(start);
-        let map_end = map_end(settings, store);
+        let map_end = map_end(settings, &checkpoint.store);
         Self {
             renderer,
             settings: settings.clone(),
@@ -128,8 +132,7 @@ impl<'a> RenderLoop<'a> {
         self.map_end = map_end(&self.settings, &self.checkpoint.store);
         self.give_up_batch();
         if is_other_image {
-            // The image and the error of another denoiser are not those of this one.
-            self.checkpoint.interim = None;
+            self.checkpoint.forget_image();
         }
     }
 
@@ -276,7 +279,9 @@ impl<'a> RenderLoop<'a> {
             processes.begin_batch(&counts);
         }
         self.checkpoint.position = Position::Render(SampleBatch { counts, done: 0.0, grain });
-        self.measurements.seconds.allocate += started.elapsed().as_secs_f64();
+        let seconds = started.elapsed().as_secs_f64();
+        self.measurements.seconds.allocate += seconds;
+        self.measurements.allocation_seconds = seconds;
     }
 
     /// Renders the batch up to a fraction.
@@ -342,12 +347,15 @@ impl<'a> RenderLoop<'a> {
     }
 }
 
-/// Returns whether the rest of a batch exceeds the budget of samples, or in some pixel the map of counts: it was planned for
-/// another one.
+/// Returns whether the rest of a batch exceeds the budget of samples, or in some pixel the ceiling or the map of counts: it was
+/// planned for another one.
 fn is_too_large(batch: &SampleBatch, store: &Store, settings: &Settings) -> bool {
     let sum = |counts: &[u32]| counts.iter().map(|&n| u64::from(n)).sum::<u64>();
     let (have, rest) = (store.next_indices(), batch.step(store, 1.0));
     let then: Vec<u32> = have.iter().zip(&rest).map(|(have, n)| have + n).collect();
+    if then.iter().zip(&rest).any(|(&then, &rest)| rest > 0 && then > settings.max_spp) {
+        return true;
+    }
     let map = settings.followed_map(store.pixels());
     let lacking = |counts: &[u32]| map?.lacking(counts, settings.max_spp);
     match (lacking(&have), lacking(&then)) {

@@ -60,6 +60,8 @@ pub struct Schedule<'a> {
     pub speed: Speed,
     /// Predicted seconds of the finalisation.
     pub finalisation: f64,
+    /// Seconds that the latest batch took to be allocated.
+    pub allocation: f64,
 }
 
 impl Schedule<'_> {
@@ -104,7 +106,7 @@ impl Schedule<'_> {
             });
         };
         // The first batch comes whatever it costs.
-        if seconds < SHORTEST_TIMED_STEP {
+        if seconds < SHORTEST_TIMED_STEP + self.allocation {
             return Err(StoppedBy::Time);
         }
         let affordable = (seconds * self.speed.rate().unwrap_or(0.0)) as u64;

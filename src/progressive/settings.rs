@@ -109,6 +109,15 @@ impl Settings {
         if self.max_spp == 0 || self.min_spp > self.max_spp {
             return error("max_spp", &self.max_spp, format!("a number from {} up", self.min_spp.max(1)));
         }
+        let has_end = spp.is_some() || seconds.is_some() || self.max_spp < NO_CEILING;
+        if target_error.is_some()
+            && !has_end
+            && self.sampling == Sampling::Uniform
+            && self.sample_map.as_ref().is_some_and(|map| map.total().is_none() && map.leaves_most_out())
+        {
+            let found = "a map without samples for more than half of the pixels, whose error is not known";
+            return error("target_error", &found, "another budget or a ceiling beside it".to_owned());
+        }
         let weights = [
             ("filtered_variance", self.priority.filtered_variance),
             ("raw_variance", self.priority.raw_variance),
@@ -130,6 +139,11 @@ impl Settings {
             Some((field, value, most)) => error(field, &value, format!("a number from 0 to {most}")),
             None => Ok(()),
         }
+    }
+
+    /// Returns the samples per pixel from which on a pass says whether adaptive sampling is worth its time: both halves have some.
+    pub(super) fn judged_spp(&self) -> u32 {
+        self.min_spp.max(2)
     }
 
     /// Returns the denoiser of passes between batches. Where an error is to be reached, it is the error of the method's
@@ -235,6 +249,7 @@ impl PixelMemory {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::adaptive::MapValues;
     use crate::filter::rpf;
 
     #[test]
@@ -248,6 +263,15 @@ mod tests {
         assert_eq!(field(of(budget(None, Some(0.0)), 4, 8)), Some("seconds"));
         assert_eq!(field(of(budget(None, Some(f64::NAN)), 4, 8)), Some("seconds"));
         assert_eq!(field(of(budget(None, None), 4, 2)), Some("max_spp"));
+        // Error that nothing tells of does not end a render
+        let map = |values: [f32; 4]| SampleMap::new(values.to_vec(), MapValues::Relative).ok();
+        let to_target = |spp, sample_map| {
+            let budget = Budget { spp, target_error: Some(0.01), seconds: None };
+            field(Settings { sample_map, sampling: Sampling::Uniform, ..of(budget, 4, NO_CEILING) })
+        };
+        assert_eq!(to_target(None, map([0.0, 0.0, 0.0, 1.0])), Some("target_error"));
+        assert_eq!(to_target(None, map([0.0, 0.0, 1.0, 1.0])), None);
+        assert_eq!(to_target(Some(9), map([0.0, 0.0, 0.0, 1.0])), None);
         let priority = PrioritySettings { residual: -1.0, ..PrioritySettings::default() };
         assert_eq!(field(Settings { priority, ..Settings::default() }), Some("residual"));
         let priority = PrioritySettings { cap_quantile: 9.0, ..PrioritySettings::default() };

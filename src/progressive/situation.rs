@@ -42,6 +42,8 @@ pub struct Measurements {
     pub interim_total: f64,
     pub interim_seconds: Option<f64>,
     pub finalisation: Finalisation,
+    /// Seconds that the latest batch took to be allocated.
+    pub allocation_seconds: f64,
     /// Seconds of one core for a byte of new memory, once measured.
     pub memory_seconds: Option<f64>,
     /// The first sample that the store has rejected.

@@ -49,7 +49,7 @@ impl RenderLoop<'_> {
     /// Predicts by the first pass with enough samples whether adaptive sampling is worth its time.
     fn predict_ratio(&mut self) {
         let Self { checkpoint: Checkpoint { store, passes, interim, .. }, settings, samples, .. } = self;
-        let floor = u64::from(settings.min_spp) * store.pixels() as u64;
+        let floor = u64::from(settings.judged_spp()) * store.pixels() as u64;
         let is_predicted = passes.iter().any(|pass| pass.expected_ratio.is_some());
         if settings.sampling == Sampling::Uniform || is_predicted || samples.taken < floor {
             return;

@@ -9,6 +9,7 @@ fn schedule(budget: &Budget, pixels: u64) -> Schedule<'_> {
         map_end: None,
         speed: Speed::default(),
         finalisation: 0.0,
+        allocation: 0.0,
     }
 }
 

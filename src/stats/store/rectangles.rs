@@ -60,7 +60,7 @@ impl Store {
     /// Replaces statistics of a rectangle of pixels by those of a rectangle of another store, `place`.
     ///
     /// # Panics
-    /// If a rectangle is not within its store, or sizes, layouts or capacities differ.
+    /// If a rectangle is not within its store, or sizes or layouts differ, or capacities, unless this store keeps no sample vectors.
     pub fn copy_rectangle(
         &mut self,
         rectangle: &Rectangle,
@@ -70,8 +70,9 @@ impl Store {
     ) {
         let size = |rectangle: &Rectangle| (rectangle.width(), rectangle.height());
         assert_eq!(size(rectangle), size(place), "the same size");
-        assert!(from.layout() == self.layout() && from.capacity() == self.capacity(), "the same layout");
-        let selection = from.select(place, extent);
+        assert!(from.layout() == self.layout(), "the same layout");
+        assert!([0, from.capacity()].contains(&self.capacity()), "the same sample vectors, or none");
+        let selection = Selection::new(place.x[0]..place.x[1], extent, self.layout(), self.capacity());
         let ([y0, y1], x0) = (rectangle.y, rectangle.x[0]);
         let rows = self.rows_mut()[y0..y1].par_iter_mut().zip(&from.rows()[place.y[0]..]);
         rows.for_each(|(to, from)| to.copy_pixels(x0, from, &selection));
