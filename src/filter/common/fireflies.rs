@@ -117,7 +117,8 @@ pub fn clamp(
             let i = y * width + x;
             let [a, b] = [0, 1].map(|h| pixel_luminance(halves[h], i) * counts[h][i] as f32);
             if a.max(b) > settings.half_fraction * (a + b) {
-                *limit = bound(&luminances, (x, y), (width, height), settings);
+                let is_known = |i: usize| counts[0][i] > 0 || counts[1][i] > 0;
+                *limit = bound(&luminances, is_known, (x, y), (width, height), settings);
             }
         }
     });
@@ -164,8 +165,8 @@ fn lonely(bounds: &[Option<f32>], (width, height): (usize, usize), max: usize) -
     (0..bounds.len()).into_par_iter().map(|i| bounds[i].filter(|_| is_lonely(i))).collect()
 }
 
-/// Returns for each pixel of row `y` whether it exceeds `factor` times most luminances of its window. At most pixels it does not: the median is
-/// too large for any deviation.
+/// Returns for each pixel of row `y` whether it exceeds `factor` times most luminances of its window, where those without samples are 0.
+/// At most pixels it does not: the median is too large for any deviation.
 fn exceed_most(luminances: &[f32], width: usize, y: usize, factor: f32) -> Vec<bool> {
     let low: Vec<f32> = luminances[y * width..][..width].iter().map(|own| own / factor).collect();
     let rows = luminances.chunks_exact(width).take(y + RADIUS + 1).skip(y.saturating_sub(RADIUS));
@@ -191,10 +192,12 @@ fn count_darker(low: &[f32], values: &[f32], darker: &mut [i32]) {
     pixels.for_each(|((low, value), darker)| *darker += i32::from(value < low));
 }
 
-/// Returns the luminance that a pixel is clamped to, or `None` if it does not exceed its bound. Pixels whose
-/// neighbours are mostly black have no bound: all light there is rare, and clamping would leave nothing.
+/// Returns the luminance that a pixel is clamped to, or `None` if it does not exceed its bound, which follows from the pixels around
+/// that are known: those with samples. Pixels whose neighbours are mostly black have no bound: all light there is rare, and clamping
+/// would leave nothing.
 fn bound(
     luminances: &[f32],
+    is_known: impl Fn(usize) -> bool,
     (x, y): (usize, usize),
     (width, height): (usize, usize),
     settings: &FireflySettings,
@@ -205,8 +208,11 @@ fn bound(
     let mut n = 0;
     for yj in y.saturating_sub(RADIUS)..=(y + RADIUS).min(height - 1) {
         for xj in x.saturating_sub(RADIUS)..=(x + RADIUS).min(width - 1) {
-            window[n] = luminances[yj * width + xj];
-            n += 1;
+            let j = yj * width + xj;
+            if is_known(j) {
+                window[n] = luminances[j];
+                n += 1;
+            }
         }
     }
     let window = &mut window[..n];

@@ -9,6 +9,7 @@ use rayon::prelude::*;
 
 use super::settings::PrpfSettings;
 use crate::filter::common::emitter_outlines::outside_emitters;
+use crate::filter::common::hole_filling::HoleFilling;
 use crate::filter::common::interleaved_planes::InterleavedPlanes;
 use crate::filter::common::lanes::lanes;
 use crate::filter::common::variance_pooling::pool_planes;
@@ -69,6 +70,7 @@ impl FeatureGuide {
         // Pool the sample variances
         let features = [store.means(Part::Whole, dims.clone()), store.variances(Part::Whole, dims.clone())];
         let [mut means, mut within] = [0, 1].map(|i| concatenate(&features[i], &colours[i]));
+        HoleFilling::new(width, counts.iter().copied()).fill(&mut means);
         let mut variances = within.clone();
         let mut count_plane = Planes::new(width, height, 1);
         count_plane.data_mut().iter_mut().zip(&counts).for_each(|(out, &n)| *out = n as f32);
@@ -91,8 +93,6 @@ impl FeatureGuide {
             if count == 0 {
                 hit.data_mut()[i] = Self::NO_PIXEL;
                 own_hit.data_mut()[i] = 0.5;
-                // Any finite mean will do: the pixel's thresholds are infinite.
-                means.planes_mut().for_each(|plane| plane[i] = 0.0);
             }
         }
 

@@ -8,6 +8,7 @@ use super::grid::{Grid, NODES};
 use super::neighbourhood::Neighbourhood;
 use super::settings::PrpfSettings;
 use super::weight_inputs::{Scratch, WeightInputs};
+use crate::filter::cancellable_pool::stop_if_cancelled;
 use crate::filter::common::fast_exp::exp_negative_precise;
 use crate::filter::common::interleaved_planes::InterleavedPlanes;
 use crate::simd::{LANES, apply, multiversioned};
@@ -151,7 +152,10 @@ fn evaluate(inputs: &WeightInputs, pixels: &[(usize, usize)]) -> Vec<f32> {
     let mut ordered = vec![0.0; pixels.len() * inputs.len()];
     ordered.par_chunks_mut(inputs.len()).zip(&order).for_each_init(
         || Scratch::new(inputs),
-        |scratch, (out, &i)| inputs.evaluate(pixels[i], scratch, out),
+        |scratch, (out, &i)| {
+            stop_if_cancelled();
+            inputs.evaluate(pixels[i], scratch, out);
+        },
     );
     let mut values = vec![0.0; ordered.len()];
     for (ordered, i) in ordered.chunks(inputs.len()).zip(order) {
@@ -180,6 +184,7 @@ fn interpolate(
     let (row_len, stride) = (out.row_len().max(1), out.stride());
     let film_factor = film_factor(window);
     out.data_mut().par_chunks_mut(row_len).enumerate().for_each(|(y, out)| {
+        stop_if_cancelled();
         interpolate_row(guide, neighbourhood, grid, film_factor, values, y, stride, out);
     });
 }

@@ -151,13 +151,11 @@ impl<'a> WeightInputs<'a> {
         }
 
         // Otherwise select a pixel from each of `others` equal parts of the cluster, whose size is a fixed-point number
-        const FRACTION_BITS: u32 = 32;
         let mut rng = Pcg32::new(self.seed ^ own as u64, self.pass as u64);
-        let part = ((cluster.len() as u64) << FRACTION_BITS) / others.max(1) as u64;
+        let stratum = Stratum::new(cluster.len(), others);
         let (mut previous, mut repeats) = (usize::MAX, 0);
         for s in 0..others as u64 {
-            let jitter = (u64::from(rng.next_u32()) * part) >> FRACTION_BITS;
-            let p = ((s * part + jitter) >> FRACTION_BITS) as usize;
+            let p = stratum.element(s, rng.next_u32());
             let j = at(p);
             let j = if j == own { at((p + 1) % cluster.len()) } else { j };
             // A pixel that is selected again contributes its next sample.
@@ -173,6 +171,25 @@ impl<'a> WeightInputs<'a> {
         /// 2³² over the golden ratio: scatters neighbouring numbers (Knuth, vol. 3, section 6.4).
         const SCATTER: u32 = 0x9E37_79B9;
         ((pixel as u32 ^ self.seed as u32).wrapping_mul(SCATTER) >> 16) + self.pass as u32
+    }
+}
+
+/// The size of one of several equal parts of a sequence: a fixed-point number.
+struct Stratum(u64);
+
+impl Stratum {
+    const FRACTION_BITS: u32 = 32;
+
+    /// One of `parts` parts of a sequence of `len` elements, fewer than 2³².
+    fn new(len: usize, parts: usize) -> Self {
+        Self(((len as u64) << Self::FRACTION_BITS) / parts.max(1) as u64)
+    }
+
+    /// Returns an element of the part of this index, each with equal probability if `random` is uniform.
+    fn element(&self, index: u64, random: u32) -> usize {
+        // Of a part of more than one element the product has more than 64 bits
+        let jitter = ((u128::from(random) * u128::from(self.0)) >> Self::FRACTION_BITS) as u64;
+        ((index * self.0 + jitter) >> Self::FRACTION_BITS) as usize
     }
 }
 

@@ -99,17 +99,17 @@ fn the_bound_follows_from_median_and_deviation_inside_and_at_borders() {
                 .map(|i| grey[i]);
             let [median, deviation] = median_and_deviation(window.collect());
             let most = 8.0 * median + 4.0 * 1.48 * deviation;
-            let found = bound(&grey, (x, y), (width, height), &settings).expect("a firefly");
+            let found = bound(&grey, |_| true, (x, y), (width, height), &settings).expect("a firefly");
             let expected = if clamp_to_median { median } else { most };
             assert!((found - expected).abs() < 1e-5, "{x},{y}: {found} for {expected}");
             // The window's median does not change: the value stays on the same side of it.
             grey[y * width + x] = most * 1.001;
-            assert!(bound(&grey, (x, y), (width, height), &settings).is_some());
+            assert!(bound(&grey, |_| true, (x, y), (width, height), &settings).is_some());
             grey[y * width + x] = most * 0.999;
-            assert_eq!(bound(&grey, (x, y), (width, height), &settings), None);
+            assert_eq!(bound(&grey, |_| true, (x, y), (width, height), &settings), None);
         }
     }
-    assert_eq!(bound(&[1.0, 0.0, 0.0, 0.0], (0, 0), (2, 2), &FireflySettings::default()), None);
+    assert_eq!(bound(&[1.0, 0.0, 0.0, 0.0], |_| true, (0, 0), (2, 2), &FireflySettings::default()), None);
 }
 
 #[test]
@@ -154,4 +154,27 @@ fn bright_pixels_exceed_most_of_their_window_in_images_of_any_size() {
             }
         }
     }
+}
+
+#[test]
+fn pixels_without_samples_do_not_count_as_black() {
+    // A chequerboard of samples, some of them dark: the median of all pixels of the window is that of the dark ones
+    let (width, height) = (9, 9);
+    let mut image = Planes::new(width, height, 3);
+    let counts: Vec<u32> = (0..81).map(|i| u32::from(i % 2 == 0)).collect();
+    for (i, _) in counts.iter().enumerate().filter(|(_, n)| **n > 0) {
+        let value = match i {
+            40 => 1.5,
+            20 | 22 | 38 => 0.1,
+            _ => 1.0,
+        };
+        image.planes_mut().for_each(|plane| plane[i] = value);
+    }
+    let black = Planes::new(width, height, 3);
+    let none = vec![0; 81];
+    let found = clamp(&image, [&image, &black], [&counts, &none], &FireflySettings::default());
+    assert!(found.fireflies.is_empty(), "{:?}", found.fireflies);
+    image.planes_mut().for_each(|plane| plane[40] = 100.0);
+    let found = clamp(&image, [&image, &black], [&counts, &none], &FireflySettings::default());
+    assert_eq!(found.whole.plane(1)[40], 8.0, "8 times the median of the samples");
 }

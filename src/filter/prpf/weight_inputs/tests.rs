@@ -242,3 +242,24 @@ fn hit_fractions_above_one_do_not_add_pixels_without_samples_to_clusters() {
     });
     assert_eq!(taken, 64);
 }
+
+#[test]
+fn parts_of_a_cluster_select_every_pixel_equally_often() {
+    let mut rng = Pcg32::new(3, 5);
+    for (len, parts) in [(289, 248), (3025, 504), (40, 7)] {
+        let stratum = Stratum::new(len, parts);
+        let mut counts = vec![0; len];
+        let rounds = 400 * len / parts;
+        for _ in 0..rounds {
+            (0..parts).for_each(|s| counts[stratum.element(s as u64, rng.next_u32())] += 1);
+        }
+        let expected = (rounds * parts) as f64 / len as f64;
+        let least = *counts.iter().min().unwrap();
+        let most = *counts.iter().max().unwrap();
+        // Each is binomial, with a deviation of at most 5 %
+        assert!(
+            f64::from(least) > 0.7 * expected && f64::from(most) < 1.3 * expected,
+            "{least} to {most}, {expected}"
+        );
+    }
+}
