@@ -6,7 +6,7 @@ use glam::{DAffine3, DQuat, DVec3};
 
 use super::camera_move::CameraMove;
 use crate::scene::Camera;
-use crate::scene::camera::Projection;
+use crate::scene::camera::{Projection, is_window};
 
 /// Smallest angle between the view direction and the vertical, in radians; beyond it the camera would flip.
 const POLE_MARGIN: f64 = 0.05;
@@ -95,14 +95,10 @@ impl OrbitCamera {
 
     /// Tests whether all numbers are finite, the screen window is not empty and the focal distance is positive.
     fn is_valid(&self) -> bool {
-        let Camera { to_render, screen_window: [x0, x1, y0, y1], lens_radius, focal_distance, .. } =
-            &self.camera;
-        let window = [x0, x1, y0, y1, &(x1 - x0), &(y1 - y0)].into_iter().all(|v| v.is_finite());
+        let Camera { to_render, screen_window, lens_radius, focal_distance, .. } = &self.camera;
         let matrix = to_render.at_f64(self.camera.shutter_open).as_affine3a();
         let pivot = self.pivot.as_vec3();
-        window
-            && x0 < x1
-            && y0 < y1
+        is_window(*screen_window)
             && matrix.is_finite()
             && pivot.is_finite()
             && lens_radius.is_finite()
@@ -192,14 +188,15 @@ impl OrbitCamera {
 
     fn pan(&mut self, right: f64, down: f64) {
         let pose = Pose::new(&self.camera);
-        let [_, _, y_min, y_max] = self.camera.screen_window.map(f64::from);
+        let [x_min, x_max, y_min, y_max] = self.camera.screen_window.map(f64::from);
         let spread = match self.camera.projection {
             Projection::Perspective { tan_half_fov } => f64::from(tan_half_fov) * self.distance(),
             Projection::Orthographic => 1.0,
             // As for a perspective camera whose field of view is a right angle.
             Projection::Spherical(_) => self.distance(),
         };
-        let shift = (y_max - y_min) * spread * (down * pose.up - right * pose.right);
+        let [right, down] = [right * (x_max - x_min).signum(), down * (y_max - y_min).signum()];
+        let shift = (y_max - y_min).abs() * spread * (down * pose.up - right * pose.right);
         self.transform(DAffine3::from_translation(shift));
         self.pivot += shift;
     }

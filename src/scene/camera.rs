@@ -48,3 +48,8 @@ pub enum SphericalMapping {
 pub fn fitted_screen_window(aspect: f32) -> [f32; 4] {
     if aspect > 1.0 { [-aspect, aspect, -1.0, 1.0] } else { [-1.0, 1.0, -1.0 / aspect, 1.0 / aspect] }
 }
+
+/// Returns whether four numbers x0, x1, y0, y1 are a screen window: finite, with a width and a height, each of any sign.
+pub fn is_window([x0, x1, y0, y1]: [f32; 4]) -> bool {
+    [x1 - x0, y1 - y0].iter().all(|side| side.is_finite() && *side != 0.0)
+}

@@ -2,7 +2,7 @@
 
 use super::validation_error::Result;
 use super::values::{animated_transform, finite, positive, require};
-use crate::scene::camera::Projection;
+use crate::scene::camera::{Projection, is_window};
 use crate::scene::film::{MAX_PIXELS, MAX_SIDE};
 use crate::scene::{Camera, Film, PixelFilter};
 
@@ -12,8 +12,7 @@ pub fn check_camera(camera: &Camera) -> Result {
     if let Projection::Perspective { tan_half_fov } = camera.projection {
         positive(tan_half_fov, || "camera.projection.tan_half_fov".into())?;
     }
-    let [x0, x1, y0, y1] = camera.screen_window;
-    let valid = x0 < x1 && y0 < y1 && (x1 - x0).is_finite() && (y1 - y0).is_finite();
+    let valid = is_window(camera.screen_window);
     let value = format_args!("{:?}", camera.screen_window);
     require(valid, || "camera.screen_window".into(), value, "x min, x max, y min, y max of a rectangle")?;
 

@@ -62,7 +62,10 @@ fn invalid_films_and_cameras_are_named() {
     assert_eq!(invalid_field(|s| s.film.filter = filter), "film.filter.radius[1]");
     let filter = PixelFilter::Mitchell { radius: [2.0; 2], b: f32::NAN, c: 0.3 };
     assert_eq!(invalid_field(|s| s.film.filter = filter), "film.filter.b");
-    assert_eq!(invalid_field(|s| s.camera.screen_window[0] = 2.0), "camera.screen_window");
+    assert_eq!(
+        invalid_field(|s| s.camera.screen_window[0] = s.camera.screen_window[1]),
+        "camera.screen_window"
+    );
     assert_eq!(invalid_field(|s| s.camera.lens_radius = -1.0), "camera.lens_radius");
     assert_eq!(invalid_field(|s| s.camera.focal_distance = 0.0), "camera.focal_distance");
     assert_eq!(invalid_field(|s| s.camera.shutter_close = -1.0), "camera.shutter_close");

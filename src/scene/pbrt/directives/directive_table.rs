@@ -128,7 +128,15 @@ impl SceneBuilder {
             if is_misplaced {
                 continue;
             }
-            (directive.run)(self, &statement)?;
+            if let Err(error) = (directive.run)(self, &statement) {
+                // A material, a texture or a light with a wrong parameter
+                let has_parameters = matches!(directive.arguments, Arguments::Parameters(_));
+                if !(has_parameters && directive.phase == Phase::World) {
+                    return Err(error);
+                }
+                self.warn_or_fail(error, &format!("the {} is ignored", directive.name))?;
+                statement.params.mark_all_used();
+            }
 
             // Parameters of options are looked up at WorldBegin
             if directive.phase != Phase::Options {

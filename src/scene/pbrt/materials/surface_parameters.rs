@@ -4,6 +4,7 @@ use glam::Vec3;
 
 use crate::scene::material::{Metal, Roughness, RoughnessScale};
 use crate::scene::pbrt::builder::SceneBuilder;
+use crate::scene::pbrt::dialect::Dialect;
 use crate::scene::pbrt::parser::{ParameterDictionary, ParameterType, Result};
 use crate::scene::pbrt::spectrum::Spectrum;
 use crate::scene::texture::{FloatTextureId, Texture};
@@ -11,7 +12,9 @@ use crate::scene::texture::{FloatTextureId, Texture};
 impl SceneBuilder {
     /// A conductor from `eta` and `k`, or from `reflectance`; copper by default.
     pub fn metal(&mut self, params: &ParameterDictionary, prefix: &str) -> Result<Metal> {
-        let named = |name: &str| Spectrum::named(name).map_or(Vec3::ZERO, |spectrum| spectrum.reflectance());
+        let dialect = self.dialect;
+        let named =
+            |name: &str| Spectrum::named(name).map_or(Vec3::ZERO, |spectrum| dialect.reflectance(&spectrum));
         if params.get("reflectance").is_some() {
             return Ok(Metal::Reflectance(self.rgb_texture_or(params, "reflectance", Vec3::ONE)?));
         }
@@ -28,7 +31,9 @@ impl SceneBuilder {
         prefix: &str,
         default: f64,
     ) -> Result<Roughness> {
-        let common = self.float_texture_or(params, &format!("{prefix}roughness"), default)?;
+        let name = format!("{prefix}roughness");
+        let common = self.float_texture_or(params, &name, default)?;
+        self.warn_of_negative(params, &name);
         let along = [Some("u"), Some("v")];
         self.roughness_along(params, prefix, along, common)
     }
@@ -36,6 +41,7 @@ impl SceneBuilder {
     /// `roughness` alone, of materials of the older dialects.
     pub fn isotropic_roughness(&mut self, params: &ParameterDictionary, default: f64) -> Result<Roughness> {
         let common = self.float_texture_or(params, "roughness", default)?;
+        self.warn_of_negative(params, "roughness");
         self.roughness_along(params, "", [None; 2], common)
     }
 
@@ -53,21 +59,24 @@ impl SceneBuilder {
         axes: [Option<&str>; 2],
         common: FloatTextureId,
     ) -> Result<Roughness> {
-        for name in ["roughness", "uroughness", "vroughness"].map(|name| format!("{prefix}{name}")) {
-            if let Ok(Some(value)) = params.float(&name)
-                && value < 0.0
-            {
-                let message = format!("\"{name}\" is {value}; expected a number from 0 up");
-                self.warnings.add(params.loc, message);
-            }
-        }
         let [u, v] = axes.map(|axis| {
             let name = format!("{prefix}{}roughness", axis?);
+            self.warn_of_negative(params, &name);
             params.get(&name).map(|_| self.float_texture_or(params, &name, 0.0))
         });
         let (u, v) = (u.unwrap_or(Ok(common))?, v.unwrap_or(Ok(common))?);
         let remap = params.bool_or("remaproughness", true)?;
         Ok(Roughness { u, v, scale: self.dialect.roughness_scale(remap) })
+    }
+
+    /// Warns of a number below 0.
+    fn warn_of_negative(&mut self, params: &ParameterDictionary, name: &str) {
+        if let Ok(Some(value)) = params.float(name)
+            && value < 0.0
+        {
+            let message = format!("\"{name}\" is {value}; expected a number from 0 up");
+            self.warnings.add(params.loc, message);
+        }
     }
 
     /// The roughness of a perfectly smooth surface.
@@ -76,7 +85,8 @@ impl SceneBuilder {
         Roughness { u: zero, v: zero, scale: RoughnessScale::Alpha }
     }
 
-    /// An index of refraction: a number, or a spectrum evaluated at the d line.
+    /// An index of refraction: a number, or a spectrum evaluated at the d line. In the older dialects it may be a texture, of which
+    /// constant ones are supported.
     pub fn refractive_index(
         &mut self,
         params: &ParameterDictionary,
@@ -86,6 +96,15 @@ impl SceneBuilder {
         let Some(param) = params.get(name) else { return Ok(default as f32) };
         let eta = match param.kind {
             ParameterType::Float | ParameterType::Integer => params.float_or(name, default)?,
+            ParameterType::Texture if self.dialect != Dialect::V4 => {
+                let texture = self.float_texture_or(params, name, default)?;
+                let constant = self.textures.constant_float(texture).map(f64::from);
+                if constant.is_none() {
+                    let message = format!("textures of \"{name}\" are not supported; using {default}");
+                    self.warnings.add(param.loc, message);
+                }
+                constant.unwrap_or(default)
+            }
             _ => {
                 self.warnings.add(
                     param.loc,

@@ -5,7 +5,7 @@ use std::f64::consts::PI;
 use glam::{DAffine3, DVec3};
 
 use super::option_entity::OptionEntity;
-use crate::scene::camera::{Projection, SphericalMapping};
+use crate::scene::camera::{Projection, SphericalMapping, is_window};
 use crate::scene::pbrt::builder::SceneBuilder;
 use crate::scene::pbrt::dialect::Dialect;
 use crate::scene::pbrt::directives::transforms::inverse;
@@ -80,9 +80,9 @@ fn screen_window(builder: &mut SceneBuilder, entry: &OptionEntity, film: &Film) 
             [-x, x, -y, y]
         }
     };
-    // Check the window in `f32`, the precision of the scene
+    // Check the window in `f32`, the precision of the scene. One that is reversed mirrors the image
     let [x0, x1, y0, y1] = window.map(|side| side as f32);
-    if x0 < x1 && y0 < y1 && (x1 - x0).is_finite() && (y1 - y0).is_finite() {
+    if is_window([x0, x1, y0, y1]) {
         return Ok([x0, x1, y0, y1]);
     }
     let message = "\"screenwindow\" is not a rectangle; expected x min, x max, y min, y max";
@@ -122,7 +122,7 @@ fn projection(builder: &mut SceneBuilder, entry: &OptionEntity, half_short_side:
     })
 }
 
-/// Lens radius and focal distance. A spherical camera is always a pinhole.
+/// Lens radius and focal distance, which is any number without a lens. A spherical camera is always a pinhole.
 fn lens(entry: &OptionEntity, projection: &Projection) -> Result<(f32, f32)> {
     let OptionEntity { kind, params, loc, .. } = entry;
     let realistic = *kind == "realistic";
@@ -135,12 +135,15 @@ fn lens(entry: &OptionEntity, projection: &Projection) -> Result<(f32, f32)> {
         let message = format!("\"lensradius\" is {lens_radius}; expected a number of at least 0");
         return Err(ParseError::new(*loc, message));
     }
-    let focal_distance = match realistic {
-        true => params.positive_or("focusdistance", 10.0)?,
-        false => params.positive_or("focaldistance", 1e6)?,
+    let lens_radius = if matches!(projection, Projection::Spherical(_)) { 0.0 } else { lens_radius as f32 };
+    let (name, default) = if realistic { ("focusdistance", 10.0) } else { ("focaldistance", 1e6) };
+    let focal_distance = match params.float_or(name, default)? {
+        found if lens_radius > 0.0 || found as f32 > 0.0 => {
+            params.positive_or(name, default).map(|_| found)?
+        }
+        _ => default,
     };
-    let has_lens = !matches!(projection, Projection::Spherical(_));
-    Ok((if has_lens { lens_radius as f32 } else { 0.0 }, (focal_distance as f32).max(f32::MIN_POSITIVE)))
+    Ok((lens_radius, (focal_distance as f32).max(f32::MIN_POSITIVE)))
 }
 
 /// The mapping of a spherical camera. The older dialects' `environment` is always lat-long.
@@ -202,6 +205,24 @@ mod tests {
         }
         let near = header("Camera \"perspective\" \"float focaldistance\" 1e-40");
         assert_eq!(near.camera.focal_distance, f32::MIN_POSITIVE);
+    }
+
+    #[test]
+    fn a_pinhole_has_any_focal_distance_and_a_lens_one_above_zero() {
+        for kind in ["perspective", "spherical"] {
+            let scene =
+                header(&format!("Camera \"{kind}\" \"float lensradius\" 0 \"float focaldistance\" 0"));
+            assert_eq!((scene.camera.lens_radius, scene.camera.focal_distance), (0.0, 1e6));
+        }
+        let lens = "Camera \"perspective\" \"float lensradius\" 0.1 \"float focaldistance\" 0 WorldBegin";
+        let error = read_str(lens, Path::new("")).map(|_| ()).unwrap_err().to_string();
+        assert!(error.contains("\"focaldistance\" is 0; expected a number above 0"), "{error}");
+    }
+
+    #[test]
+    fn a_reversed_screen_window_mirrors_the_image() {
+        let scene = header("Camera \"perspective\" \"float screenwindow\" [1 -1 -1 1]");
+        assert_eq!(scene.camera.screen_window, [1.0, -1.0, -1.0, 1.0]);
     }
 
     #[test]

@@ -122,7 +122,7 @@ impl<'a> Lexer<'a> {
                 }
                 b'#' => {
                     let rest = &self.text[self.at..];
-                    self.at += rest.iter().position(|&b| b == b'\n').unwrap_or(rest.len());
+                    self.at += rest.iter().position(|b| b"\n\r".contains(b)).unwrap_or(rest.len());
                 }
                 _ if byte.is_ascii_whitespace() => self.at += 1,
                 _ => break,

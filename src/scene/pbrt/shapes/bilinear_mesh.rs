@@ -2,7 +2,7 @@
 //!
 //! A parallelogram becomes two triangles, which are exact. Any other patch becomes a grid of
 //! [`STEPS`] steps a side with the patch's normals; its error is at most 1/1024 of the patch's twist
-//! (the distance between the midpoints of its diagonals).
+//! (the distance between the midpoints of its diagonals). Patches of a large mesh, which are small, get fewer steps.
 
 use std::ops::{Add, Mul};
 
@@ -15,6 +15,8 @@ use crate::scene::pbrt::parser::{ParameterDictionary, ParseError, Result};
 
 /// Steps along each side of a patch that is not a parallelogram.
 const STEPS: u32 = 16;
+/// Triangles of a mesh with as many steps.
+const MANY_TRIANGLES: usize = 1 << 22;
 /// Largest twist of a parallelogram, as a fraction of its diagonal.
 const FLAT: f64 = 1e-7;
 /// Default (u, v) of the corners.
@@ -54,6 +56,7 @@ impl SceneBuilder {
         }
 
         // Tessellate them
+        let steps = steps(patches.len());
         let mut mesh = MeshDescription::default();
         for patch in patches {
             let corners = patch.map(|index| index as usize);
@@ -63,6 +66,7 @@ impl SceneBuilder {
                 corners.map(|i| positions[i]),
                 given(&normals),
                 if uvs.is_empty() { CORNERS } else { corners.map(|i| uvs[i]) },
+                steps,
             );
             if mesh.indices.len() > MAX_TRIANGLES {
                 let message = format!(
@@ -83,11 +87,23 @@ where
     (a * (1.0 - s) + b * s) * (1.0 - t) + (c * (1.0 - s) + d * s) * t
 }
 
-/// Appends the triangles of one patch.
-fn add_patch(mesh: &mut MeshDescription, corners: [DVec3; 4], normals: Option<[DVec3; 4]>, uvs: [DVec2; 4]) {
+/// Returns the steps along each side of the patches of a mesh.
+fn steps(patches: usize) -> u32 {
+    let affordable = (MANY_TRIANGLES as f64 / (2.0 * patches.max(1) as f64)).sqrt() as u32;
+    affordable.clamp(1, STEPS)
+}
+
+/// Appends the triangles of one patch, of `most` steps along each side unless it is a parallelogram.
+fn add_patch(
+    mesh: &mut MeshDescription,
+    corners: [DVec3; 4],
+    normals: Option<[DVec3; 4]>,
+    uvs: [DVec2; 4],
+    most: u32,
+) {
     let [a, b, c, d] = corners;
     let twist = (a + d - b - c).length();
-    let steps = if twist <= FLAT * a.distance(d).max(b.distance(c)) { 1 } else { STEPS };
+    let steps = if twist <= FLAT * a.distance(d).max(b.distance(c)) { 1 } else { most };
     let first = mesh.positions.len() as u32;
     for row in 0..=steps {
         let t = f64::from(row) / f64::from(steps);
@@ -128,6 +144,13 @@ mod tests {
         assert_eq!(mesh.indices, [[0, 1, 3], [0, 3, 2]]);
         assert_eq!(mesh.normals[0], glam::Vec3::Z);
         assert_eq!(mesh.uvs[3], glam::Vec2::ONE);
+    }
+
+    #[test]
+    fn patches_of_a_large_mesh_get_fewer_steps() {
+        assert_eq!([1, 1000, 8192].map(super::steps), [16; 3]);
+        assert_eq!(super::steps(100_000), 4);
+        assert_eq!(super::steps(usize::MAX), 1);
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! Meshes as files describe them, and their conversion to [`TriangleMesh`]: transformed in f64 and
 //! validated.
 
-use glam::{DAffine3, DVec2, DVec3, Vec3};
+use glam::{DAffine3, DVec2, DVec3, Vec2, Vec3};
 
 use crate::scene::{MeshTangents, TriangleMesh};
 
@@ -26,7 +26,7 @@ impl MeshDescription {
     /// reversed.
     ///
     /// # Errors
-    /// One sentence, if a value is not finite, an index is out of range, or a list has the wrong
+    /// One sentence, if a coordinate of a triangle is not finite, an index is out of range, or a list has the wrong
     /// length.
     pub fn bake(
         &self,
@@ -41,16 +41,18 @@ impl MeshDescription {
                 return Err(format!("{length} {name} for {count} vertices; expected none or as many"));
             }
         }
-        let positions: Vec<Vec3> =
+        let mut positions: Vec<Vec3> =
             self.positions.iter().map(|&p| transform.transform_point3(p).as_vec3()).collect();
-        if let Some(vertex) = positions.iter().position(|p| !p.is_finite()) {
-            return Err(format!("vertex {vertex} is not finite; expected finite coordinates"));
-        }
-        if let Some(uv) = self.uvs.iter().position(|uv| !uv.as_vec2().is_finite()) {
-            return Err(format!("uv {uv} is not finite; expected finite coordinates"));
-        }
         if let Some(index) = self.indices.as_flattened().iter().find(|&&index| index as usize >= count) {
             return Err(format!("index {index} of {count} vertices; expected 0 to {}", count as i64 - 1));
+        }
+        if positions.iter().any(|p| !p.is_finite()) {
+            let mut corners = self.indices.as_flattened().iter().map(|&index| index as usize);
+            if let Some(vertex) = corners.find(|&vertex| !positions[vertex].is_finite()) {
+                return Err(format!("vertex {vertex} is not finite; expected finite coordinates"));
+            }
+            // No triangle has them
+            positions.iter_mut().filter(|p| !p.is_finite()).for_each(|p| *p = Vec3::ZERO);
         }
 
         // Transform the normals and add the triangles
@@ -58,7 +60,9 @@ impl MeshDescription {
         let sign = if reverse { -1.0 } else { 1.0 };
         let normals: Vec<Vec3> =
             self.normals.iter().map(|&n| (sign * (to_normal * n)).normalize_or_zero().as_vec3()).collect();
-        let uvs = self.uvs.iter().map(|uv| uv.as_vec2()).collect();
+        // Exporters write those of triangles without area in the texture as NaN
+        let finite = |uv: Vec2| if uv.is_finite() { uv } else { Vec2::ZERO };
+        let uvs = self.uvs.iter().map(|uv| finite(uv.as_vec2())).collect();
         let indices = Vec::with_capacity(self.indices.len());
         let mut mesh = TriangleMesh { positions, normals, uvs, indices, tangents: self.tangents };
         for &triangle in &self.indices {
@@ -142,6 +146,16 @@ mod tests {
         mesh.indices.push([0, 1, 1]);
         let baked = mesh.bake(DAffine3::IDENTITY, false, false).unwrap();
         assert_eq!(baked.normals, [Vec3::Z; 3]);
+        assert_eq!(baked.indices, [[0, 1, 2]]);
+    }
+
+    #[test]
+    fn uvs_that_are_not_finite_are_zero_and_so_are_vertices_of_no_triangle() {
+        let mut mesh = triangle();
+        mesh.positions.push(DVec3::INFINITY);
+        mesh.uvs = vec![DVec2::ONE, DVec2::new(f64::NAN, 1.0), DVec2::X, DVec2::ONE];
+        let baked = mesh.bake(DAffine3::IDENTITY, false, false).unwrap();
+        assert_eq!((baked.uvs[1], baked.positions[3]), (Vec2::ZERO, Vec3::ZERO));
         assert_eq!(baked.indices, [[0, 1, 2]]);
     }
 

@@ -1,7 +1,7 @@
 //! `plymesh`: triangle meshes in PLY files, ASCII or binary, gzipped or not.
 
 use std::fmt;
-use std::io::{BufRead, Read};
+use std::io::{self, BufRead, Read};
 use std::path::Path;
 
 use glam::{DVec2, DVec3};
@@ -11,6 +11,9 @@ use serde_ply::{PlyHeader, PlyReader};
 use super::mesh_description::MeshDescription;
 use crate::memory::check_available;
 use crate::scene::pbrt::files::{self, Source};
+
+/// In bytes.
+const LONGEST_HEADER: u64 = 1 << 20;
 
 /// Reads a mesh. Quads become two triangles, whose corners are in pbrt-v3's order; other polygons become fans.
 ///
@@ -26,9 +29,24 @@ pub fn read(path: &Path) -> Result<MeshDescription, String> {
     read_from(reader.chain(&b"\n"[..]), max_length)
 }
 
+/// Reads the header, of whose comments and names other characters than ASCII's become question marks: they may be in any encoding.
+fn ascii_header(reader: &mut impl BufRead) -> io::Result<Vec<u8>> {
+    let mut reader = reader.take(LONGEST_HEADER);
+    let mut header = Vec::new();
+    loop {
+        let start = header.len();
+        let length = reader.read_until(b'\n', &mut header)?;
+        if length == 0 || header[start..].trim_ascii() == b"end_header" {
+            header.iter_mut().filter(|byte| !byte.is_ascii()).for_each(|byte| *byte = b'?');
+            return Ok(header);
+        }
+    }
+}
+
 /// Reads a mesh of at most `max_length` bytes.
-fn read_from(reader: impl BufRead, max_length: u64) -> Result<MeshDescription, String> {
-    let mut reader = PlyReader::from_reader(reader).map_err(|error| error.to_string())?;
+fn read_from(mut reader: impl BufRead, max_length: u64) -> Result<MeshDescription, String> {
+    let header = ascii_header(&mut reader).map_err(|error| error.to_string())?;
+    let mut reader = PlyReader::from_reader(header.chain(reader)).map_err(|error| error.to_string())?;
     check(reader.header(), max_length)?;
     let mut mesh = MeshDescription::default();
     let mut missing = NEEDED.to_vec();
@@ -285,6 +303,13 @@ mod tests {
         bytes.extend([1, 2, 3, 4, 9, 4]);
         (0..4).for_each(|i| bytes.extend(index(i)));
         bytes
+    }
+
+    #[test]
+    fn comments_may_be_in_any_encoding() {
+        let latin_1 = ASCII.replace("a square", "K\u{1}rper");
+        let bytes: Vec<u8> = latin_1.bytes().map(|byte| if byte == 1 { 0xF6 } else { byte }).collect();
+        assert_square(&read_bytes("a.ply", &bytes).unwrap());
     }
 
     fn assert_square(mesh: &MeshDescription) {

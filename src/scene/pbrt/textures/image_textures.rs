@@ -82,7 +82,8 @@ impl SceneBuilder {
 /// The encoding that parameters ask for, if any: `encoding`, or the older dialects' `gamma`, which
 /// v3 accepts as a truth value only.
 pub fn image_encoding(params: &ParameterDictionary, dialect: Dialect) -> Result<Option<Encoding>> {
-    if let Some(param) = params.get("gamma").filter(|_| dialect != Dialect::V4) {
+    let gamma = if dialect == Dialect::V4 { None } else { params.get("gamma") };
+    if let Some(param) = gamma {
         return match param.kind {
             ParameterType::Bool if !params.bool_or("gamma", true)? => Ok(Some(Encoding::Linear)),
             ParameterType::Bool => Ok(Some(Encoding::Srgb)),

@@ -47,8 +47,15 @@ impl SceneBuilder {
         self.sampled_spectrum(param, &numbers)
     }
 
-    fn sampled_spectrum(&self, param: &Parameter, numbers: &[f64]) -> Result<Spectrum> {
+    fn sampled_spectrum(&mut self, param: &Parameter, numbers: &[f64]) -> Result<Spectrum> {
         let spectrum = match self.dialect.sorts_spectra() {
+            true if numbers.len() > 1 && !numbers.len().is_multiple_of(2) => {
+                let message =
+                    format!("the last of {} numbers of \"{}\" is ignored", numbers.len(), param.name);
+                self.warnings
+                    .add(param.loc, format!("{message}; expected pairs of wavelength (nm) and value"));
+                Spectrum::from_unsorted_numbers(&numbers[..numbers.len() - 1])
+            }
             true => Spectrum::from_unsorted_numbers(numbers),
             false => Spectrum::from_numbers(numbers),
         };

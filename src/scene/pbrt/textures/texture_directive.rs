@@ -9,7 +9,7 @@ use crate::scene::pbrt::parser::{ParameterDictionary, ParseError, Result, Statem
 use crate::scene::texture::{ImageTexture, Procedural, Texture, TextureMapping};
 
 /// Depth limit of texture expressions.
-const MAX_TEXTURE_DEPTH: usize = 12;
+const MAX_TEXTURE_DEPTH: usize = 30;
 /// Largest number of textures in an expression; evaluation follows every branch, at each point that is shaded.
 const MAX_EVALUATIONS: usize = 8192;
 /// Largest number of noise octaves. Higher octaves are finer than the precision of coordinates.
@@ -204,9 +204,9 @@ mod tests {
         assert!(read(&mixes(7)).is_ok());
         let too_many = read(&mixes(8)).unwrap_err();
         assert!(too_many.line == 9 && too_many.message.contains("of 9840 others"), "{too_many}");
-        assert!(read(&nested(12, "scale", &["tex"])).is_ok());
-        let too_deep = read(&nested(13, "scale", &["tex"])).unwrap_err();
-        assert!(too_deep.line == 14 && too_deep.message.contains("nested too deep"), "{too_deep}");
+        assert!(read(&nested(30, "scale", &["tex"])).is_ok());
+        let too_deep = read(&nested(31, "scale", &["tex"])).unwrap_err();
+        assert!(too_deep.line == 32 && too_deep.message.contains("nested too deep"), "{too_deep}");
     }
 
     #[test]
