@@ -108,6 +108,13 @@ impl InterleavedPlanes {
         self.data[y * self.row_len() + at..][..self.row_len()].chunks_exact(self.stride)
     }
 
+    /// Returns `N` values of a row of one plane, from index `at` of the row with margins on. They may extend past its end.
+    #[inline(always)]
+    pub fn span<const N: usize>(&self, plane: usize, y: usize, at: usize) -> &[f32; N] {
+        let start = (y * self.count + plane) * self.stride + at;
+        self.data[start..start + N].try_into().expect("as many values")
+    }
+
     /// Returns one row of one plane without margins.
     #[inline]
     pub fn row(&self, plane: usize, y: usize) -> &[f32] {

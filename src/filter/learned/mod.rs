@@ -15,6 +15,7 @@
 //! 9. Variance, residual and error follow from the halves, which are filtered with the same weights.
 
 mod affinity;
+mod block_convolution;
 mod brightness;
 mod convolution;
 mod dual_image;

@@ -4,6 +4,7 @@
 use rayon::prelude::*;
 
 use super::affinity::{self, DILATIONS, PLANES_PER_LEVEL};
+use super::block_convolution::BlockConvolution;
 use super::convolution::{Convolution, MARGIN};
 use super::input_statistics::INPUTS;
 use super::weight_file::{WeightFile, WeightFileError};
@@ -16,18 +17,21 @@ pub const MIXTURE: usize = 6;
 /// Predicted planes: those of the levels' kernels, then those of the mixture.
 const OUTPUTS: usize = DILATIONS.len() * PLANES_PER_LEVEL + MIXTURE;
 
-/// Distance in pixels from which inputs can change a prediction: from a border of 16×16 pixels, which are one of the coarsest
-/// level, a pixel beyond it on the levels of 2, 4, 8 and 16 pixels on the way up, and two on those of 8 and 4 and one on that
-/// of 2 on the way down, each rounded to whole pixels of its level.
-pub const REACH: usize = 58;
+/// Distance in pixels from which inputs can change a prediction. On the way from the last layer's row to the inputs each layer reads a row
+/// further, and a block of rows up to three more, since rounding depends on all of a block: 1 on the level of 2 pixels, then 4 on that of 4,
+/// 3 on those of 8 and 16, 8, 17, 20 and 41 rows in all.
+pub const REACH: usize = 82;
 
-/// The layers, from fine to coarse and back.
+/// The layers, from fine to coarse and back. Parts of an image begin with whole blocks of rows on the two finest levels, which take most of
+/// the time.
 pub struct Network {
-    enter: Convolution,
-    down: [[Convolution; 2]; 2],
-    coarsest: Convolution,
-    /// From coarse to fine.
-    up: [Convolution; 3],
+    enter: BlockConvolution,
+    down1: [BlockConvolution; 2],
+    down2: [Convolution; 2],
+    down3: Convolution,
+    up2: Convolution,
+    up1: BlockConvolution,
+    up0: BlockConvolution,
     /// The last layer in parts: the kernels of each level, and the mixture.
     leave: Vec<Convolution>,
 }
@@ -39,7 +43,8 @@ impl Network {
     /// If the bytes are no weights of this network.
     pub fn new(bytes: &[u8]) -> Result<Self, WeightFileError> {
         let weights = WeightFile::new(bytes)?;
-        let layer = |name, inputs, outputs| weights.layer(name, 3, inputs, outputs);
+        let layer = |name, inputs, outputs| weights.layer(name, inputs, outputs);
+        let block_layer = |name, inputs, outputs| weights.block_layer(name, inputs, outputs);
         let leave = weights.tensors("leave", 1, 48, 4 * OUTPUTS)?;
         let planes = (0..OUTPUTS).collect::<Vec<usize>>();
         let leave = planes.chunks(PLANES_PER_LEVEL).map(|planes| {
@@ -47,13 +52,13 @@ impl Network {
             leave.select(&(0..4).flat_map(of_pixel).collect::<Vec<_>>())
         });
         Ok(Self {
-            enter: layer("enter", 4 * INPUTS, 48)?,
-            down: [
-                [layer("down1a", 48, 64)?, layer("down1b", 64, 64)?],
-                [layer("down2a", 64, 96)?, layer("down2b", 96, 96)?],
-            ],
-            coarsest: layer("down3", 96, 96)?,
-            up: [layer("up2", 96 + 96, 96)?, layer("up1", 96 + 64, 48)?, layer("up0", 48 + 48, 48)?],
+            enter: block_layer("enter", 4 * INPUTS, 48)?,
+            down1: [block_layer("down1a", 48, 64)?, block_layer("down1b", 64, 64)?],
+            down2: [layer("down2a", 64, 96)?, layer("down2b", 96, 96)?],
+            down3: layer("down3", 96, 96)?,
+            up2: layer("up2", 96 + 96, 96)?,
+            up1: block_layer("up1", 96 + 64, 48)?,
+            up0: block_layer("up0", 48 + 48, 48)?,
             leave: leave.collect(),
         })
     }
@@ -64,19 +69,17 @@ impl Network {
         let fine = self.enter.activate(&inputs);
         // Planes are freed as soon as they are read: here the filter takes most memory
         drop(inputs);
-        let [middle, coarse] = &self.down;
-        let descend = |[a, b]: &[Convolution; 2], x: &InterleavedPlanes| b.activate(&a.activate(&shrink(x)));
-        let middle = descend(middle, &fine);
-        let coarse = descend(coarse, &middle);
-        let coarsest = self.coarsest.activate(&shrink(&coarse));
+        let [a, b] = &self.down1;
+        let middle = b.activate(&a.activate(&shrink(&fine)));
+        let [a, b] = &self.down2;
+        let coarse = b.activate(&a.activate(&shrink(&middle)));
+        let coarsest = self.down3.activate(&shrink(&coarse));
 
         // Up, each level beside what it was made of
-        let up = self.up.iter().zip([coarse, middle, fine]);
-        let last = up.fold(coarsest, |x, (layer, skipped)| {
-            let both = grow_beside(&x, &skipped);
-            drop((x, skipped));
-            layer.activate(&both)
-        });
+        let grown = |x: InterleavedPlanes, skipped: InterleavedPlanes| grow_beside(&x, &skipped);
+        let coarse = self.up2.activate(&grown(coarsest, coarse));
+        let middle = self.up1.activate(&grown(coarse, middle));
+        let last = self.up0.activate(&grown(middle, fine));
         Prediction { network: self, last, width, height }
     }
 }

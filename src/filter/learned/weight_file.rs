@@ -6,6 +6,7 @@
 use half::f16;
 use safetensors::{Dtype, SafeTensorError, SafeTensors};
 
+use super::block_convolution::BlockConvolution;
 use super::convolution::Convolution;
 
 /// The format of this version.
@@ -45,16 +46,21 @@ impl<'a> WeightFile<'a> {
         SafeTensors::deserialize(bytes).map(Self).map_err(no_weights)
     }
 
-    /// Returns a layer with a kernel of `side`×`side` pixels.
-    pub fn layer(
+    /// Returns a layer with a kernel of 3×3 pixels.
+    pub fn layer(&self, name: &str, inputs: usize, outputs: usize) -> Result<Convolution, WeightFileError> {
+        let Tensors { side, weights, bias, .. } = self.tensors(name, 3, inputs, outputs)?;
+        Ok(Convolution::new(side, inputs, &weights, &bias))
+    }
+
+    /// Returns the same for images whose parts begin with whole blocks of rows.
+    pub fn block_layer(
         &self,
         name: &str,
-        side: usize,
         inputs: usize,
         outputs: usize,
-    ) -> Result<Convolution, WeightFileError> {
-        let Tensors { weights, bias, .. } = self.tensors(name, side, inputs, outputs)?;
-        Ok(Convolution::new(side, inputs, &weights, &bias))
+    ) -> Result<BlockConvolution, WeightFileError> {
+        let Tensors { weights, bias, .. } = self.tensors(name, 3, inputs, outputs)?;
+        Ok(BlockConvolution::new(inputs, &weights, &bias))
     }
 
     /// Returns the weights and the bias of a layer.
