@@ -65,8 +65,13 @@ fn a_render_resumed_from_any_step_ends_in_the_same_image() {
         for checkpoint in checkpoints {
             // By way of a file
             let streams = vec![Stream::new(5, Shard::WHOLE)];
-            let state =
-                RenderState { metadata: metadata.clone(), settings: settings.clone(), streams, checkpoint };
+            let state = RenderState {
+                metadata: metadata.clone(),
+                settings: settings.clone(),
+                weights: None,
+                streams,
+                checkpoint,
+            };
             let mut file = Vec::new();
             state::encode(&state, &mut file);
             let checkpoint = state::decode(&file).expect("a state").checkpoint;

@@ -6,6 +6,7 @@ use anyhow::Context;
 
 use super::failure::Failure;
 use super::state_options::StateOptions;
+use super::terminal::{escaped, print_error};
 use crate::progressive::{Checkpoint, Settings};
 use crate::render::Renderer;
 use crate::state::{Checkpoints, ImageMetadata, RenderState};
@@ -23,16 +24,25 @@ pub(super) fn read(
     asked: BlockSet,
 ) -> anyhow::Result<Option<Checkpoint>> {
     // An empty file is a reserved name
-    let has_content = |path: &&Path| std::fs::metadata(path).is_ok_and(|file| file.len() > 0 || !file.is_file());
+    let has_content =
+        |path: &&Path| std::fs::metadata(path).is_ok_and(|file| file.len() > 0 || !file.is_file());
     let Some(path) = options.state.as_deref().filter(|_| options.resume).filter(has_content) else {
         return Ok(None);
     };
     let state = RenderState::read(path)?;
+    warn_of_weights(path, &state);
     let stream = options.stream(settings.seed);
     state
         .can_resume(metadata, stream, &renderer.layout_of(BlockSet::ALL), settings, asked)
         .with_context(|| path.display().to_string())?;
     Ok(Some(state.checkpoint))
+}
+
+/// Warns if the weights in use are not those by which a state's render filtered.
+pub(super) fn warn_of_weights(path: &Path, state: &RenderState) {
+    if let Some(difference) = state.other_weights() {
+        print_error(&escaped(&format!("warning: {}: {difference}", path.display())));
+    }
 }
 
 /// Begins to write checkpoints, if the options name a file.

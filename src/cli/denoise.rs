@@ -6,6 +6,7 @@ use std::time::Instant;
 use anyhow::{anyhow, bail};
 use clap::Args;
 
+use super::checkpoints::warn_of_weights;
 use super::command_line::command_line;
 use super::denoise_images;
 use super::denoiser_options::DenoiserOptions;
@@ -81,9 +82,13 @@ fn denoise(options: &DenoiseOptions, start: Instant) -> Result<u8, Failure> {
     }
 
     // Filter the state
-    let RenderState { metadata, settings, checkpoint, .. } =
-        RenderState::read(&options.inputs[0]).map_err(|error| Failure::Input(error.into()))?;
-    let denoiser = options.denoiser.choose(settings.denoiser).map_err(Failure::Input)?;
+    let state = RenderState::read(&options.inputs[0]).map_err(|error| Failure::Input(error.into()))?;
+    // Other weights have to be chosen before any are used
+    let denoiser = options.denoiser.choose(state.settings.denoiser).map_err(Failure::Input)?;
+    if options.denoiser.weights.is_none() && denoiser.name().method == state.settings.denoiser.name().method {
+        warn_of_weights(&options.inputs[0], &state);
+    }
+    let RenderState { metadata, settings, checkpoint, .. } = state;
     let settings = Settings { denoiser, ..settings };
     let Filtered { result, side, estimate, .. } = filter(&checkpoint, &settings)?;
 

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use anyhow::{Context, anyhow};
 use clap::Args;
 
+use super::checkpoints::warn_of_weights;
 use super::failure::Failure;
 use super::workers::in_pool;
 use super::{denoise, parse, terminal};
@@ -45,6 +46,7 @@ pub(super) fn run(options: &ExportOptions) -> Result<u8, Failure> {
         .and_then(|()| are_distinct([&*options.state], &[&options.outfile]));
     checked.map_err(|error| Failure::Input(error.into()))?;
     let state = RenderState::read(&options.state).map_err(|error| Failure::Input(error.into()))?;
+    warn_of_weights(&options.state, &state);
     let denoiser = state.settings.denoiser;
     if let Some(reason) = denoiser.missing() {
         let error =

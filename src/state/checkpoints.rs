@@ -12,6 +12,7 @@ use super::image_metadata::ImageMetadata;
 use super::render_state::RenderState;
 use super::stream::Stream;
 use crate::files::error_message;
+use crate::filter::weights_of;
 use crate::progressive::{Checkpoint, Settings};
 use crate::render::Renderer;
 use crate::stats::Store;
@@ -97,7 +98,8 @@ impl Checkpoints {
     }
 
     fn state(&self, settings: &Settings, metadata: ImageMetadata, checkpoint: Checkpoint) -> RenderState {
-        RenderState { metadata, settings: settings.clone(), streams: vec![self.stream], checkpoint }
+        let weights = weights_of(settings.denoiser.name()).map(str::to_owned);
+        RenderState { metadata, settings: settings.clone(), weights, streams: vec![self.stream], checkpoint }
     }
 
     fn error(&self, cause: Arc<io::Error>) -> CheckpointError {

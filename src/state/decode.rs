@@ -54,6 +54,7 @@ pub fn decode(file: &[u8]) -> Result<RenderState, StateErrorKind> {
     Ok(RenderState {
         metadata: header.metadata,
         settings: header.settings,
+        weights: header.weights,
         streams: header.streams,
         checkpoint,
     })

@@ -15,6 +15,9 @@ pub struct Header {
     pub program: String,
     pub metadata: ImageMetadata,
     pub settings: Settings,
+    /// Missing where an earlier program has written the state.
+    #[serde(default)]
+    pub weights: Option<String>,
     pub streams: Vec<Stream>,
     /// Names of the sample vector's dimensions.
     pub dimensions: Vec<String>,
@@ -62,6 +65,7 @@ impl Header {
             program: env!("CARGO_PKG_VERSION").to_owned(),
             metadata: state.metadata.clone(),
             settings: state.settings.clone(),
+            weights: state.weights.clone(),
             streams: state.streams.clone(),
             dimensions: store.layout().dimensions().iter().map(|d| d.name.to_owned()).collect(),
             left_out: store.layout().names_left_out(|_| true).into_iter().map(str::to_owned).collect(),

@@ -84,6 +84,7 @@ fn state(seed: u64, shard: Shard) -> RenderState {
     RenderState {
         metadata: metadata(),
         settings: Settings { seed, ..settings() },
+        weights: Some("0123456789abcdef".to_owned()),
         streams: vec![Stream::new(seed, shard)],
         checkpoint: Checkpoint {
             store: Arc::new(store),

@@ -43,6 +43,7 @@ fn state() -> RenderState {
     RenderState {
         metadata: ImageMetadata::new(&scene, &renderer),
         settings: settings(4, Sampling::Uniform, 1),
+        weights: None,
         streams,
         checkpoint: Checkpoint { position: Position::Filter, ..Checkpoint::new(store) },
     }
