@@ -177,14 +177,13 @@ fn scale_positions(halves: &mut [Planes; 2]) {
 }
 
 fn check_pair(a: &Frame, b: &Frame) -> Result<(), ImportError> {
-    let size = |frame: &Frame| (frame.colour.width(), frame.colour.height());
     let fail = |problem: String| Err(ImportError::Layers { path: b.path.clone(), problem });
-    if size(a) != size(b) || a.windows != b.windows {
-        let (found, accepted) = (size(b), size(a));
-        return fail(format!(
-            "found {}x{} pixels; accepted is the data window of the first image, {}x{}",
-            found.0, found.1, accepted.0, accepted.1
-        ));
+    if a.windows.data != b.windows.data {
+        let [accepted, found] = [a, b].map(|frame| {
+            let [left, _, top, _] = frame.windows.data;
+            format!("{}x{} pixels from {left},{top} on", frame.windows.width(), frame.windows.height())
+        });
+        return fail(format!("found {found}; accepted is the data window of the first image, {accepted}"));
     }
     // Black frames are equal, too
     let is_lit = a.colour.data().iter().any(|value| value.is_finite() && *value > 0.0);

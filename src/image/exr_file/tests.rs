@@ -280,3 +280,29 @@ fn planes_are_written_and_read_as_one() {
     write(&path, Windows::whole(5, 4), &channels, &[]).unwrap();
     assert_eq!(read_layer(&path, None).unwrap(), planes);
 }
+
+#[test]
+fn metadata_of_another_file_is_kept_and_long_names_are_flagged() {
+    let (_folder, path) = scratch();
+    let plane = ramp(4, 1.0);
+    let long = "ViewLayer.Combined_light_group_of_the_lamps.R";
+    let channels = [Channel::new(long, &plane, Precision::Float)];
+    let text = |name: &str, value: &str| (name.to_owned(), Attribute::Text(value.to_owned()));
+    let attributes = [text("kept", "a"), text("left", "b"), text("owner", "c")];
+    write(&path, Windows::whole(2, 2), &channels, &attributes).unwrap();
+    // Bit 10 of the version field
+    assert_eq!(std::fs::read(&path).unwrap()[5] & 4, 4);
+
+    let mut metadata = read_metadata(&path, 0).unwrap();
+    metadata.shared.pixel_aspect = 2.0;
+    let windows = Windows { data: [-1, 1, -3, -1], display: [0, 9, 0, 9] };
+    let new = [text("kept", "new")];
+    write_with_metadata(&path, windows, &channels, &new, &metadata, |name| name != "left").unwrap();
+    let info = read_info(&path).unwrap();
+    assert_eq!((info.attributes, info.windows), (vec![text("kept", "new"), text("owner", "c")], windows));
+    assert_eq!(info.channels, [long]);
+    assert_eq!(read_metadata(&path, 0).unwrap().shared.pixel_aspect, 2.0);
+    // Without long names there is no flag
+    write(&path, Windows::whole(2, 2), &[Channel::new("R", &plane, Precision::Float)], &[]).unwrap();
+    assert_eq!(std::fs::read(&path).unwrap()[5] & 4, 0);
+}

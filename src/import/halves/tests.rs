@@ -15,7 +15,7 @@ fn planes(value: impl Fn(usize, usize) -> f32) -> Planes {
 fn frame(colour: Planes) -> Frame {
     Frame {
         path: "frame.exr".into(),
-        windows: Windows::whole(SIDE, SIDE),
+        windows: Windows::whole(colour.width(), colour.height()),
         metadata: Metadata::default(),
         colour,
         negative_values: 0,
