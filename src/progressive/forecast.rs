@@ -24,7 +24,7 @@ const LOOK_BACK: usize = 6;
 const FADING: f64 = 0.7;
 /// Smallest and largest power that a fit may give.
 const POWERS: (f64, f64) = (0.25, 2.0);
-/// c, by which the power falls with the logarithm of the gain. Chosen on our five scenes and 16 random ones.
+/// c, by which the power falls with the logarithm of the gain. Chosen on our five scenes and 15 random ones.
 const POWER_PER_GAIN: f64 = 0.09;
 /// Weight of the expected power, as a sum of squared logarithms of times. Chosen likewise.
 const EXPECTED_WEIGHT: f64 = 4.0;
