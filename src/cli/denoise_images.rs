@@ -97,11 +97,11 @@ pub(super) fn denoise(options: &DenoiseOptions, outfiles: &[PathBuf], start: Ins
         channels.extend(["R", "G", "B"].into_iter().enumerate().map(channel));
     }
     let attributes = attributes(&frames, &result);
-    let Frame { windows, metadata, .. } = &frames[0];
+    let Frame { windows, metadata: of_first, .. } = &frames[0];
     let write = |path: &PathBuf| match OutputFormat::from_path(path)? {
         OutputFormat::Png => png_file::write(path, &result.image, 0.0),
         OutputFormat::Exr => {
-            exr_file::write_with_metadata(path, *windows, &channels, &attributes, metadata, still_holds)
+            exr_file::write_with_metadata(path, *windows, &channels, &attributes, of_first, still_holds)
         }
     };
     let errors: Vec<_> = outfiles.par_iter().filter_map(|path| write(path).err()).collect();
