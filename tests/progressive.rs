@@ -10,7 +10,9 @@ use std::time::{Duration, Instant};
 
 use common::SCENE;
 use prpf::adaptive::{MapValues, PrioritySettings, SampleMap, Sampling};
-use prpf::filter::{DENOISERS, Denoiser, FilterResult, UNFILTERED, learned, nlm, prpf as pixelwise, rpf};
+use prpf::filter::{
+    DENOISERS, Denoiser, DenoiserName, FilterResult, Reads, UNFILTERED, learned, nlm, prpf as pixelwise, rpf,
+};
 use prpf::geometry::Accel;
 use prpf::progressive::{
     Action, Budget, Checkpoint, Conditions, FilterPass, Filtered, Host, Outcome, Position, RenderLoop,
@@ -311,6 +313,43 @@ fn a_target_error_has_a_progress_by_the_errors_own_rate() {
     assert_eq!(stopped_by, StoppedBy::TargetError);
     assert!(fractions.iter().any(|fraction| (0.05..0.95).contains(fraction)), "{fractions:?}");
     assert_eq!(fractions.last(), Some(&1.0), "{fractions:?}");
+}
+
+/// A denoiser that fails in every pass.
+struct Failing;
+
+impl Denoiser for Failing {
+    fn name(&self) -> DenoiserName {
+        nlm::STANDARD.name()
+    }
+
+    fn summary(&self) -> &'static str {
+        "fails"
+    }
+
+    fn reads(&self) -> Reads {
+        UNFILTERED.reads()
+    }
+
+    fn cost(&self) -> Cost {
+        UNFILTERED.cost()
+    }
+
+    fn stand_in(&self) -> &'static dyn Denoiser {
+        &Failing
+    }
+
+    fn filter(&self, store: &Store, seed: u64) -> FilterResult {
+        FilterResult { failure: Some("broken".to_owned()), ..UNFILTERED.filter(store, seed) }
+    }
+}
+
+#[test]
+fn a_target_error_is_reached_without_filter_if_the_denoiser_fails() {
+    let budget = Budget { target_error: Some(0.5), spp: Some(256), ..Budget::default() };
+    let outcome = render(&Settings { budget, denoiser: &Failing, ..Settings::default() });
+    assert_eq!(outcome.stopped_by, StoppedBy::TargetError);
+    assert_eq!(outcome.result.failure.as_deref(), Some("broken"));
 }
 
 #[test]

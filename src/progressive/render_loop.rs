@@ -23,7 +23,7 @@ use super::situation::{Conditions, Mark, Measurements, Situation};
 use super::steps::Grain;
 use super::stopped_by::StoppedBy;
 use super::time_constants::{PREPARED, PROBE_BYTES};
-use crate::filter::{Denoiser, FilterResult};
+use crate::filter::{Denoiser, FilterResult, UNFILTERED};
 use crate::image::Planes;
 use crate::memory;
 use crate::render::Renderer;
@@ -250,9 +250,10 @@ impl<'a> RenderLoop<'a> {
             },
             has_interim: interim.is_some(),
             error: self.estimate().map(|estimate| estimate.value),
-            interim_is_by_final_denoiser: interim
-                .as_ref()
-                .is_some_and(|i| i.made_by == self.settings.denoiser.name()),
+            interim_is_by_final_denoiser: interim.as_ref().is_some_and(|interim| {
+                // In place of a denoiser that fails the last image is unfiltered, too
+                [self.settings.denoiser.name(), UNFILTERED.name()].contains(&interim.made_by)
+            }),
             has_region: self.region.is_some(),
             has_reference: self.reference.is_some(),
             processes: self.processes.as_ref().map_or(1, |processes| processes.count()),

@@ -81,7 +81,7 @@ pub struct Situation<'a> {
     pub has_interim: bool,
     /// Estimated relMSE of the latest interim image.
     pub error: Option<f64>,
-    /// Whether that image is by the denoiser of the final image.
+    /// Whether that image is by the denoiser of the final image, or unfiltered because that one failed.
     pub interim_is_by_final_denoiser: bool,
     /// Whether a region is rendered first.
     pub has_region: bool,
