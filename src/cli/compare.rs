@@ -14,7 +14,7 @@ use crate::output::paths::{are_distinct, can_be_written};
 
 /// Exit status when the images were compared and no limit was passed.
 const WITHIN: u8 = 0;
-/// Exit status when relMSE is above `--max-relmse`.
+/// Exit status when relMSE is above `--max-relmse`, or a pixel has no error.
 const ABOVE: u8 = 1;
 
 /// Compare an image with its reference: MSE, relMSE, PSNR, SSIM, FLIP, mean brightness
@@ -28,7 +28,8 @@ Examples:
 
 EXR values are linear; 8-bit files are taken for sRGB and made linear first.
 Pixels that are NaN or infinite in either image are counted and left out.
-Exit status: 0 compared, 1 above --max-relmse, 2 an image cannot be read or the sizes differ.")]
+Exit status: 0 compared, 1 above --max-relmse, or with it a pixel of IMAGE is NaN or infinite where
+REFERENCE is not, 2 an image cannot be read or the sizes differ.")]
 pub struct CompareArgs {
     /// The image: EXR, PNG or JPEG
     pub image: PathBuf,
@@ -85,12 +86,22 @@ pub fn run(args: &CompareArgs) -> anyhow::Result<u8> {
         table(&comparison, &pair)?
     };
     terminal::print(&output)?;
-    match args.max_relmse {
-        Some(limit) if comparison.relmse > limit => {
-            terminal::print_error(&format!("relMSE {:.6} is above the limit of {limit}", comparison.relmse));
-            Ok(ABOVE)
-        }
-        _ => Ok(WITHIN),
+    let Some(problem) = args.max_relmse.and_then(|limit| problem(&comparison, &pair, limit)) else {
+        return Ok(WITHIN);
+    };
+    terminal::print_error(&problem);
+    Ok(ABOVE)
+}
+
+/// Returns why the image is worse than the limit on relMSE allows; `None` if it is not.
+fn problem(comparison: &Comparison, pair: &Pair, limit: f64) -> Option<String> {
+    let without_error = comparison.excluded_pixels - pair.reference_non_finite;
+    if comparison.relmse > limit {
+        Some(format!("relMSE {:.6} is above the limit of {limit}", comparison.relmse))
+    } else if without_error > 0 {
+        Some(format!("{without_error} pixels are NaN or infinite where the reference is not"))
+    } else {
+        None
     }
 }
 
@@ -208,6 +219,19 @@ mod tests {
         for limit in ["nan", "-1", "x"] {
             assert!(files.run(&[&format!("--max-relmse={limit}")]).is_err());
         }
+    }
+
+    #[test]
+    fn no_limit_admits_pixels_without_an_error() {
+        let reference = filled(4, 4, &[0.5; 3]);
+        let mut image = reference.clone();
+        image.plane_mut(1)[5] = f32::NAN;
+        let exit_status = |image: &Planes, reference: &Planes, options: &[&str]| {
+            Files::new(image, reference).run(options).unwrap()
+        };
+        assert_eq!(exit_status(&image, &reference, &[]), 0);
+        assert_eq!(exit_status(&image, &reference, &["--max-relmse", "9"]), 1);
+        assert_eq!(exit_status(&image, &image, &["--max-relmse", "9"]), 0, "the reference has none either");
     }
 
     #[test]
