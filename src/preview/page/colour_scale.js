@@ -80,7 +80,9 @@ export function short(value) {
 // Shows the legend of a scale; hides it without one.
 export function drawLegend(legend, scale) {
   legend.hidden = !scale;
-  if (!scale) return;
+  const key = JSON.stringify(scale);
+  if (!scale || legend.dataset.key === key) return;
+  legend.dataset.key = key;
   const context = legend.querySelector("canvas").getContext("2d");
   context.putImageData(new ImageData(new Uint8ClampedArray(COLOURS), STEPS, 1), 0, 0);
   const line = legend.querySelector(".ticks");

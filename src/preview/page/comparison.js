@@ -58,9 +58,11 @@ export class Comparison {
     Object.assign(this, { list: "", loading: new Set() });
   }
 
-  // Shows the comparison, and loads its saved image if that is not there.
+  // Shows the comparison, and loads its saved image if that is not there. Other saved images are forgotten.
   start() {
     const { against, viewport, loading } = this;
+    const others = [...viewport.frames.keys()].filter((view) => view.startsWith("save:") && view !== against);
+    others.forEach((view) => viewport.forgetView(view));
     this.update();
     const isMissing = against.startsWith("save:") && !viewport.frames.has(against);
     if (!this.isOn() || !isMissing || loading.has(against)) return;
@@ -81,7 +83,7 @@ export class Comparison {
     if (!answer.ok) throw new Error(await answer.text() || `prpf answered with status ${answer.status}`);
     const frame = decodeFrame(await answer.arrayBuffer());
     if (!frame) throw new Error("it is no frame");
-    if (this.loading !== loading) return;
+    if (this.loading !== loading || this.against !== against) return;
     const [width, height] = this.viewport.size;
     if (frame.width !== width || frame.height !== height) {
       throw new Error(`it has ${frame.width}×${frame.height} pixels, the render ${width}×${height}`);

@@ -5,6 +5,7 @@ import { FramePieces, decodeFrame } from "./frame.js";
 const RETRY_MILLISECONDS = 1000;
 // The render gives a sign of life every two seconds.
 const LONGEST_SILENCE = 8000; // milliseconds
+const ANSWER_MILLISECONDS = 3000; // that the reason of a lost connection may take to arrive
 // Between two of the page's own, while a frame arrives.
 const ALIVE_MILLISECONDS = 1000;
 // Messages that are no commands: nothing answers them.
@@ -16,7 +17,7 @@ const REASONS = {
 };
 
 export class Connection {
-  // `on`: callbacks { open, unanswered(types), lost(reason), frame, status, loading, values, refused }.
+  // `on`: callbacks { open, unanswered(types), lost(reason), frame, status, loading, values, refused(message, type) }.
   constructor(on) {
     this.on = on;
     this.connect();
@@ -47,15 +48,17 @@ export class Connection {
     setTimeout(() => this.connect(), RETRY_MILLISECONDS);
     if (this.unanswered.length > 0) this.on.unanswered(this.unanswered);
     if (this.ended) return this.on.lost(this.ended);
-    const answer = await fetch(`/admission${location.search}`, { cache: "no-store" }).catch(() => null);
+    const request = { cache: "no-store", signal: AbortSignal.timeout(ANSWER_MILLISECONDS) };
+    const answer = await fetch(`/admission${location.search}`, request).catch(() => null);
     if (this.isOpen()) return;
     this.on.lost(answer ? REASONS[answer.status] ?? REASONS[204] : "no answer from prpf: it has ended, or the network is down");
   }
 
-  // Gives up a connection that has been silent for too long.
+  // Gives up a connection that has been silent for too long, be it open or still to be made.
   checkSilence() {
-    if (!this.isOpen() || document.hidden || performance.now() - this.heard < LONGEST_SILENCE) return;
-    this.socket.onmessage = this.socket.onclose = null;
+    const isTried = this.socket.readyState === WebSocket.CONNECTING || this.isOpen();
+    if (!isTried || document.hidden || performance.now() - this.heard < LONGEST_SILENCE) return;
+    this.socket.onopen = this.socket.onmessage = this.socket.onclose = null;
     this.socket.close();
     this.lose();
   }
@@ -82,8 +85,8 @@ export class Connection {
   receiveMessage(message) {
     if (message.type === "ended") this.ended = message.reason;
     // Each command is queued or refused, in their order
-    if (["queued", "refused"].includes(message.type)) this.unanswered.shift();
-    this.on[message.type]?.(message);
+    const command = ["queued", "refused"].includes(message.type) ? this.unanswered.shift() : null;
+    this.on[message.type]?.(message, command);
   }
 
   receivePiece(piece) {

@@ -4,7 +4,7 @@ import { drawLegend } from "./colour_scale.js";
 import { Comparison } from "./comparison.js";
 import { Connection } from "./connection.js";
 import { Discarding } from "./discarding.js";
-import { showValues } from "./inspector.js";
+import { showValues, spoken } from "./inspector.js";
 import { Panel } from "./panel.js";
 import { PointerInput } from "./pointer_input.js";
 import { Scenes } from "./scenes.js";
@@ -26,6 +26,7 @@ const state = {
   status: null,
   awaitsScene: false, // whether no scene is open and none is being loaded
   pixel: null, values: null, isPinned: false, // the inspected pixel
+  speaks: false, // whether a screen reader gets its values
   region: null, // the rectangle being dragged
   notice: null, // number of the newest notice
   saving: null, // the line that says that an image is being saved
@@ -90,8 +91,14 @@ const connection = new Connection({
   values: (values) => {
     state.values = values;
     inspect(false);
+    if (!state.speaks || values.x !== state.pixel?.[0] || values.y !== state.pixel?.[1]) return;
+    state.speaks = false;
+    $("spoken").textContent = spoken();
   },
-  refused: ({ reason }) => notify(`refused: ${reason}`, true),
+  refused: ({ reason }, type) => {
+    if (type === "save") state.saving?.remove();
+    notify(`refused: ${reason}`, true);
+  },
 });
 
 const comparison = new Comparison(viewport, notify, () => { updateViews(); placeOverlays(); });
@@ -114,7 +121,10 @@ const pointer = new PointerInput($("viewport"), viewport, {
     state.pixel = viewport.contains(pixel) ? pixel : null;
     inspect();
   },
-  pin: (pixel) => pin(pixel, true),
+  pin: (pixel) => {
+    pin(pixel, true);
+    state.speaks = true;
+  },
   // A second click on the same pixel unpins it.
   click: (pixel) => pin(pixel, !(state.isPinned && state.pixel?.join() === pixel.join())),
 });
@@ -159,11 +169,12 @@ function expectGeneration() {
 }
 
 // Shows a line: a problem until the user removes it, another one for some seconds. One that is on show already stays for as
-// long again.
+// long again. Returns the line.
 function notify(text, isProblem) {
   const line = [...$("notices").children].find((other) => other.dataset.text === text) ?? addLine(text, isProblem);
   clearTimeout(line.timer);
   if (!isProblem) line.timer = setTimeout(() => line.remove(), NOTICE_MILLISECONDS);
+  return line;
 }
 
 // Shows a line until it is removed; returns it. The oldest makes room for it.
@@ -207,6 +218,7 @@ function updateViews() {
   viewport.wipe = comparison.isWiping ? state.wipe : null;
   showBadge(right);
   drawLegend($("legend"), viewport.scales[shown] ?? null);
+  inspect(false);
   requestViews();
   // Without a graphics card to draw a large image takes most of a processor core, which the render needs.
   const drawn = JSON.stringify([viewport.shown, viewport.wipe, viewport.scales]);
@@ -243,7 +255,9 @@ let lastInspection = 0;
 // Shows the values of the inspected pixel, and requests all of them from the render.
 function inspect(requestsAll = true) {
   const { pixel } = state;
-  showValues(pixel, viewport.shown.right, pixel && viewport.read(viewport.shown.right, ...pixel), state.values);
+  const isLeft = pixel && comparison.isWiping && (pixel[0] + 0.5) / viewport.size[0] < state.wipe;
+  const view = isLeft ? viewport.shown.left : viewport.shown.right;
+  showValues(pixel, view, pixel && viewport.read(view, ...pixel), state.values);
   if (!requestsAll || !pixel) return;
   const wait = lastInspection + INSPECT_MILLISECONDS - performance.now();
   clearTimeout(state.inspection);
@@ -273,7 +287,7 @@ function placeOverlays() {
   wipe.hidden = !comparison.isWiping;
   wipe.style.left = `${viewport.toCanvas(state.wipe * viewport.size[0], 0)[0]}px`;
   wipe.setAttribute("aria-valuenow", Math.round(100 * state.wipe));
-  $("factor").textContent = `${Math.round(100 * viewport.zoom)} %`;
+  $("factor").textContent = `${Math.round(100 * viewport.zoom * viewport.ratio())} %`;
 }
 viewport.onlayout = placeOverlays;
 viewport.onproblem = (text) => notify(text, true);
@@ -301,7 +315,8 @@ function takeTool(tool) {
   $("viewport").focus();
 }
 
-const actualSize = () => viewport.zoomBy(1 / viewport.zoom);
+// A device pixel for each pixel.
+const actualSize = () => viewport.zoomBy(1 / (viewport.zoom * viewport.ratio()));
 const togglePause = () => state.status && !state.status.stopped_by && send("pause", { paused: !state.status.is_paused });
 const restart = () => send("restart", {});
 const undo = () => $("undo").disabled || send("undo", {});
@@ -344,11 +359,17 @@ $("clear-region").onclick = clearRegion;
 $("exposure").oninput = ({ target }) => setExposure(Number(target.value));
 $("exposure").ondblclick = () => setExposure(0);
 $("tools").onchange = ({ target }) => selectTool(target.value);
+// After a click of the mouse the image has the keys again, unless the button has passed the focus on.
+const returnFocus = ({ detail, target }) => {
+  if (detail > 0 && target.contains(document.activeElement)) $("viewport").focus({ preventScroll: true });
+};
+for (const buttons of [$("tools"), document.querySelector(".actions")]) buttons.addEventListener("click", returnFocus);
 $("wipe").onpointerdown = (event) => $("wipe").setPointerCapture(event.pointerId);
 $("wipe").onpointermove = (event) => {
-  if (!$("wipe").hasPointerCapture(event.pointerId)) return;
-  setWipe((pointer.position(event)[0] - viewport.corner[0]) / (viewport.zoom * viewport.size[0]));
+  if (!$("wipe").hasPointerCapture(event.pointerId)) return pointer.move(event);
+  setWipe((pointer.position(event)[0] - viewport.drawnCorner()[0]) / (viewport.zoom * viewport.size[0]));
 };
+$("wipe").onwheel = (event) => pointer.wheel(event);
 $("wipe").onkeydown = (event) => {
   const step = { ArrowLeft: -0.02, ArrowRight: 0.02 }[event.key];
   if (step) { setWipe(state.wipe + step); event.preventDefault(); }
@@ -366,8 +387,8 @@ const KEYS = {
   Escape: letGo, "?": toggleHelp,
 };
 
-// Keys that act once however long they are held.
-const SINGLE_KEYS = new Set([" ", "s", "R", "u", "U", "b"]);
+// Keys that act again as long as they are held.
+const REPEATING_KEYS = new Set(["e", "E", "+", "-", ",", "."]);
 const FIELD_KEYS = new Set([" ", "Enter", "Home", "End", "PageUp", "PageDown", "ArrowLeft", "ArrowRight", "ArrowUp", "ArrowDown"]);
 
 document.addEventListener("keydown", (event) => {
@@ -389,7 +410,7 @@ document.addEventListener("keydown", (event) => {
   const view = number >= 1 && number <= 9 ? state.status?.views[number - 1]?.view : null;
   const act = view ? () => selectView(view) : KEYS[key];
   if (!act) return;
-  if (!event.repeat || !SINGLE_KEYS.has(key)) act();
+  if (!event.repeat || REPEATING_KEYS.has(key)) act();
   event.preventDefault();
 });
 

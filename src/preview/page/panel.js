@@ -57,10 +57,12 @@ export class Panel {
     document.title = `${PHASES[status.phase]} · ${$("scene").textContent}`;
     const end = status.stopped_by ? ` · ${STOP_REASONS[status.stopped_by]}` : "";
     $("phase").className = $("phase").title = "";
-    $("phase").textContent = `${PHASES[status.phase]}${end} · ${status.width}×${status.height}`;
+    const phase = `${PHASES[status.phase]}${end} · ${status.width}×${status.height}`;
+    // A screen reader reads each change.
+    if ($("phase").textContent !== phase) $("phase").textContent = phase;
     $("progress").firstElementChild.style.transform = `scaleX(${statistics.fraction})`;
     $("pause").textContent = status.is_paused ? "Resume" : "Pause";
-    $("pause").setAttribute("aria-pressed", String(status.is_paused));
+    $("pause").classList.toggle("on", status.is_paused);
     $("pause").disabled = Boolean(status.stopped_by);
     for (const [way, keys] of [["undo", "U"], ["redo", "Shift+U"]]) {
       const render = status.history[way];

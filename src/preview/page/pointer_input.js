@@ -5,6 +5,9 @@ const ORBIT_STEP = 0.05; // radians
 const PAN_STEP = 0.03; // image heights
 const LARGE_STEP = 10; // pixels
 const DOLLY_PER_WHEEL = 0.0015;
+// Two fingers on a trackpad move a wheel with Ctrl, by small steps.
+const DOLLY_PER_PINCH = 0.01;
+const LARGEST_PINCH = 20;
 const DOLLY_STEP = 0.1;
 // Of one message, as the render accepts it.
 const LARGEST_TURN = 6.28; // radians
@@ -59,8 +62,9 @@ export class PointerInput {
     pointer.isDrag ||= Math.hypot(at[0] - pointer.start[0], at[1] - pointer.start[1]) > CLICK_DISTANCE;
     if (!pointer.isDrag) return;
     if (this.pointers.size > 1) this.pinch(event.pointerId, at);
-    else if (this.tool === "camera") this.moveCamera(delta, event);
-    else if (this.tool === "region" && event.buttons === 1 && !pointer.isPinch) {
+    else if (this.tool === "camera") {
+      if (!pointer.isPinch) this.moveCamera(delta, event);
+    } else if (this.tool === "region" && event.buttons === 1 && !pointer.isPinch) {
       pointer.marksRegion = true;
       this.act.region(this.rectangle(pointer.start, at), false);
     } else this.viewport.pan(...delta);
@@ -77,7 +81,7 @@ export class PointerInput {
     const pixel = this.viewport.pixelAt(...at);
     if (pointer.isDrag) {
       if (pointer.marksRegion) this.act.region(this.rectangle(pointer.start, at), true);
-    } else if (this.viewport.contains(pixel)) {
+    } else if (event.button === 0 && this.viewport.contains(pixel)) {
       if (this.tool === "focus") this.act.focus(pixel);
       this.cursor = pixel;
       this.act.click(pixel);
@@ -138,18 +142,21 @@ export class PointerInput {
 
   wheel(event) {
     event.preventDefault();
+    const { deltaY } = event;
+    const step = event.ctrlKey ? limit(deltaY, LARGEST_PINCH) * DOLLY_PER_PINCH : deltaY * DOLLY_PER_WHEEL;
     if (this.tool === "camera") {
-      this.moves.dolly -= event.deltaY * DOLLY_PER_WHEEL;
+      this.moves.dolly -= step;
       this.sendMoves();
     } else {
-      this.viewport.zoomBy(Math.exp(-event.deltaY * DOLLY_PER_WHEEL), this.position(event));
+      this.viewport.zoomBy(Math.exp(-step), this.position(event));
     }
   }
 
   // Returns the rectangle between two points of the canvas, as fractions of the image: [[x0, x1], [y0, y1]].
   rectangle(from, to) {
+    const corner = this.viewport.drawnCorner();
     return [0, 1].map((k) => [from[k], to[k]]
-      .map((v) => (v - this.viewport.corner[k]) / (this.viewport.zoom * this.viewport.size[k]))
+      .map((v) => (v - corner[k]) / (this.viewport.zoom * this.viewport.size[k]))
       .map(clampToUnit)
       .sort((a, b) => a - b));
   }
@@ -166,6 +173,7 @@ export class PointerInput {
   // Pins the inspector to a pixel, which is also the cursor of the arrow keys and a corner of a region begun with Enter.
   pin(pixel) {
     this.cursor = this.clampToImage(pixel);
+    this.viewport.reveal(this.cursor);
     this.act.pin(this.cursor);
     if (this.corner) this.act.region(this.rectangleOfPixels(this.corner, this.cursor), false);
   }
@@ -186,7 +194,7 @@ export class PointerInput {
     if (event.ctrlKey || event.metaKey || event.altKey) return;
     const arrows = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
     const arrow = arrows[event.key];
-    const cursor = this.clampToImage(this.cursor ?? this.viewport.size.map((v) => v >> 1));
+    const cursor = this.clampToImage(this.cursor ?? this.viewport.middle());
     if (arrow && this.tool === "camera") {
       if (event.shiftKey) this.pan(arrow.map((v) => v * PAN_STEP));
       else this.moves.orbit = this.moves.orbit.map((v, k) => v + arrow[k] * ORBIT_STEP);

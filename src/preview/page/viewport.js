@@ -66,7 +66,7 @@ export class Viewport {
     this.frames = new Map(); // view → newest frame
     this.size = [1, 1];
     this.zoom = 1; // CSS pixels per pixel
-    this.corner = [0, 0]; // of the image, in CSS pixels
+    this.corner = [0, 0]; // of the image, in CSS pixels; it is drawn at the nearest device pixel
     this.isFitted = true;
     this.exposure = 0; // stops
     this.wipe = null; // fraction of the image's width, or null
@@ -75,7 +75,7 @@ export class Viewport {
     this.isThinned = false; // whether the user was told that pixels are left out
     this.drawn = 0;
     this.onlayout = () => {};
-    this.onproblem = () => {};
+    this.onproblem = () => null; // returns the notice's element
     const context = { alpha: true, antialias: false, depth: false, preserveDrawingBuffer: true };
     this.gl = canvas.getContext("webgl2", context);
     if (this.gl) this.initialise();
@@ -111,11 +111,12 @@ export class Viewport {
   // Asks the browser to restore the graphics context, as after the graphics driver has been restarted.
   lose(event) {
     event.preventDefault();
-    this.onproblem("the browser has lost the graphics context: the image is shown again when it has restored it");
+    this.notice = this.onproblem("the browser has lost the graphics context: the image is shown again when it has restored it");
   }
 
   // Uploads everything again.
   restore() {
+    this.notice?.remove();
     this.initialise();
     for (const [view, frame] of this.frames) this.upload(view, frame);
     this.redraw();
@@ -134,8 +135,7 @@ export class Viewport {
   setSize(width, height) {
     if (this.size[0] === width && this.size[1] === height) return;
     this.size = [width, height];
-    if (this.isFitted) this.fit();
-    else this.redraw();
+    this.fit();
   }
 
   // Replaces the frame of a view and uploads it.
@@ -172,6 +172,15 @@ export class Viewport {
     }
   }
 
+  // Forgets the image of a view.
+  forgetView(view) {
+    this.frames.delete(view);
+    const old = this.textures?.get(view);
+    if (!old) return;
+    this.gl.deleteTexture(old.texture);
+    this.textures.delete(view);
+  }
+
   // Forgets all images.
   forget() {
     this.frames.clear();
@@ -197,11 +206,20 @@ export class Viewport {
 
   // Follows the size of the element.
   resize() {
-    const ratio = window.devicePixelRatio || 1;
-    this.canvas.width = Math.max(1, Math.round(this.canvas.clientWidth * ratio));
-    this.canvas.height = Math.max(1, Math.round(this.canvas.clientHeight * ratio));
+    const { canvas } = this;
+    const sides = [canvas.clientWidth, canvas.clientHeight];
+    const [width, height] = sides.map((side) => Math.max(1, Math.round(side * (window.devicePixelRatio || 1))));
     if (this.isFitted) this.fit();
-    this.redraw();
+    if (canvas.width === width && canvas.height === height) return;
+    // This clears the canvas, which is shown before the next screen refresh.
+    Object.assign(canvas, { width, height });
+    this.draw();
+    this.onlayout();
+  }
+
+  // Returns the ratio of device pixels to CSS pixels.
+  ratio() {
+    return this.canvas.width / Math.max(1, this.canvas.clientWidth);
   }
 
   // Returns the zoom by which the whole image is shown.
@@ -240,14 +258,36 @@ export class Viewport {
     this.redraw();
   }
 
+  // Moves the image as little as is needed to show a pixel.
+  reveal([x, y]) {
+    const sides = [this.canvas.clientWidth, this.canvas.clientHeight];
+    const shift = (low, k) => (low < 0 ? -low : Math.min(0, sides[k] - low - this.zoom));
+    const delta = this.toCanvas(x, y).map(shift);
+    if (delta.some(Boolean)) this.pan(...delta);
+  }
+
+  // Returns the corner of the image as it is drawn, in CSS pixels.
+  drawnCorner() {
+    const ratio = this.ratio();
+    return this.corner.map((v) => Math.round(v * ratio) / ratio);
+  }
+
   // Returns the pixel under a point of the canvas.
   pixelAt(x, y) {
-    return [Math.floor((x - this.corner[0]) / this.zoom), Math.floor((y - this.corner[1]) / this.zoom)];
+    const [left, top] = this.drawnCorner();
+    return [Math.floor((x - left) / this.zoom), Math.floor((y - top) / this.zoom)];
+  }
+
+  // Returns the pixel in the middle of what is shown, or of the image if all of it is.
+  middle() {
+    if (this.isFitted) return this.size.map((side) => side >> 1);
+    return this.pixelAt(this.canvas.clientWidth / 2, this.canvas.clientHeight / 2);
   }
 
   // Returns the point of the canvas where pixel coordinates are.
   toCanvas(x, y) {
-    return [this.corner[0] + x * this.zoom, this.corner[1] + y * this.zoom];
+    const [left, top] = this.drawnCorner();
+    return [left + x * this.zoom, top + y * this.zoom];
   }
 
   contains([x, y]) {
@@ -268,7 +308,7 @@ export class Viewport {
   draw() {
     const gl = this.gl;
     if (!gl) return;
-    const ratio = this.canvas.width / Math.max(1, this.canvas.clientWidth);
+    const ratio = this.ratio();
     const { left, right } = this.shown;
     const kind = (view) => (this.textures.has(view) ? kindOf(view) : -1);
     const bind = (unit, texture) => { gl.activeTexture(gl.TEXTURE0 + unit); gl.bindTexture(gl.TEXTURE_2D, texture); };
@@ -280,7 +320,7 @@ export class Viewport {
     ["left", "right", "colours"].forEach((name, unit) => gl.uniform1i(this.uniforms[name], unit));
     gl.uniform2f(this.uniforms.size, ...this.size);
     gl.uniform2f(this.uniforms.canvas, this.canvas.width, this.canvas.height);
-    gl.uniform2f(this.uniforms.origin, ...this.corner.map((v) => Math.round(v * ratio)));
+    gl.uniform2f(this.uniforms.origin, ...this.drawnCorner().map((v) => v * ratio));
     gl.uniform1f(this.uniforms.zoom, this.zoom * ratio);
     gl.uniform1f(this.uniforms.exposure, 2 ** this.exposure);
     gl.uniform1f(this.uniforms.wipe, this.wipe ?? 0);
