@@ -140,8 +140,8 @@ impl<'s> Accel<'s> {
         }
     }
 
-    /// Minimum and maximum corner of the smallest box in render space that holds all surfaces at
-    /// all times of the shutter; `None` if the scene has no geometry.
+    /// Minimum and maximum corner of a box in render space that holds all surfaces at all times of the shutter, and is larger than the
+    /// smallest one by rounding only; `None` if the scene has no geometry.
     pub fn bounds(&self) -> Option<(Vec3, Vec3)> {
         let instances = self.bvh.instances.bounds();
         let static_object = self.bvh.objects.first().and_then(ObjectAccel::bounds);

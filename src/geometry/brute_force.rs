@@ -4,7 +4,7 @@
 //! In such a scene a ray would visit most leaves of a hierarchy anyway. Brute force saves the
 //! traversal, and no lane is empty. The tests do the same operations in the same order as those of
 //! the hierarchy and give the same bits (Woop, Benthin and Wald 2013 for triangles, double precision
-//! for spheres). Rays through an edge need higher precision and are passed on to the hierarchy.
+//! for spheres). Rays through an edge or from close to a triangle need higher precision and are passed on to the hierarchy.
 
 mod packet;
 mod surfaces;
@@ -15,14 +15,11 @@ use super::lanes::{HitLanes, RayLanes};
 use super::object::ObjectAccel;
 use super::{Hit, Ray};
 use crate::simd::{LANES, apply, lane_mask, lanes_in, multiversioned};
-use packet::{NO_SURFACE, RayPacket, weighted_distance_error};
+use packet::{NO_SURFACE, RayPacket};
 use surfaces::{FullSphere, Triangle};
 
 /// Largest number of triangles for which brute force is faster, a sphere counting as two triangles.
 const MAX_TRIANGLES: usize = 48;
-
-/// Fewest rays for which brute force is faster: below, most lanes would be empty.
-const MIN_RAYS: usize = 4;
 
 /// All surfaces of a scene that has few.
 #[derive(Debug)]
@@ -52,7 +49,8 @@ impl BruteForce {
     }
 
     /// Finds the nearest hit of each of the first `count` rays. `search_bvh` searches the hierarchy,
-    /// for rays that need its precision or are too few.
+    /// for rays that need its precision. Which ones do depends on the ray alone: of surfaces at the same distance the hierarchy may
+    /// find another one.
     #[inline]
     pub fn intersect(
         &self,
@@ -61,10 +59,6 @@ impl BruteForce {
         search_bvh: impl Fn(&Ray) -> Option<Hit>,
         hits: &mut HitLanes,
     ) {
-        if count < MIN_RAYS {
-            (0..count).for_each(|lane| hits.set(lane, search_bvh(&rays.at(lane))));
-            return;
-        }
         let mut packet = RayPacket::new(rays, count);
         intersect_surfaces(self, &mut packet);
         let nearest = &packet.nearest;
@@ -89,9 +83,6 @@ impl BruteForce {
             occluded.fold(0, |mask, lane| mask | 1 << lane)
         };
         let all = (1 << count) - 1;
-        if count < MIN_RAYS {
-            return occluded_in_bvh(all);
-        }
         let mut packet = RayPacket::new(rays, count);
         intersect_surfaces(self, &mut packet);
         let undecided = all & packet.nearest.undecided();
@@ -103,17 +94,11 @@ impl BruteForce {
 /// Finds the nearest surface of each ray.
 #[apply(multiversioned!)]
 fn intersect_surfaces(surfaces: &BruteForce, packet: &mut RayPacket) {
-    let farthest = packet.prepare();
+    packet.prepare();
     let mut nearest = packet.nearest;
     let mut index = 0;
     for triangle in &surfaces.triangles {
-        // Shearing at most doubles coordinates; an edge function is at most eight times their product.
-        let reach = farthest + triangle.size;
-        let error = weighted_distance_error([2.0 * reach, 2.0 * reach, reach], 8.0 * reach * reach);
-        let certain = 3.0 * error;
-        if packet.intersect_triangle(&mut nearest, triangle, index, certain, false) {
-            packet.intersect_triangle(&mut nearest, triangle, index, certain, true);
-        }
+        packet.intersect_triangle(&mut nearest, triangle, index);
         index += 1;
     }
     for sphere in &surfaces.spheres {

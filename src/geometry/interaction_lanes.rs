@@ -93,7 +93,7 @@ pub fn minimal_interactions(
     }
 }
 
-/// Computes interactions on triangles. Returns the lanes whose triangles are too huge or tiny for a
+/// Computes interactions on triangles. Returns the lanes whose triangles are slivers, or too huge or tiny for a
 /// normal in single precision.
 #[apply(multiversioned!)]
 fn triangle_interactions(
@@ -141,7 +141,8 @@ fn sphere_interactions(
         let (origin, direction) = (rays.origin.at(lane), rays.direction.at(lane));
         let near = origin.as_dvec3() + f64::from(t[lane]) * direction.as_dvec3();
         let on_sphere = extent.projected(to_shape.transform_point3(near));
-        let local = extent.interaction(on_sphere, Detail::Minimal).transformed(&to_object, &to_shape);
+        let local =
+            extent.interaction(on_sphere, Detail::Minimal).transformed_in_double(&to_object, &to_shape);
         let normal = if flip { -local.geometric_normal } else { local.geometric_normal };
         let position = local.position.as_vec3();
         let is_on = mask >> lane & 1 == 1;

@@ -3,10 +3,10 @@
 //! Positions are in double precision. Normals and tangents need single precision only, because no
 //! cancellation follows.
 
-use glam::{DAffine3, DVec3, Mat3, Vec2, Vec3};
+use glam::{DAffine3, DVec3, Vec2, Vec3};
 
 use super::SurfaceInteraction;
-use super::rounding::{UNIT_ROUNDOFF, gamma};
+use super::rounding::{DOUBLE_ROUNDING, UNIT_ROUNDOFF, gamma};
 
 /// A [`SurfaceInteraction`] before it is transformed to render space and rounded.
 #[derive(Clone, Copy, Debug)]
@@ -53,14 +53,28 @@ impl LocalInteraction {
     /// rounding in both spaces.
     #[inline(always)]
     pub fn transformed(self, transform: &DAffine3, inverse: &DAffine3) -> Self {
+        let round_trip = self.error + gamma(1) * self.position.as_vec3().abs();
+        let moved = self.moved(transform, inverse, round_trip);
+        Self { error: moved.error + gamma(2) * moved.position.as_vec3().abs(), ..moved }
+    }
+
+    /// Transforms to another space, between which and this one rays are transformed in double precision.
+    #[inline(always)]
+    pub fn transformed_in_double(self, transform: &DAffine3, inverse: &DAffine3) -> Self {
+        let round_trip = self.error + DOUBLE_ROUNDING * self.position.as_vec3().abs();
+        let moved = self.moved(transform, inverse, round_trip);
+        let terms = moved.position.as_vec3().abs() + transform.translation.as_vec3().abs();
+        Self { error: moved.error + DOUBLE_ROUNDING * terms, ..moved }
+    }
+
+    /// Transforms to another space, with the bound `error` on the error of the position.
+    #[inline(always)]
+    fn moved(self, transform: &DAffine3, inverse: &DAffine3, error: Vec3) -> Self {
         let linear = transform.matrix3.as_mat3();
         let normal_matrix = inverse.matrix3.as_mat3().transpose();
-        let absolute = Mat3::from_cols(linear.x_axis.abs(), linear.y_axis.abs(), linear.z_axis.abs());
-        let position = transform.transform_point3(self.position);
-        let round_trip = self.error + gamma(1) * self.position.as_vec3().abs();
         Self {
-            position,
-            error: absolute * round_trip + gamma(2) * position.as_vec3().abs(),
+            position: transform.transform_point3(self.position),
+            error: linear.abs() * error,
             geometric_normal: unit(normal_matrix * self.geometric_normal),
             shading_normal: self.shading_normal.map(|n| normal_matrix * n),
             parametrisation: self.parametrisation.map(|Parametrisation { uv, dpdu, dpdv }| Parametrisation {

@@ -52,13 +52,17 @@ fn unit_normal(corners: [Vec3; 3]) -> Vec3 {
     if is_accurate { normal } else { scaled_normal(corners).normalize_or_zero().as_vec3() }
 }
 
-/// The unit normal in single precision, and whether it is accurate: the squared length of the cross
-/// product overflows or underflows for huge or tiny triangles.
+/// The unit normal in single precision, and whether it is accurate: the terms of the cross product cancel for slivers, and its squared
+/// length overflows or underflows for huge or tiny triangles.
 #[inline(always)]
 pub fn fast_unit_normal([a, b, c]: [Vec3; 3]) -> (Vec3, bool) {
-    let normal = (b - a).cross(c - a);
+    /// Square of the smallest sine of the angle at the first corner.
+    const LEAST_SQUARED_SINE: f32 = 1e-6;
+    let (to_b, to_c) = (b - a, c - a);
+    let normal = to_b.cross(to_c);
     let squared = normal.length_squared();
-    (normal * squared.sqrt().recip(), (squared > 1e-30) & (squared < 1e30))
+    let is_sliver = squared < LEAST_SQUARED_SINE * to_b.length_squared() * to_c.length_squared();
+    (normal * squared.sqrt().recip(), !is_sliver & (squared > 1e-30) & (squared < 1e30))
 }
 
 /// Orients the geometric normal. Takes the unit normal of the winding and the interpolated normal if

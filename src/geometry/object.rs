@@ -8,6 +8,7 @@ use super::bvh::{Bvh, NO_ITEM, Node, WIDTH};
 use super::kernels::Kernels;
 use super::quadric::Quadric;
 use super::ray_query::RayQuery;
+use super::rounding::gamma;
 use super::stack::Stack;
 use super::traversal_ray::TraversalRay;
 use super::traverse::{Leaves, traverse};
@@ -132,9 +133,24 @@ fn push_triangles(mesh: &TriangleMesh, primitive: u32, triangles: &mut BoxedItem
         let bounds = Aabb::from_points(&corners.map(Vec3A::from));
         let finite = corners.iter().all(|corner| corner.is_finite());
         if finite && is_usable(&bounds) && mesh::scaled_normal(corners).length_squared() > 0.0 {
-            triangles.push(TriangleId { primitive, triangle }, bounds);
+            triangles.push(TriangleId { primitive, triangle }, widened(bounds));
         }
     }
+}
+
+/// Widens the box of a triangle by the rounding of its test, which grows with the distance of its corners from the hit: near an edge of
+/// two long triangles a ray may otherwise hit the one and enter the box of the other (Woop, Benthin and Wald 2013, section 4). Boxes stay flat where
+/// they are: there all rays meet the triangle where they meet the box.
+fn widened(bounds: Aabb) -> Aabb {
+    let extent = bounds.max - bounds.min;
+    let pad = gamma(8) * extent.max_element();
+    let is_flat = extent.cmpeq(Vec3A::ZERO);
+    let outward = |bound: Vec3A, pad: f32, next: fn(f32) -> f32| {
+        let moved = bound + pad;
+        Vec3A::select(is_flat, bound, Vec3A::from(moved.to_array().map(next)))
+    };
+    let [min, max] = [outward(bounds.min, -pad, f32::next_down), outward(bounds.max, pad, f32::next_up)];
+    Aabb { min, max }
 }
 
 /// A packet for each leaf of the hierarchy, and the triangles in it.

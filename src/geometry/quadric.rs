@@ -102,7 +102,7 @@ impl Quadric {
 
     #[inline]
     fn in_object(&self, local: LocalInteraction, flip: bool) -> LocalInteraction {
-        let point = local.transformed(&self.to_object, &self.to_shape);
+        let point = local.transformed_in_double(&self.to_object, &self.to_shape);
         if flip { point.flipped() } else { point }
     }
 

@@ -5,6 +5,9 @@ use glam::Vec3;
 /// Largest relative error of one rounded `f32` operation.
 pub const UNIT_ROUNDOFF: f32 = f32::EPSILON * 0.5;
 
+/// Bound on the relative error of a transform, or of a point on a sphere, in double precision.
+pub const DOUBLE_ROUNDING: f32 = (16.0 * f64::EPSILON) as f32;
+
 /// Bound on the relative error after `n` rounded operations (pbrt-v4, equation 6.14).
 pub const fn gamma(n: u32) -> f32 {
     let accumulated = n as f32 * UNIT_ROUNDOFF;

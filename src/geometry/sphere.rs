@@ -8,6 +8,7 @@ use obvhs::aabb::Aabb;
 
 use super::bvh::rounded_out;
 use super::local_interaction::{Detail, LocalInteraction, Parametrisation};
+use super::rounding::DOUBLE_ROUNDING;
 use crate::scene::Sphere;
 
 /// The parameters of a sphere in its own space, clamped to valid ranges.
@@ -137,11 +138,10 @@ pub fn azimuth(p: DVec3) -> f64 {
     if phi < 0.0 { (phi + 2.0 * PI).min(TAU) } else { phi }
 }
 
-/// Bound on the error of a position that is computed in double precision and rounded to single,
-/// per axis.
+/// Bound on the error of a point on a sphere or disk that is computed in double precision, per axis.
 #[inline(always)]
 pub fn rounding_error(p: DVec3) -> Vec3 {
-    super::rounding::gamma(3) * p.as_vec3().abs()
+    Vec3::splat(DOUBLE_ROUNDING * p.as_vec3().abs().max_element())
 }
 
 /// The box around a sphere in its object's space; `None` if it is not finite.

@@ -2,13 +2,16 @@
 //!
 //! The test shears space so that the ray runs along an axis, and decides by the signs of three edge
 //! functions. Triangles that share an edge compute the same value for it, so no ray passes between
-//! them (Woop, Benthin and Wald 2013, "Watertight Ray/Triangle Intersection"). The bound on the error
-//! of the distance is pbrt-v4's (section 6.8.3).
+//! them (Woop, Benthin and Wald 2013, "Watertight Ray/Triangle Intersection").
+//!
+//! Whether a triangle lies ahead of a ray's origin or behind it is decided in double precision, unless all of its corners are ahead. A
+//! bound on the error of the distance in single precision, such as pbrt-v4's (section 6.8.3), grows with the triangle: it would let
+//! steep rays through a ground of 10⁵ units that begin within 0.2 units of it. The distance has to be positive as well, so that rays that
+//! graze such a ground from within some hundredths of a unit may still pass, and so may rays at the edges of triangles of 10⁴ by 1 units.
 
 use glam::{Vec2, Vec3};
 
 use super::bvh::WIDTH;
-use super::rounding::gamma;
 use super::traversal_ray::TraversalRay;
 
 /// Corners of eight triangles: `corners[corner][axis][lane]`. Lanes without a triangle are NaN,
@@ -72,8 +75,19 @@ impl TrianglePacket {
         let determinant = edges[0] + edges[1] + edges[2];
         let t = sheared.scaled_t(edges, ray) / determinant;
         // NaN fails these comparisons and is a miss.
-        let hits = !outside && t > 0.0 && t < ray.t_max && sheared.is_ahead(t, edges, ray);
+        let in_range = t > 0.0 && t < ray.t_max;
+        let hits = !outside && in_range && (sheared.is_ahead_of(ray) || self.is_ahead_of(ray, lane));
         hits.then(|| TriangleHit { t, barycentric: Vec2::new(edges[1], edges[2]) / determinant })
+    }
+}
+
+impl TrianglePacket {
+    /// Whether the ray meets the plane of the triangle of one lane ahead of its origin.
+    fn is_ahead_of(&self, ray: &TraversalRay, lane: usize) -> bool {
+        let corners = self.corners.map(|planes| Vec3::from(planes.map(|plane| plane[lane])).as_dvec3());
+        let [a, b, c] = corners.map(|corner| corner - ray.origin.as_dvec3());
+        let normal = (b - a).cross(c - a);
+        normal.dot(a) * normal.dot(ray.direction.as_dvec3()) > 0.0
     }
 }
 
@@ -104,20 +118,5 @@ impl ShearedTriangle {
     pub fn is_ahead_of(&self, ray: &TraversalRay) -> bool {
         let [a, b, c] = self.z.map(|z| z * ray.scale > 0.0);
         a & b & c
-    }
-
-    /// Whether the distance `t` is larger than the bound on its error.
-    fn is_ahead(&self, t: f32, edges: [f32; 3], ray: &TraversalRay) -> bool {
-        if self.is_ahead_of(ray) {
-            return true;
-        }
-        let largest = |values: [f32; 3]| values.iter().fold(0.0f32, |size, v| size.max(v.abs()));
-        let [size_x, size_y, size_z] = [largest(self.x), largest(self.y), largest(self.z)];
-        let error_x = gamma(5) * (size_x + size_z);
-        let error_y = gamma(5) * (size_y + size_z);
-        let error_edge = 2.0 * (gamma(2) * size_x * size_y + error_y * size_x + error_x * size_y);
-        let error_sum = 2.0 * gamma(3) * largest(edges) * size_z + error_edge * size_z;
-        let determinant = edges[0] + edges[1] + edges[2];
-        t > 3.0 * error_sum * (ray.scale / determinant).abs()
     }
 }

@@ -21,6 +21,8 @@ pub struct RayPacket {
     major: Lanes<u32>,
     shear: [Lanes; 2],
     scale: Lanes,
+    /// Largest magnitude of the origin's coordinates.
+    reach: Lanes,
     pub nearest: NearestHits,
 }
 
@@ -52,6 +54,7 @@ impl RayPacket {
             major: none,
             shear: [zero; 2],
             scale: zero,
+            reach: zero,
             nearest: NearestHits {
                 t_max,
                 surface: [NO_SURFACE; LANES],
@@ -62,9 +65,9 @@ impl RayPacket {
         }
     }
 
-    /// Computes the shears, and returns the largest magnitude of the origins' coordinates.
+    /// Computes the shears, and the largest magnitude of each origin's coordinates.
     #[inline(always)]
-    pub fn prepare(&mut self) -> f32 {
+    pub fn prepare(&mut self) {
         for lane in 0..LANES {
             let [d_x, d_y, d_z] = [self.direction[0][lane], self.direction[1][lane], self.direction[2][lane]];
             let x_is_major = (d_x.abs() > d_y.abs()) & (d_x.abs() > d_z.abs());
@@ -82,28 +85,15 @@ impl RayPacket {
             self.shear[0][lane] = a * scale;
             self.shear[1][lane] = b * scale;
             self.scale[lane] = scale;
+            self.reach[lane] = max(o_x.abs(), max(o_y.abs(), o_z.abs()));
             let t_max = self.nearest.t_max[lane];
             self.nearest.t_max[lane] = if (zero_if_finite == 0.0) & (along != 0.0) { t_max } else { 0.0 };
         }
-        // Magnitudes are ordered as their bits are, and integer comparisons become vector code.
-        let size = |coordinates: &Lanes| coordinates.iter().fold(0, |size, c| c.abs().to_bits().max(size));
-        let [x, y, z] = &self.origin;
-        f32::from_bits(size(x).max(size(y)).max(size(z)))
     }
 
-    /// Tests a triangle. Returns whether some lane has a hit so close to its origin that the error
-    /// bound decides: hits whose weighted distance is larger than `certain` are beyond the bound, and
-    /// with `exact_bound` each lane's own bound decides on the others.
+    /// Tests a triangle. Lanes with a hit so close to the origin that its side is not certain are undecided.
     #[inline(always)]
-    pub fn intersect_triangle(
-        &self,
-        nearest: &mut NearestHits,
-        triangle: &Triangle,
-        index: u32,
-        certain: f32,
-        exact_bound: bool,
-    ) -> bool {
-        let mut uncertain = 0;
+    pub fn intersect_triangle(&self, nearest: &mut NearestHits, triangle: &Triangle, index: u32) {
         for lane in 0..LANES {
             // Shear the corners so that the ray runs along the major axis
             let major = self.major[lane];
@@ -133,27 +123,17 @@ impl RayPacket {
             let t_max = nearest.t_max[lane];
             let in_range = (t > 0.0) & (t < t_max);
 
-            // Test whether the hit is ahead of the origin for certain
-            let mut ahead = weighted.abs() > certain;
-            if exact_bound {
-                let largest = |a: f32, b: f32, c: f32| max(a.abs(), max(b.abs(), c.abs()));
-                let size = [largest(x_0, x_1, x_2), largest(y_0, y_1, y_2), largest(z_0, z_1, z_2)];
-                let scale = self.scale[lane];
-                ahead = ((z_0 * scale > 0.0) & (z_1 * scale > 0.0) & (z_2 * scale > 0.0))
-                    | (weighted.abs() > 3.0 * weighted_distance_error(size, largest(u, v, w)));
-            }
-
             // Store the hit where it is the nearest
-            let hits = inside & in_range & ahead;
-            uncertain |= (inside & in_range & !ahead) as u32;
-            nearest.undecided[lane] |= (on_edge & (t_max > 0.0)) as u32;
+            let is_certain = weighted.abs() > uncertain_distance(self.reach[lane] + triangle.size);
+            let hits = inside & in_range & is_certain;
+            let is_undecided = on_edge & (t_max > 0.0) | inside & in_range & !is_certain;
+            nearest.undecided[lane] |= is_undecided as u32;
             nearest.t_max[lane] = if hits { t } else { t_max };
             nearest.surface[lane] = if hits { index } else { nearest.surface[lane] };
             nearest.edges[0][lane] = if hits { v } else { nearest.edges[0][lane] };
             nearest.edges[1][lane] = if hits { w } else { nearest.edges[1][lane] };
             nearest.edges[2][lane] = if hits { determinant } else { nearest.edges[2][lane] };
         }
-        uncertain != 0
     }
 
     /// Whether some ray may hit the bounding sphere of `sphere`. The test is conservative by far more
@@ -234,14 +214,13 @@ fn rotate_axes([x, y, z]: [f32; 3], major: u32) -> [f32; 3] {
     [pick(x, y, z), pick(y, z, x), pick(z, x, y)]
 }
 
-/// Bound on the error of the weighted distance: the distance along the major axis times the sum of the
-/// edge functions. Takes the largest magnitudes of coordinates in the sheared space and of edge
-/// functions (pbrt-v4, section 6.8.3).
+/// Bound on the weighted distance, the distance along the major axis times the sum of the edge functions, up to which its sign is not
+/// certain: three times the bound on its error (pbrt-v4, section 6.8.3). `reach` bounds the coordinates of the triangle relative to
+/// the origin. Shearing at most doubles them, and an edge function is at most eight times their product.
 #[inline(always)]
-pub fn weighted_distance_error([x, y, z]: [f32; 3], edge: f32) -> f32 {
-    let (error_x, error_y) = (gamma(5) * (x + z), gamma(5) * (y + z));
-    let error_edge = 2.0 * (gamma(2) * x * y + error_y * x + error_x * y);
-    2.0 * gamma(3) * edge * z + error_edge * z
+fn uncertain_distance(reach: f32) -> f32 {
+    const FACTOR: f32 = 3.0 * (16.0 * gamma(3) + 8.0 * gamma(2) + 24.0 * gamma(5));
+    FACTOR * (reach * reach * reach)
 }
 
 /// [`f32::min`] without its treatment of NaN, in one instruction.
