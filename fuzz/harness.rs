@@ -14,7 +14,7 @@ use prpf::image::Planes;
 use prpf::import::{Frame, FrameStore, LayerMap};
 use prpf::preview::{Message, OrbitCamera};
 use prpf::render::Renderer;
-use prpf::scene::texture::{self, Channels, Encoding, WrapMode};
+use prpf::scene::texture::{self, Content, Encoding, WrapMode};
 use prpf::scene::{Camera, Integrator, Scene, Shape, pbrt};
 use prpf::state::{self, Merge};
 use prpf::stats::{Block, Layout, Part, Store};
@@ -74,11 +74,12 @@ pub fn texture(bytes: &[u8]) {
     let folder = tempfile::tempdir().expect("a temporary folder can be made");
     let name = NAMES[usize::from(*kind) % NAMES.len()];
     write(folder.path(), name, content);
-    let (encoding, channels) = match usize::from(*kind) / NAMES.len() % 2 {
-        0 => (Encoding::Srgb, Channels::All),
-        _ => (Encoding::Gamma(2.2), Channels::Luminance),
+    let (encoding, content) = match usize::from(*kind) / NAMES.len() % 3 {
+        0 => (Encoding::Srgb, Content::Colour),
+        1 => (Encoding::Gamma(2.2), Content::Luminance),
+        _ => (Encoding::Linear, Content::Light),
     };
-    let Ok(image) = texture::load(&folder.path().join(name), encoding, channels) else { return };
+    let Ok(image) = texture::load(&folder.path().join(name), encoding, content) else { return };
     let (width, height) = (image.width(), image.height());
     assert!(width > 0 && height > 0);
     for (x, y) in [(0, 0), (width - 1, 0), (width / 2, height / 2), (width - 1, height - 1)] {

@@ -43,6 +43,9 @@ pub enum RoughnessScale {
 }
 
 impl RoughnessScale {
+    /// Alpha below which a surface is perfectly specular (pbrt-v4).
+    pub const MIN_ROUGH_ALPHA: f32 = 1e-3;
+
     /// GGX's alpha for a roughness. For Blinn's exponent e, the alpha of equal mean slope,
     /// √(2 / (e + 2)).
     pub fn alpha(self, roughness: f32) -> f32 {

@@ -113,11 +113,14 @@ impl Roughness {
         u.is_some() && u == v
     }
 
-    /// Whether the surface is perfectly specular: constant roughness 0 in a dialect with smooth surfaces.
+    /// Whether the surface is perfectly specular: of constant roughness near 0, in a dialect with smooth surfaces.
     fn is_smooth(&self, textures: &Textures) -> bool {
-        let is_zero = |id| textures.constant_float(id) == Some(0.0);
+        let is_smooth = |id| {
+            let alpha = textures.constant_float(id).map(|roughness| self.scale.alpha(roughness));
+            alpha.is_some_and(|alpha| alpha < RoughnessScale::MIN_ROUGH_ALPHA)
+        };
         let has_smooth = matches!(self.scale, RoughnessScale::Alpha | RoughnessScale::SquareRoot);
-        has_smooth && is_zero(self.u) && is_zero(self.v)
+        has_smooth && is_smooth(self.u) && is_smooth(self.v)
     }
 }
 

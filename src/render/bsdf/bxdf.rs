@@ -23,7 +23,7 @@ pub(super) trait Bxdf {
     fn sample(&self, wo: Vec3, u_lobe: f32, u: Vec2) -> Option<BsdfSample>;
     /// Whether all lobes are specular.
     fn is_specular(&self) -> bool;
-    /// Whether some lobe scatters light to the other side of the surface.
+    /// Whether some lobe that is not specular scatters light to the other side of the surface. If all are specular the answer is of no use.
     fn transmits(&self) -> bool {
         false
     }

@@ -82,11 +82,12 @@ impl Bxdf for BxdfSum {
     }
 
     fn is_specular(&self) -> bool {
-        self.lobes().all(|lobe| lobe.is_specular())
+        self.lobes().next().is_some() && self.lobes().all(|lobe| lobe.is_specular())
     }
 
     fn transmits(&self) -> bool {
-        self.lobes().any(|lobe| lobe.transmits())
+        // Specular lobes transmit no light that is sampled
+        self.lobes().any(|lobe| !lobe.is_specular() && lobe.transmits())
     }
 
     fn albedo(&self, wo: Vec3) -> Vec3 {
@@ -110,7 +111,7 @@ mod tests {
         let above = sum.sample(wo, 0.7501, Vec2::splat(0.3)).unwrap();
         assert!(above.specular && above.transmission && above.wi == -wo);
         assert!((above.weight.x - 0.2 / 0.25).abs() < 1e-5);
-        assert!(sum.transmits() && !sum.is_specular());
+        assert!(!sum.transmits() && !sum.is_specular());
     }
 
     #[test]

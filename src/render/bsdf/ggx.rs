@@ -13,9 +13,10 @@ use glam::{Vec2, Vec3};
 use super::clamp::clamp_or_zero;
 use super::directions::{same_hemisphere, to_hemisphere_of};
 use crate::render::disk::sin_cos_of_turns;
+use crate::scene::material::RoughnessScale;
 
-/// A surface whose larger alpha is below this counts as smooth (pbrt-v4).
-const MIN_ROUGH_ALPHA: f32 = 1e-3;
+/// A surface whose larger alpha is below this counts as smooth.
+const MIN_ROUGH_ALPHA: f32 = RoughnessScale::MIN_ROUGH_ALPHA;
 /// Largest alpha: pbrt has no bound, and v3's roughness of 1 is 1.62.
 const MAX_ALPHA: f32 = 4.0;
 /// Smallest alpha of a rough surface (pbrt-v4).

@@ -136,7 +136,7 @@ impl<'s> Bsdf<'s> {
         with_bxdf!(&self.bxdf, bxdf => bxdf.is_specular())
     }
 
-    /// Whether some lobe scatters light to the other side of the surface.
+    /// Whether some lobe that is not specular scatters light to the other side of the surface, if not all are specular.
     #[inline]
     pub fn transmits(&self) -> bool {
         with_bxdf!(&self.bxdf, bxdf => bxdf.transmits())

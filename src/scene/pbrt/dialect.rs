@@ -9,7 +9,7 @@ use crate::scene::MeshTangents;
 use crate::scene::film::PixelFilter;
 use crate::scene::light::SpotFalloff;
 use crate::scene::material::RoughnessScale;
-use crate::scene::texture::{Channels, Encoding};
+use crate::scene::texture::{Content, Encoding};
 
 /// A version of pbrt's scene description format.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -215,9 +215,9 @@ impl Dialect {
         (self != Dialect::V4).then_some(1.0)
     }
 
-    /// Channels of an image that a float texture uses.
-    pub(super) fn scalar_channels(self) -> Channels {
-        if self == Dialect::V4 { Channels::All } else { Channels::Luminance }
+    /// What the image of a float texture is read as.
+    pub(super) fn scalar_content(self) -> Content {
+        if self == Dialect::V4 { Content::Colour } else { Content::Luminance }
     }
 
     /// Factor of an image's linear values for the parameter `scale`, which v2 applies before decoding.

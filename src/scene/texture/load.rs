@@ -58,19 +58,22 @@ impl Encoding {
     }
 }
 
-/// Channels of an image that are kept.
+/// What an image is read as.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Channels {
-    All,
+pub enum Content {
+    /// All channels. White is white whatever the colour space.
+    Colour,
+    /// All channels, of light: white is the illuminant of its colour space.
+    Light,
     /// The luminance of the encoded values, without alpha.
     Luminance,
 }
 
-impl Channels {
+impl Content {
     /// Selects channels of float texels with `count` channels. Returns the new count and the values.
     fn select_floats(self, count: usize, data: Vec<f32>) -> (usize, Vec<f32>) {
         match self {
-            Channels::Luminance if count >= 3 => {
+            Content::Luminance if count >= 3 => {
                 let texels = data.chunks_exact(count);
                 (1, texels.map(|texel| luminance([texel[0], texel[1], texel[2]])).collect())
             }
@@ -80,11 +83,11 @@ impl Channels {
 
     fn select_integers(self, image: DynamicImage) -> DynamicImage {
         match self {
-            Channels::All => image,
-            Channels::Luminance if image.color().bytes_per_pixel() / image.color().channel_count() > 1 => {
+            Content::Colour | Content::Light => image,
+            Content::Luminance if image.color().bytes_per_pixel() / image.color().channel_count() > 1 => {
                 image.into_luma16().into()
             }
-            Channels::Luminance => image.into_luma8().into(),
+            Content::Luminance => image.into_luma8().into(),
         }
     }
 }
@@ -95,7 +98,7 @@ impl Channels {
 /// # Errors
 /// One sentence, without the file's name, if the file is missing, damaged, or of a kind or size
 /// that is not accepted.
-pub fn load(path: &Path, encoding: Encoding, channels: Channels) -> Result<TextureImage, String> {
+pub fn load(path: &Path, encoding: Encoding, content: Content) -> Result<TextureImage, String> {
     let extension = path.extension().and_then(|e| e.to_str()).unwrap_or("").to_ascii_lowercase();
     let format = match extension.as_str() {
         "exr" | "hdr" | "pfm" => None,
@@ -112,7 +115,7 @@ pub fn load(path: &Path, encoding: Encoding, channels: Channels) -> Result<Textu
     let mut reader = BufReader::new(file);
     let make_image = |width, height, count, data: Vec<f32>| {
         let data = data.into_iter().map(finite).collect();
-        let (count, mut data) = channels.select_floats(count, data);
+        let (count, mut data) = content.select_floats(count, data);
         decode(&mut data, count, encoding);
         without_opaque_alpha(width, height, count, data, 1.0, TextureImage::from_floats)
     };
@@ -122,8 +125,8 @@ pub fn load(path: &Path, encoding: Encoding, channels: Channels) -> Result<Textu
             pfm::read(&mut reader, check, make_image)
         }
         None if extension == "hdr" => load_hdr(reader, length, make_image),
-        None => load_exr(path, length, make_image),
-        Some(format) => load_integers(reader, length, format, encoding, channels),
+        None => load_exr(path, length, content, make_image),
+        Some(format) => load_integers(reader, length, format, encoding, content),
     }
 }
 
@@ -159,6 +162,7 @@ fn check_size(width: u64, height: u64, length: u64, texel_bytes: u64) -> Result<
 fn load_exr(
     path: &Path,
     length: u64,
+    content: Content,
     make: impl FnOnce(usize, usize, usize, Vec<f32>) -> TextureImage,
 ) -> Result<TextureImage, String> {
     let info = exr_file::read_info(path).map_err(|error| error.problem.to_string())?;
@@ -191,10 +195,11 @@ fn load_exr(
         let texels = data.iter_mut().skip(offset).step_by(count);
         texels.zip(planes.plane(offset)).for_each(|(texel, &value)| *texel = value);
     }
-    if let Some(space) = info.primaries.and_then(ColorSpace::of_primaries).filter(|_| count >= 3) {
+    if let Some(space) = info.primaries.and_then(ColorSpace::from_primaries).filter(|_| count >= 3) {
         for texel in data.chunks_exact_mut(count) {
             let rgb = Vec3::from_slice(texel).as_dvec3();
-            space.to_srgb(rgb).as_vec3().write_to_slice(texel);
+            let rgb = if content == Content::Light { space.light_to_srgb(rgb) } else { space.to_srgb(rgb) };
+            rgb.as_vec3().write_to_slice(texel);
         }
     }
     Ok(make(width, height, count, data))
@@ -238,7 +243,7 @@ fn load_integers(
     length: u64,
     format: ImageFormat,
     encoding: Encoding,
-    channels: Channels,
+    content: Content,
 ) -> Result<TextureImage, String> {
     // As in pbrt-v4, alpha is used in PNG files only
     let has_alpha = format == ImageFormat::Png && stores_alpha(&mut reader);
@@ -257,7 +262,7 @@ fn load_integers(
     let is_byte = u64::from(colour.bytes_per_pixel()) == stored;
     check_size(width.into(), height.into(), length, stored * if is_byte { 2 } else { FLOAT_BYTES })?;
     let image = DynamicImage::from_decoder(decoder).map_err(|error| error.to_string())?;
-    let image = channels.select_integers(image);
+    let image = content.select_integers(image);
 
     // Convert texels of 8 and 16 bits
     let (width, height) = (width as usize, height as usize);
@@ -322,7 +327,7 @@ mod tests {
     #[test]
     fn a_png_is_decoded_by_its_encoding() {
         let (_folder, path) = saved("a.png", &gray(128));
-        let value = |encoding| load(&path, encoding, Channels::All).unwrap().float(3, 1);
+        let value = |encoding| load(&path, encoding, Content::Colour).unwrap().float(3, 1);
         assert!((value(Encoding::Srgb) - 0.215_86).abs() < 1e-4);
         assert!((value(Encoding::Linear) - 128.0 / 255.0).abs() < 1e-6);
         assert!((value(Encoding::Gamma(2.0)) - (128.0f32 / 255.0).powi(2)).abs() < 1e-6);
@@ -332,10 +337,10 @@ mod tests {
     fn opaque_alpha_is_dropped_and_other_alpha_is_kept() {
         let mut image = ::image::RgbaImage::from_pixel(2, 1, ::image::Rgba([0, 0, 0, 255]));
         let (_folder, path) = saved("a.png", &DynamicImage::ImageRgba8(image.clone()));
-        assert_eq!(load(&path, Encoding::Srgb, Channels::All).unwrap().float(0, 0), 0.0);
+        assert_eq!(load(&path, Encoding::Srgb, Content::Colour).unwrap().float(0, 0), 0.0);
         image.put_pixel(1, 0, ::image::Rgba([0, 0, 0, 0]));
         let (_folder, path) = saved("b.png", &DynamicImage::ImageRgba8(image));
-        assert_eq!(load(&path, Encoding::Srgb, Channels::All).unwrap().float(0, 0), 1.0);
+        assert_eq!(load(&path, Encoding::Srgb, Content::Colour).unwrap().float(0, 0), 1.0);
     }
 
     #[test]
@@ -361,7 +366,7 @@ mod tests {
             chunk(b"IEND", &[]),
         ];
         std::fs::write(&path, file.concat()).unwrap();
-        let image = load(&path, Encoding::Linear, Channels::All).unwrap();
+        let image = load(&path, Encoding::Linear, Content::Colour).unwrap();
         assert_eq!([image.float(0, 0), image.float(1, 0)], [1.0, 0.0]);
     }
 
@@ -372,13 +377,13 @@ mod tests {
         let texels = [[0.25, 4.0, 1.0], [0.0, 0.5, 8.0]].map(::image::Rgb);
         let encoder = ::image::codecs::hdr::HdrEncoder::new(File::create(&path).unwrap());
         encoder.encode(&texels, 2, 1).unwrap();
-        let image = load(&path, Encoding::Linear, Channels::All).unwrap();
+        let image = load(&path, Encoding::Linear, Content::Colour).unwrap();
         let close = |found: Vec3, wanted: [f32; 3]| (found - Vec3::from(wanted)).abs().max_element() < 0.04;
         assert!(close(image.rgb(0, 0), texels[0].0) && close(image.rgb(1, 0), texels[1].0));
         std::fs::write(&path, "#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 9 +X 9\n").unwrap();
-        assert!(load(&path, Encoding::Linear, Channels::All).is_err());
+        assert!(load(&path, Encoding::Linear, Content::Colour).is_err());
         let (_folder, path) = saved("a.bmp", &gray(51));
-        assert!((load(&path, Encoding::Linear, Channels::All).unwrap().float(3, 1) - 0.2).abs() < 1e-6);
+        assert!((load(&path, Encoding::Linear, Content::Colour).unwrap().float(3, 1) - 0.2).abs() < 1e-6);
     }
 
     #[test]
@@ -393,7 +398,7 @@ mod tests {
         let path = folder.path().join("a.exr");
         let values = [(0.5, 2.0, -1.0), (f32::NAN, f32::INFINITY, 1e9)];
         exr::prelude::write_rgb_file(&path, 2, 1, |x, _| values[x]).unwrap();
-        let image = load(&path, Encoding::Linear, Channels::All).unwrap();
+        let image = load(&path, Encoding::Linear, Content::Colour).unwrap();
         assert_eq!(image.rgb(0, 0), Vec3::new(0.5, 2.0, -1.0));
         assert_eq!(image.rgb(1, 0), Vec3::new(0.0, 65504.0, 1e9));
     }
@@ -413,8 +418,13 @@ mod tests {
             white: at(0.32168, 0.33767),
         });
         image.write().to_file(&path).unwrap();
-        let sky = load(&path, super::Encoding::Linear, Channels::All).unwrap().rgb(0, 0);
-        assert!((sky - Vec3::new(0.2035, 0.3994, 1.0012)).abs().max_element() < 2e-3, "{sky}");
+        for (content, expected) in [
+            (Content::Colour, Vec3::new(0.2035, 0.3994, 1.0012)),
+            (Content::Light, Vec3::new(0.2215, 0.3983, 0.9220)),
+        ] {
+            let found = load(&path, super::Encoding::Linear, content).unwrap().rgb(0, 0);
+            assert!((found - expected).abs().max_element() < 2e-3, "{content:?}: {found}");
+        }
     }
 
     #[test]
@@ -423,7 +433,7 @@ mod tests {
         let mut bytes = std::fs::read(&path).unwrap();
         bytes[12..16].fill(0xff); // width and height
         std::fs::write(&path, bytes).unwrap();
-        assert!(load(&path, Encoding::Srgb, Channels::All).unwrap_err().contains("65535x65535"));
+        assert!(load(&path, Encoding::Srgb, Content::Colour).unwrap_err().contains("65535x65535"));
     }
 
     #[test]
@@ -432,15 +442,15 @@ mod tests {
             let (_folder, path) = saved(name, &gray(77));
             let bytes = std::fs::read(&path).unwrap();
             std::fs::write(&path, &bytes[..bytes.len() / 3]).unwrap();
-            assert!(load(&path, Encoding::Srgb, Channels::All).is_err(), "{name}");
+            assert!(load(&path, Encoding::Srgb, Content::Colour).is_err(), "{name}");
         }
         let (folder, path) = saved("a.png", &gray(1));
-        assert!(load(&path.with_file_name("missing.exr"), Encoding::Srgb, Channels::All).is_err());
+        assert!(load(&path.with_file_name("missing.exr"), Encoding::Srgb, Content::Colour).is_err());
         std::fs::create_dir(folder.path().join("b.png")).unwrap();
-        let folder_error = load(&path.with_file_name("b.png"), Encoding::Srgb, Channels::All);
+        let folder_error = load(&path.with_file_name("b.png"), Encoding::Srgb, Content::Colour);
         assert_eq!(folder_error.unwrap_err(), "it is a folder");
         assert!(
-            load(Path::new("image.xyz"), Encoding::Srgb, Channels::All)
+            load(Path::new("image.xyz"), Encoding::Srgb, Content::Colour)
                 .unwrap_err()
                 .contains("exr, hdr, pfm, png")
         );
@@ -449,8 +459,7 @@ mod tests {
     #[test]
     fn luminance_is_computed_from_encoded_values() {
         let mut image = ::image::RgbaImage::from_pixel(1, 1, ::image::Rgba([0, 255, 0, 10]));
-        let luminance =
-            |path: &Path, encoding| load(path, encoding, Channels::Luminance).unwrap().float(0, 0);
+        let luminance = |path: &Path, encoding| load(path, encoding, Content::Luminance).unwrap().float(0, 0);
         let (_folder, path) = saved("a.png", &DynamicImage::ImageRgba8(image.clone()));
         assert!((luminance(&path, Encoding::Linear) - 0.7152).abs() < 0.003);
         assert!((luminance(&path, Encoding::Gamma(2.0)) - 0.5115).abs() < 0.004);
@@ -469,7 +478,7 @@ mod tests {
         let path = folder.path().join("a.pfm");
         let texel = [3.0f32, -1.0, 1e30].map(f32::to_le_bytes);
         std::fs::write(&path, [&b"PF 1 1 -1 "[..9], b"\n", texel.as_flattened()].concat()).unwrap();
-        let colour = load(&path, Encoding::Gamma(2.0), Channels::All).unwrap().rgb(0, 0);
+        let colour = load(&path, Encoding::Gamma(2.0), Content::Colour).unwrap().rgb(0, 0);
         assert_eq!(colour.truncate(), glam::Vec2::new(9.0, 0.0));
         assert!(colour.is_finite());
     }

@@ -11,7 +11,7 @@ mod texture_value;
 mod textures;
 
 pub(crate) use self::floor::floor;
-pub use self::load::{Channels, Encoding, load, one_texel};
+pub use self::load::{Content, Encoding, load, one_texel};
 pub use self::procedural::Procedural;
 pub use self::texture_id::{FloatTextureId, ImageId, RgbTextureId};
 pub use self::texture_image::{Texel, TextureImage, WrapMode};

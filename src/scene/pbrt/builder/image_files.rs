@@ -9,13 +9,13 @@ use std::path::PathBuf;
 use rayon::prelude::*;
 
 use crate::scene::pbrt::parser::{FileLoc, ParseError, Result, Warnings};
-use crate::scene::texture::{self, Channels, Encoding};
+use crate::scene::texture::{self, Content, Encoding};
 use crate::scene::{ImageId, TextureImage};
 
 struct ImageFile {
     path: PathBuf,
     encoding: Encoding,
-    channels: Channels,
+    content: Content,
     /// Whether the image is flipped vertically after decoding.
     flip_rows: bool,
     /// Encoded value of the image if it cannot be read; `None` if that is an error.
@@ -39,18 +39,18 @@ impl ImageFiles {
         &mut self,
         path: PathBuf,
         encoding: Encoding,
-        channels: Channels,
+        content: Content,
         flip_rows: bool,
         replacement: Option<f32>,
         loc: FileLoc,
     ) -> ImageId {
         let list = &mut self.list;
-        let key = (path.clone(), format!("{encoding:?} {channels:?} {replacement:?}"));
+        let key = (path.clone(), format!("{encoding:?} {content:?} {replacement:?}"));
         *self.ids.entry(key).or_insert_with(|| {
             list.push(ImageFile {
                 path,
                 encoding,
-                channels,
+                content,
                 flip_rows,
                 replacement,
                 loc,
@@ -89,7 +89,7 @@ impl ImageFile {
             let name = self.path.display();
             ParseError::new(self.loc, format!("image \"{name}\": {message}; expected {expected}"))
         };
-        let image = texture::load(&self.path, self.encoding, self.channels)
+        let image = texture::load(&self.path, self.encoding, self.content)
             .map_err(|message| error(message, "a valid image file"))?;
         let (width, height) = (image.width(), image.height());
         if self.must_be_square && width != height {

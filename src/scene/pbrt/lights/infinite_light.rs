@@ -9,14 +9,16 @@ use crate::scene::light::{Environment, EnvironmentMap, Portal};
 use crate::scene::pbrt::builder::SceneBuilder;
 use crate::scene::pbrt::parser::{ParameterDictionary, Result};
 use crate::scene::pbrt::textures::image_encoding;
-use crate::scene::texture::Channels;
+use crate::scene::texture::Content;
 use crate::scene::{ImageId, Light};
 
 impl SceneBuilder {
     /// `infinite`.
     pub fn infinite(&mut self, params: &ParameterDictionary) -> Result<Light> {
-        let mut scale = self.light_colour(params, "L")?;
-        let map = match image_filename(params)? {
+        let file = image_filename(params)?;
+        let default = if file.is_some() { Vec3::ONE } else { self.illuminant() };
+        let mut scale = self.light_colour(params, "L", default)?;
+        let map = match file {
             None => None,
             Some(file) => {
                 let image = self.light_image(file, params)?;
@@ -47,7 +49,7 @@ impl SceneBuilder {
     /// The image of a light.
     pub fn light_image(&mut self, file: &str, params: &ParameterDictionary) -> Result<ImageId> {
         let encoding = image_encoding(params, self.dialect)?.or(self.dialect.light_encoding());
-        Ok(self.image(file, encoding, Channels::All, self.dialect.missing_light_value(), params.loc))
+        Ok(self.image(file, encoding, Content::Light, self.dialect.missing_light_value(), params.loc))
     }
 
     /// The mapping of an image to the sphere in this dialect.

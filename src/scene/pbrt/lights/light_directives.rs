@@ -11,7 +11,7 @@ use crate::scene::pbrt::builder::{AreaLightSource, SceneBuilder};
 use crate::scene::pbrt::dialect::Dialect;
 use crate::scene::pbrt::directives::transforms::{inverse, normalized};
 use crate::scene::pbrt::parser::{ParameterDictionary, ParameterType, ParseError, Result, Statement};
-use crate::scene::texture::Channels;
+use crate::scene::texture::Content;
 
 impl SceneBuilder {
     /// `AreaLightSource`: the emission of the shapes that follow.
@@ -27,12 +27,13 @@ impl SceneBuilder {
         }
         params.get("nsamples");
         params.get("samples");
-        let radiance = self.light_colour(&params, "L")?;
+        let image = params.string("filename")?.filter(|file| !file.is_empty());
+        let default = if image.is_some() { Vec3::ONE } else { self.illuminant() };
+        let radiance = self.light_colour(&params, "L", default)?;
         let two_sided = params.bool_or("twosided", false)?;
         let power = params.positive("power")?;
-        let image = params.string("filename")?.filter(|file| !file.is_empty());
         let replacement = self.dialect.missing_light_value();
-        let image = image.map(|file| self.image(file, None, Channels::All, replacement, params.loc));
+        let image = image.map(|file| self.image(file, None, Content::Light, replacement, params.loc));
         let light = AreaLight { radiance, image, two_sided };
         self.state.area_light = (radiance != Vec3::ZERO).then_some(AreaLightSource { light, power });
         statement.params.mark_used_from(&params);
@@ -78,10 +79,15 @@ impl SceneBuilder {
         Ok(())
     }
 
-    /// The colour called `name` times `scale`; an error if a channel is negative.
-    pub fn light_colour(&mut self, params: &ParameterDictionary, name: &str) -> Result<Vec3> {
-        let color =
-            self.spectrum(params, name)?.map_or(Vec3::ONE, |spectrum| self.dialect.light_colour(&spectrum));
+    /// The illuminant of the current colour space: the colour of a light that has neither colour nor image.
+    pub fn illuminant(&self) -> Vec3 {
+        self.state.color_space.light_to_srgb(DVec3::ONE).as_vec3()
+    }
+
+    /// The colour called `name`, or else `default`, times `scale`; an error if a channel is negative.
+    pub fn light_colour(&mut self, params: &ParameterDictionary, name: &str, default: Vec3) -> Result<Vec3> {
+        let spectrum = self.light_spectrum(params, name)?;
+        let color = spectrum.map_or(default, |spectrum| self.dialect.light_colour(&spectrum));
         // The scale of v3 is a spectrum
         let scale = match params.get("scale").map(|param| param.kind) {
             Some(ParameterType::Rgb | ParameterType::Spectrum) => {
@@ -107,7 +113,7 @@ impl SceneBuilder {
             Dialect::V4 => to_render.transform_point3(from),
         }
         .as_vec3();
-        let mut intensity = self.light_colour(params, "I")?;
+        let mut intensity = self.light_colour(params, "I", self.illuminant())?;
         if let Some(power) = params.positive("power")? {
             intensity = scale_to_parameter(params, "power", intensity, power / (4.0 * PI))?;
         }
@@ -121,7 +127,7 @@ impl SceneBuilder {
         let delta = params.float_or("conedeltaangle", 5.0)?;
         let cos_total_width = total.to_radians().cos();
         let cos_falloff_start = (total - delta).to_radians().cos().max(cos_total_width);
-        let mut intensity = self.light_colour(params, "I")?;
+        let mut intensity = self.light_colour(params, "I", self.illuminant())?;
         if let Some(power) = params.positive("power")? {
             // The mean of the falloff is one half
             let solid_angle =
@@ -143,7 +149,7 @@ impl SceneBuilder {
     /// `distant`.
     fn distant(&mut self, params: &ParameterDictionary) -> Result<Light> {
         let (_, axis) = self.source_and_axis(params)?;
-        let mut radiance = self.light_colour(params, "L")?;
+        let mut radiance = self.light_colour(params, "L", self.illuminant())?;
         if let Some(illuminance) = params.positive("illuminance")? {
             radiance = scale_to_parameter(params, "illuminance", radiance, illuminance)?;
         }

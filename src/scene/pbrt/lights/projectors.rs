@@ -20,7 +20,7 @@ impl SceneBuilder {
         let map = self.environment_map(image);
         // The axis of the image is y
         let axes = DMat3::from_cols(DVec3::X, DVec3::Z, DVec3::Y);
-        self.projector(params, axes, ImageProjection::Spherical(map))
+        self.projector(params, axes, ImageProjection::Spherical(map), self.illuminant())
     }
 
     /// `projection`: a point light that projects an image.
@@ -39,18 +39,19 @@ impl SceneBuilder {
         // Image rows run downwards; the older dialects show images upside down
         let rows = if self.dialect.projections_are_upright() { -1.0 } else { 1.0 };
         let axes = DMat3::from_diagonal(DVec3::new(1.0, rows, 1.0));
-        self.projector(params, axes, ImageProjection::Perspective { image, tan_half_fov })
+        self.projector(params, axes, ImageProjection::Perspective { image, tan_half_fov }, Vec3::ONE)
     }
 
-    /// A light that projects `image`; `axes` maps light space to image space.
+    /// A light that projects `image`; `axes` maps light space to image space, and `default` is the intensity if none is given.
     fn projector(
         &mut self,
         params: &ParameterDictionary,
         axes: DMat3,
         image: ImageProjection,
+        default: Vec3,
     ) -> Result<Light> {
         let to_render = self.to_render();
-        let intensity = self.light_colour(params, "I")?;
+        let intensity = self.light_colour(params, "I", default)?;
         if let Some(power) = params.positive("power")?
             && intensity != Vec3::ZERO
         {

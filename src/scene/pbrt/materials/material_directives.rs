@@ -8,7 +8,7 @@ use crate::scene::material::MaterialKind;
 use crate::scene::pbrt::builder::{MaterialEntity, MaterialRef, SceneBuilder};
 use crate::scene::pbrt::parser::{FileLoc, ParameterDictionary, ParseError, Result, Statement};
 use crate::scene::texture::{
-    Channels, Encoding, ImageFilter, ImageTexture, Texture, TextureMapping, WrapMode,
+    Content, Encoding, ImageFilter, ImageTexture, Texture, TextureMapping, WrapMode,
 };
 use crate::scene::{Material, MaterialId};
 
@@ -201,8 +201,8 @@ impl SceneBuilder {
                 // pbrt-v4 decodes those of JPEG and TGA files as sRGB, which tilts all normals
                 let path = self.resolve_content(&file);
                 let flip_rows = self.dialect.flips_rows(&path);
-                let (encoding, channels) = (Encoding::Linear, Channels::All);
-                let image = self.images.add(path, encoding, channels, flip_rows, None, params.loc);
+                let (encoding, content) = (Encoding::Linear, Content::Colour);
+                let image = self.images.add(path, encoding, content, flip_rows, None, params.loc);
                 let mapping = TextureMapping::Uv { scale: glam::Vec2::new(1.0, -1.0), offset: glam::Vec2::Y };
                 let (wrap, filter) = (WrapMode::Repeat, ImageFilter::Bilinear);
                 let texture = ImageTexture { image, mapping, wrap, filter, scale: 1.0, invert: false };

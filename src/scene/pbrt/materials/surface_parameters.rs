@@ -12,9 +12,10 @@ use crate::scene::texture::{FloatTextureId, Texture};
 impl SceneBuilder {
     /// A conductor from `eta` and `k`, or from `reflectance`; copper by default.
     pub fn metal(&mut self, params: &ParameterDictionary, prefix: &str) -> Result<Metal> {
-        let dialect = self.dialect;
+        // The table is of v4's values, which are relative to white
+        let white = self.dialect.reflectance(&Spectrum::constant(1.0));
         let named =
-            |name: &str| Spectrum::named(name).map_or(Vec3::ZERO, |spectrum| dialect.reflectance(&spectrum));
+            |name: &str| Spectrum::named(name).map_or(Vec3::ZERO, |spectrum| spectrum.reflectance() * white);
         if params.get("reflectance").is_some() {
             return Ok(Metal::Reflectance(self.rgb_texture_or(params, "reflectance", Vec3::ONE)?));
         }

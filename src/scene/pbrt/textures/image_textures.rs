@@ -4,15 +4,11 @@ use crate::scene::ImageId;
 use crate::scene::pbrt::builder::SceneBuilder;
 use crate::scene::pbrt::dialect::Dialect;
 use crate::scene::pbrt::parser::{FileLoc, ParameterDictionary, ParameterType, ParseError, Result};
-use crate::scene::texture::{Channels, Encoding, ImageFilter, ImageTexture, WrapMode};
+use crate::scene::texture::{Content, Encoding, ImageFilter, ImageTexture, WrapMode};
 
 impl SceneBuilder {
     /// The texture `imagemap`.
-    pub fn image_texture(
-        &mut self,
-        params: &ParameterDictionary,
-        channels: Channels,
-    ) -> Result<ImageTexture> {
+    pub fn image_texture(&mut self, params: &ParameterDictionary, content: Content) -> Result<ImageTexture> {
         let Some(file) = params.string("filename")? else {
             return Err(ParseError::new(params.loc, "imagemap without a file; expected \"string filename\""));
         };
@@ -45,7 +41,7 @@ impl SceneBuilder {
         }
         let replacement = self.dialect.missing_texture_value();
         Ok(ImageTexture {
-            image: self.image(file, encoding, channels, replacement, params.loc),
+            image: self.image(file, encoding, content, replacement, params.loc),
             mapping: self.texture_mapping(params, self.dialect.v_starts_at_bottom_row())?,
             wrap,
             filter,
@@ -60,14 +56,14 @@ impl SceneBuilder {
         &mut self,
         file: &str,
         encoding: Option<Encoding>,
-        channels: Channels,
+        content: Content,
         replacement: Option<f32>,
         loc: FileLoc,
     ) -> ImageId {
         let path = self.resolve_content(file);
         let encoding = self.dialect.image_encoding(&path, encoding);
         let flip_rows = self.dialect.flips_rows(&path);
-        self.images.add(path, encoding, channels, flip_rows, replacement, loc)
+        self.images.add(path, encoding, content, flip_rows, replacement, loc)
     }
 
     /// Decodes the scene's images.

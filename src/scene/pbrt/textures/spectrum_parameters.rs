@@ -2,6 +2,7 @@
 
 use glam::{DVec3, Vec3};
 
+use crate::scene::color_space::ColorSpace;
 use crate::scene::pbrt::builder::SceneBuilder;
 use crate::scene::pbrt::files;
 use crate::scene::pbrt::parser::{Parameter, ParameterDictionary, ParameterType, Result};
@@ -10,10 +11,24 @@ use crate::scene::pbrt::spectrum::{Spectrum, rgb_from_xyz};
 impl SceneBuilder {
     /// The colour or spectrum called `name`, if given.
     pub fn spectrum(&mut self, params: &ParameterDictionary, name: &str) -> Result<Option<Spectrum>> {
+        self.spectrum_of(params, name, ColorSpace::to_srgb)
+    }
+
+    /// The emission called `name`, if given.
+    pub fn light_spectrum(&mut self, params: &ParameterDictionary, name: &str) -> Result<Option<Spectrum>> {
+        self.spectrum_of(params, name, ColorSpace::light_to_srgb)
+    }
+
+    fn spectrum_of(
+        &mut self,
+        params: &ParameterDictionary,
+        name: &str,
+        to_srgb: fn(ColorSpace, DVec3) -> DVec3,
+    ) -> Result<Option<Spectrum>> {
         let Some(param) = params.get(name) else { return Ok(None) };
         Ok(Some(match (param.kind, param.numbers()) {
             (ParameterType::Rgb, &[r, g, b]) => {
-                Spectrum::Rgb(self.state.color_space.to_srgb(DVec3::new(r, g, b)).as_vec3())
+                Spectrum::Rgb(to_srgb(self.state.color_space, DVec3::new(r, g, b)).as_vec3())
             }
             (ParameterType::Xyz, &[x, y, z]) => Spectrum::Rgb(rgb_from_xyz(DVec3::new(x, y, z)).as_vec3()),
             (ParameterType::Rgb | ParameterType::Xyz, numbers) => {

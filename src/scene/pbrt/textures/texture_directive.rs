@@ -84,7 +84,7 @@ impl SceneBuilder {
         Ok(match kind {
             // Values and images
             "constant" => Texture::Constant(V::value(self, params, "value", one)?),
-            "imagemap" => Texture::Image(self.image_texture(params, V::channels(self.dialect))?),
+            "imagemap" => Texture::Image(self.image_texture(params, V::content(self.dialect))?),
             // Combinations of textures
             "scale" => {
                 let first_name = if params.get("tex1").is_some() { "tex1" } else { "tex" };

@@ -5,14 +5,14 @@ use glam::Vec3;
 use crate::scene::pbrt::builder::{NamedTextures, SceneBuilder, TextureSize, TexturesByName};
 use crate::scene::pbrt::dialect::Dialect;
 use crate::scene::pbrt::parser::{ParameterDictionary, ParameterType, Result};
-use crate::scene::texture::{Channels, FloatTextureId, PooledValue, RgbTextureId, Texture};
+use crate::scene::texture::{Content, FloatTextureId, PooledValue, RgbTextureId, Texture};
 
 /// A texture value that can be given as a parameter.
 pub trait TextureParameter: PooledValue {
     /// The texture type's name in a scene file, for messages.
     const KIND: &'static str;
-    /// Channels of an image that are used.
-    fn channels(dialect: Dialect) -> Channels;
+    /// What an image is read as.
+    fn content(dialect: Dialect) -> Content;
     /// The named textures of this type.
     fn names(names: &mut NamedTextures) -> &mut TexturesByName<Self::Id>;
     /// The value of a parameter that is not a texture, or `default`.
@@ -26,8 +26,8 @@ pub trait TextureParameter: PooledValue {
 
 impl TextureParameter for f32 {
     const KIND: &'static str = "float";
-    fn channels(dialect: Dialect) -> Channels {
-        dialect.scalar_channels()
+    fn content(dialect: Dialect) -> Content {
+        dialect.scalar_content()
     }
     fn names(names: &mut NamedTextures) -> &mut TexturesByName<FloatTextureId> {
         &mut names.floats
@@ -39,8 +39,8 @@ impl TextureParameter for f32 {
 
 impl TextureParameter for Vec3 {
     const KIND: &'static str = "spectrum";
-    fn channels(_: Dialect) -> Channels {
-        Channels::All
+    fn content(_: Dialect) -> Content {
+        Content::Colour
     }
     fn names(names: &mut NamedTextures) -> &mut TexturesByName<RgbTextureId> {
         &mut names.rgbs
