@@ -29,7 +29,7 @@ const SAN_MIGUEL: &str = "pbrt-v3/sanmiguel/sanmiguel-courtyard.pbrt";
 const BALLS: usize = 100;
 const RINGS: u32 = 50;
 const COLUMNS: u32 = 100;
-/// Waves around a ball, and their height as a share of its radius.
+/// Waves around a ball, and their height as a fraction of its radius.
 const WAVES: f32 = 7.0;
 const WAVE_HEIGHT: f32 = 0.1;
 

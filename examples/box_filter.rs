@@ -7,10 +7,10 @@ use std::error::Error;
 use std::path::PathBuf;
 
 use prpf::filter::{
-    Cost, Denoiser, DenoiserName, ErrorMaps, FilterResult, Reads, Reliability, SampleVectors, unfiltered,
+    Cost, Denoiser, DenoiserName, FilterResult, Reads, Reliability, SampleVectors, unfiltered,
 };
 use prpf::image::Planes;
-use prpf::stats::{Block, Part, Store};
+use prpf::stats::{Block, Store};
 use prpf::{RenderBuilder, scene::pbrt};
 
 /// The mean of the pixels within [`RADIUS`].
@@ -44,31 +44,8 @@ impl Denoiser for BoxFilter {
         let noisy = unfiltered(store);
         let (image, halves) = (average(&noisy.image), noisy.halves.each_ref().map(average));
 
-        // Estimate the error from the filtered and the noisy halves
-        let radiance = store.layout().radiance();
-        let [mean, sample_variance] =
-            [store.means(Part::Whole, radiance.clone()), store.variances(Part::Whole, radiance)];
-        let counts = [0, 1].map(|half| store.counts(Part::Half(half)));
-        let ErrorMaps { variance, residual, risk, error } = ErrorMaps::self_filtered(
-            &image,
-            halves.each_ref(),
-            &mean,
-            &sample_variance,
-            noisy.halves.each_ref(),
-            counts.each_ref().map(Vec::as_slice),
-        );
-        FilterResult {
-            made_by: self.name(),
-            image,
-            halves,
-            variance,
-            error,
-            residual,
-            risk,
-            reliability: Reliability::SELF_FILTERED,
-            interpolation: None,
-            failure: None,
-        }
+        // Estimate the error from them
+        FilterResult::self_filtered(self.name(), store, image, halves, Reliability::SELF_FILTERED)
     }
 }
 

@@ -17,6 +17,11 @@ pub const CONFIGURATIONS: [Configuration; 4] = [
     Configuration { sampling: Sampling::Adaptive, filtered: true },
 ];
 
+/// Index in [`CONFIGURATIONS`] of plain path tracing.
+pub const PLAIN: usize = 0;
+/// Index of the program's default: adaptive and filtered.
+pub const DEFAULT: usize = 3;
+
 impl Configuration {
     pub fn name(self) -> &'static str {
         match (self.sampling, self.filtered) {

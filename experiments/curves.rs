@@ -5,7 +5,7 @@
 use std::collections::BTreeSet;
 
 use prpf::adaptive::Sampling;
-use prpf::filter::{DENOISERS, UNFILTERED};
+use prpf::filter::{DEFAULT, UNFILTERED};
 use prpf::geometry::Accel;
 use prpf::progressive::StoppedBy;
 
@@ -99,7 +99,7 @@ pub fn measure(
             if only_uniform && configuration.sampling != Sampling::Uniform {
                 continue;
             }
-            let denoiser = if configuration.filtered { DENOISERS[0] } else { UNFILTERED };
+            let denoiser = if configuration.filtered { DEFAULT } else { UNFILTERED };
             let trial = Trial::new(configuration.sampling, denoiser, spp, seed);
             let measured = measure_trial(session, test_scene, accel, &trial, configuration.name())?;
             curves.points[i].push(Point::new(&trial, &measured));

@@ -6,7 +6,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
-use prpf::filter::{DENOISERS, learned};
+use prpf::filter::{DEFAULT, learned};
 use prpf::geometry::Accel;
 use prpf::image::Planes;
 use prpf::image::exr_file::{self, Channel, Precision, Windows};
@@ -134,7 +134,7 @@ pub fn reference(
         let radiance = a.layout().radiance();
         let halves = [&a, &b].map(|store| store.means(Part::Whole, radiance.clone()));
         a.merge(&b);
-        let filtered = DENOISERS[0].filter(&a, 0).image;
+        let filtered = DEFAULT.filter(&a, 0).image;
         let [a, b] = halves;
         paths.iter().zip([a, b, filtered]).try_for_each(|(path, image)| write(path, &image))?;
     }

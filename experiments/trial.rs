@@ -10,7 +10,7 @@ use prpf::filter::{Denoiser, FilterResult};
 use prpf::geometry::Accel;
 use prpf::image::Planes;
 use prpf::progressive::{
-    Action, Budget, Conditions, ErrorEstimate, FilterPass, Filtered, Forecast, HalfImages, Host, Outcome,
+    Action, Budget, Conditions, ErrorEstimate, FilterPass, Filtered, Forecast, HalfImages, Outcome,
     RenderLoop, Settings, StoppedBy,
 };
 use prpf::render::Renderer;
@@ -101,11 +101,6 @@ impl Trial {
     }
 }
 
-/// A host that keeps nothing.
-struct NoHost;
-
-impl Host for NoHost {}
-
 /// Drives the render loop of a trial, with its own interim passes.
 struct TrialDriver<'a> {
     trial: &'a Trial,
@@ -128,7 +123,7 @@ impl TrialDriver<'_> {
                     let pass = render_loop.final_pass(&conditions, stopped_by);
                     return render_loop.finish(filter_and_estimate(pass), stopped_by);
                 }
-                action => render_loop.perform(action, &mut NoHost),
+                action => render_loop.perform(action, &mut ()),
             }
         }
     }

@@ -7,8 +7,8 @@
 use std::path::Path;
 
 use glam::DVec3;
-use prpf::adaptive::{self, Maps, PrioritySettings};
-use prpf::filter::{self, Denoiser, FilterResult, nlm, prpf::PRPF};
+use prpf::adaptive::{self, PrioritySettings};
+use prpf::filter::{Denoiser, FilterResult, nlm, prpf::PRPF};
 use prpf::geometry::Accel;
 use prpf::image::Planes;
 use prpf::import::{Frame, FrameStore, LayerMap};
@@ -153,24 +153,24 @@ pub fn state(bytes: &[u8]) {
 
 /// Messages of the live page, one a line, to a camera of each kind.
 pub fn message(bytes: &[u8]) {
-    const CAMERAS: [&str; 2] =
+    const DIRECTIVES: [&str; 2] =
         ["LookAt 0 1 -3 0 0 0 0 1 0 Camera \"perspective\"", "Scale -1 1 1 Camera \"orthographic\""];
-    let mut rigs = CAMERAS.map(|camera| {
-        let text = format!("{camera} WorldBegin");
+    let mut cameras = DIRECTIVES.map(|directives| {
+        let text = format!("{directives} WorldBegin");
         let scene = pbrt::read_str(&text, Path::new("")).expect("the scene is right");
         OrbitCamera::new(&scene.camera, None, 5.0)
     });
     for line in String::from_utf8_lossy(bytes).lines() {
         let Ok(Message::Camera(step)) = Message::parse(line) else { continue };
         let seen = step.focus_at.map(|[x, y]| DVec3::new(f64::from(x), f64::from(y), 1.0));
-        for rig in &mut rigs {
-            rig.apply(&step, seen);
-            let Camera { to_render, screen_window, lens_radius, focal_distance, .. } = rig.camera();
-            assert!(to_render.at_f64(0.5).is_finite(), "{rig:?}");
-            assert!(screen_window.iter().all(|v| v.is_finite()), "{rig:?}");
-            assert!(screen_window[0] < screen_window[1] && screen_window[2] < screen_window[3], "{rig:?}");
-            assert!(lens_radius.is_finite() && focal_distance.is_finite(), "{rig:?}");
-            assert!(*lens_radius >= 0.0 && *focal_distance > 0.0, "{rig:?}");
+        for camera in &mut cameras {
+            camera.apply(&step, seen);
+            let Camera { to_render, screen_window, lens_radius, focal_distance, .. } = camera.camera();
+            assert!(to_render.at_f64(0.5).is_finite(), "{camera:?}");
+            assert!(screen_window.iter().all(|v| v.is_finite()), "{camera:?}");
+            assert!(screen_window[0] < screen_window[1] && screen_window[2] < screen_window[3], "{camera:?}");
+            assert!(lens_radius.is_finite() && focal_distance.is_finite(), "{camera:?}");
+            assert!(*lens_radius >= 0.0 && *focal_distance > 0.0, "{camera:?}");
         }
     }
 }
@@ -198,9 +198,9 @@ pub fn store(bytes: &[u8]) {
     let Some((&[low, high, width, height, capacity, denoiser], samples)) = bytes.split_first_chunk() else {
         return;
     };
-    let alive = u16::from_le_bytes([low, high]);
+    let enabled = u16::from_le_bytes([low, high]);
     let layout = Layout::with_blocks(|block| {
-        BLOCKS.iter().position(|&b| b == block).is_some_and(|bit| alive >> bit & 1 == 1)
+        BLOCKS.iter().position(|&b| b == block).is_some_and(|bit| enabled >> bit & 1 == 1)
     });
     let (width, height) = (1 + usize::from(width % 9), 1 + usize::from(height % 9));
     let denoisers: [&dyn Denoiser; 3] = [&nlm::DRAFT, &nlm::STANDARD, &PRPF];
@@ -252,15 +252,7 @@ fn check(store: &Store, filtered: &FilterResult) {
             && filtered.interpolation.iter().all(|found| no_nan(&found.failure))
     );
     let counts = store.counts(Part::Whole);
-    let maps = Maps {
-        counts: &counts,
-        image: &filtered.image,
-        filtered_variance: &filtered.variance,
-        raw_variance: &filter::variance_of_mean(store),
-        residual: &filtered.residual,
-        interpolation_failure: filtered.interpolation.as_ref().map(|found| &found.failure),
-    };
-    let priority = adaptive::priority(maps, &PrioritySettings::default());
+    let priority = adaptive::priority(store, filtered.into(), &PrioritySettings::default());
     let total = 3 * counts.len() as u64 + 1;
     let plan = adaptive::allocate(&priority, &counts, store.width(), total, u32::MAX, 0);
     let planned: u64 = plan.iter().map(|&n| u64::from(n)).sum();

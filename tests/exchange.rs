@@ -217,7 +217,7 @@ fn images_that_cannot_be_denoised_get_one_line() {
     );
     assert!(
         with_out(&["a.exr", "b.exr", "--aovs", "key,fill", "--denoiser", "none"])
-            .contains("accepted are learned and nlm")
+            .contains("accepted are learned, nlm")
     );
     assert!(with_out(&["a.exr", "b.exr", "--denoiser", "prpf"]).contains("sample vectors"));
     assert!(with_out(&["a.exr", "b.exr", "--aovs", "Noisy"]).contains("--aovs Noisy: found"));

@@ -11,7 +11,8 @@ use std::time::{Duration, Instant};
 use common::SCENE;
 use prpf::adaptive::{MapValues, PrioritySettings, SampleMap, Sampling};
 use prpf::filter::{
-    DENOISERS, Denoiser, DenoiserName, FilterResult, Reads, UNFILTERED, learned, nlm, prpf as pixelwise, rpf,
+    Cost, DENOISERS, Denoiser, DenoiserName, FilterResult, Reads, UNFILTERED, learned, nlm,
+    prpf as pixelwise, rpf,
 };
 use prpf::geometry::Accel;
 use prpf::progressive::{
@@ -137,7 +138,7 @@ fn perform_next(render_loop: &mut RenderLoop) -> Option<(Filtered, StoppedBy)> {
 
 /// Returns the current checkpoint, which is within a batch.
 fn checkpoint_within_batch(render_loop: &mut RenderLoop) -> Checkpoint {
-    let mut recorder = Recorder::of_every_step();
+    let mut recorder = Recorder::at_every_step();
     render_loop.save(&mut recorder);
     let [checkpoint] = recorder.checkpoints.try_into().expect("one checkpoint");
     assert!(matches!(checkpoint.position, Position::Render(_)));

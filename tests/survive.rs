@@ -58,7 +58,7 @@ fn a_render_resumed_from_any_step_ends_in_the_same_image() {
         let priority = PrioritySettings { max_ratio: f32::MAX, ..PrioritySettings::default() };
         let settings = Settings { budget, denoiser, priority, seed: 5, ..Settings::default() };
         let render_loop = || RenderLoop::new(&renderer, &settings, Instant::now());
-        let mut recorder = Recorder::of_every_step();
+        let mut recorder = Recorder::at_every_step();
         let whole = run(render_loop(), &mut recorder);
         let checkpoints = recorder.checkpoints;
         assert!(checkpoints.len() >= 6, "steps of batches, and their ends: {}", checkpoints.len());
@@ -97,7 +97,7 @@ fn a_batch_that_would_go_on_is_left_when_interrupted_and_resumed_to_the_same_ima
     let settings =
         Settings { budget: Budget { spp: Some(32), ..Budget::default() }, seed: 5, ..Settings::default() };
     let render_loop = || RenderLoop::new(&renderer, &settings, Instant::now());
-    let mut recorder = Recorder::of_every_step();
+    let mut recorder = Recorder::at_every_step();
     let whole = run(render_loop(), &mut recorder);
     let is_within = |position: &Position| matches!(position, Position::Render(_));
     let mut checkpoints = recorder.checkpoints.into_iter();

@@ -1,8 +1,6 @@
 //! Allocation: from a result to priorities, and from priorities to the next sample counts.
 
-use prpf::adaptive::{self, Maps, NO_CEILING, PrioritySettings, next_counts};
-use prpf::filter::variance_of_mean;
-use prpf::stats::Part;
+use prpf::adaptive::{self, NO_CEILING, PrioritySettings, next_counts};
 
 use crate::arguments::{array, object, output, write};
 use crate::filter::PrpfFilter;
@@ -37,15 +35,7 @@ pub unsafe extern "C" fn prpf_filter_priority(
         }
         // SAFETY: the caller's promise.
         let priority = unsafe { output("priority", priority, value_count, store.pixels()) }?;
-        let maps = Maps {
-            counts: &store.counts(Part::Whole),
-            image: &result.image,
-            filtered_variance: &result.variance,
-            raw_variance: &variance_of_mean(&store),
-            residual: &result.residual,
-            interpolation_failure: result.interpolation.as_ref().map(|found| &found.failure),
-        };
-        write(priority, &adaptive::priority(maps, &PrioritySettings::default()));
+        write(priority, &adaptive::priority(&store, result.into(), &PrioritySettings::default()));
         Ok(())
     })
 }

@@ -3,14 +3,11 @@
 use std::collections::BTreeSet;
 
 use super::scene_results::SceneResults;
-use crate::configuration::CONFIGURATIONS;
+use crate::configuration::{CONFIGURATIONS, DEFAULT};
 use crate::curves::{Point, curve};
 use crate::report::{Goal, Report, median, number, range};
 use crate::statistics::{Crossing, crossing};
 use crate::test_scene::groups;
-
-/// Index in [`CONFIGURATIONS`] of the program's default: adaptive and filtered.
-const DEFAULT: usize = 3;
 
 /// A forecast within this factor of the truth is right: 30 %.
 const TOLERANCE: f64 = 1.3;

@@ -1,7 +1,7 @@
 //! Measures adaptive renders in which only every n-th batch is followed by an interim pass of the filter.
 
 use prpf::adaptive::Sampling;
-use prpf::filter::DENOISERS;
+use prpf::filter::DEFAULT;
 use prpf::geometry::Accel;
 
 use super::scene_results::SceneResults;
@@ -27,7 +27,7 @@ pub fn measure(
         for seed in 0..settings.seeds {
             let interim_passes =
                 if every > 1 { InterimPasses::EveryNth(every) } else { InterimPasses::EveryBatch };
-            let trial = Trial { interim_passes, ..Trial::new(Sampling::Adaptive, DENOISERS[0], spp, seed) };
+            let trial = Trial { interim_passes, ..Trial::new(Sampling::Adaptive, DEFAULT, spp, seed) };
             let name = format!("an interim pass after every {every} batches");
             let values = curves::measure_trial(session, test_scene, accel, &trial, &name)?;
             points.push(Point::new(&trial, &values));

@@ -1,7 +1,7 @@
 //! Measures renders that end by their estimated error (`--target-error`): is the true error what was asked for?
 
 use prpf::adaptive::Sampling;
-use prpf::filter::DENOISERS;
+use prpf::filter::DEFAULT;
 use prpf::geometry::Accel;
 
 use super::scene_results::SceneResults;
@@ -53,7 +53,7 @@ pub fn measure(
     {
         let trial = Trial {
             target_error: Some(target),
-            ..Trial::new(Sampling::Adaptive, DENOISERS[0], settings.max_spp, seed)
+            ..Trial::new(Sampling::Adaptive, DEFAULT, settings.max_spp, seed)
         };
         let values = measure_trial(session, test_scene, accel, &trial, "to a target error")?;
         // The first interim pass and the last one

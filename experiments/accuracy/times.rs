@@ -2,17 +2,12 @@
 
 use super::scene_results::SceneResults;
 use super::settings::Settings;
-use crate::configuration::CONFIGURATIONS;
+use crate::configuration::{CONFIGURATIONS, DEFAULT, PLAIN};
 use crate::curves::curve;
 use crate::plot::{Panel, Plot, Series};
 use crate::report::{Report, median, number, range};
 use crate::session::Session;
 use crate::statistics::{Crossing, Interval, crossing, geometric_mean};
-
-/// Index in [`CONFIGURATIONS`] of plain path tracing.
-const PLAIN: usize = 0;
-/// Index of the program's default: adaptive and filtered.
-const DEFAULT: usize = 3;
 
 /// Curves are extrapolated to this many times their last seconds.
 const MAX_EXTRAPOLATION: f64 = 10.0;

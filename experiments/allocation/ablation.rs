@@ -4,7 +4,7 @@
 //! all maps.
 
 use prpf::adaptive::{PrioritySettings, Sampling};
-use prpf::filter::{DENOISERS, Denoiser};
+use prpf::filter::{DEFAULT, Denoiser, find};
 use prpf::geometry::Accel;
 
 use crate::curves::{self, Point};
@@ -50,7 +50,7 @@ pub fn default_maps() -> PriorityMaps {
         ("unfiltered variance", |settings| &mut settings.raw_variance),
         RESIDUAL,
     ];
-    PriorityMaps { denoiser: DENOISERS[0], maps, has_others: false, label: "maps" }
+    PriorityMaps { denoiser: DEFAULT, maps, has_others: false, label: "maps" }
 }
 
 /// Returns the maps that P-RPF adds to the variances.
@@ -62,10 +62,7 @@ pub fn prpf_maps() -> PriorityMaps {
 
 /// P-RPF at its full quality.
 pub fn prpf() -> &'static dyn Denoiser {
-    DENOISERS
-        .into_iter()
-        .find(|denoiser| denoiser.name().method == "prpf")
-        .expect("the method's own denoiser")
+    find("prpf", None).expect("the method's own denoiser")
 }
 
 /// Names of the selections with only this map, and without it.

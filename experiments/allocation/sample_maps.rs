@@ -2,7 +2,7 @@
 //! allocation of unfiltered samples would leave.
 
 use prpf::adaptive::{Sampling, expected_ratio};
-use prpf::filter::DENOISERS;
+use prpf::filter::DEFAULT;
 use prpf::filter::{blur, variance_of_mean};
 use prpf::geometry::Accel;
 use prpf::image::Planes;
@@ -34,7 +34,7 @@ pub fn write(
     let key = Key::new(&test_scene.name, 0, format!("maps spp={spp} size={width}x{height}"));
     let measured = session.ledger.measure(key, std::slice::from_ref(&path), || {
         let [uniform, adaptive] = [Sampling::Uniform, Sampling::Adaptive]
-            .map(|sampling| Trial::new(sampling, DENOISERS[0], spp, 0).run(test_scene, accel));
+            .map(|sampling| Trial::new(sampling, DEFAULT, spp, 0).run(test_scene, accel));
         picture::write(&path, &row(test_scene, &uniform, &adaptive), 0.0)?;
         Ok(values([("optimal ratio", optimal_ratio(&uniform.store, &test_scene.reference.image))]))
     })?;

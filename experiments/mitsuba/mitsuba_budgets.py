@@ -10,8 +10,8 @@ counts. Programs and budgets alternate.
 
 The reference is the mean of both programs' images of many samples; Mitsuba's is the mirror image. An error is the mean of
 (x - r)² / (r² + 0.01) over pixels and channels less that of the reference, which follows from its variance and half the
-difference of both programs, in which their models and filters may disagree. Below a fifth of the reference's own error nothing
-is told (nan). Prints a Markdown table: the geometric mean over the seeds, and the factor by which they spread.
+difference of both programs, in which their models and filters may disagree. Below a fifth of the reference's own error the
+figure is NaN. Prints a Markdown table: the geometric mean over the seeds, and the factor by which they spread.
 """
 
 import argparse

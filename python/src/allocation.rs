@@ -1,9 +1,7 @@
 //! Allocation: from the maps of a result to priorities, and from priorities to the next sample counts.
 
 use numpy::PyUntypedArrayMethods;
-use prpf::adaptive::{self, Maps, NO_CEILING, PrioritySettings};
-use prpf::filter;
-use prpf::stats::Part;
+use prpf::adaptive::{self, FilterMaps, NO_CEILING, PrioritySettings};
 use pyo3::prelude::*;
 
 use crate::arguments;
@@ -60,15 +58,13 @@ pub fn priority(
     let failure = result.interpolation_failure.as_ref();
     let failure = failure.map(|failure| map("result.interpolation_failure", failure)).transpose()?;
     let priority = py.detach(|| {
-        let maps = Maps {
-            counts: &store.counts(Part::Whole),
+        let maps = FilterMaps {
             image: &image,
-            filtered_variance: &variance,
-            raw_variance: &filter::variance_of_mean(store),
+            variance: &variance,
             residual: &residual,
             interpolation_failure: failure.as_ref(),
         };
-        adaptive::priority(maps, &settings)
+        adaptive::priority(store, maps, &settings)
     });
     arrays::map(py, priority, width)
 }

@@ -27,6 +27,6 @@ pub fn merge(py: Python, states: Vec<PathBuf>, output: PathBuf) -> PyResult<Stor
         }
         let sum = merge.finish();
         sum.write(&output).map_err(state_error)?;
-        Ok(Store::of_state(sum))
+        Ok(Store::from_state(sum))
     })
 }

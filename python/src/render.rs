@@ -62,6 +62,7 @@ fn record(py: Python, pass: &PassRecord) -> PyResult<Py<PyDict>> {
     record.set_item("interpolation_success", pass.interpolation_success)?;
     record.set_item("expected_ratio", pass.expected_ratio)?;
     record.set_item("estimated_error", pass.estimated_error)?;
+    record.set_item("estimated_unfiltered_error", pass.estimated_unfiltered_error)?;
     record.set_item("mse", pass.mse)?;
     record.set_item("relmse", pass.relmse)?;
     record.set_item("noisy_mse", pass.noisy_mse)?;

@@ -53,7 +53,7 @@ impl Store {
     }
 
     /// Takes the store of a state.
-    pub fn of_state(state: RenderState) -> Self {
+    pub fn from_state(state: RenderState) -> Self {
         let can_go_on = state.streams.iter().all(|stream| stream.shard == Shard::WHOLE);
         Self { can_go_on, ..Self::wrap(state.checkpoint.store, state.metadata, state.settings.seed) }
     }
@@ -217,7 +217,7 @@ impl Store {
     /// Reads the store of a render state.
     #[staticmethod]
     fn load(py: Python, path: PathBuf) -> PyResult<Self> {
-        py.detach(|| RenderState::read(&path)).map(Self::of_state).map_err(state_error)
+        py.detach(|| RenderState::read(&path)).map(Self::from_state).map_err(state_error)
     }
 
     #[getter]

@@ -40,18 +40,18 @@ pub fn fractal(at: DVec2, period: [i64; 2], octaves: u32, seed: u64) -> f64 {
 /// A stream of numbers for scattering things about.
 pub struct Stream {
     seed: u64,
-    drawn: i64,
+    taken: i64,
 }
 
 impl Stream {
     pub fn new(seed: u64) -> Self {
-        Self { seed, drawn: 0 }
+        Self { seed, taken: 0 }
     }
 
     /// The next number, in [low, high).
     pub fn range(&mut self, low: f64, high: f64) -> f64 {
-        self.drawn += 1;
-        low + (high - low) * hash(self.drawn, 0, self.seed)
+        self.taken += 1;
+        low + (high - low) * hash(self.taken, 0, self.seed)
     }
 
     /// The next number, in [low, high), whose logarithm is uniform.

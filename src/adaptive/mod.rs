@@ -10,7 +10,7 @@ mod sample_map;
 
 pub use allocate::{MAX_RATIO_TO_MEAN, NO_CEILING, allocate, allocate_above, uniform};
 pub use next_counts::{NextCountsError, batch_key, next_counts};
-pub use priority::{Maps, PrioritySettings, expected_ratio, priority};
+pub use priority::{FilterMaps, PrioritySettings, expected_ratio, priority};
 pub use sample_map::{MapValues, SampleMap, SampleMapError, follow};
 
 /// How the samples of a batch are distributed over the pixels.

@@ -11,8 +11,9 @@
 
 use rayon::prelude::*;
 
-use crate::filter::blur;
+use crate::filter::{FilterResult, blur, variance_of_mean};
 use crate::image::Planes;
+use crate::stats::{Part, Store};
 
 /// Weights of the maps, and constants of the priority. A weight of 0 leaves a map out.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -63,17 +64,13 @@ const MAX_RESIDUAL_EXCESS: f32 = 10.0;
 /// sampling on random scenes with many fireflies.
 const MAX_VARIANCE_RATIO: f32 = 30.0;
 
-/// The maps of a filtered image.
+/// A filtered image and its maps.
 #[derive(Clone, Copy, Debug)]
-pub struct Maps<'a> {
-    /// Sample counts of the pixels.
-    pub counts: &'a [u32],
+pub struct FilterMaps<'a> {
     /// Filtered image: 3 planes.
     pub image: &'a Planes,
     /// Variance of the filtered image: 3 planes.
-    pub filtered_variance: &'a Planes,
-    /// Variance of the mean of the unfiltered image: 3 planes.
-    pub raw_variance: &'a Planes,
+    pub variance: &'a Planes,
     /// Squared difference of the filtered from the unfiltered image over its expected value: 1 plane, about 1
     /// where the filter is unbiased.
     pub residual: &'a Planes,
@@ -81,8 +78,34 @@ pub struct Maps<'a> {
     pub interpolation_failure: Option<&'a Planes>,
 }
 
-/// Computes the priority of each pixel; 0 at all pixels if the maps show no error.
-pub fn priority(maps: Maps, settings: &PrioritySettings) -> Vec<f32> {
+impl<'a> From<&'a FilterResult> for FilterMaps<'a> {
+    fn from(result: &'a FilterResult) -> Self {
+        Self {
+            image: &result.image,
+            variance: &result.variance,
+            residual: &result.residual,
+            interpolation_failure: result.interpolation.as_ref().map(|found| &found.failure),
+        }
+    }
+}
+
+/// All that a priority depends on.
+#[derive(Clone, Copy, Debug)]
+struct Maps<'a> {
+    /// Sample counts of the pixels.
+    counts: &'a [u32],
+    filtered: FilterMaps<'a>,
+    /// Variance of the mean of the unfiltered image: 3 planes.
+    raw_variance: &'a Planes,
+}
+
+/// Computes the priority of each pixel of a store from the maps of its filtered image; 0 at all pixels if these show no error.
+pub fn priority(store: &Store, filtered: FilterMaps, settings: &PrioritySettings) -> Vec<f32> {
+    let (counts, raw_variance) = (store.counts(Part::Whole), variance_of_mean(store));
+    combined(Maps { counts: &counts, filtered, raw_variance: &raw_variance }, settings)
+}
+
+fn combined(Maps { counts, filtered: maps, raw_variance }: Maps, settings: &PrioritySettings) -> Vec<f32> {
     let (width, height) = (maps.image.width(), maps.image.height());
     let smooth = |plane: &[f32]| blur::gaussian_of_others(width, height, plane, settings.blur);
     // Compute the variances relative to the squared brightness
@@ -101,8 +124,8 @@ pub fn priority(maps: Maps, settings: &PrioritySettings) -> Vec<f32> {
         smoothed.iter_mut().for_each(|v| *v += excess);
         smoothed
     };
-    let mut filtered = relative(maps.filtered_variance);
-    let mut raw = relative(maps.raw_variance);
+    let mut filtered = relative(maps.variance);
+    let mut raw = relative(raw_variance);
     let scale = mean(&filtered) / mean(&raw).max(f32::MIN_POSITIVE);
     raw.iter_mut().for_each(|v| *v *= settings.raw_variance * scale);
 
@@ -122,7 +145,7 @@ pub fn priority(maps: Maps, settings: &PrioritySettings) -> Vec<f32> {
 
     // Combine
     let value = |(i, &n): (usize, &u32)| ((n.max(1) as f32) * (filtered[i] + raw[i])).sqrt();
-    let mut priority: Vec<f32> = maps.counts.par_iter().enumerate().map(value).collect();
+    let mut priority: Vec<f32> = counts.par_iter().enumerate().map(value).collect();
     clamp_to_quantile(&mut priority, settings.cap_quantile);
     priority
 }
@@ -194,13 +217,15 @@ mod tests {
         let (image, v, residual) = constant_maps(64, 64, level, variance);
         let maps = Maps {
             counts: &[4; 64 * 64],
-            image: &image,
-            filtered_variance: &v,
+            filtered: FilterMaps {
+                image: &image,
+                variance: &v,
+                residual: &residual,
+                interpolation_failure: None,
+            },
             raw_variance: &v,
-            residual: &residual,
-            interpolation_failure: None,
         };
-        priority(maps, &PrioritySettings::default())
+        combined(maps, &PrioritySettings::default())
     }
 
     #[test]
@@ -216,14 +241,16 @@ mod tests {
         image.planes_mut().for_each(|plane| (0..64).for_each(|y| plane[y * 64 + 32] = 0.05));
         let maps = Maps {
             counts: &[4; 64 * 64],
-            image: &image,
-            filtered_variance: &v,
+            filtered: FilterMaps {
+                image: &image,
+                variance: &v,
+                residual: &residual,
+                interpolation_failure: None,
+            },
             raw_variance: &v,
-            residual: &residual,
-            interpolation_failure: None,
         };
         let settings = PrioritySettings { cap_quantile: 1.0, epsilon: 0.05, ..PrioritySettings::default() };
-        let p = priority(maps, &settings);
+        let p = combined(maps, &settings);
         assert!(p[32 * 64 + 31] > 1.8 * p[32 * 64 + 8], "{} {}", p[32 * 64 + 31], p[32 * 64 + 8]);
     }
 
@@ -286,13 +313,15 @@ mod tests {
         (0..64 * 64).filter(|i| (20..44).contains(&(i % 64))).for_each(|i| residual.data_mut()[i] = 1.2);
         let maps = Maps {
             counts: &[4; 64 * 64],
-            image: &image,
-            filtered_variance: &v,
+            filtered: FilterMaps {
+                image: &image,
+                variance: &v,
+                residual: &residual,
+                interpolation_failure: Some(&failure),
+            },
             raw_variance: &v,
-            residual: &residual,
-            interpolation_failure: Some(&failure),
         };
-        let p = priority(maps, &PrioritySettings::default());
+        let p = combined(maps, &PrioritySettings::default());
         assert!(p[32 * 64 + 60] > 1.05 * p[32 * 64 + 32]);
         assert!(p[32 * 64 + 4] > 1.05 * p[32 * 64 + 32]);
         assert!(
@@ -329,13 +358,15 @@ mod tests {
         };
         let maps = Maps {
             counts: &counts,
-            image: &image,
-            filtered_variance: &filtered,
+            filtered: FilterMaps {
+                image: &image,
+                variance: &filtered,
+                residual: &residual,
+                interpolation_failure: Some(&failure),
+            },
             raw_variance: &raw,
-            residual: &residual,
-            interpolation_failure: Some(&failure),
         };
-        let found = priority(maps, &settings);
+        let found = combined(maps, &settings);
 
         // Evaluate the formula
         let smooth = |value: &dyn Fn(usize) -> f32| {

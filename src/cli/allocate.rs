@@ -11,7 +11,7 @@ use super::failure::Failure;
 use super::workers::in_pool;
 use super::{parse, terminal};
 use crate::adaptive::{NO_CEILING, Sampling};
-use crate::filter::DENOISERS;
+use crate::filter::DEFAULT;
 use crate::image::exr_file::{self, Channel, Precision, Windows};
 use crate::output::paths::{are_distinct, can_be_written, replaces_no_state};
 use crate::progressive::{Settings, allocate_after};
@@ -101,7 +101,7 @@ fn allocate(options: &AllocateOptions, state: RenderState) -> Result<Vec<u32>, F
         )));
     }
     // Shards are often rendered unfiltered: their own denoiser is not asked.
-    let denoiser = options.denoiser.choose(DENOISERS[0].stand_in()).map_err(Failure::Input)?;
+    let denoiser = options.denoiser.choose(DEFAULT.stand_in()).map_err(Failure::Input)?;
     let settings = Settings {
         denoiser,
         sampling: Sampling::Adaptive,

@@ -39,14 +39,14 @@ unsafe impl GlobalAlloc for Allocator {
 /// Returns the pointer, if memory was given.
 fn given(pointer: *mut u8, bytes: usize) -> *mut u8 {
     if pointer.is_null() {
-        end_for_want_of_memory(bytes);
+        exit_out_of_memory(bytes);
     }
     pointer
 }
 
 /// Prints one line and ends the program with status 1, without any more memory.
 #[cold]
-fn end_for_want_of_memory(bytes: usize) -> ! {
+fn exit_out_of_memory(bytes: usize) -> ! {
     static IS_ENDING: AtomicBool = AtomicBool::new(false);
     if IS_ENDING.swap(true, Ordering::Relaxed) {
         // Another thread prints the line and ends the program.

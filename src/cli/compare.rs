@@ -30,23 +30,23 @@ EXR values are linear; 8-bit files are taken for sRGB and made linear first.
 Pixels that are NaN or infinite in either image are counted and left out.
 Exit status: 0 compared, 1 above --max-relmse, or with it a pixel of IMAGE is NaN or infinite where
 REFERENCE is not, 2 an image cannot be read or the sizes differ.")]
-pub struct CompareArgs {
+pub(super) struct CompareOptions {
     /// The image: EXR, PNG or JPEG
-    pub image: PathBuf,
+    image: PathBuf,
     /// The reference, of the same size
-    pub reference: PathBuf,
+    reference: PathBuf,
     /// Print one JSON object instead of text (an infinite number becomes null)
     #[arg(long)]
-    pub json: bool,
+    json: bool,
     /// Write the FLIP map in magma colours: black is equal, pale yellow is far
     #[arg(long, value_name = "FILE.png")]
-    pub error_image: Option<PathBuf>,
+    error_image: Option<PathBuf>,
     /// Exit with status 1 when relMSE is above this
     #[arg(long, value_name = "X", value_parser = parse_limit)]
-    pub max_relmse: Option<f64>,
+    max_relmse: Option<f64>,
     /// Compare this layer of IMAGE (an EXR), such as Noisy or Albedo, instead of its image
     #[arg(long, value_name = "NAME")]
-    pub layer: Option<String>,
+    layer: Option<String>,
 }
 
 fn parse_limit(text: &str) -> Result<f64, String> {
@@ -60,33 +60,33 @@ fn parse_limit(text: &str) -> Result<f64, String> {
 ///
 /// # Errors
 /// Bad input (exit status 2).
-pub fn run(args: &CompareArgs) -> anyhow::Result<u8> {
+pub(super) fn run(options: &CompareOptions) -> anyhow::Result<u8> {
     // Read the images
-    if let Some(path) = &args.error_image {
+    if let Some(path) = &options.error_image {
         let is_png = OutputFormat::from_path(path).is_ok_and(|format| format == OutputFormat::Png);
         ensure!(is_png, "--error-image {}: unknown extension; accepted is .png", path.display());
         can_be_written(path)?;
-        are_distinct([&*args.image, &*args.reference], &[path])?;
+        are_distinct([&*options.image, &*options.reference], &[path])?;
     }
-    let image = read_image(&args.image, args.layer.as_deref())?;
-    let reference = read_rgb(&args.reference)?;
+    let image = read_image(&options.image, options.layer.as_deref())?;
+    let reference = read_rgb(&options.reference)?;
     let pair = Pair::new(&image, &reference)
-        .with_context(|| format!("{} and {}", args.image.display(), args.reference.display()))?;
+        .with_context(|| format!("{} and {}", options.image.display(), options.reference.display()))?;
 
     // Compare them
     let comparison = Comparison::new(&pair);
-    if let Some(path) = &args.error_image {
+    if let Some(path) = &options.error_image {
         png_file::write_srgb8(path, image.width(), image.height(), &comparison.flip_map.colours())?;
     }
 
     // Print the comparison
-    let output = if args.json {
+    let output = if options.json {
         serde_json::to_string_pretty(&comparison)? + "\n"
     } else {
         table(&comparison, &pair)?
     };
     terminal::print(&output)?;
-    let Some(problem) = args.max_relmse.and_then(|limit| problem(&comparison, &pair, limit)) else {
+    let Some(problem) = options.max_relmse.and_then(|limit| problem(&comparison, &pair, limit)) else {
         return Ok(WITHIN);
     };
     terminal::print_error(&problem);
@@ -163,7 +163,7 @@ mod tests {
     #[derive(Parser)]
     struct Cli {
         #[command(flatten)]
-        compare: CompareArgs,
+        compare: CompareOptions,
     }
 
     /// An image and its reference on disk.
@@ -277,7 +277,7 @@ mod tests {
         std::fs::copy(&a, &b).unwrap();
         let before = std::fs::read(&a).unwrap();
         for kept in [&a, &b] {
-            let options = CompareArgs {
+            let options = CompareOptions {
                 image: a.clone(),
                 reference: b.clone(),
                 json: false,

@@ -15,7 +15,7 @@ use super::parse;
 use super::summary::describe;
 use super::terminal::print;
 use super::workers::in_pool;
-use crate::filter::{Lack, draft_if_sparse};
+use crate::filter::{MissingData, draft_if_sparse};
 use crate::image::OutputFormat;
 use crate::import::LayerMap;
 use crate::output::paths::{are_distinct, can_be_written, is_exr, replaces_no_state};
@@ -115,7 +115,7 @@ fn denoise(options: &DenoiseOptions, start: Instant) -> Result<u8, Failure> {
     output.write_all(&outfiles).map_err(|error| Failure::Run(error.into()))?;
     if !options.quiet {
         let files: String = outfiles.iter().map(|path| format!("{}\n", path.display())).collect();
-        let spp = store.samples() as f64 / store.pixels().max(1) as f64;
+        let spp = store.spp();
         let seconds = start.elapsed().as_secs_f64();
         let error = estimate.map(|estimate| format!("{}, ", describe(estimate))).unwrap_or_default();
         print(&format!("{seconds:.2} s, {spp:.1} samples per pixel, {error}by {}\n{files}", result.made_by))
@@ -168,9 +168,7 @@ fn beside(state: &Path) -> PathBuf {
 pub(super) fn filter(checkpoint: &Checkpoint, settings: &Settings) -> Result<Filtered, Failure> {
     let store = &checkpoint.store;
     let denoiser = draft_if_sparse(store, settings.denoiser);
-    if let Some(lack) = Lack::of(store, denoiser) {
-        return Err(Failure::Input(lack.into()));
-    }
+    MissingData::check(store, denoiser).map_err(|missing| Failure::Input(missing.into()))?;
     let earlier = checkpoint.interim.as_ref().and_then(|interim| interim.interpolation.clone());
     let pass = FilterPass {
         failure_map: FailureMap::Carry(earlier),

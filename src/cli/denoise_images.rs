@@ -12,13 +12,14 @@ use super::failure::Failure;
 use super::summary::describe;
 use super::terminal::{escaped, print, print_error};
 use crate::files::open_regular;
-use crate::filter::{DENOISERS, Denoiser, FilterResult, SampleVectors, weights_of};
+use crate::filter::{DEFAULT, DENOISERS, Denoiser, FilterResult, SampleVectors, weights_of};
 use crate::image::exr_file::{self, Attribute, Channel, Precision, attribute_names};
 use crate::image::{OutputFormat, Planes, png_file};
 use crate::import::{Frame, FrameStore, Role};
 use crate::output::Layers;
 use crate::progressive::{ErrorEstimate, HalfImages};
 use crate::state::ImageMetadata;
+use crate::stats::Store;
 
 /// Layers that an EXR gets beside the image, where they exist.
 const LAYERS: [&str; 7] = ["Noisy", "Albedo", "Ns", "Variance", "Error", "FilterResidual", "TileError"];
@@ -31,23 +32,16 @@ pub(super) fn is_image(path: &Path) -> bool {
     file.is_some_and(|(mut file, _)| file.read_exact(&mut start).is_ok()) && start == exr_file::MAGIC
 }
 
+/// Filters images and writes the result.
+///
+/// # Errors
+/// Options or images that are wrong; a filter or an output that fails.
 pub(super) fn denoise(options: &DenoiseOptions, outfiles: &[PathBuf], start: Instant) -> Result<u8, Failure> {
     // Read the images
     let denoiser = choose(options).map_err(Failure::Input)?;
+    let names = layer_names(options).map_err(Failure::Input)?;
     let map = options.map.clone().unwrap_or_default();
     let aovs = options.aovs.clone().unwrap_or_default();
-    let names = options.layers.clone().unwrap_or_else(|| LAYERS.map(str::to_owned).to_vec());
-    if let Some(name) = aovs.iter().find(|name| names.contains(name)) {
-        return Err(Failure::Input(anyhow::anyhow!(
-            "--aovs {name}: found the name of a layer that is written beside the image; accepted with --layers that leave it out"
-        )));
-    }
-    if let Some(name) = names.iter().find(|name| !LAYERS.contains(&name.as_str())) {
-        return Err(Failure::Input(anyhow::anyhow!(
-            "--layers: found `{name}`; accepted with images are {}",
-            LAYERS.join(", ")
-        )));
-    }
     let frames: Result<Vec<Frame>, _> =
         options.inputs.iter().map(|path| Frame::read(path, &map, &aovs)).collect();
     let frames = frames.map_err(|error| Failure::Input(error.into()))?;
@@ -58,30 +52,12 @@ pub(super) fn denoise(options: &DenoiseOptions, outfiles: &[PathBuf], start: Ins
     }
 
     // Filter them
-    let planes: Vec<[Planes; 2]> = aovs.iter().map(|(_, planes)| planes.clone()).collect();
-    let (result, filtered) = match denoiser.layers() {
-        Some(denoiser) => denoiser.filter_with_layers(&store, 0, &planes),
-        None => (denoiser.filter(&store, 0), Vec::new()),
-    };
-    if let Some(failure) = &result.failure {
-        return Err(Failure::Run(anyhow::anyhow!(failure.clone())));
-    }
+    let (result, filtered) = filter(denoiser, &store, &aovs).map_err(Failure::Run)?;
     let halves = HalfImages::new(denoiser, &store, |half| denoiser.filter(half, 0));
     let estimate = ErrorEstimate::new(&result, &store, halves.as_ref());
 
     // Write the image
-    let (width, height) = (store.width(), store.height());
-    let metadata = ImageMetadata {
-        source: String::new(),
-        hash: String::new(),
-        film: [width, height],
-        pixel_bounds: [0, width, 0, height],
-        integrator: String::new(),
-        effects: Vec::new(),
-        origin: [0.0; 3],
-        diameter: 1.0,
-        camera: String::new(),
-    };
+    let metadata = metadata(store.width(), store.height());
     let layers = |names: &[String]| Layers::new(&result, &store, estimate.as_ref(), &metadata, Some(names));
     if options.layers.is_some() {
         let all = layers(&LAYERS.map(str::to_owned));
@@ -96,23 +72,78 @@ pub(super) fn denoise(options: &DenoiseOptions, outfiles: &[PathBuf], start: Ins
             |(c, suffix)| Channel::new(format!("{name}.{suffix}"), planes.plane(c), Precision::Float);
         channels.extend(["R", "G", "B"].into_iter().enumerate().map(channel));
     }
-    let attributes = attributes(&frames, &result);
-    let Frame { windows, metadata: of_first, .. } = &frames[0];
-    let write = |path: &PathBuf| match OutputFormat::from_path(path)? {
-        OutputFormat::Png => png_file::write(path, &result.image, 0.0),
-        OutputFormat::Exr => {
-            exr_file::write_with_metadata(path, *windows, &channels, &attributes, of_first, still_holds)
-        }
-    };
-    let errors: Vec<_> = outfiles.par_iter().filter_map(|path| write(path).err()).collect();
-    if !errors.is_empty() {
-        let lines: Vec<String> = errors.iter().map(ToString::to_string).collect();
-        return Err(Failure::Run(anyhow::anyhow!(lines.join("; "))));
-    }
+    write(&frames, &result, &channels, outfiles).map_err(Failure::Run)?;
     if !options.quiet {
         print(&summary(&frames, &result, estimate.as_ref(), outfiles, start)).map_err(Failure::Run)?;
     }
     Ok(0)
+}
+
+/// Returns the names of the layers that are written beside the image.
+fn layer_names(options: &DenoiseOptions) -> anyhow::Result<Vec<String>> {
+    let names = options.layers.clone().unwrap_or_else(|| LAYERS.map(str::to_owned).to_vec());
+    if let Some(name) = options.aovs.iter().flatten().find(|name| names.contains(name)) {
+        bail!(
+            "--aovs {name}: found the name of a layer that is written beside the image; accepted with --layers that leave it out"
+        );
+    }
+    match names.iter().find(|name| !LAYERS.contains(&name.as_str())) {
+        Some(name) => bail!("--layers: found `{name}`; accepted with images are {}", LAYERS.join(", ")),
+        None => Ok(names),
+    }
+}
+
+/// Filters a store, and layers that sum to its colour.
+fn filter(
+    denoiser: &dyn Denoiser,
+    store: &Store,
+    aovs: &[(String, [Planes; 2])],
+) -> anyhow::Result<(FilterResult, Vec<Planes>)> {
+    let planes: Vec<[Planes; 2]> = aovs.iter().map(|(_, planes)| planes.clone()).collect();
+    let (result, filtered) = match denoiser.layers() {
+        Some(denoiser) => denoiser.filter_with_layers(store, 0, &planes),
+        None => (denoiser.filter(store, 0), Vec::new()),
+    };
+    match &result.failure {
+        Some(failure) => bail!("{failure}"),
+        None => Ok((result, filtered)),
+    }
+}
+
+/// Returns what is known of an image that comes from no scene.
+fn metadata(width: usize, height: usize) -> ImageMetadata {
+    ImageMetadata {
+        source: String::new(),
+        hash: String::new(),
+        film: [width, height],
+        pixel_bounds: [0, width, 0, height],
+        integrator: String::new(),
+        effects: Vec::new(),
+        origin: [0.0; 3],
+        diameter: 1.0,
+        camera: String::new(),
+    }
+}
+
+/// Writes the image to every file, with the first image's metadata. The error names all files that failed.
+fn write(
+    frames: &[Frame],
+    result: &FilterResult,
+    channels: &[Channel],
+    outfiles: &[PathBuf],
+) -> anyhow::Result<()> {
+    let attributes = attributes(frames, result);
+    let Frame { windows, metadata: of_first, .. } = &frames[0];
+    let write = |path: &PathBuf| match OutputFormat::from_path(path)? {
+        OutputFormat::Png => png_file::write(path, &result.image, 0.0),
+        OutputFormat::Exr => {
+            exr_file::write_with_metadata(path, *windows, channels, &attributes, of_first, still_holds)
+        }
+    };
+    let errors: Vec<_> = outfiles.par_iter().filter_map(|path| write(path).err()).collect();
+    let lines: Vec<String> = errors.iter().map(ToString::to_string).collect();
+    ensure!(lines.is_empty(), "{}", lines.join("; "));
+    Ok(())
 }
 
 /// Returns the mean of the frames' alphas, if all have one: it is not filtered.
@@ -125,24 +156,27 @@ fn mean_alpha(frames: &[Frame]) -> Option<Vec<f32>> {
 
 /// Returns the denoiser, which images have to suffice for.
 fn choose(options: &DenoiseOptions) -> anyhow::Result<&'static dyn Denoiser> {
-    let denoiser = options.denoiser.choose(DENOISERS[0])?;
+    let denoiser = options.denoiser.choose(DEFAULT)?;
     let name = denoiser.name();
     ensure!(
         denoiser.reads().sample_vectors == SampleVectors::None,
-        "--denoiser {name}: found a denoiser that reads sample vectors, which images do not have; accepted are nlm, learned, \
-         oidn and none"
+        "--denoiser {name}: found a denoiser that reads sample vectors, which images do not have; accepted are {}",
+        methods(|denoiser| denoiser.reads().sample_vectors == SampleVectors::None)
     );
-    if options.aovs.is_some() && denoiser.layers().is_none() {
-        let mut accepted: Vec<_> =
-            DENOISERS.into_iter().filter(|denoiser| denoiser.layers().is_some()).collect();
-        accepted.dedup_by_key(|denoiser| denoiser.name().method);
-        let accepted: Vec<_> = accepted.into_iter().map(|denoiser| denoiser.name().method).collect();
-        bail!(
-            "--aovs: found --denoiser {name}, whose weights other layers cannot share; accepted are {}",
-            accepted.join(" and ")
-        );
-    }
+    ensure!(
+        options.aovs.is_none() || denoiser.layers().is_some(),
+        "--aovs: found --denoiser {name}, whose weights other layers cannot share; accepted are {}",
+        methods(|denoiser| denoiser.layers().is_some())
+    );
     Ok(denoiser)
+}
+
+/// Returns the methods of the denoisers that are accepted, for a message.
+fn methods(is_accepted: impl Fn(&dyn Denoiser) -> bool) -> String {
+    let accepted = DENOISERS.into_iter().filter(|denoiser| is_accepted(*denoiser));
+    let mut methods: Vec<_> = accepted.map(|denoiser| denoiser.name().method).collect();
+    methods.dedup();
+    methods.join(", ")
 }
 
 /// Prints what may make the image worse than it could be.

@@ -7,7 +7,7 @@ use clap::Args;
 use clap::builder::PossibleValue;
 
 use crate::filter::learned::use_weights;
-use crate::filter::{DENOISERS, Denoiser, find, presets};
+use crate::filter::{DEFAULT, DENOISERS, Denoiser, find, presets};
 
 #[derive(Clone, Args)]
 pub(super) struct DenoiserOptions {
@@ -56,7 +56,7 @@ impl DenoiserOptions {
     /// an earlier version gets the new one.
     pub fn choose(&self, default: &'static dyn Denoiser) -> anyhow::Result<&'static dyn Denoiser> {
         // Weights are those of `learned`
-        let default = if self.weights.is_some() { DENOISERS[0] } else { default };
+        let default = if self.weights.is_some() { DEFAULT } else { default };
         let denoiser = self.find(default)?;
         if let Some(path) = &self.weights {
             use_weights(path).map_err(|error| anyhow!("--weights {}: {error}", path.display()))?;
@@ -118,7 +118,7 @@ mod tests {
     fn choose(denoiser: Option<&str>, quality: Option<&str>) -> Result<String, String> {
         let [denoiser, quality] = [denoiser, quality].map(|text| text.map(str::to_owned));
         let options = DenoiserOptions { denoiser, quality, weights: None };
-        options.choose(DENOISERS[0]).map(|found| found.name().to_string()).map_err(|error| error.to_string())
+        options.choose(DEFAULT).map(|found| found.name().to_string()).map_err(|error| error.to_string())
     }
 
     #[test]

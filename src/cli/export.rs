@@ -21,7 +21,7 @@ Example:
   prpf export scene.state -o scene.npz
   python3 -c 'import numpy; print({n: a.shape for n, a in numpy.load(\"scene.npz\").items()})'
 
-The documentation of the crate's module state::export lists the arrays.")]
+docs/outputs.md lists the arrays.")]
 pub(super) struct ExportOptions {
     /// State of `prpf render --state` or `prpf merge`
     state: PathBuf,

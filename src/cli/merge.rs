@@ -45,7 +45,7 @@ pub(super) fn run(options: &MergeOptions) -> Result<u8, Failure> {
     sum.write(&options.outfile).map_err(|error| Failure::Run(error.into()))?;
     if !options.quiet {
         let store = &sum.checkpoint.store;
-        let spp = store.samples() as f64 / store.pixels().max(1) as f64;
+        let spp = store.spp();
         let streams: Vec<String> = sum.streams.iter().map(ToString::to_string).collect();
         let text =
             format!("{spp:.1} samples per pixel: {}\n{}\n", streams.join("; "), options.outfile.display());

@@ -11,7 +11,7 @@ use super::parse;
 use super::sample_map::SampleMapOptions;
 use super::state_options::StateOptions;
 use crate::adaptive::{NO_CEILING, PrioritySettings, Sampling};
-use crate::filter::DENOISERS;
+use crate::filter::DEFAULT;
 use crate::progressive::{Budget, MIN_SPP, Settings, default_denoiser};
 use crate::scene::Scene;
 use crate::scene::integrator::MAX_DEPTH;
@@ -131,7 +131,7 @@ impl RenderOptions {
     /// A ceiling per pixel below the floor or below the budget, a floor above the budget, an unknown denoiser, a sample map
     /// beside something else that places samples.
     pub fn check(&self) -> anyhow::Result<()> {
-        self.denoiser.choose(DENOISERS[0])?;
+        self.denoiser.choose(DEFAULT)?;
         if self.sample_map.sample_map.is_some() && self.sampling == Some(SamplingOption::Adaptive) {
             anyhow::bail!("--sampling adaptive: found with --sample-map; accepted is one of them");
         }

@@ -43,7 +43,7 @@ enum Command {
     /// Show what a scene holds, the effects it calls for, and the dimensions of its sample vector
     Info(info::InfoOptions),
     /// Compare an image with a reference: MSE, relMSE, PSNR, SSIM, FLIP, brightness
-    Compare(compare::CompareArgs),
+    Compare(compare::CompareOptions),
 }
 
 /// Runs the program; `start` is when it started, which is what time budgets count from.

@@ -74,7 +74,7 @@ impl<'s> Coordinator<'s> {
     /// Returns the owners of a batch of these expected seconds, if other ones than now pay.
     fn better_parts(&self, costs: &TileCosts) -> Option<Vec<Rectangle>> {
         let parts = costs.partition(self.link.size());
-        let slowest = |parts: &[Rectangle]| parts.iter().map(|part| costs.of(part)).fold(0.0, f64::max);
+        let slowest = |parts: &[Rectangle]| parts.iter().map(|part| costs.cost_in(part)).fold(0.0, f64::max);
         let (now, then) = (slowest(&self.part.parts), slowest(&parts));
         let stays = |(a, b): (&Rectangle, &Rectangle)| a.intersection(b).map_or(0, |both| both.pixels());
         let moved = |rank: usize| parts[rank].pixels() - stays((&parts[rank], &self.part.parts[rank]));
@@ -134,7 +134,7 @@ impl ProcessGroup for Coordinator<'_> {
             let place = self.part.parts[rank];
             samples += answer.samples;
             self.seconds[rank] += answer.seconds;
-            self.expected[rank] += expected.of(&place);
+            self.expected[rank] += expected.cost_in(&place);
             let rejected = answer.first_rejected.map(|(y, x, index)| RejectedSample {
                 y: y + place.y[0],
                 x: x + place.x[0],

@@ -17,7 +17,7 @@ pub struct StoreKind {
 impl StoreKind {
     /// Returns an empty store of a rectangle.
     pub fn empty(&self, part: &Rectangle) -> Store {
-        Store::of_part(part, self.layout.clone(), self.capacity, self.seed)
+        Store::for_rectangle(part, self.layout.clone(), self.capacity, self.seed)
     }
 
     /// Returns the bytes of the statistics of a rectangle.

@@ -40,7 +40,7 @@ impl TileCosts {
     }
 
     /// Returns the cost of the tiles of a rectangle of [`Self::partition`].
-    pub fn of(&self, rectangle: &Rectangle) -> f64 {
+    pub fn cost_in(&self, rectangle: &Rectangle) -> f64 {
         self.tiles(rectangle).map(|i| self.costs[i]).sum()
     }
 
@@ -57,7 +57,7 @@ impl TileCosts {
     pub fn partition(&self, parts: usize) -> Vec<Rectangle> {
         assert!((1..=self.len()).contains(&parts), "from one part to one for each tile");
         let mut rectangles = Vec::with_capacity(parts);
-        let tiles = Rectangle::of_image(self.columns(), self.height.div_ceil(TILE));
+        let tiles = Rectangle::whole(self.columns(), self.height.div_ceil(TILE));
         self.bisect(tiles, parts, &mut rectangles);
         let pixels = |tiles: [usize; 2], end: usize| tiles.map(|tile| (tile * TILE).min(end));
         rectangles
@@ -150,7 +150,7 @@ mod tests {
         let costs = TileCosts::uniform(width, height, 2.0).times_counts(&counts);
         let all: f64 = 2.0 * counts.iter().map(|&n| f64::from(n)).sum::<f64>();
         for parts in [2, 3, 8, 64] {
-            let largest = costs.partition(parts).iter().map(|r| costs.of(r)).fold(0.0, f64::max);
+            let largest = costs.partition(parts).iter().map(|r| costs.cost_in(r)).fold(0.0, f64::max);
             assert!(largest < 1.15 * all / parts as f64, "{parts}: {largest} of {all}");
         }
     }
@@ -162,6 +162,6 @@ mod tests {
         costs.scale(&before[0], 4.0);
         let after = costs.partition(2);
         assert!(after[0].pixels() < before[0].pixels());
-        assert!((costs.of(&after[0]) / costs.of(&after[1]) - 1.0).abs() < 0.3);
+        assert!((costs.cost_in(&after[0]) / costs.cost_in(&after[1]) - 1.0).abs() < 0.3);
     }
 }

@@ -105,7 +105,7 @@ impl<'s> OwnPart<'s> {
         (width, height, capacity): (usize, usize, usize),
         store: Option<&Store>,
     ) -> Option<FilterResult> {
-        let image = Rectangle::of_image(width, height);
+        let image = Rectangle::whole(width, height);
         let parts = TileCosts::uniform(width, height, 1.0).partition(link.size());
         let kind = StoreKind { capacity, ..self.kind.clone() };
         let have = only_first(image, parts.len());
@@ -131,7 +131,7 @@ impl<'s> OwnPart<'s> {
     /// Returns the rectangle of all pixels.
     pub fn image(&self) -> Rectangle {
         let (width, height) = self.whole.resolution();
-        Rectangle::of_image(width, height)
+        Rectangle::whole(width, height)
     }
 }
 

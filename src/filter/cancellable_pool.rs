@@ -99,7 +99,7 @@ pub fn stop_if_cancelled() {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::filter::{DENOISERS, synthetic};
+    use crate::filter::{DEFAULT, DENOISERS, synthetic};
     use crate::stats::{Layout, Store};
     use rand::RngExt;
     use std::time::Instant;
@@ -124,7 +124,7 @@ mod tests {
         let store = noisy_store();
         let mut pool = CancellablePool::new(2).unwrap();
         assert_eq!(pool.threads(), 2);
-        let denoiser = DENOISERS[0];
+        let denoiser = DEFAULT;
         let on_pool = pool.run(|| denoiser.filter(&store, 0), || false).expect("nobody cancels");
         assert_eq!(on_pool.image, denoiser.filter(&store, 0).image);
     }

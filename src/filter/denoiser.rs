@@ -118,8 +118,8 @@ pub struct Cost {
 }
 
 impl Cost {
-    /// Assumed seconds of one core for a byte of new memory, unless less is measured (0.1 to 3 seconds per gigabyte, by the mood of a
-    /// virtual machine's host).
+    /// Assumed seconds of one core for a byte of new memory, unless less is measured: on virtual machines 0.1 to 3 seconds per
+    /// gigabyte were.
     pub const MEMORY_SECONDS: f64 = 2e-9;
 
     /// Returns [`Self::core_seconds`] with new memory, of which a byte takes a core `memory_seconds`.

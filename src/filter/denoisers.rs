@@ -9,7 +9,7 @@ use super::denoiser_name::DenoiserName;
 use super::{learned, nlm, none, oidn, prpf, rpf};
 use crate::stats::Store;
 
-/// All denoisers, the default one first. Of one method the first preset is its default.
+/// All denoisers, in the order of lists. Of one method the first preset is its default.
 pub static DENOISERS: [&dyn Denoiser; 10] = [
     &learned::STANDARD,
     &learned::DRAFT,
@@ -23,8 +23,12 @@ pub static DENOISERS: [&dyn Denoiser; 10] = [
     &none::NONE,
 ];
 
-/// The default denoisers, each faster or of less memory, and less exact, than the one before.
-pub static DEFAULTS: [&dyn Denoiser; 4] = [&learned::STANDARD, &learned::DRAFT, &nlm::STANDARD, &nlm::DRAFT];
+/// The default denoiser.
+pub static DEFAULT: &dyn Denoiser = &learned::STANDARD;
+
+/// The default denoisers under a time budget, each faster or of less memory, and less exact, than the one before.
+pub static DEFAULTS_BY_COST: [&dyn Denoiser; 4] =
+    [&learned::STANDARD, &learned::DRAFT, &nlm::STANDARD, &nlm::DRAFT];
 
 /// The mean of the samples: the fallback if time is short.
 pub static UNFILTERED: &dyn Denoiser = &none::NONE;
@@ -46,7 +50,7 @@ pub fn presets(method: &str) -> Vec<&'static str> {
     names.filter_map(|name| name.preset).collect()
 }
 
-/// Returns the fastest preset of a denoiser's own method: a draft, or its stand-in.
+/// Returns the draft of a denoiser's method; without one the denoiser's stand-in, which may be of another method.
 pub fn draft_of(denoiser: &'static dyn Denoiser) -> &'static dyn Denoiser {
     find(denoiser.name().method, Some("draft")).unwrap_or(denoiser.stand_in())
 }

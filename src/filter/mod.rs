@@ -8,8 +8,8 @@ mod common;
 mod denoiser;
 mod denoiser_name;
 mod denoisers;
-mod lack;
 pub mod learned;
+mod missing_data;
 pub mod nlm;
 mod none;
 pub mod oidn;
@@ -25,15 +25,14 @@ mod whole_image;
 
 pub use cancellable_pool::{CancellablePool, stop_if_cancelled};
 pub use common::blur;
-pub use common::error_maps::ErrorMaps;
 pub use common::fireflies::FireflySettings;
 pub use denoiser::{Cost, Denoiser, LayerFilter, PartFilter, Reads, SampleVectors};
 pub use denoiser_name::DenoiserName;
 pub use denoisers::{
-    DEFAULTS, DENOISERS, UNFILTERED, draft_if_sparse, draft_of, draft_without_vectors, find, presets,
-    weights_of,
+    DEFAULT, DEFAULTS_BY_COST, DENOISERS, UNFILTERED, draft_if_sparse, draft_of, draft_without_vectors, find,
+    presets, weights_of,
 };
-pub use lack::Lack;
+pub use missing_data::MissingData;
 pub use nlm::NlmSettings;
 pub use none::{risk_of_means, unfiltered};
 pub use prpf::{Bandwidth, PrpfSettings, mutual_information};

@@ -1,7 +1,9 @@
 //! The result of a filter pass, as maps, page, state and files use it.
 
+use super::common::error_maps::ErrorMaps;
 use super::denoiser_name::DenoiserName;
 use crate::image::Planes;
+use crate::stats::{Part, Store};
 
 /// An image and its maps. All planes have the store's size.
 #[derive(Clone, Debug)]
@@ -30,6 +32,42 @@ pub struct FilterResult {
     pub interpolation: Option<Interpolation>,
     /// Why the denoiser failed, if this is an unfiltered image in place of its own.
     pub failure: Option<String>,
+}
+
+impl FilterResult {
+    /// Returns the result of a filter whose weights depend on the samples that they filter: its image and what it makes of each half
+    /// (3 planes each), with the maps that follow from both and from the samples.
+    pub fn self_filtered(
+        made_by: DenoiserName,
+        store: &Store,
+        image: Planes,
+        halves: [Planes; 2],
+        reliability: Reliability,
+    ) -> Self {
+        let radiance = store.layout().radiance();
+        let noisy_halves = [0, 1].map(|half| store.means(Part::Half(half), radiance.clone()));
+        let counts = [0, 1].map(|half| store.counts(Part::Half(half)));
+        let ErrorMaps { variance, residual, risk, error } = ErrorMaps::self_filtered(
+            &image,
+            halves.each_ref(),
+            &store.means(Part::Whole, radiance.clone()),
+            &store.variances(Part::Whole, radiance),
+            noisy_halves.each_ref(),
+            counts.each_ref().map(Vec::as_slice),
+        );
+        Self {
+            made_by,
+            image,
+            halves,
+            variance,
+            error,
+            residual,
+            risk,
+            reliability,
+            interpolation: None,
+            failure: None,
+        }
+    }
 }
 
 /// Calibration of two estimators of an image's relMSE, the mean relative risk and the mean relative variance

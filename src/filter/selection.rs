@@ -2,7 +2,7 @@
 
 use super::denoiser::Denoiser;
 use super::denoisers::{DENOISERS, find};
-use super::lack::Lack;
+use super::missing_data::MissingData;
 use crate::stats::Store;
 
 /// Why a denoiser cannot be used.
@@ -15,7 +15,7 @@ pub enum SelectionError {
     #[error("store: found no valid samples; accepted is at least one")]
     Empty,
     #[error("store: {0}")]
-    Lack(#[from] Lack),
+    MissingData(#[from] MissingData),
 }
 
 fn names() -> String {
@@ -47,7 +47,7 @@ pub fn can_filter(denoiser: &dyn Denoiser, store: &Store) -> Result<(), Selectio
     if store.samples() == 0 {
         return Err(SelectionError::Empty);
     }
-    Lack::of(store, denoiser).map_or(Ok(()), |lack| Err(lack.into()))
+    Ok(MissingData::check(store, denoiser)?)
 }
 
 #[cfg(test)]

@@ -68,7 +68,7 @@ pub fn filter(denoiser: &dyn Denoiser, store: &Store, side: usize, seed: u64) ->
 pub fn side(denoiser: &dyn Denoiser, store: &Store, least_side: usize) -> usize {
     let (width, height) = (store.width(), store.height());
     let samples = store.samples_taken() as f64;
-    let with_samples = store.pixels() - store.empty_pixels(&Rectangle::of_image(width, height));
+    let with_samples = store.pixels() - store.empty_pixels(&Rectangle::whole(width, height));
     let can_filter = denoiser.least_spp() > 0.0 && samples > 0.0;
     let has_chosen = samples > MOST_SAMPLES * with_samples as f64;
     match can_filter {

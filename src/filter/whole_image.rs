@@ -69,7 +69,7 @@ pub struct AllPixels(Rectangle);
 
 impl AllPixels {
     pub fn new(width: usize, height: usize) -> Self {
-        Self(Rectangle::of_image(width, height))
+        Self(Rectangle::whole(width, height))
     }
 }
 

@@ -7,10 +7,10 @@
 //! | [`exr_file`] | reads and writes OpenEXR with named layers and attributes |
 //! | [`png_file`] | writes 8-bit sRGB PNG; reads PNG, JPEG and TGA |
 //! | [`output_format`] | [`OutputFormat`], chosen by a file name's extension |
-//! | [`read_rgb()`] | any supported file, by its content |
+//! | `read_rgb` | [`read_rgb()`]: any supported file, by its content |
 //! | [`tone`] | luminance, the sRGB transfer curve |
 //! | [`metrics`], [`perceptual`] | errors of an image with respect to a reference |
-//! | [`Comparison`] | all of these at once |
+//! | `comparison` | [`Comparison`]: all of these at once |
 //! | `enlargement` | full images of coarse ones |
 //! | [`error`] | [`ImageError`], an image file and its problem |
 

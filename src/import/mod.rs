@@ -3,7 +3,7 @@
 //!
 //! | file | holds |
 //! | --- | --- |
-//! | `layer` | the layers of a file: channels of one part with a common name |
+//! | `exr_layer` | the layers of a file: channels of one part with a common name |
 //! | `role` | what a denoiser needs, and the names by which renderers call it |
 //! | `frame` | the planes of one file |
 //! | `halves` | the halves of a store, of two frames or of one |

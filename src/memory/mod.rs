@@ -27,7 +27,7 @@ fn machine() -> Option<f64> {
 /// # Errors
 /// In half a sentence: what is needed, and what there is.
 pub fn check_available(bytes: u64) -> Result<(), String> {
-    /// What is not worth asking the system for.
+    /// Smaller requests are not checked: asking the system takes longer than they do.
     const SMALL: u64 = 16 << 20;
     if bytes <= SMALL {
         return Ok(());

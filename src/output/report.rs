@@ -60,7 +60,7 @@ pub struct Report<'a> {
     /// The trained weights that it filtered by.
     #[serde(skip_serializing_if = "Option::is_none")]
     weights: Option<&'static str>,
-    /// Whether that is another one than the settings ask for.
+    /// Whether it is another denoiser than the settings ask for.
     fallback: bool,
     square_side: usize,
     seconds: Times,

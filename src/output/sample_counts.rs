@@ -16,7 +16,7 @@ impl SampleCounts {
         let counts = store.counts(Part::Whole);
         Self {
             min: counts.iter().copied().min().unwrap_or(0),
-            mean: store.samples() as f64 / counts.len().max(1) as f64,
+            mean: store.spp(),
             max: counts.iter().copied().max().unwrap_or(0),
         }
     }

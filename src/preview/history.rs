@@ -65,7 +65,7 @@ impl KeptRender {
     /// Describes it in a few words.
     pub fn description(&self) -> String {
         let store = &self.checkpoint.store;
-        let spp = store.samples() as f64 / store.pixels().max(1) as f64;
+        let spp = store.spp();
         format!("{spp:.1} samples per pixel by {}", self.settings.denoiser.name())
     }
 }
@@ -116,7 +116,7 @@ impl History {
         };
         let mut removed = Vec::new();
         if self.done.last().is_some_and(|latest| is_full(std::slice::from_ref(latest))) {
-            // No other has to go for what has no room in any case
+            // One that is larger than the limit by itself is dropped alone
             removed.extend(self.done.pop());
         }
         while is_full(&self.done) {

@@ -15,7 +15,7 @@
 //! | `controller`, `controller_end`, `scene_sessions`, `pending`, `configuration`, `image_request`, `history`, `background_pass` | control of the render |
 //! | `reporter`, `generation_record`, `status`, `notices` | the status of the render |
 //! | `publisher`, `preview_frame` | encoded images for the viewers |
-//! | `view`, `colour_scale`, `pixel_values`, `comparison`, `saved_images` | what the page shows |
+//! | `view`, `colour_scale`, `pixel_values`, `comparison`, `relative_error`, `saved_images` | what the page shows |
 //! | `orbit_camera`, `camera_move`, `bookmarks` | the camera, its movements and its bookmarks |
 //! | `hub`, `viewer` | between the render thread and its viewers |
 //! | `protocol`, `command`, `settings_change` | messages from the page |

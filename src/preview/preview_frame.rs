@@ -102,7 +102,7 @@ impl PreviewFrame {
         pixels.par_chunks_mut(row_bytes.max(1)).enumerate().for_each(|(y, out)| {
             let mut values = vec![0.0; width * channels];
             let sources: Option<Vec<_>> =
-                stand_ins.as_ref().map(|found| (0..width).map(|x| found.of(x, y)).collect());
+                stand_ins.as_ref().map(|found| (0..width).map(|x| found.nearest_sampled(x, y)).collect());
             for channel in 0..channels {
                 let plane = planes.plane(channel);
                 let row = &plane[y * width..][..width];
@@ -164,7 +164,7 @@ impl<'c> StandIns<'c> {
 
     /// Returns the index of the pixel that pixel (x, y) shows: itself if it has samples, else a pixel with samples in the
     /// smallest block around it that has one.
-    fn of(&self, x: usize, y: usize) -> usize {
+    fn nearest_sampled(&self, x: usize, y: usize) -> usize {
         let own = y * self.width + x;
         if self.counts[own] > 0 {
             return own;

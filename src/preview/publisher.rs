@@ -29,7 +29,7 @@ const EAGER_STEPS: u64 = 4;
 /// Returns whether every pixel has samples, a pair of them on average. By a map some never get any.
 pub fn is_covered(store: &Store, has_map: bool) -> bool {
     store.samples_taken() as f64 >= PAIR * store.pixels() as f64
-        && (has_map || store.empty_pixels(&Rectangle::of_image(store.width(), store.height())) == 0)
+        && (has_map || store.empty_pixels(&Rectangle::whole(store.width(), store.height())) == 0)
 }
 
 /// Publishes frames of one render; see the module.

@@ -16,10 +16,11 @@ use super::view::{View, ViewSource};
 use crate::filter::{DenoiserName, FilterResult};
 use crate::image::Planes;
 use crate::memory::held_bytes;
+use crate::output::SampleCounts;
 use crate::progressive::{
     ErrorEstimate, EstimateSummary, Filtered, Point, Progress, Settings, StoppedBy, forecast,
 };
-use crate::stats::{Layout, Part, Store};
+use crate::stats::{Layout, Store};
 
 /// Shortest time between two reports.
 const STATUS_INTERVAL: Duration = Duration::from_millis(250);
@@ -404,7 +405,7 @@ impl Reporter {
     }
 
     fn statistics(&self, store: &Store) -> RenderProgress {
-        let counts = store.counts(Part::Whole);
+        let counts = SampleCounts::new(store);
         let (first, last) = (self.record.recent.front(), self.record.recent.back());
         let rate = first.zip(last).map_or(0.0, |(a, b)| (b.1 - a.1) as f64 / (b.0 - a.0).max(1e-6));
         let seconds = self.record.progress.map_or(0.0, |p| p.elapsed)
@@ -413,9 +414,9 @@ impl Reporter {
             seconds,
             fraction: self.record.progress.map_or(0.0, |p| p.fraction),
             samples: store.samples(),
-            mean: store.samples() as f64 / counts.len().max(1) as f64,
-            min: counts.iter().copied().min().unwrap_or(0),
-            max: counts.iter().copied().max().unwrap_or(0),
+            mean: counts.mean,
+            min: counts.min,
+            max: counts.max,
             samples_per_second: if self.phase == Phase::Rendering { rate } else { 0.0 },
             filter_fraction: if seconds > 0.0 {
                 (self.record.filter_seconds / seconds).min(1.0)

@@ -179,7 +179,7 @@ fn calibration(now: &Situation) -> Option<&'static dyn Denoiser> {
     let fresh = finalisation.calibrated_denoiser().filter(|_| finalisation.is_fresh());
     if let Some(denoiser) = fresh {
         // Judge the calibration that was just made
-        let pass = LastPass::of_pixels(denoiser);
+        let pass = LastPass::over_pixels(denoiser);
         let left = now.schedule_of(pass).seconds_left(now.elapsed)?;
         if finalisation.is_doubtful(left) {
             return Some(denoiser);
@@ -189,7 +189,7 @@ fn calibration(now: &Situation) -> Option<&'static dyn Denoiser> {
     // Empty pixels add hole filling to the time, and a time that grows with the samples is soon outdated.
     let is_predictable = least_side == 1 && !now.has_unsampled_pixels() && !denoiser.cost().is_per_sample;
     // Each one is faster than the one before, so that they come to an end
-    let is_next = !now.is_slower(LastPass::of_pixels(denoiser));
+    let is_next = !now.is_slower(LastPass::over_pixels(denoiser));
     let is_due = match fresh {
         Some(fresh) => denoiser != fresh && denoiser != UNFILTERED && left > 0.0,
         None => finalisation.is_due(now.elapsed, left, schedule.finalisation),

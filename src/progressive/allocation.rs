@@ -8,9 +8,8 @@ use super::region_batch::RegionBatch;
 use super::schedule::LEAST_IMAGE;
 use super::settings::Settings;
 use super::steps;
-use crate::adaptive::{self, Maps, Sampling};
-use crate::filter;
-use crate::stats::{Part, Rectangle, Store};
+use crate::adaptive::{self, FilterMaps, Sampling};
+use crate::stats::{Rectangle, Store};
 
 /// Samples that the pixels outside a region get for each of the region's, as long as some of them have none: the whole image
 /// is filtered, saved and sampled adaptively only once it has no gaps.
@@ -91,15 +90,13 @@ pub(super) fn expected_ratio(store: &Store, interim: &InterimPass, settings: &Se
 
 /// Computes the priority of each pixel.
 fn batch_priority(store: &Store, interim: &InterimPass, settings: &Settings) -> Vec<f32> {
-    let maps = Maps {
-        counts: &store.counts(Part::Whole),
+    let maps = FilterMaps {
         image: &interim.image,
-        filtered_variance: &interim.variance,
-        raw_variance: &filter::variance_of_mean(store),
+        variance: &interim.variance,
         residual: &interim.residual,
         interpolation_failure: interim.interpolation.as_ref().map(|found| &found.failure),
     };
-    adaptive::priority(maps, &settings.priority)
+    adaptive::priority(store, maps, &settings.priority)
 }
 
 #[cfg(test)]

@@ -2,13 +2,13 @@
 
 use super::budget::Budget;
 use super::finalisation::assumed_seconds;
-use crate::filter::{Cost, DEFAULTS, Denoiser};
+use crate::filter::{Cost, DEFAULTS_BY_COST, Denoiser};
 use crate::memory::available_bytes;
 
-/// Largest fraction of a time budget that the last pass takes, of each of [`DEFAULTS`] but the last. In the same time the draft of
+/// Largest fraction of a time budget that the last pass takes, of each of [`DEFAULTS_BY_COST`] but the last. In the same time the draft of
 /// `learned` leaves 0.8 of the error of `learned` where that takes a quarter, and as much at its limit; half of the error of `nlm` at a
 /// quarter; and about as much as the draft of `nlm` at its own limit, where one or two samples per pixel are left (docs/loop.md).
-const TIME_FRACTIONS: [f64; DEFAULTS.len() - 1] = [0.16, 0.33, 0.27];
+const TIME_FRACTIONS: [f64; DEFAULTS_BY_COST.len() - 1] = [0.16, 0.33, 0.27];
 
 /// Largest fraction of the available memory that the last pass takes.
 const MEMORY_FRACTION: f64 = 0.5;
@@ -16,7 +16,7 @@ const MEMORY_FRACTION: f64 = 0.5;
 /// Samples per pixel of the image that the choice is for: processes share its pass.
 const SPP: f64 = 2.0;
 
-/// Returns the first of [`DEFAULTS`] whose pass takes not too much of a time budget or of the memory. `pixels`: those of the
+/// Returns the first of [`DEFAULTS_BY_COST`] whose pass takes not too much of a time budget or of the memory. `pixels`: those of the
 /// image; `processes` share the pass.
 pub fn default_denoiser(budget: &Budget, pixels: usize, processes: usize) -> &'static dyn Denoiser {
     let seconds = budget.seconds.unwrap_or(f64::INFINITY);
@@ -27,8 +27,12 @@ pub fn default_denoiser(budget: &Budget, pixels: usize, processes: usize) -> &'s
             <= fraction * seconds
             && available.is_none_or(|available| bytes <= MEMORY_FRACTION * available)
     };
-    let [.., fastest] = DEFAULTS;
-    DEFAULTS.into_iter().zip(TIME_FRACTIONS).find(is_affordable).map_or(fastest, |(denoiser, _)| denoiser)
+    let [.., fastest] = DEFAULTS_BY_COST;
+    DEFAULTS_BY_COST
+        .into_iter()
+        .zip(TIME_FRACTIONS)
+        .find(is_affordable)
+        .map_or(fastest, |(denoiser, _)| denoiser)
 }
 
 #[cfg(test)]

@@ -83,7 +83,7 @@ impl ErrorEstimate {
             let by_halves = halves.and_then(|halves| halves.estimates(&result.image, &relative[1], variance));
             average(by_halves.unwrap_or_else(|| {
                 let reliability = result.reliability;
-                let spp = store.samples() as f64 / store.pixels() as f64;
+                let spp = store.spp();
                 [
                     (risk.times(reliability.risk_factor), reliability.risk_deviation),
                     (variance.times(reliability.variance_factor_at(spp)), reliability.variance_deviation),

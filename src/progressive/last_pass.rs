@@ -25,7 +25,7 @@ pub struct LastPass {
 }
 
 impl LastPass {
-    pub(super) fn of_pixels(denoiser: &'static dyn Denoiser) -> Self {
+    pub(super) fn over_pixels(denoiser: &'static dyn Denoiser) -> Self {
         Self { denoiser, least_side: 1 }
     }
 }
@@ -39,10 +39,10 @@ impl Situation<'_> {
         if self.settings.budget.seconds.is_none() || self.samples == 0 {
             let denoiser =
                 if self.samples > 0 && self.has_unsampled_pixels() { draft_of(asked) } else { asked };
-            return LastPass::of_pixels(denoiser);
+            return LastPass::over_pixels(denoiser);
         }
         let passes = self.passes_over_pixels().chain(self.passes_over_squares());
-        let unfiltered = LastPass::of_pixels(UNFILTERED);
+        let unfiltered = LastPass::over_pixels(UNFILTERED);
         let earliest_end = self.elapsed + self.seconds_of(unfiltered);
         let is_far_too_late =
             |pass: &LastPass| self.schedule_of(*pass).is_far_too_late(self.elapsed, earliest_end);
@@ -54,7 +54,7 @@ impl Situation<'_> {
     /// squares: it may need fewer samples.
     fn passes_over_pixels(&self) -> impl Iterator<Item = LastPass> + Clone {
         let (asked, current) = (self.settings.denoiser, self.current_pass());
-        let drafts = [draft_of(asked), asked.stand_in()].map(LastPass::of_pixels);
+        let drafts = [draft_of(asked), asked.stand_in()].map(LastPass::over_pixels);
         std::iter::once(current)
             .chain(drafts)
             .filter(move |&pass| !self.is_slower(pass))
@@ -62,7 +62,7 @@ impl Situation<'_> {
     }
 
     fn by_square_denoiser(&self) -> LastPass {
-        LastPass::of_pixels(self.settings.square_denoiser())
+        LastPass::over_pixels(self.settings.square_denoiser())
     }
 
     /// Returns whether a pass is assumed to take longer than the one that has been calibrated.
@@ -82,7 +82,7 @@ impl Situation<'_> {
     /// Returns the pass that has been calibrated, or is to be.
     fn current_pass(&self) -> LastPass {
         let calibrated = self.measurements.finalisation.calibrated_denoiser();
-        LastPass::of_pixels(calibrated.unwrap_or(self.settings.denoiser))
+        LastPass::over_pixels(calibrated.unwrap_or(self.settings.denoiser))
     }
 
     /// Returns the schedule with this last pass.
@@ -106,7 +106,7 @@ impl Situation<'_> {
         let is_chosen = self.has_region || self.settings.sample_map.is_some();
         let elapsed = if self.conditions.is_interrupted { f64::INFINITY } else { self.elapsed };
         let will_have_samples = || {
-            // Those that nobody asked for are not lacking
+            // No pass needs more samples than the budgets allow
             let needed =
                 (pass.denoiser.least_spp().max(1.0) * self.pixels as f64).min(schedule.most() as f64);
             let samples = self.samples as f64;
@@ -115,7 +115,7 @@ impl Situation<'_> {
             let excess = if self.samples < 2 * self.pixels { FIRST_SAMPLES_EXCESS } else { 1.0 };
             samples + excess * to_come >= needed
         };
-        // What is measured again and again is soon a little late
+        // Repeated calibrations may raise the prediction a little: a pass that was expected in time is given up far beyond it only
         let is_calibrated = finalisation.is_calibrated() && pass == self.current_pass();
         let is_late = if is_calibrated {
             schedule.is_far_too_late(self.elapsed, self.elapsed)

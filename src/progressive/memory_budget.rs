@@ -94,11 +94,11 @@ impl Demand {
     fn without_sample_vectors(&self, (width, height): (usize, usize)) -> f64 {
         // Statistics come in whole blocks of a row.
         let blocks = width.next_multiple_of(PIXEL_BLOCK) as f64 / width.max(1) as f64;
-        self.of_pixels(width as f64 * height as f64, blocks)
+        self.bytes_for_pixels(width as f64 * height as f64, blocks)
     }
 
     /// Returns the same of a number of pixels, each of which takes the statistics of `blocks` pixels.
-    fn of_pixels(&self, pixels: f64, blocks: f64) -> f64 {
+    fn bytes_for_pixels(&self, pixels: f64, blocks: f64) -> f64 {
         /// The filters hold planes of their own beside the store, more of them the more it holds.
         const BESIDE_STORE: f64 = 0.5;
         let (store, pass) = (self.memory.statistics as f64 * blocks, self.pass as f64);
@@ -110,12 +110,12 @@ impl Demand {
     }
 
     /// Returns the bytes of a pixel's sample vectors.
-    fn of_sample_vectors(&self) -> f64 {
+    fn sample_vector_bytes(&self) -> f64 {
         self.memory.sample_vectors as f64 * self.memory.per_sample_vector as f64
     }
 
     fn bytes(&self, size: (usize, usize)) -> f64 {
-        self.without_sample_vectors(size) + self.of_sample_vectors() * (size.0 as f64 * size.1 as f64)
+        self.without_sample_vectors(size) + self.sample_vector_bytes() * (size.0 as f64 * size.1 as f64)
     }
 
     fn fits(&self, available: f64, size: (usize, usize)) -> Result<(), MemoryError> {
@@ -151,7 +151,8 @@ impl Demand {
     /// Returns how many pixels would fit, in whole blocks, below a size that does not.
     fn most_pixels(&self, available: f64, (width, height): (usize, usize)) -> u64 {
         let fits = |&pixels: &u64| {
-            self.of_pixels(pixels as f64, 1.0) + self.of_sample_vectors() * pixels as f64 <= available
+            self.bytes_for_pixels(pixels as f64, 1.0) + self.sample_vector_bytes() * pixels as f64
+                <= available
         };
         let (mut least, mut most) = (0, width as u64 * height as u64);
         while most - least > 1 {

@@ -3,8 +3,8 @@
 //! It is plain state. A [`Checkpoint`] is the complete state of a render. [`next_action`] is a pure
 //! function: it takes a [`Situation`] (settings, where the checkpoint stands, what was measured, the time) and returns an
 //! [`Action`]. [`RenderLoop`] performs actions. Two drivers ask for one action after the other: [`run`] blocks, as the
-//! command line needs it, and the preview's controller listens to its viewers between two. Nothing below this room reads
-//! a clock.
+//! command line needs it, and the preview's controller listens to its viewers between two. Below this room nothing reads
+//! a clock but `memory::prepare`, which measures what new memory costs.
 //!
 //! | file | holds |
 //! | --- | --- |
@@ -15,7 +15,7 @@
 //! | `time_constants` | every constant of time keeping |
 //! | `checkpoint`, `record`, `stopped_by` | the state of a render, and its outcome |
 //! | `render_loop` | the actions |
-//! | `allocation`, `region_batch`, `steps`, `filter_pass`, `error_estimate` | their parts |
+//! | `allocation`, `region_batch`, `steps`, `filter_pass`, `error_estimate`, `excerpt` | their parts |
 //! | `blocking`, `host` | the driver of the command line, and its interface to the program around it |
 //! | `process_group` | the loop's interface to processes that render one image together |
 //! | `settings`, `default_denoiser`, `memory_budget`, `store_size` | the settings, and the memory they need |

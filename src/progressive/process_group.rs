@@ -83,7 +83,7 @@ impl SampleTotals {
         Self {
             taken: store.samples_taken(),
             valid: store.samples(),
-            empty_pixels: store.empty_pixels(&Rectangle::of_image(store.width(), store.height())) as u64,
+            empty_pixels: store.empty_pixels(&Rectangle::whole(store.width(), store.height())) as u64,
         }
     }
 }

@@ -19,7 +19,7 @@ impl RegionBatch {
         total: u64,
         settings: &Settings,
     ) -> Option<Self> {
-        let image = Rectangle::of_image(width, counts.len() / width.max(1));
+        let image = Rectangle::whole(width, counts.len() / width.max(1));
         let Rectangle { x: [x0, x1], y: [y0, y1] } = region.intersection(&image)?;
         let pixels: Vec<usize> = (y0..y1).flat_map(|y| (x0..x1).map(move |x| y * width + x)).collect();
         let have: u64 = pixels.iter().map(|&i| u64::from(counts[i])).sum();

@@ -328,7 +328,7 @@ impl<'a> RenderLoop<'a> {
         let gathering = self.clock.elapsed() - elapsed;
         let situation = self.situation(&Conditions::default());
         let left = situation.schedule().seconds_left(situation.elapsed).unwrap_or(f64::INFINITY);
-        let expected = situation.seconds_of(LastPass::of_pixels(denoiser));
+        let expected = situation.seconds_of(LastPass::over_pixels(denoiser));
         if !self.measurements.finalisation.is_calibrated() {
             let bytes_per_pixel = (PREPARED * denoiser.cost().bytes as f64) as usize;
             match &mut self.processes {

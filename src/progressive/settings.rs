@@ -2,7 +2,9 @@
 
 use super::budget::Budget;
 use crate::adaptive::{self, NO_CEILING, PrioritySettings, SampleMap, Sampling};
-use crate::filter::{DEFAULTS, DENOISERS, Denoiser, Lack, SampleVectors, UNFILTERED, draft_without_vectors};
+use crate::filter::{
+    DEFAULT, DEFAULTS_BY_COST, Denoiser, MissingData, SampleVectors, UNFILTERED, draft_without_vectors,
+};
 use crate::stats::{BlockSet, Layout, Store};
 
 /// The settings of a render loop.
@@ -51,7 +53,7 @@ impl Default for Settings {
             budget: Budget::default(),
             sampling: Sampling::Adaptive,
             sample_map: None,
-            denoiser: DENOISERS[0],
+            denoiser: DEFAULT,
             seed: 0,
             min_spp: MIN_SPP,
             max_spp: NO_CEILING,
@@ -157,8 +159,8 @@ impl Settings {
     /// Returns the denoiser that filters squares of pixels in a last pass, or the pixels if they have too few samples for another one: the
     /// method's draft, and under a time budget that of `learned` in place of the default denoisers.
     pub fn square_denoiser(&self) -> &'static dyn Denoiser {
-        let [_, draft, ..] = DEFAULTS;
-        let is_default = self.budget.seconds.is_some() && DEFAULTS.contains(&self.denoiser);
+        let [_, draft, ..] = DEFAULTS_BY_COST;
+        let is_default = self.budget.seconds.is_some() && DEFAULTS_BY_COST.contains(&self.denoiser);
         if is_default { draft } else { draft_without_vectors(self.denoiser) }
     }
 
@@ -175,7 +177,7 @@ impl Settings {
     /// Returns whether a store has what a render with these settings keeps of its samples.
     pub fn are_met_by(&self, store: &Store) -> bool {
         self.reservoir_capacity() <= store.capacity()
-            && Lack::of_layout(store.layout(), self.denoiser).is_none()
+            && MissingData::check_layout(store.layout(), self.denoiser).is_ok()
     }
 
     /// Returns the blocks of dimensions of which the render keeps statistics; `outputs` are those that the outputs read.
@@ -250,7 +252,7 @@ impl PixelMemory {
 mod tests {
     use super::*;
     use crate::adaptive::MapValues;
-    use crate::filter::rpf;
+    use crate::filter::{DENOISERS, rpf};
 
     #[test]
     fn settings_out_of_range_are_named() {

@@ -14,7 +14,7 @@
 //! | `resume` | [`RenderState::can_resume`]: whether a render can go on from a state |
 //! | `merge` | [`Merge`]: adds states that hold other samples |
 //! | [`mod@export`], `npz` | a state as named numpy arrays |
-//! | [`SampleFile`] | the sample vectors of a render as pieces of a numpy archive |
+//! | `sample_file` | [`SampleFile`]: the sample vectors of a render as pieces of a numpy archive |
 //! | `error` | [`StateError`] |
 
 mod array_bytes;

@@ -2,7 +2,7 @@
 
 use super::image_metadata::ImageMetadata;
 use super::stream::Stream;
-use crate::filter::{DENOISERS, weights_of};
+use crate::filter::{DEFAULT, weights_of};
 use crate::progressive::{Checkpoint, Settings};
 use crate::stats::BlockSet;
 
@@ -31,6 +31,6 @@ impl RenderState {
     /// Returns the blocks of dimensions that the default denoiser reads. A render that writes a state records them as well, so
     /// that this denoiser can filter any state.
     pub fn blocks_kept() -> BlockSet {
-        DENOISERS[0].reads().blocks.iter().copied().collect()
+        DEFAULT.reads().blocks.iter().copied().collect()
     }
 }

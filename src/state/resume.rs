@@ -3,7 +3,7 @@
 use super::image_metadata::ImageMetadata;
 use super::render_state::RenderState;
 use super::stream::Stream;
-use crate::filter::Lack;
+use crate::filter::MissingData;
 use crate::progressive::{RecordedStatistics, Settings};
 use crate::stats::{BlockSet, Layout};
 
@@ -52,7 +52,8 @@ impl RenderState {
             return differ("reservoir", format!("{found} sample vectors per pixel"), accepted);
         }
         let kept = names(store.layout());
-        if let Some(Lack::Statistics { names, denoiser }) = Lack::of_layout(store.layout(), settings.denoiser)
+        if let Err(MissingData::Statistics { names, denoiser }) =
+            MissingData::check_layout(store.layout(), settings.denoiser)
         {
             let accepted = format!(
                 "one with those of {}, which {denoiser} reads: --statistics all keeps them",

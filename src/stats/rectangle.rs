@@ -9,7 +9,7 @@ pub struct Rectangle {
 
 impl Rectangle {
     /// All pixels of an image.
-    pub fn of_image(width: usize, height: usize) -> Self {
+    pub fn whole(width: usize, height: usize) -> Self {
         Self { x: [0, width], y: [0, height] }
     }
 

@@ -27,11 +27,11 @@ impl Store {
     /// An empty store. The reservoir holds up to `capacity` sample vectors of each pixel; `seed`
     /// decides which.
     pub fn new(width: usize, height: usize, layout: Layout, capacity: usize, seed: u64) -> Self {
-        Self::of_part(&Rectangle::of_image(width, height), layout, capacity, seed)
+        Self::for_rectangle(&Rectangle::whole(width, height), layout, capacity, seed)
     }
 
     /// An empty store of some pixels of an image; see [`Self::new`].
-    pub fn of_part(part: &Rectangle, layout: Layout, capacity: usize, seed: u64) -> Self {
+    pub fn for_rectangle(part: &Rectangle, layout: Layout, capacity: usize, seed: u64) -> Self {
         let Rectangle { x: [x0, x1], y: [y0, y1] } = *part;
         let rows = (y0..y1).into_par_iter().map(|y| Row::new(x0..x1, y, &layout, capacity, seed)).collect();
         Self { width: part.width(), layout, capacity, rows }
@@ -128,6 +128,11 @@ impl Store {
             out.iter_mut().enumerate().for_each(|(x, count)| *count = row.count(x, part));
         });
         counts
+    }
+
+    /// Mean number of valid samples of a pixel; 0 without pixels.
+    pub fn spp(&self) -> f64 {
+        self.samples() as f64 / self.pixels().max(1) as f64
     }
 
     /// Number of valid samples of the whole image.

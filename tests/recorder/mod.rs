@@ -16,7 +16,7 @@ pub struct Recorder {
 
 impl Recorder {
     /// Records as many checkpoints as possible.
-    pub fn of_every_step() -> Self {
+    pub fn at_every_step() -> Self {
         Self { interval: Some(0.0), ..Self::default() }
     }
 }

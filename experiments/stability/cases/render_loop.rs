@@ -94,7 +94,6 @@ fn no_error() -> Vec<Case> {
 fn budgets() -> Vec<Case> {
     let scene = noisy();
     let short = run_loop(&scene, &settings(1, Sampling::Adaptive, 1));
-    let pixels = short.store.pixels() as f64;
     let prpf = Settings { denoiser: &PRPF, ..settings(40, Sampling::Adaptive, 1) };
     let long = run_loop(&scene, &prpf);
     let dims = long.store.layout().len();
@@ -102,18 +101,13 @@ fn budgets() -> Vec<Case> {
     let in_reservoir =
         rows.iter().flat_map(|row| (0..long.store.width()).map(|x| row.reservoir(x).len() / dims));
     vec![
-        Case::new(
-            "a budget below one batch",
-            "samples per pixel",
-            Exactly(1.0),
-            short.store.samples() as f64 / pixels,
-        ),
+        Case::new("a budget below one batch", "samples per pixel", Exactly(1.0), short.store.spp()),
         Case::new("the same", "values not finite", Exactly(0.0), not_finite(&short.result) as f64),
         Case::new(
             "a budget of 40 with a reservoir of 8",
             "samples per pixel",
             Exactly(40.0),
-            long.store.samples() as f64 / pixels,
+            long.store.spp(),
         ),
         Case::new(
             "the same",

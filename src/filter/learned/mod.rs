@@ -30,7 +30,7 @@ mod weight_file;
 mod weights;
 
 use super::common::blur;
-use super::common::error_maps::{ERROR_SIGMA, ErrorMaps};
+use super::common::error_maps::ERROR_SIGMA;
 use super::common::fireflies::{self, FireflySettings};
 use super::common::half_counts::HalfCounts;
 use super::common::interleaved_planes::InterleavedPlanes;
@@ -217,37 +217,8 @@ fn filter(
         factors: &factors,
     };
     let layers = layers.map(|(layer, nlm)| steps.filter(layer, nlm)).collect();
-    (assess(made_by, mixed, store, &counts), layers)
-}
-
-/// Returns a filtered image with the maps that follow from its halves.
-fn assess(made_by: DenoiserName, filtered: DualImage, store: &Store, counts: &HalfCounts) -> FilterResult {
-    let halves = filtered.halves(counts);
-    let image = filtered.mean;
-    let radiance = store.layout().radiance();
-    let noisy_halves = [0, 1].map(|half| store.means(Part::Half(half), radiance.clone()));
-    let [mean, variance] =
-        [store.means(Part::Whole, radiance.clone()), store.variances(Part::Whole, radiance)];
-    let ErrorMaps { variance, residual, risk, error } = ErrorMaps::self_filtered(
-        &image,
-        [&halves[0], &halves[1]],
-        &mean,
-        &variance,
-        noisy_halves.each_ref(),
-        counts.integers(),
-    );
-    FilterResult {
-        made_by,
-        image,
-        halves,
-        variance,
-        error,
-        residual,
-        risk,
-        reliability: Reliability::LEARNED,
-        interpolation: None,
-        failure: None,
-    }
+    let halves = mixed.halves(&counts);
+    (FilterResult::self_filtered(made_by, store, mixed.mean, halves, Reliability::LEARNED), layers)
 }
 
 /// Collects what is filtered and mixed.

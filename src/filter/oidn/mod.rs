@@ -9,7 +9,6 @@
 
 mod library;
 
-use super::common::error_maps::ErrorMaps;
 use super::common::half_counts::HalfCounts;
 use super::common::hole_filling::filled_means;
 use super::denoiser::{Cost, Denoiser, Reads, SampleVectors};
@@ -80,19 +79,18 @@ impl Denoiser for Oidn {
 
     /// If the library fails the image is unfiltered, and says so.
     fn filter(&self, store: &Store, _: u64) -> FilterResult {
-        match filter(store, self.quality) {
-            Ok(result) => FilterResult { made_by: self.name(), ..result },
-            Err(failure) => FilterResult { failure: Some(failure), ..unfiltered(store) },
-        }
+        filter(store, self.name(), self.quality)
+            .unwrap_or_else(|failure| FilterResult { failure: Some(failure), ..unfiltered(store) })
     }
 }
 
 /// Filters a store.
-fn filter(store: &Store, quality: Quality) -> Result<FilterResult, String> {
+fn filter(store: &Store, made_by: DenoiserName, quality: Quality) -> Result<FilterResult, String> {
     let device = Device::new()?;
-    let mut result = unfiltered(store);
+    let radiance = store.layout().radiance();
+    let mut halves = [0, 1].map(|half| store.means(Part::Half(half), radiance.clone()));
     let counts = HalfCounts::from_store(store);
-    counts.fill_missing(&mut result.halves);
+    counts.fill_missing(&mut halves);
 
     // Filter the guides; normals need an albedo beside them
     let layout = store.layout();
@@ -115,19 +113,10 @@ fn filter(store: &Store, quality: Quality) -> Result<FilterResult, String> {
         let filtered = device.filter(c"color", &noisy, &guides, quality, are_clean && !guides.is_empty())?;
         Ok(filtered.to_planes())
     };
-    let image = filter(&result.image)?;
-    let [a, b] = result.halves.each_ref().map(filter);
-    let [a, b] = around(&image, [a?, b?], &counts);
-
-    // Estimate the error
-    let radiance = layout.radiance();
-    let [mean, variance] =
-        [store.means(Part::Whole, radiance.clone()), store.variances(Part::Whole, radiance)];
-    let noisy_halves = result.halves.each_ref();
-    let ErrorMaps { variance, residual, risk, error } =
-        ErrorMaps::self_filtered(&image, [&a, &b], &mean, &variance, noisy_halves, counts.integers());
-    let reliability = Reliability::SELF_FILTERED;
-    Ok(FilterResult { image, halves: [a, b], variance, error, residual, risk, reliability, ..result })
+    let image = filter(&filled_means(store, radiance))?;
+    let [a, b] = halves.each_ref().map(filter);
+    let halves = around(&image, [a?, b?], &counts);
+    Ok(FilterResult::self_filtered(made_by, store, image, halves, Reliability::SELF_FILTERED))
 }
 
 /// Shifts both halves by the same, so that their mean is the image. A network does not filter the mean of two images to

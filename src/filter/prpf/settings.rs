@@ -52,7 +52,7 @@ pub struct PrpfSettings {
     /// Whether α and β are interpolated between grid nodes. Otherwise they are computed at every pixel.
     pub upsampling: bool,
     /// Maximum number of samples in an estimate of mutual information. Paper: all samples of the neighbourhood.
-    /// 8192, which is nearly all, leave 0.92 to 1.02 times the error of 2048 (`experiments/results/paper`), and 512 leave 1.02 to 1.06 times
+    /// 8192, which is nearly all, leave 0.93 to 1.01 times the error of 2048 (`experiments/results/paper`), and 512 leave 1.02 to 1.06 times
     /// in the mean, 0.76 to 1.5 times by scene.
     pub mi_samples: usize,
     /// Size of window from which on only every second row contributes to the filtered value. Paper: no window. It

@@ -60,7 +60,7 @@ use weights::Weights;
 /// Bytes beside the store for each sample: its colour, before a pass and after it.
 const BYTES_PER_SAMPLE: usize = 2 * size_of::<Value>();
 
-/// RPF as its technical report has it, but that the step against fireflies keeps the energy.
+/// RPF of the technical report, except that the step against fireflies keeps the energy.
 pub struct Rpf;
 
 /// See [`Rpf`].

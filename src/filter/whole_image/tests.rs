@@ -118,7 +118,7 @@ fn parts_with_their_margins_give_the_whole() {
     let denoisers: [&dyn Denoiser; 4] = [&nlm::STANDARD, &nlm::DRAFT, &learned::STANDARD, &learned::DRAFT];
     for (width, height) in [(261, 91), (91, 261)] {
         let store = rich_image(width, height);
-        let image = Rectangle::of_image(width, height);
+        let image = Rectangle::whole(width, height);
         for denoiser in denoisers {
             let parts = denoiser.parts().unwrap();
             let recorded = Recorded::whole(image);
@@ -132,7 +132,7 @@ fn parts_with_their_margins_give_the_whole() {
                 assert!(place.pixels() < image.pixels());
                 let of_part = recorded.part(&part, place);
                 let size = place.within(&place);
-                let mut cut = Store::of_part(&size, store.layout().clone(), store.capacity(), 0);
+                let mut cut = Store::for_rectangle(&size, store.layout().clone(), store.capacity(), 0);
                 cut.copy_rectangle(&size, &store, &place, StatisticsExtent::All);
                 let found = parts.filter_part(&cut, &of_part);
                 let values = |planes: &Planes, place: &Rectangle| -> Vec<f32> {

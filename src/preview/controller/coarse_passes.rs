@@ -43,7 +43,7 @@ impl Controller<'_> {
 
     /// Returns the samples per pixel outside the priority region, of a store of which not every pixel has samples.
     fn spp_outside_region(&self, store: &Store) -> f64 {
-        let image = Rectangle::of_image(store.width(), store.height());
+        let image = Rectangle::whole(store.width(), store.height());
         let (mut pixels, mut empty) = (image.pixels(), store.empty_pixels(&image));
         if let Some(region) = self.pixel_region(store).filter(|region| *region != image) {
             pixels -= region.pixels();

@@ -95,7 +95,7 @@ impl Controller<'_> {
         match written {
             Ok(paths) => {
                 let names: Vec<_> = paths.iter().map(|path| path.display().to_string()).collect();
-                let spp = store.samples() as f64 / store.pixels().max(1) as f64;
+                let spp = store.spp();
                 let digits = if spp < 1.0 { 2 } else { 1 };
                 let squares = match filtered {
                     Some((_, side)) if side > 1 => format!("; squares of {side}×{side} pixels were filtered"),

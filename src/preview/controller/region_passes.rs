@@ -47,7 +47,7 @@ impl Controller<'_> {
             [(a * size as f32).floor() as usize, ((b * size as f32).ceil() as usize).min(size)]
         };
         let [x, y] = self.region?;
-        let image = Rectangle::of_image(store.width(), store.height());
+        let image = Rectangle::whole(store.width(), store.height());
         Rectangle { x: pixels(x, store.width()), y: pixels(y, store.height()) }.intersection(&image)
     }
 
@@ -97,7 +97,7 @@ impl Controller<'_> {
         let settings = self.configuration.settings.clone();
         // Empty pixels around it would count as black.
         let margin = if self.is_covered(store) { MARGIN } else { 0 };
-        let part = region.grown(margin, &Rectangle::of_image(store.width(), store.height()));
+        let part = region.grown(margin, &Rectangle::whole(store.width(), store.height()));
         let samples = self.region_samples(store);
         let draft = Settings { denoiser: draft_of(settings.denoiser), ..settings.clone() };
         let pass = self.viewer_pass(&Arc::new(store.select_rectangle(&part, settings.seed)), &draft);

@@ -4,7 +4,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::*;
 use crate::adaptive::Sampling;
-use crate::filter::{DENOISERS, Denoiser, UNFILTERED, find, prpf, rpf};
+use crate::filter::{DEFAULT, Denoiser, UNFILTERED, find, prpf, rpf};
 use crate::geometry::Accel;
 use crate::preview::camera_move::CameraMove;
 use crate::preview::command::Command;

@@ -429,7 +429,7 @@ fn a_slower_pass_that_needs_fewer_samples_is_predicted_by_the_calibrated_one() {
     let now = Situation { speed: slow, ..now };
     assert_eq!(last_pass(&now), ("learned draft".into(), 1), "they are not");
     // Its time is not taken for less than that of the faster one
-    let seconds = |denoiser| now.schedule_of(LastPass::of_pixels(denoiser)).finalisation;
+    let seconds = |denoiser| now.schedule_of(LastPass::over_pixels(denoiser)).finalisation;
     assert!(seconds(&learned::DRAFT) > 1.5 * seconds(&nlm::DRAFT));
     assert!(!matches!(next_action(&now), Action::Calibrate(_)), "slower ones are not calibrated");
 }

@@ -81,7 +81,7 @@ fn a_region_begins_at_once_and_the_others_go_on() {
     let is_inside = |i: usize| (4..12).contains(&(i % WIDTH)) && (8..16).contains(&(i / WIDTH));
     let sample = vec![0.5; store.layout().len()];
     let mut batches = 0;
-    let image = Rectangle::of_image(WIDTH, WIDTH);
+    let image = Rectangle::whole(WIDTH, WIDTH);
     while store.empty_pixels(&image) > 0 {
         let checkpoint = Checkpoint::new(store.clone());
         let counts = allocate_batch(&checkpoint, Some(region), &settings, 8 * (WIDTH * WIDTH) as u64);

@@ -65,7 +65,7 @@ impl HalfImages {
         if !denoiser.is_judged_by_halves() {
             return None;
         }
-        let spp = store.samples() as f64 / store.pixels() as f64;
+        let spp = store.spp();
         let excerpt = Excerpt::new(store.width(), store.height());
         let store = excerpt.copy_store(store);
         let [a, b] = [0, 1].map(|half| store.counts(Part::Half(half)));

@@ -52,7 +52,7 @@ impl Store {
     /// # Panics
     /// If the rectangle is not within the store.
     pub fn select_rectangle(&self, rectangle: &Rectangle, seed: u64) -> Self {
-        let mut part = Self::of_part(rectangle, self.layout().clone(), self.capacity(), seed);
+        let mut part = Self::for_rectangle(rectangle, self.layout().clone(), self.capacity(), seed);
         part.copy_rectangle(&rectangle.within(rectangle), self, rectangle, StatisticsExtent::All);
         part
     }
@@ -106,13 +106,13 @@ mod tests {
                     }
                 }
             };
-            let image = Rectangle::of_image(width, height);
+            let image = Rectangle::whole(width, height);
             let mut whole = Store::new(width, height, layout.clone(), capacity, 9);
             fill(&mut whole, &image, 0, 4);
             let parts = [[0, 17, 0, 9], [17, 37, 0, 4], [17, 37, 4, 9]]
                 .map(|[x0, x1, y0, y1]| Rectangle { x: [x0, x1], y: [y0, y1] });
             // One part starts empty as the whole did, one is copied from it, one takes its bytes
-            let mut stores = parts.map(|part| Store::of_part(&part, layout.clone(), capacity, 9));
+            let mut stores = parts.map(|part| Store::for_rectangle(&part, layout.clone(), capacity, 9));
             let size = |i: usize| parts[i].within(&parts[i]);
             stores[0].copy_rectangle(&size(0), &whole, &parts[0], StatisticsExtent::All);
             fill(&mut stores[1], &parts[1], 0, 4);
@@ -143,7 +143,7 @@ mod tests {
         assert_eq!(bytes.len(), place.pixels() * (16 + 3 * 24));
         assert_eq!(bytes.len(), Store::rectangle_byte_len(&place, StatisticsExtent::Radiance, &layout, 0));
         let own = place.within(&place);
-        let [mut read, mut copied] = [(); 2].map(|()| Store::of_part(&own, layout.clone(), 0, 9));
+        let [mut read, mut copied] = [(); 2].map(|()| Store::for_rectangle(&own, layout.clone(), 0, 9));
         read.read_rectangle(&own, StatisticsExtent::Radiance, &bytes);
         copied.copy_rectangle(&own, &store, &place, StatisticsExtent::Radiance);
         assert!(read.rows() == copied.rows());

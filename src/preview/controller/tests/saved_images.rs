@@ -124,7 +124,7 @@ fn what_is_saved_of_a_finished_render_is_made_by_the_denoiser_that_is_chosen() {
     let outcome = render_with(&settings, false, reactions).expect("it ends by its budget");
     assert_eq!(outcome.settings.denoiser.name(), prpf::PRPF.name());
     let saved = saved.into_inner();
-    assert_eq!(saved[..2], [DENOISERS[0].name(), prpf::PRPF.name()], "{saved:?}");
+    assert_eq!(saved[..2], [DEFAULT.name(), prpf::PRPF.name()], "{saved:?}");
 }
 
 #[test]

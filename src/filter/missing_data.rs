@@ -1,12 +1,12 @@
-//! What a store lacks for a denoiser.
+//! Checks that a store has what a denoiser reads.
 
 use super::denoiser::{Denoiser, SampleVectors};
 use super::denoiser_name::DenoiserName;
 use crate::stats::{Block, Layout, Part, Store};
 
-/// What a store lacks. The messages name the options of `prpf render` that would have kept it.
+/// The data that a denoiser reads and a store lacks. The messages name the options of `prpf render` that would have kept it.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum Lack {
+pub enum MissingData {
     #[error(
         "found a reservoir of {found} sample vectors per pixel, and {denoiser} needs {needed}; accepted is a reservoir \
          of {needed} (--reservoir {needed}), or the denoiser nlm"
@@ -19,9 +19,12 @@ pub enum Lack {
     Statistics { denoiser: DenoiserName, names: Vec<&'static str> },
 }
 
-impl Lack {
-    /// Returns what a store lacks of the data that a denoiser reads; `None` if it can be filtered.
-    pub fn of(store: &Store, denoiser: &dyn Denoiser) -> Option<Self> {
+impl MissingData {
+    /// Checks the statistics and the sample vectors of a store.
+    ///
+    /// # Errors
+    /// What is missing.
+    pub fn check(store: &Store, denoiser: &dyn Denoiser) -> Result<(), Self> {
         let needed = match denoiser.reads().sample_vectors {
             SampleVectors::None => 0,
             SampleVectors::Reservoir(size) => size,
@@ -29,17 +32,20 @@ impl Lack {
         };
         let found = store.capacity();
         if found < needed {
-            return Some(Self::SampleVectors { denoiser: denoiser.name(), found, needed });
+            return Err(Self::SampleVectors { denoiser: denoiser.name(), found, needed });
         }
-        Self::of_layout(store.layout(), denoiser)
+        Self::check_layout(store.layout(), denoiser)
     }
 
-    /// Returns the statistics that stores of a layout lack for a denoiser; `None` if they have all that the scene calls for.
-    pub fn of_layout(layout: &Layout, denoiser: &dyn Denoiser) -> Option<Self> {
+    /// Checks that stores of a layout have all statistics that the denoiser reads and the scene calls for.
+    ///
+    /// # Errors
+    /// Those that are missing.
+    pub fn check_layout(layout: &Layout, denoiser: &dyn Denoiser) -> Result<(), Self> {
         let reads_all = denoiser.reads().sample_vectors != SampleVectors::None;
         let is_read = |block: &Block| reads_all || denoiser.reads().blocks.contains(block);
         let names = layout.names_left_out(is_read);
-        (!names.is_empty()).then(|| Self::Statistics { denoiser: denoiser.name(), names })
+        if names.is_empty() { Ok(()) } else { Err(Self::Statistics { denoiser: denoiser.name(), names }) }
     }
 }
 
@@ -55,16 +61,17 @@ mod tests {
         let kept: BlockSet =
             [Block::Normal1, Block::Albedo, Block::Emission, Block::Radiance].into_iter().collect();
         let store = Store::new(2, 2, whole.restricted_to(kept), 0, 0);
-        let lack = |method| Lack::of(&store, find(method, None).unwrap()).map(|lack| lack.to_string());
-        assert_eq!(lack("nlm"), None);
-        assert_eq!(lack("none"), None);
-        let learned = lack("learned").unwrap();
+        let check = |store: &Store, method| MissingData::check(store, find(method, None).unwrap());
+        let message = |store: &Store, method| check(store, method).unwrap_err().to_string();
+        assert_eq!(check(&store, "nlm"), Ok(()));
+        assert_eq!(check(&store, "none"), Ok(()));
+        let learned = message(&store, "learned");
         assert!(learned.contains("P1.x P1.y P1.z N2.x") && !learned.contains("hit"), "{learned}");
         assert!(learned.contains("--denoiser learned or with --statistics all"), "{learned}");
-        assert!(lack("prpf").unwrap().contains("--reservoir 8"));
+        assert!(message(&store, "prpf").contains("--reservoir 8"));
         let vectors = Store::new(2, 2, whole.restricted_to(kept), 8, 0);
-        let lack = Lack::of(&vectors, find("prpf", None).unwrap()).unwrap().to_string();
-        assert!(lack.contains("film.x") && lack.contains("lens.u"), "{lack}");
-        assert_eq!(Lack::of(&Store::new(2, 2, whole, 8, 0), find("prpf", None).unwrap()), None);
+        let pixelwise = message(&vectors, "prpf");
+        assert!(pixelwise.contains("film.x") && pixelwise.contains("lens.u"), "{pixelwise}");
+        assert_eq!(check(&Store::new(2, 2, whole, 8, 0), "prpf"), Ok(()));
     }
 }
