@@ -29,9 +29,9 @@ Examples:
 EXR values are linear; 8-bit files are taken for sRGB and made linear first.
 Pixels that are NaN or infinite in either image are counted and left out.
 Exit status: 0 compared, 1 above --max-relmse, or with it a pixel of IMAGE is NaN or infinite where
-REFERENCE is not, 2 an image cannot be read or the sizes differ.")]
+REFERENCE is not, 2 an image cannot be read, the sizes differ, or no pixel is finite in both.")]
 pub(super) struct CompareOptions {
-    /// The image: EXR, PNG or JPEG
+    /// The image: EXR, PNG, JPEG or TGA
     image: PathBuf,
     /// The reference, of the same size
     reference: PathBuf,
@@ -97,9 +97,9 @@ pub(super) fn run(options: &CompareOptions) -> anyhow::Result<u8> {
 fn problem(comparison: &Comparison, pair: &Pair, limit: f64) -> Option<String> {
     let without_error = comparison.excluded_pixels - pair.reference_non_finite;
     if comparison.relmse > limit {
-        Some(format!("relMSE {:.6} is above the limit of {limit}", comparison.relmse))
+        Some(format!("relMSE {} is above the limit of {limit:?}", significant(comparison.relmse)))
     } else if without_error > 0 {
-        Some(format!("{without_error} pixels are NaN or infinite where the reference is not"))
+        Some(format!("pixels that are NaN or infinite where the reference is not: {without_error}"))
     } else {
         None
     }
@@ -148,7 +148,7 @@ fn table(comparison: &Comparison, pair: &Pair) -> Result<String, std::fmt::Error
 
 /// Five significant digits, with an exponent where a plain number would hide them.
 fn significant(value: f64) -> String {
-    if value != 0.0 && value.is_finite() && value.abs() < 1e-3 {
+    if value != 0.0 && value.is_finite() && !(1e-3..1e9).contains(&value.abs()) {
         format!("{value:.4e}")
     } else {
         format!("{value:.5}")

@@ -66,7 +66,7 @@ pub(super) struct DenoiseOptions {
     /// Worker threads [default: all cores]
     #[arg(long, visible_alias = "nthreads", value_name = "N", value_parser = parse::threads)]
     threads: Option<std::num::NonZeroUsize>,
-    /// No summary
+    /// No summary, no warnings
     #[arg(long)]
     pub quiet: bool,
 }

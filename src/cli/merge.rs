@@ -30,7 +30,7 @@ pub(super) struct MergeOptions {
     /// The merged state
     #[arg(short, long, value_name = "STATE")]
     outfile: PathBuf,
-    /// No summary
+    /// No summary, no warnings
     #[arg(long)]
     quiet: bool,
 }

@@ -110,7 +110,7 @@ pub(super) struct RenderOptions {
     pub display_server: Option<String>,
     #[command(flatten)]
     pub state: StateOptions,
-    /// No progress bar, no summary
+    /// No progress bar, no summary, no warnings
     #[arg(long)]
     pub quiet: bool,
     /// Print every warning of the scene reader and every batch
