@@ -20,6 +20,8 @@ mod interaction;
 mod interaction_lanes;
 mod kernels;
 mod lanes;
+#[cfg(test)]
+mod large_shape_tests;
 mod local_interaction;
 mod mesh;
 mod object;
