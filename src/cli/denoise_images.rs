@@ -165,7 +165,7 @@ fn choose(options: &DenoiseOptions) -> anyhow::Result<&'static dyn Denoiser> {
     );
     ensure!(
         options.aovs.is_none() || denoiser.layers().is_some(),
-        "--aovs: found --denoiser {name}, whose weights other layers cannot share; accepted are {}",
+        "--aovs: found --denoiser {name}, whose weights cannot filter other layers; accepted are {}",
         methods(|denoiser| denoiser.layers().is_some())
     );
     Ok(denoiser)

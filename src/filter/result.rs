@@ -47,7 +47,7 @@ impl FilterResult {
         let radiance = store.layout().radiance();
         let noisy_halves = [0, 1].map(|half| store.means(Part::Half(half), radiance.clone()));
         let counts = [0, 1].map(|half| store.counts(Part::Half(half)));
-        let ErrorMaps { variance, residual, risk, error } = ErrorMaps::self_filtered(
+        let maps = ErrorMaps::self_filtered(
             &image,
             halves.each_ref(),
             &store.means(Part::Whole, radiance.clone()),
@@ -55,6 +55,18 @@ impl FilterResult {
             noisy_halves.each_ref(),
             counts.each_ref().map(Vec::as_slice),
         );
+        Self::with_maps(made_by, image, halves, maps, reliability)
+    }
+
+    /// Returns the result of a filter that does not interpolate and has not failed.
+    pub(super) fn with_maps(
+        made_by: DenoiserName,
+        image: Planes,
+        halves: [Planes; 2],
+        maps: ErrorMaps,
+        reliability: Reliability,
+    ) -> Self {
+        let ErrorMaps { variance, residual, risk, error } = maps;
         Self {
             made_by,
             image,

@@ -126,21 +126,8 @@ impl Colours {
     pub fn assess(&self, made_by: DenoiserName, [image, a, b]: [Planes; 3]) -> FilterResult {
         let counts = [self.counts[0].as_slice(), &self.counts[1]];
         let noisy = self.clamped.halves.each_ref();
-        let ErrorMaps { variance, residual, risk, error } =
-            ErrorMaps::self_filtered(&image, [&a, &b], &self.mean, &self.variance, noisy, counts);
-        let (halves, reliability) = ([a, b], Reliability::SELF_FILTERED);
-        FilterResult {
-            made_by,
-            image,
-            halves,
-            variance,
-            error,
-            residual,
-            risk,
-            reliability,
-            interpolation: None,
-            failure: None,
-        }
+        let maps = ErrorMaps::self_filtered(&image, [&a, &b], &self.mean, &self.variance, noisy, counts);
+        FilterResult::with_maps(made_by, image, [a, b], maps, Reliability::SELF_FILTERED)
     }
 }
 

@@ -160,20 +160,10 @@ fn filter_with_layers(
     whole: &dyn WholeImage,
 ) -> (FilterResult, Vec<Planes>) {
     let (filtered, layers) = FilteredHalves::new(store, settings, layers, whole);
-    let ErrorMaps { variance, residual, risk, error } = filtered.error_maps();
+    let maps = filtered.error_maps();
     let Images { image, halves } = filtered.into_images();
-    let result = FilterResult {
-        made_by: DenoiserName { method: METHOD, preset: None },
-        image,
-        halves,
-        variance,
-        error,
-        residual,
-        risk,
-        reliability: Reliability::CROSS_FILTERED,
-        interpolation: None,
-        failure: None,
-    };
+    let made_by = DenoiserName { method: METHOD, preset: None };
+    let result = FilterResult::with_maps(made_by, image, halves, maps, Reliability::CROSS_FILTERED);
     (result, layers)
 }
 
